@@ -66,10 +66,10 @@ def calibrate(
             progress("writing", 0.95)
             write(calibration, out)
     columns: list[Column[Parameter]] = [
-        Column("parameter", "", lambda r: r.name, left=True),
+        Column("parameter", "", lambda r: r.key, left=True),
         Column("low", "", lambda r: r.low, "{:g}".format),
         Column("high", "", lambda r: r.high, "{:g}".format),
-        Column("preset", "", lambda r: calibration.fit.parameters[r.name], "{:g}".format),
+        Column("preset", "", lambda r: calibration.fit.parameters[r.key], "{:g}".format),
         *(
             Column(d.name, "", partial(remaining_share, d), "{:.2f}".format)
             for d in calibration.data

@@ -170,7 +170,12 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
     active = {**first.effects, **now.effects}
     static = now.fidelity == "quasi-static"
     names = [k for k, e in EFFECTS.items() if k in active and not (static and e.dynamic_only)]
-    return [count, *_compensation(state, problem), *(_effect(name, first, now) for name in names)]
+    given = {name: State(state.base).value(f"machine.{name}") for name in names}
+    return [
+        count,
+        *_compensation(state, problem),
+        *(_effect(name, first, now, given[name]) for name in names),
+    ]
 
 
 def _compensation(state: State, problem: Problem) -> list[Control]:
@@ -186,7 +191,8 @@ def _compensation(state: State, problem: Problem) -> list[Control]:
     return [Control(MACHINE_TITLE, label, "switch", key, on, shown=on, help=help_text)]
 
 
-def _effect(name: str, first: Machine, now: Machine) -> Control:
+def _effect(name: str, first: Machine, now: Machine, given: Any) -> Control:
+    """The control of an effect; `given` is what the problem that was begun with says of it."""
     usual = (first if name in first.effects else now).effects[name].to_setting()
     on = name in now.effects
     whole = now.effects[name].to_setting() if on else usual
@@ -200,7 +206,7 @@ def _effect(name: str, first: Machine, now: Machine) -> Control:
     if isinstance(number, list):
         return Control(
             MACHINE_TITLE, label, "choice", key, whole, shown="on" if on else "off",
-            choices=["on", "off"], writes=[usual, False], help=help_text,
+            choices=["on", "off"], writes=[given, False], help=help_text,
         )  # fmt: skip
     position = whole[part[0]] if part else whole
     low, high = _effect_range(effect, float(number), spread=part == ("spread",))

@@ -35,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine.contact_load import weights
+from planner.machine.contacts import UNBOUNDED_TORQUE_NM, friction_capacity, lateral_friction
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
 
@@ -46,9 +47,6 @@ RIGID_STIFFNESS = 1e5
 
 RIGID_DAMPING = 100.0
 """Damping of such, N m s/rad: rigid teeth meet without bouncing."""
-
-UNBOUNDED_TORQUE_NM = 1e30
-"""A torque that nothing reaches, N m."""
 
 
 class BodyRows:
@@ -111,8 +109,8 @@ class Masses:
         disk: Speed of disk B of each stage over that of the stage before, constant part, (m, S).
         kept: Part of the rate that a contact passes on without load, (1, S).
         creep: Part that it loses for each N m, (1, S), 1/(N m).
-        capacity: Largest torque of a contact, at its disk B, (1, S), N m.
-        lateral: Part that a contact turned by a right angle loses, (1, S).
+        capacity: Largest torque of a contact, force at the rims times r₁, (1, S), N m.
+        lateral: Sideways over driving friction of a contact, (1, S).
         weights: Torques of the links' weights about their own joints, (1+m, S), N m; see
             `gravity_torques`.
     """
@@ -180,8 +178,8 @@ def masses(draws: Draws, k: Array) -> Masses:
         disk=disk,
         kept=1 - rows("creep", 1),
         creep=rows("creep_per_nm", 1),
-        capacity=rows("friction_capacity_nm", 1, UNBOUNDED_TORQUE_NM),
-        lateral=rows("lateral_creep", 1),
+        capacity=np.broadcast_to(friction_capacity(draws), (1, count)),
+        lateral=np.broadcast_to(lateral_friction(draws), (1, count)),
         weights=np.zeros((1 + m, count)) if weighed is None else weighed,
     )
 
@@ -202,7 +200,8 @@ EDGE_RAD = 1e-16
 class StageLaws:
     """The laws of one stage; arrays are (rows, S), rows of speeds as in `Masses`.
 
-    Rows of limited laws: servos (2), contacts P1 (m), contacts P2 with P3 (m), friction (1 + m).
+    Rows of limited laws: servos (2), contacts P1 (m), contacts P2 with P3 (m), friction of the
+    links (1 + m), what contacts that slide sideways ask of disk B1 and of the stages (1 + m).
 
     Attributes:
         rows: Where the bodies are.
@@ -212,7 +211,7 @@ class StageLaws:
         reference: Speed that the servos aim at, (2, S), rad/s.
         first: Speed of each stage over that of the disk before, without slip, (m, S).
         second: Speed of each axis over that of its stage, without slip, (m, S).
-        offset: o of the limited laws, (3+3m, S), N m.
+        offset: o of the limited laws, (4+4m, S), N m.
         slope: g of them, N m s/rad.
         limit: Their limits, N m.
         ahead: e of the play laws, (2+m, S), rad.
@@ -244,7 +243,7 @@ class StageLaws:
         """Speeds (rows, S) and pieces of all laws that agree.
 
         Args:
-            pieces: A guess: −1, 0 or 1 for each law, limited ones first, (5+4m, S).
+            pieces: A guess: −1, 0 or 1 for each law, limited ones first, (6+5m, S).
         """
         v = self._tree(pieces)
         fresh = self._pieces(v, pieces)
@@ -268,7 +267,7 @@ class StageLaws:
     # -- the laws ------------------------------------------------------------------------------
 
     def relative(self, v: Array) -> tuple[Array, Array]:
-        """w of the limited laws, (3+3m, S), and of the play laws, (2+m, S), rad/s."""
+        """w of the limited laws, (4+4m, S), and of the play laws, (2+m, S), rad/s."""
         rows, stages = self.rows, v[self.rows.stages]
         limited = np.concatenate(
             [
@@ -276,6 +275,8 @@ class StageLaws:
                 self.first * v[rows.drivers] - stages,
                 self.second * stages - v[rows.axes],
                 v[rows.links],
+                v[rows.disk : rows.disk + 1],
+                stages,
             ]
         )
         return limited, v[rows.before] - v[rows.after]
@@ -326,7 +327,8 @@ class StageLaws:
         rows, m = self.rows, self.rows.m
         c, s, c_play, s_play = self._lines(pieces)
         one, two = self.first, self.second
-        p23, rub = slice(2 + m, 2 + 2 * m), slice(2 + 2 * m, None)
+        p23, rub = slice(2 + m, 2 + 2 * m), slice(2 + 2 * m, 3 + 3 * m)
+        disk, slid = 3 + 3 * m, slice(4 + 3 * m, None)
 
         links, links_push = self.drag[rows.links] + s[rub], self.push[rows.links] - c[rub]
         base, base_push = links[0], links_push[0]
@@ -334,10 +336,10 @@ class StageLaws:
         load, more = _reflected_load(c_play[2:], s_play[2:], links, links_push)
         axes, axes_push = self.drag[rows.axes] + more, self.push[rows.axes] - load
         load, more = _reflected_load(c[p23], s[p23], axes, axes_push)
-        stages = self.drag[rows.stages] + two * two * more
-        stages_push = self.push[rows.stages] - two * load
-        geared = np.stack([self.drag[rows.disk], base])
-        geared_push = np.stack([self.push[rows.disk], base_push])
+        stages = self.drag[rows.stages] + s[slid] + two * two * more
+        stages_push = self.push[rows.stages] - c[slid] - two * load
+        geared = np.stack([self.drag[rows.disk] + s[disk], base])
+        geared_push = np.stack([self.push[rows.disk] - c[disk], base_push])
         for j in range(m - 1, -1, -1):
             load, more = _reflected_load(c[2 + j], s[2 + j], stages[j], stages_push[j])
             body, push = (stages, stages_push) if j else (geared, geared_push)

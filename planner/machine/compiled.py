@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from planner.machine.bodies import Masses, StateRows
 from planner.machine.commands import CommandGrid, Steps, lengths
 from planner.machine.contact_load import gear_constants, weights
-from planner.machine.disk_chain import VARYING_EFFECTS, DiskChain
+from planner.machine.contacts import VARYING_EFFECTS, friction_capacity, lateral_friction
+from planner.machine.disk_chain import DiskChain
 from planner.machine.machine import Draws
 from planner.machine.march import GAMMA, begin_march
 from planner.problem.tables.machine_effects import EFFECTS
@@ -94,6 +95,7 @@ MACHINE_NUMBERS: dict[str, Size] = {
 
 STATE_NUMBERS: dict[str, Size] = {
     **dict.fromkeys(("speed", "slope", "saturated"), MOTORS),
+    "slip": (3, 0),  # see `MachineMotion.slip`
     "disk": (2, 0),  # gearhead of motor 1: theta, axis
     "first": (1, 0),  # coordinate of the last disk
     **dict.fromkeys(("theta", "axis", "wound", "gap"), JOINTS),  # gap: largest deviation
@@ -102,7 +104,7 @@ STATE_NUMBERS: dict[str, Size] = {
 
 MASSES: dict[str, Size] = {each.name: each.metadata["rows"] for each in fields(Masses)}
 
-LIMITED_LAWS, PLAY_LAWS = (3, 3), (2, 1)
+LIMITED_LAWS, PLAY_LAWS = (4, 4), (2, 1)
 """Laws of `StageLaws`."""
 
 
@@ -123,6 +125,7 @@ DYNAMIC_NUMBERS: dict[str, Size] = {
     "pieces": (LIMITED_LAWS[0] + PLAY_LAWS[0], LIMITED_LAWS[1] + PLAY_LAWS[1]),
     "gained": PASSIVE,
     "energy": (2, 0),
+    "slipping": (1, 0),
     "last": (1, 0),
 }
 """One sample's dynamic state: `March`, and the length of the last step."""
@@ -287,6 +290,11 @@ class CompiledMotion:
         """See `MachineMotion`."""
         return self._state[:, self._places["saturated"]]
 
+    @property
+    def slip(self) -> Array:
+        """See `MachineMotion`."""
+        return self._state[:, self._places["slip"]]
+
     def advance(self, last: int, tell: Steps | None = None) -> None:
         """See `MachineMotion`."""
         with ThreadPoolExecutor(threads()) as pool:
@@ -320,6 +328,8 @@ def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
     derived = {
         "gain": 1 + draws["input_gain_error"],
         "gearhead_half": np.deg2rad(draws["gearhead_backlash_deg"]) / 2,
+        "lateral_friction": lateral_friction(draws),
+        "friction_capacity_nm": friction_capacity(draws),
         "k": gear_constants(system, draws),
         "half_gap": half_gap,
         "rest": half_gap + draws["coulomb_friction_nm"] / draws["shaft_stiffness_nm_per_rad"],
@@ -358,6 +368,7 @@ def _state(system: Manipulator, draws: Draws, start: Array, gap: Array) -> Array
     place = places(STATE_NUMBERS, len(start) - 2)
     state = np.zeros((draws.count, place["gap"].stop))
     parts = {"first": start[:1], "theta": start[1:], "gap": gap}
+    parts["slip"] = np.array([[0.0], [-1.0], [-1.0]])
     parts["axis"] = DiskChain(system, draws, start).axes
     for name, values in parts.items():
         state[:, place[name]] = values.T
@@ -371,7 +382,7 @@ def _moving(system: Manipulator, draws: Draws, start: Array) -> dict[str, Array]
     """Parameters and state of the dynamic manipulator, (S, …), in the order of `Moving`."""
     march = begin_march(system, draws, start)
     last = np.full((1, draws.count), np.inf)
-    state = [march.y, march.pieces, march.speed_change, march.energy, last]
+    state = [march.y, march.pieces, march.speed_change, march.energy, march.slipping, last]
     return {"masses": march.table.T.copy(), "moving": np.concatenate(state).T.copy()}
 
 

@@ -1,18 +1,13 @@
 """Torques at the friction contacts along a plan, compared with what they can transmit.
 
 Every contact presses two wheels together with a force N, so that it transmits at most the torque
-μ N r, with r the radius of the disk B that drives it (`friction_capacity_nm`). Wheels transmit
-the force at their rims: with equal contact force, P₁, P₂ and P₃ all hold up to that torque of
-disk B. While joints 2 … n move, the contacts must overcome the friction of each,
+C = μ N r₁, as a force at the rims times the radius r₁ of disk B (`friction_capacity_nm`). While
+joints 2 … n move, the contacts must overcome the friction of each,
 
     τᵢ = coulomb + viscous |θ̇ᵢ|,
 
-and on an inclined plane also gravity where it opposes the motion. By the virtual work of eq. (6),
-this loads disk B of stage j (of joint j) with
-
-    P₂, P₃:  k₂ cos³θⱼ τⱼ₊₁        P₁:  that + (kⱼ₊₂/kⱼ₊₁) cosθⱼ · (P₁ of the next stage).
-
-The emulated machine uses the same formulas for slip (`planner.machine.disk_chain`; paper, Fig. 2).
+and on an inclined plane also gravity where it opposes the motion, and what later contacts that are
+turned drag sideways. `planner.machine.contacts` has the law, the same as in the emulated machine.
 Inertia is neglected: on the prototype, in a motion of ten seconds, its torque is less than a
 hundredth of the friction.
 """
@@ -24,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.errors import InputError
+from planner.machine.contacts import Grip, chain_loads, friction_capacity, lateral_friction
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.support.arrays import Array
@@ -51,46 +47,26 @@ def weights(draws: Draws, joints: int) -> Array | None:
     return np.broadcast_to(slope * draws["link_moment_kgm"], (joints, draws.count))
 
 
-def contact_torques(k: Array, torques: Array, cosines: Array) -> Array:
-    """Torques of joints 2 … n as disk B of each stage feels them.
-
-    Args:
-        k: Gear constants k₂ … kₙ of each machine, (n−1, S).
-        torques: Of joints 2 … n, (n−1, …, S), N m.
-        cosines: Of θ₁ … θₙ₋₁, likewise.
-
-    Returns:
-        Shape (2, n−1, …, S), N m: first those that pass P₁, of the stage's joint and all later
-        ones; then those that pass P₂ and P₃, of the stage's joint alone.
-    """
-    out = np.empty((2, *torques.shape))
-    out[1] = k[0] * cosines * cosines * cosines * torques
-    out[0, -1] = out[1, -1]
-    for j in range(len(torques) - 2, -1, -1):
-        out[0, j] = out[1, j] + k[j + 1] / k[j] * cosines[j] * out[0, j + 1]
-    return out
-
-
 @dataclass(frozen=True, eq=False)
 class ContactLoad:
     """The contact that is loaded most, on S machines.
 
     Attributes:
-        torque_nm: Largest torque of any contact at any time, at its disk B, (S,), N m.
+        torque_nm: Largest load of any contact at any time, force at its rim times r₁, (S,), N m.
         capacity_nm: Largest torque that a contact transmits, (S,), N m; infinite where the machine
             knows none.
+        share: Largest load over that at which the contact, turned as it is, slips grossly, (S,):
+            from 1 on the motion behind it is lost.
+        motor_nm: Largest torque that all this asks of motor 1, (S,), N m.
     """
 
     torque_nm: Array
     capacity_nm: Array
-
-    @property
-    def share(self) -> Array:
-        """Torque over capacity, (S,): above 1 a contact slips, and the motion behind it is lost."""
-        return np.asarray(self.torque_nm / self.capacity_nm)
+    share: Array
+    motor_nm: Array
 
     def __repr__(self) -> str:
-        slipping, count = int(np.sum(self.share > 1)), len(self.torque_nm)
+        slipping, count = int(np.sum(self.share >= 1)), len(self.torque_nm)
         return (
             f"ContactLoad({np.median(self.torque_nm):.3g} N m,"
             f" {np.median(self.share):.3g} of what a contact transmits in the median; slips on"
@@ -122,7 +98,7 @@ def contact_load(
     draws = draw(used, system.n, sample_numbers(samples or 1), seed)
     times = sample_times(plan.t, LEAST_INSTANTS)
     q = plan.trajectory.q(times)
-    return _largest_load(system, draws, q, system.rates(q, plan.trajectory.u(times)))
+    return largest_load(system, draws, q, system.rates(q, plan.trajectory.u(times)))
 
 
 def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
@@ -139,7 +115,7 @@ def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
     if weights(draws, system.n) is None:
         return
     q = plan.q(np.linspace(0.0, plan.duration, LEAST_INSTANTS))
-    load = _largest_load(system, draws, q, np.zeros_like(q))
+    load = largest_load(system, draws, q, np.zeros_like(q))
     worst = np.argmax(load.share)
     if load.share[worst] >= 1:
         raise InputError(
@@ -150,8 +126,15 @@ def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
         )
 
 
-def _largest_load(system: Manipulator, draws: Draws, q: Array, rates: Array) -> ContactLoad:
-    """The largest torques at coordinates q (T, N) in motion at `rates` (T, N); 0 is at rest."""
+def largest_load(system: Manipulator, draws: Draws, q: Array, rates: Array) -> ContactLoad:
+    """The largest loads at coordinates q (T, N) in motion at `rates` (T, N); 0 is at rest.
+
+    Args:
+        system: The manipulator.
+        draws: The machines.
+        q: Coordinates.
+        rates: Their rates.
+    """
     friction = [draws[name] for name in ("coulomb_friction_nm", "viscous_friction_nms_per_rad")]
     coulomb, viscous = (values[:, None, :] for values in friction)
     turning = rates[:, 2:].T[..., None]
@@ -163,6 +146,17 @@ def _largest_load(system: Manipulator, draws: Draws, q: Array, rates: Array) -> 
         torques = np.where(turning == 0, static_torque, torques - down * np.sign(turning))
     torques = np.broadcast_to(torques, (system.n - 1, len(q), draws.count))
     cosines = np.cos(q[:, 1:-1]).T[..., None]
-    felt = np.abs(contact_torques(gear_constants(system, draws), torques, cosines))
+    driven = rates[:, :1] != 0  # what stands still does not slide sideways
+    loads, _, most = chain_loads(
+        cosines,
+        gear_constants(system, draws),
+        torques,
+        (lateral_friction(draws) * driven)[None],
+        friction_capacity(draws),
+    )
+    first = Grip(cosines[0], (lateral_friction(draws) * driven), friction_capacity(draws))
+    motor = np.abs(first.driver_torque(loads[0, 0])).max(axis=0)
+    loads = np.abs(loads)
     capacity = np.broadcast_to(draws["friction_capacity_nm"][0], draws.count)
-    return ContactLoad(felt.max(axis=(0, 1, 2)), capacity)
+    share = np.where(np.isfinite(capacity), (loads / most).max(axis=(0, 1, 2)), 0.0)
+    return ContactLoad(loads.max(axis=(0, 1, 2)), capacity, share, motor)

@@ -3,25 +3,12 @@
     axis of joint i:  kᵢ cos³θᵢ₋₁ ∏_{j≤i−2} cosθⱼ · ω₁ · (what the contacts on the way pass on)
 
 The motion of joint i passes i + 1 friction contacts: P₁ of the stages 1 … i−1, then P₂ and P₃ of
-its branch; that of φₙ₋₁ passes the n − 2 of the stages before it (see `Contacts`). Into each of
+its branch; that of φₙ₋₁ passes the n − 2 of the stages before it (see `contacts`). Into each of
 joints 2 … n lead bevel gears, belt and shaft (see `Play`). Joint 1 has only the gearhead of motor 2
 before it, as the first disk has that of motor 1.
 
 Integration goes down the triangle: with θᵢ₋₁ known at the points of a step, the travel of axis i to
 each of them follows by quadrature: fourth order with three points, second with two.
-
-What the friction contacts of the manipulator's disk chain pass on under load.
-
-Disk Bⱼ drives disk A of its joint at contact P₁; that drives the next disk, φ̇ⱼ₊₁ = ρⱼ cosθⱼ φ̇ⱼ,
-and, through P₂ and P₃, joint j+1: θ̇ⱼ₊₁ = κ cos³θⱼ φ̇ⱼ (paper, Fig. 2). By geometry κ = k₂ and
-ρⱼ = kⱼ₊₂/kⱼ₊₁ = r₁/(λR).
-
-Every contact loses the fraction creep + creep_per_nm · |torque| + lateral_creep · |sinθⱼ| of its
-rate, the last since a contact whose rolling direction is turned by θⱼ also slips sideways, in
-proportion to sinθⱼ to first order. It passes at most its capacity: what needs more is slowed to
-what the capacity can drive, or stopped. Torques are referred to the driving disk B of the stage by
-virtual work: P₁ carries its joint and all later ones, P₂ and P₃ their joint alone. One capacity
-stands for all, since the paper does not print the other radii.
 
 From a driven axis to what it turns: backlash, and a soft shaft wound up by friction.
 
@@ -42,11 +29,10 @@ arm starts settled. Friction is taken to hold the disk behind motor 1's gearhead
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from planner.machine.contact_load import contact_torques, gear_constants, weights
+from planner.machine.contact_load import gear_constants, weights
+from planner.machine.contacts import Contacts
 from planner.machine.machine import Draws
 from planner.machine.servos import integrals, to_end
 from planner.support.arrays import Array
@@ -60,9 +46,15 @@ class DiskChain:
         system: The manipulator as the planner knows it.
         draws: The machines.
         q: Coordinates at the start, (N, S).
+
+    Attributes:
+        slipping: Which contact of each slips grossly, (S,); see `contacts.Transmission`.
     """
 
+    slipping: Array
+
     def __init__(self, system: Manipulator, draws: Draws, q: Array) -> None:
+        self.slipping = np.full(draws.count, -1.0)
         k = gear_constants(system, draws)
         self._k, self._k_g = list(k), system.k_g
         self._contacts = Contacts(draws, k)
@@ -96,14 +88,15 @@ class DiskChain:
         """
         last = len(self._k) - 1
         self._load()
-        passed = self._contacts.transmission(self._joints[1:], self._cosines, speed[-1, 0])
         disk = self._geared(speed[:, 0], travel[-1, 0], h)
+        passed = self._contacts.transmission(self._joints[1:], self._cosines, disk[-1])
+        if passed is not None and passed.slipping is not None:
+            self.slipping = passed.slipping
         ways = list(travel[:, 1])
         for j, k in enumerate(self._k):
             c = self._turned(j, ways, h)
             if j == last:
-                drive = self._k_g if passed is None else self._k_g * passed.disk
-                self._state[0] += drive * to_end(disk, h)
+                self._state[0] += self._k_g * to_end(disk, h)
             disk = disk * c
             gain = k
             if passed is not None:
@@ -142,93 +135,6 @@ class DiskChain:
         self._state[i + 1] = joint.theta
         self._cosines[i] = c[-1]
         return c
-
-
-LEAST_TORQUE_NM = 1e-30
-
-
-@dataclass(frozen=True, eq=False)
-class Transmission:
-    """Parts of the motion that are passed on, 0 … 1.
-
-    Attributes:
-        stage: By creep at P₁ of each stage, (n−1, S or 1).
-        branch: To joints 2 … n, by creep at P₂ and P₃ and by slip anywhere before, likewise.
-        disk: To disk Bₙ₋₁, by slip before it, (S,) or a number.
-    """
-
-    stage: Array
-    branch: Array
-    disk: Array | float
-
-
-VARYING_EFFECTS = ("creep_per_nm", "friction_capacity_nm", "lateral_creep")
-"""Effects by which what a contact passes on changes along the motion."""
-
-
-class Contacts:
-    """The friction contacts of S manipulators.
-
-    Args:
-        draws: The machines.
-        k: Gear constants k₂ … kₙ of each, (n−1, S).
-    """
-
-    def __init__(self, draws: Draws, k: Array) -> None:
-        self._k = k
-        self._creep = draws["creep"]
-        self._creep_per_nm = draws["creep_per_nm"]
-        self._capacity = draws["friction_capacity_nm"]
-        self._lateral = draws["lateral_creep"] if draws.has_effect("lateral_creep") else None
-        self._loaded = any(draws.has_effect(name) for name in VARYING_EFFECTS)
-        kept = np.repeat(1 - self._creep, len(k), axis=0)
-        self._unloaded = Transmission(kept, kept**2, 1.0) if draws.has_effect("creep") else None
-
-    def transmission(self, joints: list[Play], cosines: Array, speed: Array) -> Transmission | None:
-        """What is passed on now; None when all is.
-
-        Args:
-            joints: The connections of joints 2 … n, which know the torques.
-            cosines: Of θ₁ … θₙ₋₁, (n−1, S).
-            speed: Of motor 1, (S,), rad/s.
-        """
-        if not self._loaded:
-            return self._unloaded
-        turning = np.sign(speed)
-        steady = contact_torques(self._k, np.stack([j.torque(turning) for j in joints]), cosines)
-        rising = self._rising(joints, cosines, turning, speed)
-        whole = steady if rising is None else steady + rising
-        carried = np.minimum(np.abs(whole), self._capacity)
-        kept = 1.0 - self._creep - self._creep_per_nm * carried
-        if self._lateral is not None:
-            kept -= self._lateral * np.sqrt(np.maximum(1.0 - cosines * cosines, 0.0))
-        kept = np.maximum(kept, 0.0)
-        branch = kept[1] * kept[1]
-        if not (whole >= self._capacity).any():
-            return Transmission(kept[0], branch, 1.0)
-        share = self._share(steady, rising)
-        before = np.minimum.accumulate(share[0], axis=0)
-        disk = before[-2] if len(before) > 1 else 1.0
-        return Transmission(kept[0], branch * np.minimum(before, share[1]), disk)
-
-    def _rising(
-        self, joints: list[Play], cosines: Array, turning: Array, speed: Array
-    ) -> Array | None:
-        """What the joints' damping adds at full speed, (2, n−1, S); None where there is none."""
-        if not any(joint.damped for joint in joints):
-            return None
-        torques, disk = np.empty_like(cosines), np.abs(speed)
-        for j, joint in enumerate(joints):
-            torques[j] = joint.damping(turning) * self._k[j] * cosines[j] ** 3 * disk
-            disk = disk * cosines[j]
-        return contact_torques(self._k, torques, cosines)
-
-    def _share(self, steady: Array, rising: Array | None) -> Array:
-        """Part of the speed at which each contact's torque stays within the capacity."""
-        if rising is None:
-            return np.asarray(steady < self._capacity, dtype=float)
-        room = (self._capacity - steady) / np.maximum(rising, LEAST_TORQUE_NM)
-        return np.asarray(np.minimum(np.maximum(room, 0.0), 1.0))
 
 
 Value = float | Array

@@ -12,12 +12,13 @@
 
 #include "layout.h"
 
-static const double LEAST_DRAG = 1e-6, LEAST_RATIO = 1e-9, STICTION_SLOPE = 1e8, EDGE_NM = 1e-8, EDGE_RAD = 1e-16;
+static const double LEAST_DRAG = 1e-6, LEAST_COSINE = 1e-9, LEAST_TORQUE_NM = 1e-30;
+static const double MOST_SHARE = 0.99, SLIP_SPEED_RAD_S = 1e-3, STICTION_SLOPE = 1e8, EDGE_NM = 1e-8, EDGE_RAD = 1e-16;
 static const int FULL_PASSES = 12, MOST_PASSES = 100, HALVINGS = 40;
 
 typedef struct {
     double first[JOINTS], second[JOINTS], slope[2 * JOINTS], limit[2 * JOINTS];
-    double pull[1 + JOINTS];
+    double drag[1 + JOINTS], pull[1 + JOINTS];
 } Gears;
 
 typedef struct {
@@ -42,8 +43,10 @@ static void relative(const Rows *r, const Stage *s, const double *v, const doubl
         w[2 + j] = s->first[j] * v[driver(r, j)] - v[r->stages + j];
         w[2 + m + j] = s->second[j] * v[r->stages + j] - v[r->axes + j];
     }
-    for (int i = 0; i <= m; i++)
+    for (int i = 0; i <= m; i++) {
         w[2 + 2 * m + i] = v[r->links + i];
+        w[3 + 3 * m + i] = v[driver(r, i)];
+    }
     for (int i = 0; i < r->plays; i++)
         w[r->limited + i] = v[i] - v[r->disk + i];
 }
@@ -131,6 +134,8 @@ static void tree(const Rows *r, const Stage *s, const double *pieces, double *v)
     for (int i = 0; i <= m; i++) {
         drag[r->links + i] += law[2 + 2 * m + i].s;
         push[r->links + i] -= law[2 + 2 * m + i].c;
+        drag[driver(r, i)] += law[3 + 3 * m + i].s;
+        push[driver(r, i)] -= law[3 + 3 * m + i].c;
     }
     for (int j = m - 1; j >= 0; j--) {
         int link = r->links + 1 + j, axis = r->axes + j, stage = r->stages + j;
@@ -212,24 +217,72 @@ static void solve(const Rows *r, const Stage *s, double *pieces, double *v)
 
 /* -- the step ------------------------------------------------------------------------------ */
 
-static void gears(const Rows *r, const Masses *p, const double *y, const double *gained, double h,
-                  double lead, Gears *g)
+/* C cos psi at P1, P2, P3 of each stage under the loads of `chain_loads` in contacts.py, and the part
+ * of the rate that each passes on. Returns the contact that slips grossly, the first from motor 1 on, or -1. */
+static int friction_left(const Rows *r, const Masses *p, const double *y, const double *cosine,
+                         const double *sideways, const double *disk, double hold[JOINTS][3],
+                         double part[JOINTS][3])
+{
+    double later = 0.0, capacity = *p->capacity, way[JOINTS];
+    int slipping = -1;
+    for (int j = 0; j < r->m; j++) {
+        double turned = disk[j] > 0 ? 1.0 : disk[j] < 0 ? -1.0 : 0.0;
+        way[j] = cosine[j] < 0 ? -turned : turned;
+    }
+    for (int j = r->m - 1; j >= 0; j--) {
+        double c = larger(fabs(cosine[j]), LEAST_COSINE), s = sideways[j];
+        double most = capacity * c / sqrt(c * c + s * s);
+        double load = p->k[0] * (y[r->torque + 2 + j] * way[j]);
+        for (int place = 2; place >= 0; place--) {
+            load += place ? 0.0 : later;
+            double carried = larger(load < most ? load : most, -MOST_SHARE * capacity);
+            double left = sqrt(larger(capacity * capacity - carried * carried, 0.0));
+            left = hold[j][place] = larger(left, LEAST_TORQUE_NM);
+            double passed = load < most ? larger(1.0 - s * carried / (c * left), 0.0) : 0.0;
+            part[j][place] = passed;
+            if (passed <= 0 && p->disk[j] * fabs(disk[j]) > SLIP_SPEED_RAD_S)
+                slipping = 3 * j + place;
+            load = carried * c + s * left;
+        }
+        if (j)
+            later = p->k[j] / p->k[j - 1] * load;
+    }
+    return slipping;
+}
+
+static int gears(const Rows *r, const Masses *p, const double *y, const double *gained, double h,
+                 double lead, Gears *g)
 {
     int m = r->m;
+    double cosine[JOINTS], sideways[JOINTS], disk[JOINTS], hold[JOINTS][3];
+    double part[JOINTS][3];
     for (int j = 0; j < m; j++) {
-        double c = cos(y[r->q + 1 + j] + h / 2 * y[r->links + j]);
-        double straight = 1 - c * c, kept = *p->kept - *p->lateral * sqrt(larger(straight, 0.0));
-        kept = larger(kept, 0.0);
-        double first = c * kept, second = p->k[j] * c * c * kept * kept;
-        double disk = fabs(y[driver(r, j)] + lead * gained[j]);
-        double both = larger(fabs(first * second), LEAST_RATIO);
-        double share = *p->creep * disk / p->disk[j], limit = *p->capacity * p->disk[j];
-        g->first[j] = first;
-        g->second[j] = second;
-        g->slope[j] = 1 / (share * first * first + 1 / STICTION_SLOPE);
-        g->slope[m + j] = 1 / (2 * share * both * both + 1 / STICTION_SLOPE);
-        g->limit[j] = limit / larger(fabs(first), LEAST_RATIO);
-        g->limit[m + j] = limit / both;
+        double c = cosine[j] = cos(y[r->q + 1 + j] + h / 2 * y[r->links + j]);
+        sideways[j] = *p->lateral * sqrt(larger(1.0 - c * c, 0.0));
+        disk[j] = y[driver(r, j)] + lead * gained[j];
+    }
+    int slipping = friction_left(r, p, y, cosine, sideways, disk, hold, part);
+    memset(g->drag, 0, sizeof g->drag);
+    for (int j = 0; j < m; j++) {
+        double c = larger(fabs(cosine[j]), LEAST_COSINE), kept = larger(*p->kept, 0.0);
+        double lost[3], drag[3], turning = fabs(disk[j]);
+        for (int i = 0; i < 3; i++) {
+            lost[i] = *p->creep * c + sideways[j] / hold[j][i];
+            drag[i] = sideways[j] * hold[j][i];
+        }
+        double second = p->k[j] * cosine[j] * cosine[j] * kept * kept;
+        g->first[j] = cosine[j] * kept;
+        g->second[j] = second * larger(1.0 - drag[2] * lost[1] / c, 0.0);
+        double slip1 = turning / p->disk[j] * lost[0];
+        double speed = p->k[j] * turning * part[j][0] * (p->k[0] * c) * c;
+        double slip23 = speed * (c * lost[1] + part[j][1] * lost[2]);
+        double room = (*p->capacity - drag[2]) / c;
+        g->slope[j] = 1 / (slip1 + 1 / STICTION_SLOPE);
+        g->slope[m + j] = 1 / (slip23 + 1 / STICTION_SLOPE);
+        g->limit[j] = *p->capacity * p->disk[j];
+        g->limit[m + j] = (*p->capacity < room ? *p->capacity : room) / p->k[0];
+        g->drag[j] += p->disk[j] * drag[0];
+        g->drag[j + 1] += p->disk[j] * (drag[1] + c * drag[2]);
     }
     double angle = 0.0, load = 0.0;
     for (int i = 0; i <= m; i++) {
@@ -238,6 +291,7 @@ static void gears(const Rows *r, const Masses *p, const double *y, const double 
     }
     for (int i = m; i >= 0; i--)
         g->pull[i] = load -= g->pull[i];
+    return slipping;
 }
 
 /* The state y + h f(new state) by the implicit Euler method; power[0] of motors, [1] lost. */
@@ -275,6 +329,9 @@ static void stage(const Rows *r, const Masses *p, const Gears *g, const double *
         s.offset[2 + 2 * m + i] = 0.0;
         s.slope[2 + 2 * m + i] = p->coulomb[i] > 0 ? STICTION_SLOPE : 0.0;
         s.limit[2 + 2 * m + i] = p->coulomb[i];
+        s.offset[3 + 3 * m + i] = 0.0;
+        s.slope[3 + 3 * m + i] = g->drag[i] > 0 ? STICTION_SLOPE : 0.0;
+        s.limit[3 + 3 * m + i] = g->drag[i];
     }
     for (int i = 0; i < r->plays; i++) {
         s.stiff[i] = p->stiffness[i] + p->damping[i] / h;
@@ -313,13 +370,13 @@ static void stage(const Rows *r, const Masses *p, const Gears *g, const double *
 
 static void step(const Rows *r, const Masses *p, const double *mean, const double *swing, double h,
                  double lead, double gamma, double k_g, double *y, double *pieces, double *gained,
-                 double *energy)
+                 double *energy, double *slipping)
 {
     int laws = r->limited + r->plays;
     double one[STATE], two[STATE], early[LAWS], late[LAWS], power[2][2], reference[2];
     size_t size = (size_t)laws * sizeof(double);
     Gears g;
-    gears(r, p, y, gained, h, lead, &g);
+    *slipping = gears(r, p, y, gained, h, lead, &g);
     for (int i = 0; i < 2; i++)
         reference[i] = mean[i] + (gamma - 0.5) * swing[i];
     memcpy(early, pieces, size);
@@ -367,7 +424,8 @@ static void put(const double *from, double *to, int count, int64_t samples)
 EXPORT int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, double h, double lead,
                                  double gamma, double k_g, const double *masses,
                                  const double *mean, const double *swing, double *y,
-                                 double *pieces, double *gained, double *energy)
+                                 double *pieces, double *gained, double *energy,
+                                 double *slipping)
 {
     if (m > JOINTS || rows != rows_of((int)m).count)
         return -1;
@@ -383,7 +441,8 @@ EXPORT int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, doubl
         take(energy + k, own_energy, 2, samples);
         take(mean + k, own_mean, 2, samples);
         take(swing + k, own_swing, 2, samples);
-        step(&r, &p, own_mean, own_swing, h, lead, gamma, k_g, own, own_pieces, own_gained, own_energy);
+        step(&r, &p, own_mean, own_swing, h, lead, gamma, k_g, own, own_pieces, own_gained, own_energy,
+             slipping + k);
         put(own, y + k, r.count, samples);
         put(own_pieces, pieces + k, laws, samples);
         put(own_gained, gained + k, r.m, samples);

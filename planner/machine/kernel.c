@@ -12,17 +12,20 @@
 
 #include "layout.h"
 
+#define HALVINGS 40
 #define KEPT 8    /* lengths of steps whose exponentials are kept */
 #define MOTORS 2
 #define POINTS 3 /* at most, of a step */
 
-static const double SPEED_TOLERANCE_RAD_S = 1e-12, TOUCH_TOLERANCE_RAD = 1e-9, LEAST_TORQUE_NM = 1e-30;
+static const double SPEED_TOLERANCE_RAD_S = 1e-12, TOUCH_TOLERANCE_RAD = 1e-9;
+static const double LEAST_TORQUE_NM = 1e-30, LEAST_COSINE = 1e-9, MOST_SHARE = 0.99;
+static const double SLIP_SPEED_RAD_S = 1e-3;
 
 /* Of dynamic.c. */
 int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, double h, double lead,
                           double gamma, double k_g, const double *masses, const double *mean,
                           const double *swing, double *y, double *pieces, double *gained,
-                          double *energy);
+                          double *energy, double *slipping);
 
 /* What depends on the length of a step alone: (2 x 4) of the servos, (2 each) of joints 2 ... n. */
 typedef struct {
@@ -34,9 +37,8 @@ typedef struct {
 /* What the contacts pass on: (joints - 1) each. Load on the joints, and how far their axes may be
  * ahead of them at rest: (joints) each. */
 typedef struct {
-    double *cosine, *stage, *branch, *steady1, *steady2, *rising1, *rising2;
+    double *cosine, *stage, *branch, *steady, *rising;
     double *load, *least, *most;
-    double disk;
 } Contacts;
 
 INLINE double clip(double x, double most) { return x > most ? most : x < -most ? -most : x; }
@@ -186,69 +188,118 @@ INLINE void servo(const Model *m, const Own *o, const Held *x, const Factors *f,
 
 /* -- friction contacts --------------------------------------------------------------------- */
 
-INLINE void at_contacts(const Own *o, int64_t count, const double *cosine, const double *torque,
-                        double *first, double *second)
+/* `Grip` of contacts.py. */
+typedef struct {
+    double cosine, sideways, capacity, most;
+} Grip;
+
+INLINE Grip grip(double cosine, double lateral, double capacity)
 {
-    for (int64_t j = count - 1; j >= 0; j--) {
-        double c = cosine[j];
-        second[j] = o->k[0] * c * c * c * torque[j];
-        first[j] = second[j];
-        if (j < count - 1)
-            first[j] += o->k[j + 1] / o->k[j] * c * first[j + 1];
+    double c = fabs(cosine), straight = 1.0 - cosine * cosine;
+    Grip g;
+    g.cosine = c = c > LEAST_COSINE ? c : LEAST_COSINE;
+    g.sideways = lateral > 0 && straight > 0 ? lateral * sqrt(straight) : 0.0;
+    g.capacity = capacity;
+    g.most = g.sideways > 0 ? capacity * c / sqrt(c * c + g.sideways * g.sideways) : capacity;
+    return g;
+}
+
+INLINE double carried(const Grip *g, double load)
+{
+    double x = load < g->most ? load : g->most, least = -MOST_SHARE * g->capacity;
+    return x > least ? x : least;
+}
+
+INLINE double hold(const Grip *g, double load)
+{
+    double left = g->capacity * g->capacity - load * load, root = left > 0 ? sqrt(left) : 0.0;
+    return root > LEAST_TORQUE_NM ? root : LEAST_TORQUE_NM;
+}
+
+INLINE double driver_torque(const Grip *g, double load)
+{
+    double x = carried(g, load);
+    return g->sideways > 0 ? x * g->cosine + g->sideways * hold(g, x) : x * g->cosine;
+}
+
+INLINE double part(const Grip *g, double load)
+{
+    if (load >= g->most)
+        return 0.0;
+    if (g->sideways == 0)
+        return 1.0;
+    double x = carried(g, load), left = 1.0 - g->sideways * x / (g->cosine * hold(g, x));
+    return left > 0 ? left : 0.0;
+}
+
+/* `_share` of contacts.py: the part of the rate; the load that it brings goes to `load`. */
+static double share(const Grip *g, double steady, double whole, double *load)
+{
+    double full = part(g, whole), low = 0.0, high = 1.0, rising = whole - steady;
+    *load = whole;
+    if (full >= 1)
+        return full;
+    for (int i = 0; i < HALVINGS; i++) {
+        double middle = (low + high) / 2;
+        if (part(g, steady + rising * middle) >= middle)
+            low = middle;
+        else
+            high = middle;
     }
+    *load = steady + rising * low;
+    return low;
 }
 
-INLINE double share(const Model *m, double steady, double rising, double capacity)
+/* What is passed on under load; `speed` is that of the first disk. Returns the contact that slips
+ * grossly, the first from motor 1 on; -1 for none. */
+INLINE int64_t passed(const Model *m, const Own *o, const Held *x, double speed, Contacts *c)
 {
-    if (!m->damped)
-        return steady < capacity ? 1.0 : 0.0;
-    double room = (capacity - steady) / (rising > LEAST_TORQUE_NM ? rising : LEAST_TORQUE_NM);
-    return between(room, 0.0, 1.0);
-}
-
-INLINE double kept(const Own *o, double whole, double cosine)
-{
-    double straight = *o->lateral_creep > 0 ? 1 - cosine * cosine : 0.0;
-    double sine = straight > 0 ? sqrt(straight) : 0.0;
-    double carried = fabs(whole) < *o->friction_capacity_nm ? fabs(whole) : *o->friction_capacity_nm;
-    double part = 1.0 - *o->creep - *o->creep_per_nm * carried - *o->lateral_creep * sine;
-    return part > 0 ? part : 0.0;
-}
-
-/* What is passed on under load; `speed` is that of motor 1. */
-INLINE void passed(const Model *m, const Own *o, const Held *x, double speed, Contacts *c)
-{
-    int64_t count = m->joints - 1;
-    double turning = speed > 0 ? 1.0 : speed < 0 ? -1.0 : 0.0, disk = fabs(speed), before = 1.0;
-    double *steady = c->stage, *rising = c->branch; /* used up before they are filled */
+    int64_t count = m->joints - 1, slipping = -1;
+    double turning = speed > 0 ? 1.0 : speed < 0 ? -1.0 : 0.0, disk = fabs(speed);
+    double later = 0.0, later_steady = 0.0;
     for (int64_t j = 0; j < count; j++) {
+        if (c->cosine[j] < 0)
+            turning = -turning;
         double ahead = (x->axis[j + 1] - x->theta[j + 1]) * turning;
         double against = o->coulomb_friction_nm[j] - c->load[j + 1] * turning;
         int touching = (ahead >= o->half_gap[j] - TOUCH_TOLERANCE_RAD || against < 0) && turning != 0;
         if (m->soft)
-            steady[j] = o->shaft_stiffness_nm_per_rad[j] * (ahead - clip(ahead, o->half_gap[j]));
+            c->steady[j] = o->shaft_stiffness_nm_per_rad[j] * (ahead - clip(ahead, o->half_gap[j]));
         else
-            steady[j] = touching ? against : 0.0;
+            c->steady[j] = touching ? against : 0.0;
         if (m->damped) {
-            double cosine = c->cosine[j], rate = o->k[j] * cosine * cosine * cosine * disk;
-            rising[j] = touching ? o->viscous_friction_nms_per_rad[j] * rate : 0.0;
+            double cosine = fabs(c->cosine[j]), rate = o->k[j] * cosine * cosine * cosine * disk;
+            c->rising[j] = touching ? o->viscous_friction_nms_per_rad[j] * rate : 0.0;
             disk *= cosine;
         }
     }
-    at_contacts(o, count, c->cosine, steady, c->steady1, c->steady2);
-    if (m->damped)
-        at_contacts(o, count, c->cosine, rising, c->rising1, c->rising2);
-    c->disk = 1.0;
-    for (int64_t j = 0; j < count; j++) {
-        double more1 = m->damped ? c->rising1[j] : 0.0, more2 = m->damped ? c->rising2[j] : 0.0;
-        double part = kept(o, c->steady2[j] + more2, c->cosine[j]);
-        double at1 = share(m, c->steady1[j], more1, *o->friction_capacity_nm);
-        double at2 = share(m, c->steady2[j], more2, *o->friction_capacity_nm);
-        c->disk = before;
-        before = at1 < before ? at1 : before;
-        c->stage[j] = kept(o, c->steady1[j] + more1, c->cosine[j]);
-        c->branch[j] = part * part * (before < at2 ? before : at2);
+    for (int64_t j = count - 1; j >= 0; j--) {
+        Grip g = grip(c->cosine[j], *o->lateral_friction, *o->friction_capacity_nm);
+        double steady = o->k[0] * c->steady[j], whole = steady, kept[3];
+        if (m->damped)
+            whole = steady + o->k[0] * c->rising[j];
+        for (int place = 2; place >= 0; place--) {
+            if (place == 0) {
+                steady = steady + later_steady;
+                whole = whole + later;
+            }
+            double load = whole, rate = m->damped ? share(&g, steady, whole, &load) : part(&g, load);
+            if (rate <= 0 && fabs(speed) > SLIP_SPEED_RAD_S)
+                slipping = 3 * j + place;
+            double most = fabs(load) < g.capacity ? fabs(load) : g.capacity;
+            double left = 1.0 - *o->creep - *o->creep_per_nm * most;
+            kept[place] = rate * (left > 0 ? left : 0.0);
+            whole = driver_torque(&g, load);
+            steady = m->damped ? driver_torque(&g, steady) : whole;
+        }
+        c->stage[j] = kept[0];
+        c->branch[j] = kept[1] * kept[2];
+        if (j > 0) {
+            later = o->k[j] / o->k[j - 1] * whole;
+            later_steady = o->k[j] / o->k[j - 1] * steady;
+        }
     }
+    return slipping;
 }
 
 /* -- joints -------------------------------------------------------------------------------- */
@@ -315,17 +366,16 @@ INLINE void geared(const Model *m, const Own *o, const Held *x, double *speed, d
         speed[p] *= turned;
 }
 
-/* One step of the chain under motor speeds and travels. */
-INLINE void chain(const Model *m, const Own *o, const Held *x, const Factors *f, double h,
+/* One step of the chain under motor speeds and travels; returns the contact that slips grossly. */
+INLINE int64_t chain(const Model *m, const Own *o, const Held *x, const Factors *f, double h,
                   double *disk, double disk_travel, double *ways, Contacts *c)
 {
     int64_t points = m->points, last = m->joints - 2;
     int passing = m->creeping || m->loaded;
     if (m->inclined)
         bear(m, o, x, c);
-    if (m->loaded)
-        passed(m, o, x, disk[points - 1], c);
     geared(m, o, x, disk, disk_travel);
+    int64_t slipping = m->loaded ? passed(m, o, x, disk[points - 1], c) : -1;
     for (int64_t j = 0; j <= last; j++) {
         double cosine[POINTS], driven[POINTS], gain = o->k[j];
         cosine[0] = c->cosine[j];
@@ -336,7 +386,7 @@ INLINE void chain(const Model *m, const Own *o, const Held *x, const Factors *f,
         if (j == last) {
             double way[POINTS - 1];
             integrals(points, disk, h, way);
-            *x->first += m->k_g * (passing ? c->disk : 1.0) * way[points - 2];
+            *x->first += m->k_g * way[points - 2];
         }
         if (passing)
             gain *= c->branch[j];
@@ -351,13 +401,14 @@ INLINE void chain(const Model *m, const Own *o, const Held *x, const Factors *f,
             ways[p] *= gain;
     }
     turn(m, x, f, c, last + 1, ways[points - 2]);
+    return slipping;
 }
 
 /* -- with inertia -------------------------------------------------------------------------- */
 
 /* One step of the dynamic manipulator; the servos say what its motors aim at. */
-INLINE void dynamic(const Model *m, const Held *x, int64_t sample, double h,
-                    double speed[MOTORS][POINTS], double ways[MOTORS][POINTS - 1])
+INLINE int64_t dynamic(const Model *m, const Held *x, int64_t sample, double h,
+                       double speed[MOTORS][POINTS], double ways[MOTORS][POINTS - 1])
 {
     Moving y = moving(m, sample);
     int64_t points = m->points;
@@ -370,12 +421,13 @@ INLINE void dynamic(const Model *m, const Held *x, int64_t sample, double h,
     *y.last = h;
     planner_dynamic_march(m->joints - 1, m->dynamic, 1, h, lead, m->gamma, m->k_g,
                           m->masses + sample * m->heavy, mean, swing, y.y, y.pieces, y.gained,
-                          y.energy);
+                          y.energy, y.slipping);
     for (int i = 0; i < MOTORS; i++)
         x->saturated[i] += y.pieces[i] != 0 ? h : 0.0;
     *x->first = y.y[m->coordinates];
     for (int64_t i = 0; i < m->joints; i++)
         x->theta[i] = y.y[m->coordinates + 1 + i];
+    return (int64_t)*y.slipping;
 }
 
 /* -- the loop ------------------------------------------------------------------------------ */
@@ -407,7 +459,6 @@ INLINE void run(const Model *m, const Commands *u, int64_t sample, int64_t first
         c->stage[j] = 1 - *o.creep;
         c->branch[j] = c->stage[j] * c->stage[j];
     }
-    c->disk = 1.0;
     bear(m, &o, &x, c);
     int slot = 0;
     for (int64_t k = first; k < last; k++) {
@@ -427,10 +478,16 @@ INLINE void run(const Model *m, const Commands *u, int64_t sample, int64_t first
         double ends[MOTORS] = {speed[0][points - 1], speed[1][points - 1]};
         const double *motors = m->dynamic ? moving(m, sample).y : NULL;
         record(m, &x, sample, k, motors ? motors : begins);
-        if (motors)
-            dynamic(m, &x, sample, h, speed, ways);
-        else
-            chain(m, &o, &x, kept_ + slot, h, speed[0], ways[0][points - 2], ways[1], c);
+        int64_t slipping = motors ? dynamic(m, &x, sample, h, speed, ways)
+                                  : chain(m, &o, &x, kept_ + slot, h, speed[0],
+                                          ways[0][points - 2], ways[1], c);
+        if (slipping >= 0) {
+            if (x.slip[1] < 0) {
+                x.slip[1] = (double)k;
+                x.slip[2] = (double)slipping;
+            }
+            x.slip[0] += h;
+        }
         for (int64_t i = 0; i < m->joints; i++) {
             double gap = fabs(x.theta[i] - m->desired[(k + 1) * m->joints + i]);
             x.gap[i] = gap > x.gap[i] ? gap : x.gap[i];
@@ -463,12 +520,12 @@ EXPORT int planner_advance(const Model *m, const Commands *u, int64_t begin, int
                            int64_t first, int64_t last)
 {
     int64_t n = m->joints - 1;
-    double *room = malloc((size_t)(10 * n + 3 + KEPT * 2 * n) * sizeof(double));
+    double *room = malloc((size_t)(8 * n + 3 + KEPT * 2 * n) * sizeof(double));
     if (room == NULL)
         return -1;
-    double *loads = room + 7 * n;
-    Contacts c = {room, room + n, room + 2 * n, room + 3 * n, room + 4 * n, room + 5 * n,
-                  room + 6 * n, loads, loads + n + 1, loads + 2 * (n + 1), 1.0};
+    double *loads = room + 5 * n;
+    Contacts c = {room, room + n, room + 2 * n, room + 3 * n, room + 4 * n,
+                  loads, loads + n + 1, loads + 2 * (n + 1)};
     Factors kept_[KEPT];
     for (int i = 0; i < KEPT; i++)
         kept_[i].weight = loads + 3 * (n + 1) + i * 2 * n;

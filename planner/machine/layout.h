@@ -16,13 +16,13 @@
 #define INLINE static inline __attribute__((always_inline))
 #endif
 
-#define VERSION 42399819
+#define VERSION 4205215958
 #define MOTORS 2
 #define JOINTS 16 /* passive ones, at most; of the following as many as then */
 #define BODIES 52
-#define LIMITED 51
+#define LIMITED 68
 #define PLAYS 18
-#define LAWS 69
+#define LAWS 86
 #define STATE 128
 
 typedef struct {
@@ -59,7 +59,7 @@ typedef struct {
     const double *servo_damping; /* 2 */
     const double *creep; /* 1 */
     const double *creep_per_nm; /* 1 */
-    const double *lateral_creep; /* 1 */
+    const double *lateral_friction; /* 1 */
     const double *friction_capacity_nm; /* 1 */
     const double *gear_ratio_error; /* m */
     const double *gearhead_backlash_deg; /* 2 */
@@ -96,7 +96,7 @@ INLINE Own own(const Model *model, int64_t sample)
     out.servo_damping = at + 14;
     out.creep = at + 16;
     out.creep_per_nm = at + 17;
-    out.lateral_creep = at + 18;
+    out.lateral_friction = at + 18;
     out.friction_capacity_nm = at + 19;
     out.gear_ratio_error = at + 20;
     out.gearhead_backlash_deg = at + 20 + m;
@@ -122,6 +122,7 @@ typedef struct {
     double *speed; /* 2 */
     double *slope; /* 2 */
     double *saturated; /* 2 */
+    double *slip; /* 3 */
     double *disk; /* 2 */
     double *first; /* 1 */
     double *theta; /* 1 + m */
@@ -133,38 +134,41 @@ typedef struct {
 INLINE Held held(const Model *model, int64_t sample)
 {
     int64_t m = model->joints - 1;
-    double *at = model->state + sample * (13 + 4 * m);
+    double *at = model->state + sample * (16 + 4 * m);
     Held out;
     out.speed = at + 0;
     out.slope = at + 2;
     out.saturated = at + 4;
-    out.disk = at + 6;
-    out.first = at + 8;
-    out.theta = at + 9;
-    out.axis = at + 10 + m;
-    out.wound = at + 11 + 2 * m;
-    out.gap = at + 12 + 3 * m;
+    out.slip = at + 6;
+    out.disk = at + 9;
+    out.first = at + 11;
+    out.theta = at + 12;
+    out.axis = at + 13 + m;
+    out.wound = at + 14 + 2 * m;
+    out.gap = at + 15 + 3 * m;
     return out;
 }
 
 typedef struct {
     double *y; /* 16 + 7 * m */
-    double *pieces; /* 5 + 4 * m */
+    double *pieces; /* 6 + 5 * m */
     double *gained; /* m */
     double *energy; /* 2 */
+    double *slipping; /* 1 */
     double *last; /* 1 */
 } Moving;
 
 INLINE Moving moving(const Model *model, int64_t sample)
 {
     int64_t m = model->joints - 1;
-    double *at = model->moving + sample * (24 + 12 * m);
+    double *at = model->moving + sample * (26 + 13 * m);
     Moving out;
     out.y = at + 0;
     out.pieces = at + 16 + 7 * m;
-    out.gained = at + 21 + 11 * m;
-    out.energy = at + 21 + 12 * m;
-    out.last = at + 23 + 12 * m;
+    out.gained = at + 22 + 12 * m;
+    out.energy = at + 22 + 13 * m;
+    out.slipping = at + 24 + 13 * m;
+    out.last = at + 25 + 13 * m;
     return out;
 }
 
@@ -245,7 +249,7 @@ INLINE Rows rows_of(int m)
     r.q = 12 + 5 * m;
     r.torque = 14 + 6 * m;
     r.count = 16 + 7 * m;
-    r.limited = 3 + 3 * m;
+    r.limited = 4 + 4 * m;
     r.plays = 2 + m;
     return r;
 }

@@ -155,11 +155,20 @@ class Machine:
         """The same machine with all spreads zero, so that all samples are equal."""
         return self.with_(**{name: _as_plain(q.value) for name, q in self.effects.items()})
 
-    def mean(self, name: str) -> Array:
-        """Mean of an effect, one number or one per motor or joint; its neutral value when off."""
-        return np.array(
-            self.effects[name].value if name in self.effects else [EFFECTS[name].off_value]
-        )
+    def mean(self, name: str, joints: int | None = None) -> Array:
+        """Mean of an effect, one number or one per motor or joint; its neutral value when off.
+
+        Args:
+            name: The effect.
+            joints: Coordinates after the first; a preset's numbers then fit so many, see `fitted`.
+        """
+        given = self.effects[name].value if name in self.effects else (EFFECTS[name].off_value,)
+        return np.array(given if joints is None else fitted(name, given, joints))
+
+    def spread(self, name: str, joints: int) -> Array:
+        """Standard deviation of an effect from machine to machine, likewise; 0 when it is off."""
+        given = self.effects[name].spread if name in self.effects else (0.0,)
+        return np.array(fitted(name, given, joints))
 
     # -- looking -------------------------------------------------------------------------------
 
@@ -377,12 +386,12 @@ def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> 
     from scipy.special import ndtr, ndtri  # slow to import
 
     effect = EFFECTS[name]
-    for given in (quantity.value, quantity.spread):
+    both = [fitted(name, given, joints) for given in (quantity.value, quantity.spread)]
+    for given in both:
         wrong = effect.mismatch(f"machine.{name}", given, joints)
         if wrong:
             raise InputError(wrong)
-    mean = np.broadcast_to(np.array(quantity.value), len(uniform))[:, None]
-    spread = np.broadcast_to(np.array(quantity.spread), len(uniform))[:, None]
+    mean, spread = (np.broadcast_to(np.array(given), len(uniform))[:, None] for given in both)
     # A truncated normal, inverted: one uniform number a value, so that streams stay aligned.
     low = np.maximum(effect.low, POSITIVE_FLOOR * mean) if effect.positive else effect.low
     sigma = np.where(spread > 0, spread, 1.0)
@@ -411,27 +420,50 @@ PROTOTYPE: Mapping[str, Any] = MappingProxyType(
         "initial_angle_error_deg": {"value": 0.0, "spread": 0.2},
         "encoder_resolution_deg": 0.088,
         "link_moment_kgm": 0.16,  # idle on a level plane
+        # The paper does not say: planner.paper.statements.FIXED_PARAMETERS, results/calibration.
+        "lateral_friction": {"value": 0.1, "spread": 0.05},
         # What `planner calibrate` gives.
-        "servo_bandwidth_rad_s": 67.1,
+        "servo_bandwidth_rad_s": 67.2,
         "motor_inertia_kgm2": 0.02,
-        "servo_gain_nms_per_rad": 5.05,
+        "servo_gain_nms_per_rad": 5.03,
         "servo_integral_time_s": 0.0199,
         "torque_limit_nm": 2.45,
-        "creep": 0.0022,
-        "creep_per_nm": 0.00404,
+        "creep": 0.00316,
+        "creep_per_nm": 0.00446,
         "friction_capacity_nm": {"value": 1.58, "spread": 0.158},
         "disk_inertia_kgm2": 0.000158,
-        "gearhead_backlash_deg": {"value": 0.542, "spread": 0.108},
-        "backlash_deg": {"value": 2.69, "spread": 0.538},
+        "gearhead_backlash_deg": {"value": 0.504, "spread": 0.101},
+        "backlash_deg": {"value": 2.65, "spread": 0.53},
         "axis_inertia_kgm2": 1e-05,
-        "shaft_stiffness_nm_per_rad": {"value": 3.22, "spread": 0.322},
+        "shaft_stiffness_nm_per_rad": {"value": 3.33, "spread": 0.333},
         "shaft_damping_nms_per_rad": 0.02,
         "link_inertia_kgm2": 0.0316,
-        "base_friction_nm": 0.155,
-        "coulomb_friction_nm": {"value": 0.187, "spread": 0.0374},
-        "viscous_friction_nms_per_rad": 0.0454,
+        "base_friction_nm": 0.158,
+        "coulomb_friction_nm": {"value": [0.147, 0.198], "spread": [0.0294, 0.0396]},
+        "viscous_friction_nms_per_rad": 0.0449,
     }
 )
+
+_PRESET_LISTS = {
+    tuple(numbers)
+    for setting in PROTOTYPE.values()
+    if isinstance(setting, Mapping)
+    for numbers in setting.values()
+    if isinstance(numbers, list)
+}
+
+
+def fitted(name: str, numbers: Sequence[float], joints: int) -> Sequence[float]:
+    """Numbers of an effect for so many joints.
+
+    The prototype has three joints. Its lists end, or go on with their last entry, where an arm has
+    fewer or more; lists that a user gives are as they are.
+    """
+    count = EFFECTS[name].count(joints)
+    if tuple(numbers) not in _PRESET_LISTS:
+        return numbers
+    return [*numbers, *[numbers[-1]] * count][:count]
+
 
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {"prototype": PROTOTYPE, "ideal": IDEAL}

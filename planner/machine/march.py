@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine.bodies import STICTION_SLOPE, Masses, StageLaws, StateRows, masses
-from planner.machine.contact_load import contact_torques, gear_constants
+from planner.machine.contact_load import gear_constants
+from planner.machine.contacts import SLIP_SPEED_RAD_S, Grip, chain_loads
 from planner.machine.disk_chain import rest_range
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
@@ -26,21 +27,20 @@ GAMMA = 1 - 1 / np.sqrt(2)
 LEAST_DRAG = 1e-6
 """Viscous friction of every body, N m s/rad: what has no mass and no contact stays where it is."""
 
-LEAST_RATIO = 1e-9
-"""Least ratio of speeds that the torque of a contact is divided by."""
-
 
 @dataclass(frozen=True, eq=False)
 class _Gears:
     """What is frozen over a step: see `StageLaws.first` and `second`, slope and limit of contacts.
 
-    `pull` is the torque of gravity on the links, (1+m, S), N m.
+    `drag` limits what contacts that slide sideways ask of disk B1 and of the stages, (1+m, S), and
+    `pull` is the torque of gravity on the links, likewise, N m.
     """
 
     first: Array
     second: Array
     slope: Array
     limit: Array
+    drag: Array
     pull: Array
 
     def part(self, chosen: NDArray[np.intp]) -> _Gears:
@@ -65,9 +65,10 @@ class March:
         place: Rows of the state.
         k_g: Drive constant of the disk, as the planner knows it.
         y: State, (rows, S).
-        pieces: Of all laws at the end of the last step, (5+4m, S); see `StageLaws`.
+        pieces: Of all laws at the end of the last step, (6+5m, S); see `StageLaws`.
         speed_change: Change of the disks' speeds over the last step, (m, S), rad/s.
         energy: Work of the motors so far, and what friction, slip and damping took, (2, S), J.
+        slipping: Which contact slips grossly, (1, S); see `contacts.Transmission`.
     """
 
     data: Masses
@@ -77,6 +78,7 @@ class March:
     pieces: Array
     speed_change: Array
     energy: Array
+    slipping: Array
 
     @property
     def table(self) -> Array:
@@ -116,21 +118,40 @@ class March:
         self.energy[:] += energy
 
     def _gears(self, h: float, lead: float) -> _Gears:
-        """Ratios at the middle of the step, and the contacts that go with them."""
+        """Ratios at the middle of the step, and the contacts that go with them.
+
+        How much of a contact's friction is left for sideways follows from its load, which is taken
+        from the shafts' torques at the end of the last step.
+        """
         data, rows, y = self.data, self.place.bodies, self.y
         angles = y[self.place.q][1:] + h / 2 * y[rows.links]
         c = np.cos(angles[:-1])
-        kept = data.kept - data.lateral * np.sqrt(np.maximum(1 - c * c, 0.0))
-        kept = np.maximum(kept, 0.0)
-        first, second = c * kept, data.k * c * c * kept * kept
-        disk = np.abs(y[rows.drivers] + lead * self.speed_change)
-        both = np.maximum(np.abs(first * second), LEAST_RATIO)
-        share = data.creep * disk / data.disk
-        slip = np.concatenate([share * first * first, 2 * share * both * both])
-        levers = np.concatenate([np.maximum(np.abs(first), LEAST_RATIO), both])
-        limit = np.tile(data.capacity * data.disk, (2, 1)) / levers
+        disk = y[rows.drivers] + lead * self.speed_change
+        turning, disk = np.sign(disk) * np.sign(c), np.abs(disk)
+        torques = y[self.place.torque][2:] * turning
+        loads, parts, _ = chain_loads(c, data.k, torques, data.lateral, data.capacity)
+        slips = (parts <= 0.0) & (data.disk * disk > SLIP_SPEED_RAD_S)
+        flat = np.swapaxes(slips, 0, 1).reshape(-1, slips.shape[-1])
+        self.slipping[0] = np.where(flat.any(axis=0), flat.argmax(axis=0), -1)
+        grip = Grip(c, data.lateral, data.capacity)
+        hold = grip.hold(grip.carried(loads))
+        # Rate lost for each N m, by creep and sideways; drag of P3 loads P2 whatever the torque.
+        lost, drag = data.creep * grip.cosine + grip.sideways / hold, grip.sideways * hold
+        kept = np.maximum(data.kept * np.ones_like(c), 0.0)
+        first = c * kept
+        second = data.k * c * c * kept * kept
+        second *= np.maximum(1.0 - drag[2] * lost[1] / grip.cosine, 0.0)
+        speed = data.k * disk * parts[0] * (data.k[0] * grip.cosine) * grip.cosine
+        slip = np.concatenate(
+            [disk / data.disk * lost[0], speed * (grip.cosine * lost[1] + parts[1] * lost[2])]
+        )
+        room = np.minimum(data.capacity, (data.capacity - drag[2]) / grip.cosine)
+        limit = np.concatenate([data.capacity * data.disk, room / data.k[0]])
+        slid = np.zeros((len(c) + 1, c.shape[1]))
+        slid[:-1] = data.disk * drag[0]
+        slid[1:] += data.disk * (drag[1] + grip.cosine * drag[2])
         pull = gravity_torques(data.weights, angles)
-        return _Gears(first, second, 1 / (slip + 1 / STICTION_SLOPE), limit, pull)
+        return _Gears(first, second, 1 / (slip + 1 / STICTION_SLOPE), limit, slid, pull)
 
     def _stage(
         self, data: Masses, gears: _Gears, y: Array, reference: Array, h: float, pieces: Array
@@ -171,7 +192,8 @@ class March:
         push = heavy * y[place.v]
         push[rows.links] += gears.pull
         driven = data.integral * y[place.behind] + feedforward
-        rough = np.where(data.coulomb > 0, STICTION_SLOPE, 0.0)
+        rubbing = np.concatenate([data.coulomb, gears.drag])
+        rough = np.where(rubbing > 0, STICTION_SLOPE, 0.0)
         return StageLaws(
             rows=rows,
             h=h,
@@ -180,9 +202,9 @@ class March:
             reference=reference,
             first=gears.first,
             second=gears.second,
-            offset=np.concatenate([driven, np.zeros((1 + 3 * rows.m, y.shape[1]))]),
+            offset=np.concatenate([driven, np.zeros((2 + 4 * rows.m, y.shape[1]))]),
             slope=np.concatenate([data.gain + data.integral * h, gears.slope, rough]),
-            limit=np.concatenate([data.limit, gears.limit, data.coulomb]),
+            limit=np.concatenate([data.limit, gears.limit, rubbing]),
             ahead=y[place.gap] + y[place.twist] * data.stiffness / spring,
             stiff=spring,
             half_gap=data.half_gap,
@@ -197,8 +219,9 @@ def begin_march(system: Manipulator, draws: Draws, q: Array) -> March:
     y[place.q] = q
     y[place.gap][2:] = draws["initial_play"] * data.half_gap[2:]
     _settle(data, place, y)
-    pieces, speed_change = np.zeros((5 + 4 * len(k), draws.count)), np.zeros_like(k)
-    return March(data, place, system.k_g, y, pieces, speed_change, np.zeros((2, draws.count)))
+    pieces, speed_change = np.zeros((6 + 5 * len(k), draws.count)), np.zeros_like(k)
+    energy, slipping = np.zeros((2, draws.count)), np.full((1, draws.count), -1.0)
+    return March(data, place, system.k_g, y, pieces, speed_change, energy, slipping)
 
 
 def _settle(data: Masses, place: StateRows, y: Array) -> None:
@@ -217,7 +240,9 @@ def _settle(data: Masses, place: StateRows, y: Array) -> None:
 
     hold(slice(1, None), load, data.coulomb)
     shafts, c = y[place.torque][2:], np.cos(angles[:-1])
-    hold(slice(0, 1), -contact_torques(data.k, shafts, c)[:1, 0], np.zeros((1, y.shape[1])))
+    shafts = shafts * np.cumprod(np.sign(c), axis=0)
+    loads, _, _ = chain_loads(c, data.k, shafts, np.zeros((1, 1)), data.capacity)  # nothing slides
+    hold(slice(0, 1), -loads[0, :1] * np.abs(c[:1]), np.zeros((1, y.shape[1])))
     held_back = data.integral > 0
     y[place.behind] = np.where(
         held_back, y[place.torque][:2] / np.where(held_back, data.integral, 1.0), 0.0

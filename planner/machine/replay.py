@@ -46,6 +46,11 @@ class Replay:
         peak_rates: Largest |speed| of both motors at the recorded times, shape (S, 2), rad/s.
         saturated_s: Time during which the command of each motor exceeded its limit of speed or
             torque, shape (S, 2), s.
+        slip_s: Time during which a friction contact was in gross slip, so that what is behind it
+            stood still, shape (S,), s.
+        slip_begin: When that began, shape (S,), s; NaN where there was none.
+        slip_contact: Which contact it was, shape (S,), in the order P1, P2, P3 at joint 1, at joint
+            2 and so on, from 0; −1 where there was none.
         terminal_error: True end minus planned end, shape (S, N), in the coordinates' units.
         deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1).
             For a compensated plan both errors refer to the original plan, from its start on.
@@ -63,6 +68,9 @@ class Replay:
     motor_rates: Array
     peak_rates: Array
     saturated_s: Array
+    slip_s: Array
+    slip_begin: Array
+    slip_contact: NDArray[np.int64]
     terminal_error: Array
     deviation: Array
     effort: Array | None
@@ -241,6 +249,9 @@ def replay(
         motor_rates=recording.speed,
         peak_rates=recording.peak,
         saturated_s=recording.saturated_s,
+        slip_s=recording.slip_s,
+        slip_begin=recording.slip_begin,
+        slip_contact=recording.slip_contact,
         terminal_error=recording.end - plan.wanted(plan.duration),
         deviation=recording.deviation,
         effort=recording.effort,

@@ -51,6 +51,10 @@ class Recording:
             plan's start, (S, N−1).
         saturated_s: Seconds each motor was asked for more than its limit of speed or torque,
             (S, 2).
+        slip_s: Seconds in which a contact was in gross slip, (S,).
+        slip_begin: When that began, (S,), s; NaN where there was none.
+        slip_contact: Which contact it was, (S,); see `planner.machine.contacts.contact_name`; −1
+            where there was none.
         effort: ∫ u₁² + u₂² dt of the controller's commands, (S,); None in open loop.
         fallbacks: Number of control steps in which the controller used a fallback command, (S,).
     """
@@ -62,6 +66,9 @@ class Recording:
     peak: Array
     deviation: Array
     saturated_s: Array
+    slip_s: Array
+    slip_begin: Array
+    slip_contact: NDArray[np.int64]
     effort: Array | None
     fallbacks: NDArray[np.int64]
 
@@ -85,7 +92,10 @@ class Recording:
 
 
 _MOTION_FIELDS = ("q", "speed")
-_SAMPLE_FIELDS = ("end", "peak", "deviation", "saturated_s", "effort", "fallbacks")
+_SAMPLE_FIELDS = (
+    "end", "peak", "deviation", "saturated_s", "slip_s", "slip_begin", "slip_contact", "effort",
+    "fallbacks",
+)  # fmt: skip
 
 
 def simulate(
@@ -198,7 +208,7 @@ def _simulate_open_loop(
     block_draws = draws.part(chosen)
     motion = _motion(plan, machine, block_draws, command.part(chosen), times)
     _advance(motion, len(command.t) - 1, len(command.t) - 1, tell)
-    return _recording(block_draws, times, motion)
+    return _recording(block_draws, times, motion, command.t)
 
 
 def _simulate_closed_loop(
@@ -222,7 +232,7 @@ def _simulate_closed_loop(
         read = encoder_readings(plan.problem.system, block_draws, motion.coordinates)
         fed.set_command(i, controller(float(fed.readings[i]), read))
     _advance(motion, steps, steps, tell)
-    out = _recording(block_draws, times, motion)
+    out = _recording(block_draws, times, motion, fed.t)
     return replace(out, effort=fed.effort, fallbacks=controller.fallbacks)
 
 
@@ -256,8 +266,9 @@ def _tell(progress: Progress, before: int, runs: int, share: float) -> None:
     progress(int(PROGRESS_PARTS * (before + share)), PROGRESS_PARTS * runs)
 
 
-def _recording(draws: Draws, times: Array, motion: MachineMotion) -> Recording:
+def _recording(draws: Draws, times: Array, motion: MachineMotion, grid: Array) -> Recording:
     none = np.zeros(draws.count, dtype=np.int64)
+    slip_s, step, contact = motion.slip.T.copy()
     return Recording(
         t=times,
         q=motion.q,
@@ -267,6 +278,9 @@ def _recording(draws: Draws, times: Array, motion: MachineMotion) -> Recording:
         peak=np.stack([np.abs(motion.speed[..., i]).max(axis=1) for i in (0, 1)], axis=1),
         deviation=motion.deviation.copy(),
         saturated_s=motion.saturated_s.copy(),
+        slip_s=slip_s,
+        slip_begin=np.where(step < 0, np.nan, grid[step.astype(np.int64)]),
+        slip_contact=contact.astype(np.int64),
         effort=None,
         fallbacks=none,
     )

@@ -10,7 +10,8 @@ position b of the axis in its play, |b| <= gap/2,
 so that T = 0 inside the play and never pulls: the shaft's damping cannot hold the teeth together.
 Each servo is a velocity loop around what `servos` makes of the command, with that acceleration fed
 forward, integral action and a torque limit; the torque of the load acts back on the motor. Friction
-contacts hold up to their capacity; below it they slip by creep_per_nm times torque times rate.
+contacts hold up to their capacity; below it they slip by creep_per_nm times torque times rate, and
+where they are turned by more, as `contacts` says.
 Creep without load counts as a smaller rolling radius: it costs travel and no power.
 
 Stepped by `dynamic.c` where it is compiled, else by `march`, with the same numbers to rounding.
@@ -47,6 +48,10 @@ class Plant(Protocol):
     def q(self) -> Array:
         """Coordinates, (N, S)."""
 
+    @property
+    def slipping(self) -> Array:
+        """Which contact of each slips grossly, (S,); see `contacts.Transmission`."""
+
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance by h seconds under motor speeds (P, 2, S) and travels (P−1, 2, S)."""
 
@@ -59,6 +64,8 @@ class MachineMotion(Protocol):
         speed: Recorded speeds of the motors, (S, R, 2).
         deviation: Largest |true − plan| so far of each coordinate after the first, (S, N−1).
         saturated_s: Seconds so far for which each motor was asked for more than its limit, (S, 2).
+        slip: Seconds so far with a contact in gross slip; step in which that began; which contact
+            it was (see `contacts.Transmission`); (S, 3), the last two −1 where there was none.
     """
 
     q: Array
@@ -75,6 +82,10 @@ class MachineMotion(Protocol):
     @property
     def saturated_s(self) -> Array:
         """Seconds so far for which each motor was asked for more than its limit, (2, S)."""
+
+    @property
+    def slip(self) -> Array:
+        """Gross slip so far, (S, 3)."""
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
         """Go on from where it stands to the point `last` of the command's grid."""
@@ -111,6 +122,7 @@ class StepwiseMotion:
         self._plant = plant(plan, machine, draws, start)
         self._k = 0
         self._gap = np.nan_to_num(np.abs(start[1:] - desired[0]))
+        self._slip = np.tile([0.0, -1.0, -1.0], (draws.count, 1))
         self.q = np.empty((draws.count, len(rows), len(start)))
         self.speed = np.empty((draws.count, len(rows), 2))
 
@@ -130,6 +142,11 @@ class StepwiseMotion:
         limited = self._plant.limited_s if isinstance(self._plant, DynamicChain) else 0.0
         return np.asarray((self._servos.saturated_s + limited).T)
 
+    @property
+    def slip(self) -> Array:
+        """See `MachineMotion`."""
+        return self._slip
+
     def advance(self, last: int, tell: Steps | None = None) -> None:
         """See `MachineMotion`."""
         orders, end = self._orders, len(self._lengths)
@@ -138,6 +155,7 @@ class StepwiseMotion:
             speed, travel = self._servos.step(orders.step_values(k), h, bool(orders.running[k]))
             self._record(k, speed[0])
             self._plant.step(speed, travel, h)
+            _note_slip(self._slip, k, h, self._plant.slipping)
             gap = np.abs(self._plant.q[1:] - self._desired[k + 1])
             np.fmax(self._gap, gap, out=self._gap)
             if tell and (k + 1) % REPORT_EVERY == 0:
@@ -153,6 +171,15 @@ class StepwiseMotion:
                 speed = self._plant.motor_rates  # not what the drives aim at
             self.q[:, row] = self._plant.q.T
             self.speed[:, row] = speed.T
+
+
+def _note_slip(slip: Array, k: int, h: float, slipping: Array) -> None:
+    """Keep in `slip` (S, 3) what a step did; see `MachineMotion.slip`."""
+    slips = np.broadcast_to(slipping, len(slip)) >= 0
+    if slips.any():
+        new = slips & (slip[:, 1] < 0)
+        slip[new, 1], slip[new, 2] = k, np.broadcast_to(slipping, len(slip))[new]
+        slip[slips, 0] += h
 
 
 def plant(plan: Plan, machine: Machine, draws: Draws, start: Array) -> Plant:
@@ -176,6 +203,7 @@ class KinematicPlant:
     def __init__(self, system: TriangularSystem, q: Array) -> None:
         self._system = system
         self._q = q.T.copy()
+        self.slipping = np.full(q.shape[1], -1.0)
 
     @property
     def q(self) -> Array:
@@ -217,6 +245,11 @@ class DynamicChain:
     def q(self) -> Array:
         """Coordinates (φₙ₋₁, θ₁ … θₙ), shape (N, S), rad."""
         return self._y[self._place.q]
+
+    @property
+    def slipping(self) -> Array:
+        """Which contact of each slips grossly, (S,); see `contacts.Transmission`."""
+        return np.asarray(self._march.slipping[0])
 
     @property
     def motor_rates(self) -> Array:
@@ -273,15 +306,17 @@ class _CompiledStep:
     """`March.step` in compiled code."""
 
     def __init__(self, function: Any, march: March) -> None:
-        function.argtypes = [ctypes.c_int64] * 3 + [ctypes.c_double] * 4 + [ctypes.c_void_p] * 7
-        kept = (march.table, march.y, march.pieces, march.speed_change, march.energy)
+        function.argtypes = [ctypes.c_int64] * 3 + [ctypes.c_double] * 4 + [ctypes.c_void_p] * 8
+        kept = (
+            march.table, march.y, march.pieces, march.speed_change, march.energy, march.slipping
+        )  # fmt: skip
         self._function, self._k_g, self._arrays = function, march.k_g, kept
         self._size = (len(march.speed_change), len(march.y))
         self._masses, *self._state = (array.ctypes.data for array in kept)
 
     def fits(self) -> bool:
         """Whether the compiled code has room for the joints, and the same rows."""
-        return not self._function(*self._size, 0, 1.0, 0.5, GAMMA, 1.0, *[None] * 7)
+        return not self._function(*self._size, 0, 1.0, 0.5, GAMMA, 1.0, *[None] * 8)
 
     def __call__(self, mean: Array, swing: Array, h: float, lead: float) -> None:
         """See `March.step`."""

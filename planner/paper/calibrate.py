@@ -40,6 +40,7 @@ from planner.paper.statements import (
     calibration_plan,
     move,
     nominal_machine,
+    settings,
 )
 from planner.plan.plan import Plan
 from planner.problem.tables.machine_effects import EFFECTS
@@ -78,7 +79,7 @@ class Calibration:
     @property
     def settings(self) -> dict[str, Any]:
         """The fitted part of the prototype preset, as it stands in `planner.machine.machine`."""
-        return {name: setting(name, value) for name, value in self.fit.parameters.items()}
+        return preset_settings(self.fit.parameters)
 
     def to_dict(self) -> dict[str, Any]:
         """The preset's entries, the paper's statements, and what is identified; JSON-ready."""
@@ -91,17 +92,21 @@ class Calibration:
                 "data": d.name,
                 "rank": d.rank,
                 "singular_values": d.singular.tolist(),
-                "left": dict(zip(self.settings, d.remaining.tolist(), strict=True)),
+                "left": dict(zip(self.fit.parameters, d.remaining.tolist(), strict=True)),
             }
             for d in self.data
         ]
         return {"preset": self.settings, "statements": statements, "identified": identified}
 
 
-def setting(name: str, value: float) -> Any:
-    """A number, or value and spread for what differs from machine to machine."""
-    spread = SPREADS.get(name)
-    return {"value": value, "spread": to_preset_digits(value * spread)} if spread else value
+def preset_settings(parameters: Mapping[str, float]) -> dict[str, Any]:
+    """Effects with numbers, or with value and spread for what differs from machine to machine."""
+    out: dict[str, Any] = {}
+    for name, value in settings(parameters).items():
+        share = SPREADS.get(name, 0.0)
+        spread = settings({k: to_preset_digits(v * share) for k, v in parameters.items()})[name]
+        out[name] = {"value": value, "spread": spread} if share else value
+    return out
 
 
 def calibrate(progress: Progress | None = None, seed: int = 0) -> Calibration:
@@ -121,7 +126,7 @@ def calibrate(progress: Progress | None = None, seed: int = 0) -> Calibration:
     data = identify(plan, result)
     say("replaying in both fidelities", 0.75)
     machine = nominal_machine(result.parameters)
-    spread = {name: setting(name, value) for name, value in result.parameters.items()}
+    spread = preset_settings(result.parameters)
     motions, replays = {}, {}
     for fidelity in ("quasi-static", "dynamic"):
         motions[fidelity] = move(plan, machine.with_(fidelity=fidelity), [result.parameters])
@@ -231,7 +236,7 @@ def _fidelities(
         Column(
             "motor deviation",
             "% of peak, rms",
-            lambda f: _slashed(motions[f].statements[0, 2:]),
+            lambda f: _slashed(motions[f].statements[0, 2:4]),
             left=True,
         ),
     ]
@@ -248,10 +253,10 @@ def _fidelities(
 
 def _parameters(settings: Mapping[str, Any], data: Sequence[DataSet]) -> str:
     columns: list[Column[Parameter]] = [
-        Column("parameter", "", lambda r: r.name, left=True, code=True),
+        Column("parameter", "", lambda r: r.key, left=True, code=True),
         Column("unit", "", lambda r: EFFECTS[r.name].unit or "1", left=True),
         Column("range", "95 %", lambda r: f"{r.low:g} ... {r.high:g}", left=True),
-        Column("preset", "", lambda r: settings[r.name], _preset, left=True),
+        Column("preset", "", lambda r: _preset(settings[r.name], r.joint), left=True),
         *(
             Column(d.name, "", partial(remaining_share, d), "{:.2f}".format, left=True)
             for d in data
@@ -270,10 +275,15 @@ def remaining_share(data: DataSet, parameter: Parameter) -> float:
     return float(data.remaining[FITTED_PARAMETERS.index(parameter)])
 
 
-def _preset(value: Any) -> str:
+def _preset(value: Any, joint: int | None = None) -> str:
     if isinstance(value, dict):
-        return f"{value['value']:g} ± {value['spread']:g}"
-    return f"{value:g}"
+        return f"{_of(value['value'], joint):g} ± {_of(value['spread'], joint):g}"
+    return f"{_of(value, joint):g}"
+
+
+def _of(number: Any, joint: int | None) -> float:
+    """The number of a joint 2 … n where each has one."""
+    return float(number if joint is None else number[joint - 2])
 
 
 def _identification(data: Sequence[DataSet]) -> str:
@@ -319,7 +329,7 @@ def _identification(data: Sequence[DataSet]) -> str:
 
 
 def _unidentified(data: DataSet) -> Markup:
-    names = [f"`{r.name}`" for r in FITTED_PARAMETERS if remaining_share(data, r) > 0.9]
+    names = [f"`{r.key}`" for r in FITTED_PARAMETERS if remaining_share(data, r) > 0.9]
     return Markup("; ".join(names) or "none")
 
 
@@ -393,6 +403,6 @@ def _draw_remaining(ax: Any, data: Sequence[DataSet]) -> None:
         for j, part in enumerate(row):
             dark = part < 0.5
             ax.text(j, i, f"{part:.2f}", ha="center", va="center", color="w" if dark else "k")
-    ax.set_yticks(range(len(FITTED_PARAMETERS)), [r.name for r in FITTED_PARAMETERS], fontsize=8)
+    ax.set_yticks(range(len(FITTED_PARAMETERS)), [r.key for r in FITTED_PARAMETERS], fontsize=8)
     ax.set_xticks(range(len(data)), [fill(d.name, 16) for d in data], fontsize=8)
     ax.set_title("part of each range that is left (1: not identifiable)", fontsize=10)

@@ -21,6 +21,7 @@ identifiable, 0 known.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -79,18 +80,22 @@ def central_differences(values: Array) -> Array:
     return np.moveaxis((values[1 : 1 + count] - values[1 + count :]) / (2 * HALF_STEP), 0, -1)
 
 
-def statement_values(plan: Plan, points: list[dict[str, float]]) -> Array:
-    """The quantities in the paper's statements, (S, 4)."""
-    machine = nominal_machine(points[0])
+def statement_values(plan: Plan, points: list[dict[str, float]], **changes: Any) -> Array:
+    """The quantities in the paper's statements, (S, 5)."""
+    machine = nominal_machine(points[0], **changes)
     still = move(plan, machine, points).statements
     moving = move(plan, machine.with_(fidelity="dynamic"), points).statements
     return np.column_stack([still[:, :2], moving[:, 2:]])
 
 
-def fit(plan: Plan) -> Fit:
+def fit(plan: Plan, **changes: Any) -> Fit:
     """Fit `FITTED_PARAMETERS`: without the bounds, then with those that this exceeds.
 
     A bound inside the search would be a kink in it, at which least squares ends too early.
+
+    Args:
+        plan: The paper's motion.
+        changes: Of the effects that are not fitted.
     """
     from scipy.optimize import least_squares  # slow to import
 
@@ -98,7 +103,7 @@ def fit(plan: Plan) -> Fit:
     counted, x, evaluations = ~BOUNDS, np.zeros(len(FITTED_PARAMETERS)), 0
 
     def residuals(x: Array) -> Array:
-        quantities = statement_values(plan, difference_points(x))
+        quantities = statement_values(plan, difference_points(x), **changes)
         deviations = ((quantities - TARGETS) / TOLERANCES)[:, counted]
         slopes[x.tobytes()] = np.concatenate([np.eye(len(x)), central_differences(deviations)])
         return np.concatenate([x, deviations[0]])
@@ -109,7 +114,7 @@ def fit(plan: Plan) -> Fit:
         )
         x, evaluations = solution.x, evaluations + int(solution.nfev)
         parameters = {name: to_preset_digits(value) for name, value in values(x).items()}
-        quantities = statement_values(plan, [parameters])[0]
+        quantities = statement_values(plan, [parameters], **changes)[0]
         if not np.any((quantities > TARGETS) & ~counted):
             return Fit(x, parameters, quantities, evaluations)
         counted = counted | (quantities > TARGETS)

@@ -15,12 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.machine.contact_load import largest_load
 from planner.machine.machine import Draws, Machine, draw
 from planner.machine.simulate import simulate_draws
 from planner.paper.cases import paper_problem
 from planner.plan.plan import Plan
 from planner.solve import solve
 from planner.support.arrays import Array
+from planner.systems.manipulator import Manipulator
 
 STEP_S = 0.01
 """Step of the replays: their error, some 0.0002 deg, is far below the reading error of a figure.
@@ -71,6 +73,8 @@ STATEMENTS = (
     Statement(
         "motor 2: deviation from its command, rms (Fig. 10: 'precisely controlled')", 0.0, 1.0, "%"
     ),
+    # No motor is precisely controlled at its limit.
+    Statement("motor 1: largest torque over its limit (Fig. 10 likewise)", 100.0, 1.0, "%", True),
 )
 
 
@@ -89,6 +93,8 @@ class PaperReplays:
         motors: Speed of the motors, (S, R, 2), as a percentage of each command's peak.
         gap: The same minus the command.
         largest: Largest |error| over all steps, (S, n), deg.
+        torque: Largest torque that the contacts ask of motor 1, (S,), N m.
+        torque_share: The same as a percentage of its limit.
     """
 
     t: Array
@@ -96,52 +102,74 @@ class PaperReplays:
     motors: Array
     gap: Array
     largest: Array
+    torque: Array
+    torque_share: Array
 
     @property
     def statements(self) -> Array:
-        """The quantities in the paper's statements, (S, 4)."""
+        """The quantities in the paper's statements, (S, 5)."""
         counted = (self.t >= COUNT_FROM_S) & (self.t < self.t[-1] - SETTLE_S - 1e-9)
         rms = np.sqrt(np.mean(self.gap[:, counted] ** 2, axis=1))
-        return np.column_stack([self.largest[:, [2, 1]], rms])
+        return np.column_stack([self.largest[:, [2, 1]], rms, self.torque_share])
 
 
 def nominal_machine(values: Mapping[str, float], **changes: object) -> Machine:
     """The prototype with these parameters, no spread, and the given changes."""
-    return Machine.prototype(step_s=STEP_S).nominal().with_(**{**values, **changes})
+    return Machine.prototype(step_s=STEP_S).nominal().with_(**{**settings(values), **changes})
 
 
 def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) -> PaperReplays:
     """Replay a plan on single machines that differ from `machine` in some parameters."""
     joints = plan.problem.system.size - 1
     base = draw(machine, joints, np.arange(len(points)), 0)
+    rows = [settings(p) for p in points]
     changed = {
-        name: np.stack([np.full(len(base[name]), p[name]) for p in points], axis=1)
-        for name in points[0]
+        name: np.stack([np.resize(row[name], len(base[name])) for row in rows], axis=1)
+        for name in rows[0]
     }
     draws = Draws(base.numbers, {**base.values, **changed})
     run = simulate_draws(plan, machine, draws, settle_s=SETTLE_S, record_s=STEP_S)
     u = np.where((run.t < plan.duration)[:, None], plan.trajectory.u(run.t), 0.0)
     peak = np.max(np.abs(u), axis=0) / 100
+    q = plan.trajectory.q(plan.t)
+    system = plan.problem.system
+    assert isinstance(system, Manipulator)
+    load = largest_load(system, draws, q, system.rates(q, plan.trajectory.u(plan.t)))
     return PaperReplays(
         t=run.t,
         error=np.rad2deg(run.q - plan.trajectory.q(run.t))[:, :, 1:],
         motors=run.speed / peak,
         gap=(run.speed - u) / peak,
         largest=np.rad2deg(run.deviation),
+        torque=load.motor_nm,
+        torque_share=100 * load.motor_nm / draws["torque_limit_nm"][0],
     )
 
 
 def values(x: Array) -> dict[str, float]:
     """Parameters at standardised coordinates x (P,): 0 the centre of each range, ±2 its ends."""
     return {
-        r.name: r.centre * float(np.exp(r.width * xi))
+        r.key: r.centre * float(np.exp(r.width * xi))
         for r, xi in zip(FITTED_PARAMETERS, x, strict=True)
     }
 
 
 def coordinates(parameters: Mapping[str, float]) -> Array:
     """The inverse of `values`, (P,)."""
-    return np.array([np.log(parameters[r.name] / r.centre) / r.width for r in FITTED_PARAMETERS])
+    return np.array([np.log(parameters[r.key] / r.centre) / r.width for r in FITTED_PARAMETERS])
+
+
+def settings(parameters: Mapping[str, float]) -> dict[str, float | list[float]]:
+    """The machine's effects with these parameters: those of single joints as lists."""
+    out: dict[str, float | list[float]] = {}
+    for key, value in parameters.items():
+        name, *joint = key.split(JOINT_MARK)
+        out[name] = [*np.atleast_1d(out.get(name, [])).tolist(), value] if joint else value
+    return out
+
+
+JOINT_MARK = " of joint "
+"""Between an effect and the joint that a parameter is of."""
 
 
 @dataclass(frozen=True)
@@ -152,12 +180,19 @@ class Parameter:
         name: Effect of the machine; its unit is that of the `[machine]` table.
         low, high: Ends of its range.
         source: Where the range comes from.
+        joint: The joint, where each of joints 2 and 3 has a value of its own.
     """
 
     name: str
     low: float
     high: float
     source: str
+    joint: int | None = None
+
+    @property
+    def key(self) -> str:
+        """What tells the parameter from all others."""
+        return self.name if self.joint is None else f"{self.name}{JOINT_MARK}{self.joint}"
 
     @property
     def centre(self) -> float:
@@ -212,7 +247,8 @@ FITTED_PARAMETERS = (
     Parameter("shaft_damping_nms_per_rad", 0.005, 0.08, "1 to 10 % of critical: belt and bearings"),
     Parameter("link_inertia_kgm2", 0.01, 0.1, "0.25 to 1.5 kg at 0.2 m: a link with its mechanism"),
     Parameter("base_friction_nm", 0.05, 0.5, "bearings and seals under the weight of the arm"),
-    Parameter("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension, disks of the next joint"),
+    Parameter("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension, disks of joint 3", 2),
+    Parameter("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension", 3),
     Parameter("viscous_friction_nms_per_rad", 0.01, 0.2, "grease: a tenth to all of it at 1 rad/s"),
 )
 """In the order of the signal path."""
@@ -226,6 +262,7 @@ FIXED_PARAMETERS: dict[str, str] = {
     "link_moment_kgm": "0.8 kg at 0.2 m, as the links' inertia; acts on an inclined plane only",
     "velocity_limit_rad_s": "3000 to 4000 rpm behind 1:100; the paper's motion needs a fifth",
     "acceleration_limit_rad_s2": "a tenth of a second to that speed",
+    "lateral_friction": "rollers or crowned rims; no statement of the paper fixes it, see above",
     "gear_ratio_error": "radii of disks and contacts to 0.1 mm on 20 mm; mean 0, drawn",
     "initial_play": "position of a joint within its backlash at the start, unknown; mean 0, drawn",
     "initial_angle_error_deg": "set by eye or against a stop before each run; mean 0, drawn",

@@ -225,8 +225,8 @@ def _steps(
         return
     joints = system.size - 1
     count = effect.count(joints)
-    values = np.broadcast_to([effect.off_value] if on is None else on.value, count)
-    spreads = np.broadcast_to([0.0] if on is None else on.spread, count)
+    values = np.broadcast_to(machine.mean(name, joints), count)
+    spreads = np.broadcast_to(machine.spread(name, joints), count)
     for i, (value, spread) in enumerate(zip(values, spreads, strict=True)):
         size = spread or (RELATIVE_STEP * abs(value) if value else STEPS.get(effect.unit, 0.01))
         low, high = max(value - size, effect.low), min(value + size, effect.high)

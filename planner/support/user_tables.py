@@ -9,7 +9,7 @@ import difflib
 import reprlib
 from collections.abc import Collection, Mapping, Sequence
 from itertools import islice
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -29,6 +29,9 @@ class Table(BaseModel):
         allow_inf_nan=False,
         defer_build=True,  # until a table is used: most problems use a few of them
     )
+
+    former: ClassVar[Mapping[str, str]] = {}
+    """Keys that there were, and what took their place."""
 
 
 def parse(model: type[Model], data: Any, source: str, prefix: Sequence[str] = ()) -> Model:
@@ -160,6 +163,9 @@ def _line(
     where, value = _dotted([*prefix, *path]), shorten(_short_repr.repr(group[0]["input"]))
     match group[0]["type"]:
         case "extra_forbidden":
+            former = getattr(_table_at(model, path[:-1]), "former", {}).get(path[-1])
+            if former:
+                return f"'{where}' = {value}: {former}"
             hint = _home_table(model, path) or allowed_hint(
                 str(path[-1]), _keys_at(model, path[:-1])
             )
@@ -208,11 +214,16 @@ def _fields(model: Any) -> dict[str, Any]:
 
 def _keys_at(model: type[BaseModel], path: Path) -> list[str]:
     """Keys of the table that `path` leads to."""
+    return list(_fields(_table_at(model, path)))
+
+
+def _table_at(model: type[BaseModel], path: Path) -> Any:
+    """The table that `path` leads to."""
     current: Any = model
     for part in path:
         if part in _fields(current):
             current = _table_in(_fields(current)[part].annotation)
-    return list(_fields(current))
+    return current
 
 
 def _table_in(annotation: Any) -> Any:

@@ -29,7 +29,13 @@ SOFT: dict[str, Any] = {
 EVENTS: dict[str, dict[str, Any]] = {
     "smooth": SOFT,
     "creep": {**SOFT, "creep": 0.003, "creep_per_nm": 0.01},
-    "lateral creep": {**SOFT, "creep": 0.003, "lateral_creep": 0.05},
+    "sideways": {
+        **SOFT,
+        "creep": 0.003,
+        "creep_per_nm": 0.01,
+        "lateral_friction": 0.3,
+        "friction_capacity_nm": 0.5,
+    },
     "play": {**SOFT, "backlash_deg": 2.0},
     "coulomb": {**SOFT, "coulomb_friction_nm": 0.05, "base_friction_nm": 0.02},
     "slip": {**SOFT, "creep_per_nm": 0.01, "friction_capacity_nm": 0.05},
@@ -47,6 +53,7 @@ EVENTS: dict[str, dict[str, Any]] = {
         "coulomb_friction_nm": 0.05,
         "creep": 0.003,
         "creep_per_nm": 0.01,
+        "lateral_friction": 0.2,
         "friction_capacity_nm": 0.3,
         "torque_limit_nm": 0.3,
     },

@@ -21,15 +21,17 @@ def plan() -> Plan:
 
 
 def test_the_first_contact_carries_the_power_of_all_joints(plan: Plan) -> None:
-    # By energy: what disk B1 puts in is what the friction of joints 2 to 4 takes.
+    # By energy: what disk A behind P1 puts in is what the friction of joints 2 to 4 takes.
     t = np.linspace(0, plan.duration, 400)
     system, q, u = plan.problem.system, plan.q(t), plan.u(t)
     speeds = system.rates(q, u)[:, 2:]
     friction = np.array([0.2, 0.3, 0.25]) + 0.05 * np.abs(speeds)
-    felt = np.sum(friction * np.abs(speeds), axis=1) / np.abs(u[:, 0])
+    disk = np.abs(u[:, 0]) * np.cos(q[:, 1])
+    felt = np.sum(friction * np.abs(speeds), axis=1) / disk
     found = contact_load(plan, planner.Machine.ideal(**FRICTION, friction_capacity_nm=2.0))
     assert found.torque_nm == pytest.approx([np.max(felt)], rel=1e-4)
     assert found.share == pytest.approx([np.max(felt) / 2.0], rel=1e-4)
+    assert found.motor_nm == pytest.approx(np.max(felt * np.cos(q[:, 1])), rel=1e-4)
     assert "slips on 0 of 1 machine)" in repr(found)
 
 

@@ -108,7 +108,7 @@ def test_other_systems_are_the_same_in_both() -> None:
     assert np.array_equal(still.q, moving.q)
 
 
-@pytest.mark.parametrize(("fidelity", "most"), [("quasi-static", 2e-6), ("dynamic", 1e-5)])
+@pytest.mark.parametrize(("fidelity", "most"), [("quasi-static", 3e-6), ("dynamic", 1e-5)])
 def test_a_millisecond_is_a_short_step_for_the_prototype(
     smooth_plan: Plan, fidelity: str, most: float
 ) -> None:
@@ -224,7 +224,7 @@ def test_a_contact_slips_at_its_capacity_and_the_motor_goes_on() -> None:
     capacity = 0.1
     plant = chain(2, friction_capacity_nm=capacity, coulomb_friction_nm=5.0, **SOFT)
     drive(plant, 1000, constant(0.5, 0.0))
-    lever = arm(2).k_g * arm(2).K[0] * np.cos(start(2)[1, 0]) ** 3
+    lever = arm(2).k_g * arm(2).K[0]  # of P3, which is loaded most
     assert plant.q[2, 0] == pytest.approx(start(2)[2, 0], abs=1e-7)
     assert plant.shaft_torque[0, 0] * lever == pytest.approx(capacity, rel=1e-3)
     assert plant.motor_rates[0, 0] == pytest.approx(0.5, rel=1e-3)

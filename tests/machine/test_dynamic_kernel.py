@@ -69,7 +69,7 @@ def test_whole_replays_are_the_same(library: Any, use: Any, name: str, n: int) -
         runs.append(replay(plan, machine, samples=3, seed=1, settle_s=0.1))
     assert len(set(runs[0].q[:, -1, 2])) == 3
     for other in runs[1:]:
-        for part in ("q", "motor_rates", "saturated_s", "deviation"):
+        for part in ("q", "motor_rates", "saturated_s", "slip_s", "deviation"):
             assert getattr(runs[0], part) == pytest.approx(getattr(other, part), abs=1e-9)
     if name == "little torque":
         assert np.all(runs[0].saturated_s > 0.05)
@@ -88,7 +88,9 @@ def imbalance(stage: StageLaws, v: np.ndarray) -> np.ndarray:
         left[driver] += stage.first[j] * held[2 + j]
     left[rows.stages] += stage.second * held[2 + m : 2 + 2 * m] - held[2 : 2 + m]
     left[rows.axes] -= held[2 + m : 2 + 2 * m]
-    left[rows.links] += held[2 + 2 * m :]
+    left[rows.links] += held[2 + 2 * m : 3 + 3 * m]
+    left[rows.disk] += held[3 + 3 * m]
+    left[rows.stages] += held[4 + 3 * m :]
     left[rows.before] += pressed
     left[rows.after] -= pressed
     return left

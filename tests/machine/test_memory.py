@@ -25,7 +25,7 @@ def same(one: Replay, other: Replay) -> None:
         assert np.array_equal(getattr(one, name), getattr(other, name)), name
     assert (one.effort is None) == (other.effort is None)
     if one.effort is not None and other.effort is not None:
-        np.testing.assert_allclose(one.effort, other.effort, rtol=1e-14)
+        np.testing.assert_allclose(one.effort, other.effort, rtol=1e-13)
 
 
 @pytest.mark.parametrize(

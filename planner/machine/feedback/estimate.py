@@ -26,8 +26,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.machine.feedback.means import Rates
 from planner.support.arrays import Array
-from planner.systems.triangular_system import TriangularSystem
 
 RATE_SPREAD = 0.01
 """Standard deviation expected of ε."""
@@ -202,13 +202,13 @@ class Forecast:
     """Predicts S samples.
 
     Args:
-        system: The system.
+        rates: Of the system on the mean machine.
         play: Whole play of motor 1, rad.
         tick: Longest step of integration, s.
     """
 
-    def __init__(self, system: TriangularSystem, play: float, tick: float) -> None:
-        self._half, self._tick, self.rates = play / 2, tick, system.rates
+    def __init__(self, rates: Rates, play: float, tick: float) -> None:
+        self._half, self._tick, self.rates = play / 2, tick, rates
 
     def __call__(self, known: Estimate, done: Array, until: Array, history: History) -> Pose:
         """Where S samples will be.

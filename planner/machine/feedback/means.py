@@ -6,9 +6,13 @@ what the encoders read.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from planner.machine.machine import Machine
+from planner.machine.contact_load import gear_constants
+from planner.machine.contacts import chain_loads, friction_capacity, lateral_friction
+from planner.machine.machine import Machine, draw
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
@@ -40,26 +44,60 @@ def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
     """Mean angle that each passive axis turns before its joint follows, either way, (N−2,), rad."""
     if not isinstance(system, Manipulator):
         return np.zeros(system.size - 2)
-    play, friction = machine.mean("backlash_deg"), machine.mean("coulomb_friction_nm")
-    stiffness = machine.mean("shaft_stiffness_nm_per_rad")
+    play, friction, stiffness = (
+        machine.mean(name, system.n)
+        for name in ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
+    )
     return np.array(np.broadcast_to(np.deg2rad(play) / 2 + friction / stiffness, system.n - 1))
 
 
-def lost_spread(machine: Machine) -> Array:
+def lost_spread(machine: Machine, joints: int) -> Array:
     """Standard deviation of an arm's lost motion, to first order, one for all joints or each."""
-    stiffness = machine.mean("shaft_stiffness_nm_per_rad")
-    twist = machine.mean("coulomb_friction_nm") / stiffness
-    play, friction, soft = (
-        np.array(machine.effects[name].spread if name in machine.effects else (0.0,))
-        for name in ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
-    )
+    names = ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
+    _, friction, stiffness = (machine.mean(name, joints) for name in names)
+    play, rough, soft = (machine.spread(name, joints) for name in names)
     return np.asarray(
         np.sqrt(
             (np.deg2rad(play) / 2) ** 2
-            + (friction / stiffness) ** 2
-            + (twist * soft / stiffness) ** 2
+            + (rough / stiffness) ** 2
+            + (friction / stiffness * soft / stiffness) ** 2
         )
     )
+
+
+Rates = Callable[[Array, Array], Array]
+"""Of coordinates (…, N) and motor speeds (…, 2): rates (…, N)."""
+
+
+def mean_rates(system: TriangularSystem, machine: Machine) -> Rates:
+    """The system's rates, less what the contacts of the mean arm lose under its joints' friction.
+
+    By creep, and sideways where joints turn the contacts; see `planner.machine.contacts`.
+    """
+    if not isinstance(system, Manipulator):
+        return system.rates
+    draws = draw(machine.nominal(), system.n, np.zeros(1, dtype=np.int64), 0)
+    k, lateral, capacity = (
+        gear_constants(system, draws),
+        lateral_friction(draws),
+        friction_capacity(draws),
+    )
+    friction = np.broadcast_to(draws["coulomb_friction_nm"], k.shape)
+    creep, creep_per_nm = draws["creep"][0], draws["creep_per_nm"][0]
+
+    def rates(q: Array, u: Array) -> Array:
+        out = np.array(system.rates(q, u))
+        cosines = np.cos(np.moveaxis(q[..., 1:-1], -1, 0))[..., None]
+        torques = friction.reshape(len(k), *[1] * (cosines.ndim - 1))
+        loads, parts, _ = chain_loads(cosines, k, torques, lateral, capacity)
+        parts = (parts * np.maximum(1 - creep - creep_per_nm * np.abs(loads), 0.0))[..., 0]
+        through = np.cumprod(parts[0], axis=0)
+        out[..., 2:] *= np.moveaxis(through * parts[1] * parts[2], 0, -1)
+        if len(k) > 1:
+            out[..., 0] *= through[-2]
+        return out
+
+    return rates
 
 
 def input_limit(plan: Plan, machine: Machine) -> Array:

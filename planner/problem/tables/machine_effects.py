@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, GetCoreSchemaHandler
+from pydantic import Field, GetCoreSchemaHandler, model_validator
 from pydantic_core import CoreSchema, core_schema
 
 from planner.support.user_tables import Table, allowed_hint
@@ -166,6 +166,19 @@ class MachineTable(Table):
     false, which switches it off. Others are as in the preset.
     """
 
+    former: ClassVar[Mapping[str, str]] = {
+        "lateral_creep": "this effect is gone; lateral_friction takes its place: friction sideways"
+        " over that along the drive (0 ... 1), which loses rate under load and drags on the driver"
+    }
+
+    @model_validator(mode="before")
+    @classmethod
+    def _forget_what_is_off(cls, data: Any) -> Any:
+        """Complete tables, as in files of compensated plans, name the effects that are off too."""
+        if not isinstance(data, Mapping):
+            return data
+        return {k: v for k, v in data.items() if not (k in cls.former and v is False)}
+
     preset: Literal["prototype", "ideal"] = Field("prototype", description="Preset to start from.")
     step_s: Annotated[float, Field(gt=0, le=0.01)] | None = Field(
         None, description="Largest simulation step in seconds."
@@ -243,17 +256,18 @@ class MachineTable(Table):
     creep_per_nm: Annotated[Setting | None, Effect("1/(N m)", "machine", low=0)] = Field(
         None, description="Rate lost at each contact for each N m it transmits (fraction per N m)."
     )
-    lateral_creep: Annotated[Setting | None, Effect("", "machine", low=0, high=1)] = Field(
+    lateral_friction: Annotated[Setting | None, Effect("", "machine", low=0, high=1)] = Field(
         None,
-        description="Rate lost at each contact on top of creep, times |sin| of the joint angle that"
-        " turns its rolling direction (fraction): a contact that is turned also slips sideways.",
+        description="Friction of a contact sideways over that along its drive, 0 ... 1: a contact"
+        " that a joint turns slides sideways, which drags on the driver and loses rate under load;"
+        " 1 for plain disks, less for rollers. Acts together with friction_capacity_nm.",
     )
     friction_capacity_nm: Annotated[
         Setting | None, Effect("N m", "machine", low=0, off_value=math.inf, positive=True)
     ] = Field(
         None,
-        description="Largest torque a contact transmits, mu N r of its driving disk, N m;"
-        " beyond it slips.",
+        description="Largest torque a contact transmits, mu N r of disk B, N m; what needs more"
+        " stands still (gross slip).",
     )
     disk_inertia_kgm2: Annotated[
         Setting | None, Effect("kg m^2", "passive", low=0, dynamic_only=True)

@@ -90,7 +90,7 @@ class LogModel:
         return offsets
 
 
-READINGS, OFFSET_ROUNDS = 5, 3
+READINGS, OFFSET_ROUNDS = 25, 3
 """Readings whose mean tells where a joint is; rounds after which an offset, which acts on the
 joints behind by cosines, no longer changes (the second changes it by 0.01 degrees)."""
 

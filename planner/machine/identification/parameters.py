@@ -148,7 +148,9 @@ class Parameters:
 
     def _rows(self) -> Iterator[Parameter]:
         effects, numbers = self._machine.effects, range(2, self.system.n + 1)
-        spreads = np.maximum(lost_spread(self._machine), 0.1 * self._lost + 0.1 * DEG)
+        spreads = np.maximum(
+            lost_spread(self._machine, self.system.n), 0.1 * self._lost + 0.1 * DEG
+        )
         for j, w, spread in zip(numbers, self._lost, spreads, strict=True):
             words, prior = (f"w{j}", f"lost motion of joint {j}", "deg"), PRIOR_SPREADS * spread
             merged = "backlash, friction and stiffness"

@@ -306,4 +306,9 @@ def _caption(comparison: Comparison) -> str:
         " refused plans that can be executed are replayed for study."
         + (FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "")
         + "".join(f" {row.label}: {row.note}." for row in comparison.rows if row.note)
+        + "".join(
+            f" {row.label}: {row.replay.slip_words}."
+            for row in comparison.rows
+            if row.replay is not None and row.replay.slip_words
+        )
     )

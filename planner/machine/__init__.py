@@ -1,7 +1,7 @@
 """The emulated machine, the tracker, commands that allow for the machine, replays.
 
 In this order: `machine` (which effects, drawn how), then along the signal: `commands`, `servos`,
-`disk_chain` (contacts, backlash, shafts), `bodies` and `march` (with inertia); `stepwise` and
+`contacts`, `disk_chain` (backlash, shafts), `bodies` and `march` (with inertia); `stepwise` and
 `compiled` step through them in NumPy and in C; `simulate`, `closed_loop` with `feedback` (the
 tracker), and `replay`, which is what others call. `feedforward` shapes commands for a machine;
 `contact_load` says what a plan asks of the friction contacts; `identification` finds a machine

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, encoder_readings
+from planner.machine.contacts import contact_name
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
 from planner.machine.simulate import Progress, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
@@ -82,7 +83,22 @@ class Replay:
         low, high = self.percentile(50), self.percentile(95)
         return (
             f"Replay({self.plan.method} plan, {count} sample{'s' if count > 1 else ''},"
-            f" seed {self.seed}: E median {low:.3g} deg, 95 % {high:.3g} deg)"
+            f" seed {self.seed}: E median {low:.3g} deg, 95 % {high:.3g} deg"
+            f"{'; ' if self.slip_words else ''}{self.slip_words})"
+        )
+
+    @property
+    def slip_words(self) -> str:
+        """Which contact slips grossly, when, and on how many machines; "" where none does."""
+        slips, count = np.flatnonzero(self.slip_contact >= 0), len(self.numbers)
+        if not slips.size:
+            return ""
+        first = slips[np.nanargmin(self.slip_begin[slips])]
+        return (
+            f"gross slip on {len(slips)} of {count} machine{'s' if count > 1 else ''}, first of"
+            f" contact {contact_name(int(self.slip_contact[first]))} at"
+            f" {self.slip_begin[first]:.3g} s: what is behind it stands still for"
+            f" {self.slip_s[slips].max():.2g} s at most"
         )
 
     def percentile(self, percent: float) -> float:
@@ -162,8 +178,8 @@ class Replay:
         """The numbers of a comparison table, JSON-ready, in degrees and seconds.
 
         Over all samples: median and 95th percentile of E and of the terminal error, the median of
-        each angle's terminal error, the longest saturation of each motor, and the number of
-        fallback steps of the controller.
+        each angle's terminal error, the longest saturation of each motor, gross slip of friction
+        contacts, and the number of fallback steps of the controller.
         """
         end = self.terminal_E_deg
         return {
@@ -176,6 +192,9 @@ class Replay:
             "terminal_error_median_deg": np.median(self.terminal_error_deg, axis=0).tolist(),
             "largest_error_median_deg": np.median(self.largest_error_deg, axis=0).tolist(),
             "saturated_s": self.saturated_s.max(axis=0).tolist(),
+            "slip_machines": int(np.sum(self.slip_contact >= 0)),
+            "slip_s": float(self.slip_s.max()),
+            "slip": self.slip_words,
             "fallbacks": int(self.fallbacks.sum()),
         }
 

@@ -59,13 +59,20 @@ class Fit:
         x: Standardised parameters, (P,).
         parameters: The same in their units, rounded to the digits of the preset.
         values: What the paper's statements come to with them.
+        motor_nm: Largest torque of motor 1 in the paper's motion, N m.
         evaluations: How many times x was looked at.
     """
 
     x: Array
     parameters: dict[str, float]
     values: Array
+    motor_nm: float
     evaluations: int
+
+    @property
+    def distance(self) -> float:
+        """From the centres of the ranges, in standard deviations, all together."""
+        return float(np.linalg.norm(self.x))
 
 
 def difference_points(x: Array) -> list[dict[str, float]]:
@@ -116,7 +123,8 @@ def fit(plan: Plan, **changes: Any) -> Fit:
         parameters = {name: to_preset_digits(value) for name, value in values(x).items()}
         quantities = statement_values(plan, [parameters], **changes)[0]
         if not np.any((quantities > TARGETS) & ~counted):
-            return Fit(x, parameters, quantities, evaluations)
+            motor = quantities[-1] / 100 * parameters["torque_limit_nm"]
+            return Fit(x, parameters, quantities, float(motor), evaluations)
         counted = counted | (quantities > TARGETS)
 
 

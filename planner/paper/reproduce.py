@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.paper.cases import POINT, Cases, cases
-from planner.paper.numbers import PaperNumber, findings
+from planner.paper.numbers import PaperNumber, findings, turned_ratio
 from planner.report.figures.arm import plot_arm
 from planner.report.figures.mechanism import plot_mechanism
 from planner.report.figures.on_the_machine import median_sample, plot_replays
 from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z
-from planner.report.figures.style import grid, heading
+from planner.report.figures.style import COLOURS, grid, heading
 from planner.report.film import animate
 from planner.report.panels import z2_band
 from planner.support.files import folder
@@ -85,6 +85,7 @@ def figures(cases: Cases) -> dict[str, Figure]:
     point = {f"constraint point ({POINT[0]:g} s, {POINT[1]:g})": cases.point}
     return {
         "mechanism": plot_mechanism(cases.valid.problem.system)[0],
+        "eq6-turned-contacts": _turned_contacts(),
         "fig4-z-no-point": plot_z(free)[0],
         "fig5-z-with-point": plot_z(point)[0],
         "fig5-no-real-theta1": _finding(cases),
@@ -94,6 +95,24 @@ def figures(cases: Cases) -> dict[str, Figure]:
         "fig9-joints-machine": plot_replays({VALID_LABEL: cases.replay})[0],
         "fig10-motors-machine": _motors(cases),
     }
+
+
+def _turned_contacts() -> Figure:
+    """How fast a joint turns behind three contacts at an angle, for more or less friction."""
+    figure, axes = grid(1, 1, size=(6.4, 4.0))
+    ax, degrees = axes[0, 0], np.linspace(0, 60, 241)
+    ax.plot(degrees, np.cos(np.deg2rad(degrees)) ** 3, "k--", label="eq. (6): $\\cos^3\\theta$")
+    for k, lateral in enumerate((0.1, 0.3, 1.0)):
+        words = f"{lateral:g}" + (": plain disks, $\\cos 3\\theta$" if lateral == 1 else "")
+        for share, style in ((0.0, "-"), (0.3, ":")):
+            label = words if share == 0 else None
+            ratio = turned_ratio(degrees, lateral, share)
+            ax.plot(degrees, ratio, style, color=COLOURS[k], linewidth=1.6, label=label)
+    ax.set_xlabel("angle of the contacts (deg)")
+    ax.set_ylabel("speed of the joint over $k_2 u_1$")
+    ax.legend(title="sideways over driving friction", fontsize=9)
+    heading(figure, "Three turned contacts in a row; dotted: at 0.3 of their capacity", ours=True)
+    return figure
 
 
 def _finding(cases: Cases) -> Figure:
@@ -208,6 +227,11 @@ FIGURES = (
         "mechanism",
         "Figs 2 and 3",
         "how two motors drive the joints, as we read section 3.1",
+    ),
+    (
+        "eq6-turned-contacts",
+        "what eq. (6) leaves out",
+        "contacts that are turned slide sideways; plain disks give cos 3 theta",
     ),
     (
         "fig4-z-no-point",

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 from driven import SOFT, arm, chain, constant, drive
-from handmade import draws_of
+from handmade import arm_problem, draws_of, inputs, plan_from
 from scipy.integrate import solve_ivp
 
+import planner
+from planner.machine.contact_load import contact_load
 from planner.machine.contacts import Grip
 from planner.machine.disk_chain import DiskChain
 
@@ -183,3 +185,53 @@ def test_plain_disks_turn_a_joint_by_the_cosine_of_three_angles(degrees: float) 
         assert ratio == pytest.approx(max(0.0, np.cos(3 * np.deg2rad(degrees))), abs=1e-5)
     exact, _ = simulated(np.deg2rad([degrees]), C, 1.0, [0.0])
     assert exact[0] == pytest.approx(ratio, abs=2e-4)
+
+
+@pytest.mark.parametrize("fidelity", ["quasi-static", "dynamic"])
+def test_gross_slip_is_told_with_contact_joint_and_time(fidelity: str) -> None:
+    """Plain disks, and θ₁ that turns from 5 degrees on: P1 at joint 1, which carries most."""
+    speeds = inputs(([0.3], [0.2]), breaks=[0.0, 4.0])
+    plan = plan_from(arm_problem([5.0, 5.0, 5.0], end=4.0), speeds, pieces=20)
+    effects = {"lateral_friction": 1.0, "friction_capacity_nm": 2.0, "coulomb_friction_nm": 0.02}
+    machine = planner.Machine.ideal(**effects, shaft_stiffness_nm_per_rad=20.0, fidelity=fidelity)
+    run = planner.replay(plan, machine, record_s=0.01)
+    assert run.slip_contact[0] == 0
+    assert run.slip_words.startswith(
+        "gross slip on 1 of 1 machine, first of contact P1 at joint 1 at "
+    )
+    # From the load of the plan up to then, to a few hundredths of a second.
+    until = [plan.t[plan.t <= run.slip_begin[0] + d] for d in (-0.3, 0.3)]
+    shares = [float(contact_load(_first_part(plan, t[-1]), machine).share[0]) for t in until]
+    assert shares[0] < 1 < shares[1]
+    assert run.slip_s[0] == pytest.approx(4.0 - run.slip_begin[0], abs=0.1)
+    still = run.t > run.slip_begin[0] + 0.3
+    assert np.ptp(run.q[0, still][:, 2:], axis=0) == pytest.approx([0, 0], abs=1e-3)
+    assert run.slip_words in repr(run)
+    assert run.summary()["slip_machines"] == 1
+    free = planner.replay(plan, machine.with_(lateral_friction=0.1))
+    assert (free.slip_words, free.slip_s[0]) == ("", 0.0)
+    assert np.isnan(free.slip_begin[0])
+
+
+def _first_part(plan: planner.Plan, end: float) -> planner.Plan:
+    speeds = inputs(([0.3], [0.2]), breaks=[0.0, float(end)])
+    return plan_from(arm_problem([5.0, 5.0, 5.0], end=float(end)), speeds, pieces=20)
+
+
+def test_the_key_that_there_was_is_refused_with_the_new_one() -> None:
+    with pytest.raises(planner.InputError, match="lateral_friction takes its place"):
+        planner.Machine.prototype(lateral_creep=0.02)
+    old = {**planner.Machine.ideal().to_dict(), "lateral_creep": False}  # of a plan's file
+    assert planner.Machine.from_table(old) == planner.Machine.ideal()
+
+
+@pytest.mark.parametrize("n", [2, 4])
+def test_the_prototypes_friction_goes_on_with_its_last_joint(n: int) -> None:
+    friction = planner.Machine.prototype().mean("coulomb_friction_nm", n)
+    listed = planner.Machine.prototype().mean("coulomb_friction_nm").tolist()
+    assert friction.tolist() == [*listed, listed[-1]][: n - 1]
+    speeds = inputs(([0.3], [0.2]), breaks=[0.0, 1.0])
+    plan = plan_from(arm_problem([5.0] * 4, end=1.0), speeds, pieces=5)
+    machine = planner.Machine.prototype(coulomb_friction_nm=[0.1, 0.2])
+    with pytest.raises(planner.InputError, match="has 2 values, but needs one, or 3"):
+        planner.replay(plan, machine)

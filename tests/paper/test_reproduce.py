@@ -17,6 +17,7 @@ from planner.paper.numbers import (
     MISSING_ANGLE_DETOURS,
     Points,
     margins_at_paper_point,
+    turned_ratio,
 )
 from planner.paper.reproduce import FIGURES, FILM, Reproduction, reproduce
 from planner.plan.measures import effort
@@ -140,6 +141,16 @@ def test_the_chart_needs_no_angle_at_the_last_joint(paper: planner.Problem) -> N
     q = np.array([0.1, 0.3, 0.4, 0.0])
     np.testing.assert_allclose(form.q(form.z(q), paper.system.branch(q)), q, atol=1e-14)
     assert np.min(paper.system.chart_margins(q, paper.system.branch(q))) > 0
+
+
+def test_plain_disks_are_excluded_by_numbers(made: Reproduction) -> None:
+    found = next(f for f in made.findings if f.where == "(6)")
+    assert found.verdict == "does not hold"
+    assert "0.866 in place of 0.955 at 10 deg" in found.ours
+    degrees = np.array([0.0, 12.0, 25.0, 40.0])
+    expected = np.maximum(np.cos(3 * np.deg2rad(degrees)), 0)
+    assert turned_ratio(degrees, 1.0) == pytest.approx(expected, abs=1e-12)
+    assert turned_ratio(degrees, 0.0, 0.5) == pytest.approx(np.cos(np.deg2rad(degrees)) ** 3)
 
 
 def test_machine_figures_are_of_the_prototype(made: Reproduction) -> None:

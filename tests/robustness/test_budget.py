@@ -146,18 +146,22 @@ def test_the_table_fits_a_terminal(width: int, whole: Budget) -> None:
 
 
 def test_a_slope_and_turned_contacts_are_in_the_budget(plan: planner.Plan) -> None:
-    """Gravity needs a soft shaft to show, as friction does; lateral creep shows alone."""
+    """Gravity needs a soft shaft to show, as friction does; sliding sideways needs a capacity."""
     machine = Machine.ideal(
         step_s=STEP,
         incline_deg=4.0,
         link_moment_kgm=0.16,
-        lateral_creep=0.02,
+        lateral_friction=0.2,
+        friction_capacity_nm=1.6,
         shaft_stiffness_nm_per_rad=3.26,
     )
     budget = error_budget(plan, machine, samples=1, base=2)
-    assert {c.name for c in budget.costs} >= {"incline_deg", "link_moment_kgm", "lateral_creep"}
+    assert {c.name for c in budget.costs} >= {"incline_deg", "link_moment_kgm", "lateral_friction"}
     assert budget["incline_deg"].alone_deg == pytest.approx(budget.none_deg, abs=1e-6)
     assert budget["incline_deg"].saves_deg == pytest.approx(
         budget["link_moment_kgm"].saves_deg, abs=1e-9
     )
-    assert budget["lateral_creep"].alone_deg > 0.05
+    assert budget["lateral_friction"].saves_deg > 0.05
+    assert budget["lateral_friction"].saves_deg == pytest.approx(
+        budget["friction_capacity_nm"].saves_deg, abs=1e-9
+    )

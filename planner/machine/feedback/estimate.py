@@ -3,10 +3,11 @@
 A passive joint follows its axis a at the distance of its lost motion w (backlash and the twist of
 its shaft): θ = a − w while the axis pushes it up, θ = a + w while it pushes it down, and it rests
 in between. The axis moves (1 + ε) times as far as forecast; ε is the error of its ratio, caused by
-gears and creep. A Kalman filter (B. D. O. Anderson, J. B. Moore, *Optimal Filtering*, 1979, section
-3.1) with the states a, w and ε estimates all three: a moving joint gives a ∓ w; a joint that rests
-although its axis should have reached it shows a larger lost motion. After a joint has been pushed
-in both directions, its lost motion is known.
+gears and by contacts that lose more or less than the mean machine's. A Kalman filter (B. D. O.
+Anderson, J. B. Moore, *Optimal Filtering*, 1979, section 3.1) with the states a, w and ε estimates
+all three: a moving joint gives a ∓ w; a joint that rests although its axis should have reached it
+shows a larger lost motion. After a joint has been pushed in both directions, its lost motion is
+known.
 
 An angle is known to one step of its encoder, so the estimate is moved into the interval that a
 reading leaves, and not further (F. C. Schweppe, *Recursive state estimation: unknown but bounded
@@ -26,8 +27,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.feedback.means import Rates
+from planner.machine.feedback.means import Passing
 from planner.support.arrays import Array
+from planner.systems.triangular_system import TriangularSystem
 
 RATE_SPREAD = 0.01
 """Standard deviation expected of ε."""
@@ -202,13 +204,17 @@ class Forecast:
     """Predicts S samples.
 
     Args:
-        rates: Of the system on the mean machine.
+        system: The system.
         play: Whole play of motor 1, rad.
         tick: Longest step of integration, s.
+        passing: What the contacts of the mean machine pass on; all when left out.
     """
 
-    def __init__(self, rates: Rates, play: float, tick: float) -> None:
-        self._half, self._tick, self.rates = play / 2, tick, rates
+    def __init__(
+        self, system: TriangularSystem, play: float, tick: float, passing: Passing | None = None
+    ) -> None:
+        self._half, self._tick, self.rates = play / 2, tick, system.rates
+        self._passing = passing
 
     def __call__(self, known: Estimate, done: Array, until: Array, history: History) -> Pose:
         """Where S samples will be.
@@ -222,10 +228,12 @@ class Forecast:
         """
         pose = known.pose
         count = max(1, int(np.ceil(np.max(until - done) / self._tick - 1e-9)))
-        before = history.travel(done)
+        before, rate = history.travel(done), 1 + known.rate_error
+        if self._passing is not None:  # it changes little in a period
+            rate = rate * self._passing(pose.q)
         for part in np.arange(1, count + 1) / count:
             after = history.travel(done + part * (until - done))
-            pose = self.predict(pose, after - before, known.lost_motion, 1 + known.rate_error)
+            pose = self.predict(pose, after - before, known.lost_motion, rate)
             before = after
         return pose
 

@@ -65,39 +65,31 @@ def lost_spread(machine: Machine, joints: int) -> Array:
     )
 
 
-Rates = Callable[[Array, Array], Array]
-"""Of coordinates (…, N) and motor speeds (…, 2): rates (…, N)."""
+Passing = Callable[[Array], Array]
+"""Of coordinates (N, S): part of the ideal rate of each coordinate after the first, (N−1, S)."""
 
 
-def mean_rates(system: TriangularSystem, machine: Machine) -> Rates:
-    """The system's rates, less what the contacts of the mean arm lose under its joints' friction.
+def mean_passing(system: TriangularSystem, machine: Machine) -> Passing | None:
+    """What contacts of the mean arm pass on under its joints' friction; None for other systems.
 
-    By creep, and sideways where joints turn the contacts; see `planner.machine.contacts`.
+    They lose by creep, and sideways where joints turn them; see `planner.machine.contacts`.
     """
     if not isinstance(system, Manipulator):
-        return system.rates
+        return None
     draws = draw(machine.nominal(), system.n, np.zeros(1, dtype=np.int64), 0)
-    k, lateral, capacity = (
-        gear_constants(system, draws),
-        lateral_friction(draws),
-        friction_capacity(draws),
-    )
+    k, lateral = gear_constants(system, draws), lateral_friction(draws)
+    capacity = friction_capacity(draws)
     friction = np.broadcast_to(draws["coulomb_friction_nm"], k.shape)
     creep, creep_per_nm = draws["creep"][0], draws["creep_per_nm"][0]
 
-    def rates(q: Array, u: Array) -> Array:
-        out = np.array(system.rates(q, u))
-        cosines = np.cos(np.moveaxis(q[..., 1:-1], -1, 0))[..., None]
-        torques = friction.reshape(len(k), *[1] * (cosines.ndim - 1))
-        loads, parts, _ = chain_loads(cosines, k, torques, lateral, capacity)
-        parts = (parts * np.maximum(1 - creep - creep_per_nm * np.abs(loads), 0.0))[..., 0]
-        through = np.cumprod(parts[0], axis=0)
-        out[..., 2:] *= np.moveaxis(through * parts[1] * parts[2], 0, -1)
-        if len(k) > 1:
-            out[..., 0] *= through[-2]
+    def passing(q: Array) -> Array:
+        loads, parts, _ = chain_loads(np.cos(q[1:-1]), k, friction, lateral, capacity)
+        parts *= np.maximum(1 - creep - creep_per_nm * np.abs(loads), 0.0)
+        out = np.ones_like(q[1:])
+        out[1:] = np.cumprod(parts[0], axis=0) * parts[1] * parts[2]
         return out
 
-    return rates
+    return passing
 
 
 def input_limit(plan: Plan, machine: Machine) -> Array:

@@ -35,7 +35,6 @@ from planner.machine.feedback.means import (
     input_scale,
     lost_motion,
     lost_spread,
-    mean_rates,
 )
 from planner.machine.machine import Machine
 from planner.plan.measures import excess_share, peak_inputs
@@ -109,7 +108,7 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
     speed = np.array([DRIVE_SHARE, SWING_SHARE]) * input_scale(plan, machine)
     speed = np.minimum(speed, np.maximum(_coasting_speed(machine), LEAST_SPEED_SHARE * speed))
     play = gearhead_play(system, machine)
-    forecast = Forecast(mean_rates(system, machine), play[0], STEP_S)
+    forecast = Forecast(system, play[0], STEP_S)
     lost = np.concatenate([play[1:] / 2, lost])[:, None]
     behind = max(np.deg2rad(BACK_DEG), BACK_SPREADS * float(lost_spread(machine, system.n).max()))
     return _Approach(plan, forecast, lost, first, speed, behind).solve()

@@ -63,7 +63,7 @@ def test_a_reversing_motor_first_crosses_its_play(smooth: Plan) -> None:
     """Motor 2 that of its gearhead, and motor 1 that of its own and then those of the joints."""
     system, half = smooth.problem.system, np.deg2rad(0.25)
     lost = np.deg2rad([[0.25], [1.0], [2.0]])
-    forecast = Forecast(system.rates, 2 * half, tick=0.01)
+    forecast = Forecast(system, 2 * half, tick=0.01)
     told = np.zeros((20, 2))
     told[:10], told[10:] = 0.2, -0.2
     history, zero = History(0.01, told, 1), np.zeros(2)

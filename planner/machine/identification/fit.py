@@ -100,9 +100,17 @@ def fit(
         z = problem.with_settled_offsets(z)
         problem.count, problem.heard = 0, partial(_share, tell, start, starts)
         solution = least_squares(
-            problem.residuals, z, problem.slopes, bounds=(problem.low, problem.high),
-            loss="soft_l1", f_scale=SOFT_FROM, max_nfev=MOST_STEPS, xtol=TOLERANCE, ftol=TOLERANCE,
-        )  # fmt: skip
+            problem.residuals,
+            z,
+            problem.slopes,
+            bounds=(problem.low, problem.high),
+            loss="soft_l1",
+            f_scale=SOFT_FROM,
+            tr_solver="lsmr",  # thousands of rows a column, of which an SVD takes most of the time
+            max_nfev=MOST_STEPS,
+            xtol=TOLERANCE,
+            ftol=TOLERANCE,
+        )
         steps += int(solution.nfev)
         if best is None or solution.cost < best.cost:
             best = solution

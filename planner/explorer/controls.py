@@ -29,7 +29,7 @@ from planner.methods.registry import METHODS
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import parse_file
-from planner.problem.tables.machine_effects import EFFECTS, Effect, MachineTable
+from planner.problem.tables.machine_effects import EFFECTS, Effect, MachineTable, StartState
 from planner.problem.tables.method_options import NO_SLIDER, Slider
 
 GOAL_TITLE = "Goal"
@@ -174,8 +174,24 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
     return [
         count,
         *_compensation(state, problem),
+        *_start_state(problem, now),
         *(_effect(name, first, now, given[name]) for name in names),
     ]
+
+
+def _start_state(problem: Problem, machine: Machine) -> list[Control]:
+    """How the arm stood before, where the system has a mechanism that remembers it."""
+    if not compensable(problem.system):
+        return []
+    words, help_text = get_args(StartState), MachineTable.model_fields["start_state"].description
+    now = machine.start_state[0] if len(set(machine.start_state)) == 1 else "joint by joint"
+    choices = [*words, *([now] if now not in words else [])]
+    return [
+        Control(
+            MACHINE_TITLE, "before the start", "choice", "machine.start_state", now, shown=now,
+            choices=choices, help=help_text or "",
+        )
+    ]  # fmt: skip
 
 
 def _compensation(state: State, problem: Problem) -> list[Control]:

@@ -34,8 +34,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.contact_load import weights
-from planner.machine.contacts import UNBOUNDED_TORQUE_NM, friction_capacity, lateral_friction
+from planner.machine.friction.contact_load import weights
+from planner.machine.friction.contacts import (
+    UNBOUNDED_TORQUE_NM,
+    friction_capacity,
+    lateral_friction,
+)
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
 

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from planner.machine.bodies import Masses, StateRows
 from planner.machine.commands import CommandGrid, Steps, lengths
-from planner.machine.contact_load import gear_constants, weights
-from planner.machine.contacts import VARYING_EFFECTS, friction_capacity, lateral_friction
 from planner.machine.disk_chain import DiskChain
+from planner.machine.friction.contact_load import gear_constants, weights
+from planner.machine.friction.contacts import VARYING_EFFECTS, friction_capacity, lateral_friction
 from planner.machine.machine import Draws
 from planner.machine.march import GAMMA, begin_march
 from planner.problem.tables.machine_effects import EFFECTS
@@ -369,7 +369,8 @@ def _state(system: Manipulator, draws: Draws, start: Array, gap: Array) -> Array
     state = np.zeros((draws.count, place["gap"].stop))
     parts = {"first": start[:1], "theta": start[1:], "gap": gap}
     parts["slip"] = np.array([[0.0], [-1.0], [-1.0]])
-    parts["axis"] = DiskChain(system, draws, start).axes
+    chain = DiskChain(system, draws, start)
+    parts |= {"axis": chain.axes, "disk": chain.disk}
     for name, values in parts.items():
         state[:, place[name]] = values.T
     return state

@@ -31,8 +31,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.machine.contact_load import gear_constants, weights
-from planner.machine.contacts import Contacts
+from planner.machine.friction.contact_load import gear_constants, weights
+from planner.machine.friction.contacts import Contacts
 from planner.machine.machine import Draws
 from planner.machine.servos import integrals, to_end
 from planner.support.arrays import Array
@@ -59,6 +59,7 @@ class DiskChain:
         self._k, self._k_g = list(k), system.k_g
         self._contacts = Contacts(draws, k)
         self._motor = Play.gearhead(draws, 0, np.zeros(draws.count))
+        self._motor.settle()
         self._joints = [Play.gearhead(draws, 1, q[1].copy())]
         self._joints += [Play.passive(draws, i, theta) for i, theta in enumerate(q[2:].copy())]
         self._cosines = np.cos(q[1:-1])
@@ -77,6 +78,11 @@ class DiskChain:
     def axes(self) -> Array:
         """Angles of the driven axes on the joints' scale, (n, S), rad."""
         return np.stack([joint.axis for joint in self._joints])
+
+    @property
+    def disk(self) -> Array:
+        """Angle of the first disk, and of motor 1 behind its gearhead, since the start, (2, S)."""
+        return np.stack([self._motor.theta, self._motor.axis])
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance by a step.
@@ -153,6 +159,7 @@ class Play:
         coulomb: Friction of the joint, N m.
         viscous: Friction of the joint, N m s/rad.
         start: Where in its play the axis starts, −1 … 1; 0 is the middle.
+        share: In its place, where in the range in which the joint rests, −1 … 1; NaN for none.
 
     Attributes:
         theta: Joint angle, (S,), rad.
@@ -169,6 +176,7 @@ class Play:
         coulomb: Value = 0.0,
         viscous: Value = 0.0,
         start: Value = 0.0,
+        share: Value = np.nan,
     ) -> None:
         self._half_gap, self._stiffness, self._coulomb, self._viscous = (
             np.broadcast_to(value, theta.shape) for value in (half_gap, stiffness, coulomb, viscous)
@@ -182,7 +190,7 @@ class Play:
         self.exact = not self._lagging and not self._rest.any()
         self.damped = not self._soft and bool(self._viscous.any())
         self._wound = np.zeros(theta.shape)
-        self._start = start
+        self._start, self._share = start, share
         self._weight: dict[float, tuple[Array, Array]] = {}
         self.theta = theta
         self.axis = theta + start * self._half_gap
@@ -194,13 +202,15 @@ class Play:
 
     def settle(self) -> None:
         """Let the axis be where the joint rests at its angle under its load."""
-        ahead = np.clip(self._start * self._half_gap, self._least, self._most)
-        self.axis = self.theta + ahead
+        self.axis = self.theta + rest_at(
+            self._share, self._start * self._half_gap, self._least, self._most
+        )
 
     @classmethod
     def gearhead(cls, draws: Draws, motor: int, angle: Array) -> Play:
-        """Between motor 0 or 1 and what it turns, from its angle (S,); starts in the middle."""
-        return cls(angle, np.deg2rad(_row(draws, "gearhead_backlash_deg", motor)) / 2)
+        """Between motor 0 or 1 and what it turns, from its angle (S,)."""
+        half_gap = np.deg2rad(_row(draws, "gearhead_backlash_deg", motor)) / 2
+        return cls(angle, half_gap, share=draws.start[motor])
 
     @classmethod
     def passive(cls, draws: Draws, i: int, theta: Array) -> Play:
@@ -212,6 +222,7 @@ class Play:
             coulomb=_row(draws, "coulomb_friction_nm", i),
             viscous=_row(draws, "viscous_friction_nms_per_rad", i),
             start=_row(draws, "initial_play", i),
+            share=draws.start[i + 2],
         )
 
     def move(self, travel: Array, h: float) -> Array:
@@ -288,6 +299,13 @@ def rest_range(
         np.asarray(least / stiffness + np.where(least > 0, half_gap, -half_gap)),
         np.asarray(most / stiffness + np.where(most < 0, -half_gap, half_gap)),
     )
+
+
+def rest_at(share: Value, middle: Value, least: Array, most: Array) -> Array:
+    """How far the axis is ahead of a joint at rest, rad: at a share −1 … 1 of the range from least
+    to most, or, where that is NaN, next to `middle`."""
+    there = least + (np.asarray(share) + 1) / 2 * (most - least)
+    return np.where(np.isnan(share), np.clip(middle, least, most), there)
 
 
 def _row(draws: Draws, name: str, i: int) -> Array:

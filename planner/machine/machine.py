@@ -75,12 +75,14 @@ class Machine:
         effects: The effects that are on, by name; all others are off.
         fidelity: "quasi-static", or "dynamic" with inertia and torque. Only manipulators differ;
             other systems have no mechanism between motor and motion.
+        start_state: How the arm stood before the start: one word, or one for each joint.
     """
 
     preset: str
     step_s: float
     effects: Mapping[str, Quantity]
     fidelity: str = "quasi-static"
+    start_state: tuple[str, ...] = ("unwound",)
 
     @classmethod
     def prototype(cls, **changes: Any) -> Machine:
@@ -122,7 +124,9 @@ class Machine:
                 effects[name] = Quantity(_as_tuple(value), _as_tuple(spread))
         step = table.step_s or base.step_s or DEFAULT_STEP_S
         fidelity = table.fidelity or base.fidelity or "quasi-static"
-        return cls(table.preset, step, MappingProxyType(effects), fidelity)
+        state = table.start_state or base.start_state or "unwound"
+        states = (state,) if isinstance(state, str) else tuple(state)
+        return cls(table.preset, step, MappingProxyType(effects), fidelity, states)
 
     # -- variations ----------------------------------------------------------------------------
 
@@ -152,8 +156,13 @@ class Machine:
         return self.without(*(name for name in EFFECTS if name not in kept))
 
     def nominal(self) -> Machine:
-        """The same machine with all spreads zero, so that all samples are equal."""
-        return self.with_(**{name: _as_plain(q.value) for name, q in self.effects.items()})
+        """The same machine with all spreads zero, so that all samples are equal.
+
+        Where its start state is unknown it stands in the middle: unwound.
+        """
+        states = ["unwound" if word == "unknown" else word for word in self.start_state]
+        means = {name: _as_plain(q.value) for name, q in self.effects.items()}
+        return self.with_(start_state=states[0] if len(states) == 1 else states, **means)
 
     def mean(self, name: str, joints: int | None = None) -> Array:
         """Mean of an effect, one number or one per motor or joint; its neutral value when off.
@@ -183,6 +192,7 @@ class Machine:
             "preset": self.preset,
             "step_s": self.step_s,
             "fidelity": self.fidelity,
+            "start_state": states[0] if len(states := self.start_state) == 1 else list(states),
             **settings,
         }
 
@@ -269,10 +279,14 @@ class Draws:
         numbers: Sample numbers, shape (S,).
         values: For each effect that is on, its values (c, S), c being the number of motors (2),
             joints (N−1), passive joints (N−2) or 1.
+        start: Where the gears stand before the start, as shares of the range in which friction lets
+            them rest, −1 … 1: of the gearhead of motor 1 and of joints 1 … n, (1+n, S); NaN where
+            the arm is unwound.
     """
 
     numbers: NDArray[np.int64]
     values: Mapping[str, Array]
+    start: Array
 
     @property
     def count(self) -> int:
@@ -292,7 +306,7 @@ class Draws:
     def part(self, chosen: slice) -> Draws:
         """The draws of a range of samples."""
         values = {name: value[:, chosen] for name, value in self.values.items()}
-        return Draws(self.numbers[chosen], values)
+        return Draws(self.numbers[chosen], values, self.start[:, chosen])
 
 
 MOST_MACHINES = 1_000_000
@@ -349,7 +363,30 @@ def draw(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -
         else:  # one number for all, which takes no memory of its own for each
             mean = at_quantiles(name, quantity, joints, np.full((count, 1), 0.5))
             values[name] = np.broadcast_to(mean, (count, len(numbers)))
-    return Draws(numbers, values)
+    return Draws(numbers, values, draw_start(machine, joints, numbers, seed))
+
+
+_SHARES = {"unwound": np.nan, "forward": 1.0, "backward": -1.0}
+
+
+def draw_start(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -> Array:
+    """`Draws.start`, (1+n, S); what is unknown is drawn evenly from the whole range.
+
+    Raises:
+        InputError: If there is not one word for each joint.
+    """
+    words = machine.start_state * (joints if len(machine.start_state) == 1 else 1)
+    if len(words) != joints:
+        count = len(words)
+        wrong = f"machine.start_state has {count} words, but needs one, or {joints}, one a joint"
+        raise InputError(wrong)
+    rows = [words[min(1, joints - 1)], *words]
+    known = np.array([_SHARES.get(word, 0.0) for word in rows])[:, None]
+    if "unknown" not in rows:
+        return np.broadcast_to(known, (len(rows), len(numbers)))
+    unknown = np.array([word == "unknown" for word in rows])[:, None]
+    drawn = 2 * _uniform("start_state", numbers, len(rows), seed) - 1
+    return np.asarray(np.where(unknown, drawn, known))
 
 
 def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int) -> Array:

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine.bodies import STICTION_SLOPE, Masses, StageLaws, StateRows, masses
-from planner.machine.contact_load import gear_constants
-from planner.machine.contacts import SLIP_SPEED_RAD_S, Grip, chain_loads
-from planner.machine.disk_chain import rest_range
+from planner.machine.disk_chain import rest_at, rest_range
+from planner.machine.friction.contact_load import gear_constants
+from planner.machine.friction.contacts import SLIP_SPEED_RAD_S, Grip, chain_loads
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator, gravity_torques
@@ -218,13 +218,13 @@ def begin_march(system: Manipulator, draws: Draws, q: Array) -> March:
     y = np.zeros((place.count, draws.count))
     y[place.q] = q
     y[place.gap][2:] = draws["initial_play"] * data.half_gap[2:]
-    _settle(data, place, y)
+    _settle(data, place, y, draws.start)
     pieces, speed_change = np.zeros((6 + 5 * len(k), draws.count)), np.zeros_like(k)
     energy, slipping = np.zeros((2, draws.count)), np.full((1, draws.count), -1.0)
     return March(data, place, system.k_g, y, pieces, speed_change, energy, slipping)
 
 
-def _settle(data: Masses, place: StateRows, y: Array) -> None:
+def _settle(data: Masses, place: StateRows, y: Array, shares: Array) -> None:
     """Let gears, shafts and velocity loops hold the arm against gravity from the start."""
     angles = y[place.q][1:]
     load = gravity_torques(data.weights, angles)
@@ -233,7 +233,7 @@ def _settle(data: Masses, place: StateRows, y: Array) -> None:
 
     def hold(rows: slice, load: Array, friction: Array) -> None:
         least, most = rest_range(load, data.half_gap[rows], friction, k[rows])
-        ahead[rows] = np.clip(ahead[rows], least, most)
+        ahead[rows] = rest_at(shares[rows], ahead[rows], least, most)
         y[place.gap][rows] = np.clip(ahead[rows], -data.half_gap[rows], data.half_gap[rows])
         y[place.twist][rows] = ahead[rows] - y[place.gap][rows]
         y[place.torque][rows] = k[rows] * y[place.twist][rows]

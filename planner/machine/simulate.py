@@ -16,7 +16,7 @@ from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, FeedbackCommand, encoder_readings
 from planner.machine.commands import Command, CommandGrid, merge_times
 from planner.machine.compiled import MOST_PASSIVE, CompiledMotion, library
-from planner.machine.contact_load import refuse_sliding
+from planner.machine.friction.contact_load import refuse_sliding
 from planner.machine.machine import Draws, Machine, draw
 from planner.machine.stepwise import MachineMotion, StepwiseMotion
 from planner.plan.log import RECORDED
@@ -53,7 +53,7 @@ class Recording:
             (S, 2).
         slip_s: Seconds in which a contact was in gross slip, (S,).
         slip_begin: When that began, (S,), s; NaN where there was none.
-        slip_contact: Which contact it was, (S,); see `planner.machine.contacts.contact_name`; −1
+        slip_contact: Which contact it was, (S,); see `contacts.contact_name`; −1
             where there was none.
         effort: ∫ u₁² + u₂² dt of the controller's commands, (S,); None in open loop.
         fallbacks: Number of control steps in which the controller used a fallback command, (S,).

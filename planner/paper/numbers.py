@@ -10,8 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from planner.machine.contact_load import contact_load
-from planner.machine.contacts import chain_loads
+from planner.machine.friction.contact_load import contact_load
+from planner.machine.friction.contacts import chain_loads
 from planner.machine.machine import Machine
 from planner.methods.laws.legs import Leg, Point, steer
 from planner.methods.laws.scores import score

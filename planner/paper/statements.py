@@ -11,12 +11,12 @@ the parameters within these ranges to the paper's statements.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.machine.contact_load import largest_load
-from planner.machine.machine import Draws, Machine, draw
+from planner.machine.friction.contact_load import largest_load
+from planner.machine.machine import Machine, draw
 from planner.machine.simulate import simulate_draws
 from planner.paper.cases import paper_problem
 from planner.plan.plan import Plan
@@ -127,7 +127,7 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
         name: np.stack([np.resize(row[name], len(base[name])) for row in rows], axis=1)
         for name in rows[0]
     }
-    draws = Draws(base.numbers, {**base.values, **changed})
+    draws = replace(base, values={**base.values, **changed})
     run = simulate_draws(plan, machine, draws, settle_s=SETTLE_S, record_s=STEP_S)
     u = np.where((run.t < plan.duration)[:, None], plan.trajectory.u(run.t), 0.0)
     peak = np.max(np.abs(u), axis=0) / 100

@@ -9,12 +9,12 @@ spread where it has one. All these machines run side by side in one replay.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from planner.machine.machine import Draws, Machine, draw, machine_for
+from planner.machine.machine import Machine, draw, machine_for
 from planner.machine.simulate import simulate_draws
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS, Effect
@@ -259,7 +259,7 @@ def _motions(
         if step.effect not in values:
             values[step.effect] = np.full((effect.count(joints), count), effect.off_value)
         values[step.effect][step.index, 1 + 2 * place : 3 + 2 * place] = step.high, step.low
-    draws = Draws(base.numbers, values)
+    draws = replace(base, values=values)
     run = simulate_draws(plan, nominal, draws, settle_s=SETTLE_S, record_s=record)
     up, down = [run.q[0]] * len(steps), [run.q[0]] * len(steps)
     for place, k in enumerate(batch_steps):

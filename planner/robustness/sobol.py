@@ -13,14 +13,14 @@ in one half of the runs and at its mean in the other.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.machine.machine import Draws, Machine, at_quantiles, draw
+from planner.machine.machine import Draws, Machine, at_quantiles, draw, draw_start
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.support.arrays import Array
 from planner.support.package import how_to_install
@@ -82,7 +82,8 @@ def machine_indices(
         for name, quantity in machine.effects.items():
             middle = np.full((EFFECTS[name].count(joints), count), 0.5)
             values[name] = at_quantiles(name, quantity, joints, places.get(name, middle))
-        return errors(machine, Draws(np.arange(count), values))
+        numbers = np.arange(count)
+        return errors(machine, Draws(numbers, values, draw_start(machine, joints, numbers, seed)))
 
     sizes = {name: EFFECTS[name].count(joints) for name in varying}
     return indices(sizes, evaluate, base, seed)
@@ -198,7 +199,7 @@ def switch_off(draws: Draws, off: Mapping[str, Array]) -> Draws:
         )
         flags = off.get(name) if switches_per_sample(name) else None
         values[name] = drawn if flags is None else np.where(flags, neutral, drawn)
-    return Draws(draws.numbers, values)
+    return replace(draws, values=values)
 
 
 def refuse_without_salib() -> None:

@@ -23,7 +23,7 @@ from planner.errors import (
     VerificationError,
     lacks_memory,
 )
-from planner.machine.contact_load import contact_load
+from planner.machine.friction.contact_load import contact_load
 from planner.machine.machine import Machine
 from planner.machine.replay import RECORD_S, replay
 from planner.methods.registry import find_method
@@ -69,7 +69,7 @@ and the first peak are in metres and metres per second.
 `end_spread_deg` is the largest standard deviation over the machines of an angle there.
 `contact_torque_nm` is the largest torque at a friction contact, in the median over the machines,
 and `contact_load` that over what the contact transmits, on `CONTACT_PERCENTILE` % of them; see
-`planner.machine.contact_load`. Figures of the machine are there where plans are replayed."""
+`planner.machine.friction.contact_load`. Figures of the machine are there if plans are replayed."""
 
 CONTACT_PERCENTILE = 99
 """Percent of the machines whose contacts are to hold: where a contact slips the motion is lost, and

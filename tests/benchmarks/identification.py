@@ -263,7 +263,8 @@ def from_pose(problem: Problem, pose_deg: Array) -> Problem:
 def homed_compensation(plan: Plan, machine: Machine) -> Plan:
     """Commands for a machine whose axes are all ahead of their joints when the plan begins."""
     if HAS_STATE:
-        return planner.compensate(plan, machine.nominal().with_(start_state="forward"))
+        known = machine.nominal().with_(start_state="forward")
+        return planner.compensate(plan, known, back_off=False)  # of spreads, which one arm has not
     # Lost motion as backlash alone, whose place a machine can say; that of the gearheads it cannot.
     ahead = machine.nominal().with_(
         backlash_deg=(2 * lost_deg(machine)).tolist(), coulomb_friction_nm=False, initial_play=1.0

@@ -8,7 +8,7 @@ from handmade import arm_problem, inputs, plan_from
 
 import planner
 from planner import Plan
-from planner.machine.contact_load import contact_load
+from planner.machine.friction.contact_load import contact_load
 
 FRICTION = {"coulomb_friction_nm": [0.2, 0.3, 0.25], "viscous_friction_nms_per_rad": 0.05}
 

@@ -15,9 +15,9 @@ from handmade import arm_problem, draws_of, inputs, plan_from
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.machine.contact_load import contact_load
-from planner.machine.contacts import Grip
 from planner.machine.disk_chain import DiskChain
+from planner.machine.friction.contact_load import contact_load
+from planner.machine.friction.contacts import Grip
 
 SHARP = 1e-6
 """Speed below which a contact hardly slides."""

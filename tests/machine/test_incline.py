@@ -10,8 +10,8 @@ from driven import INERTIA, chain, drive
 from handmade import arm_problem, draws_of, inputs, plan_from
 
 from planner import InputError, Machine, Manipulator, replay
-from planner.machine.contact_load import GRAVITY_M_S2
 from planner.machine.disk_chain import DiskChain
+from planner.machine.friction.contact_load import GRAVITY_M_S2
 from planner.systems.manipulator import gravity_torques
 
 SLOPE, MOMENT = 12.0, [0.3, 0.2, 0.1]

@@ -18,7 +18,7 @@ from databases import alive, column, finished, query
 
 import planner
 from planner import run_sweep
-from planner.machine.contact_load import contact_load
+from planner.machine.friction.contact_load import contact_load
 from planner.support.interrupts import hear_signals
 from planner.sweep.results import export, load_case_plan
 
@@ -351,3 +351,15 @@ def test_impossible_numbers_of_workers_are_refused(tables: Tables, db: Path, wor
         run_sweep(tables, db, workers=workers)
     with pytest.raises(planner.InputError, match="not both"):
         run_sweep(tables, db, workers=1, cluster="tcp://127.0.0.1:1")
+
+
+def test_how_the_arm_stood_before_can_be_varied(unlimited: planner.Problem, db: Path) -> None:
+    tables = {
+        "problem": unlimited,
+        "methods": ["sinusoid"],
+        "grid": {"machine.start_state": ["forward", "backward"]},
+        "replay": {"samples": 3},
+    }
+    assert run_sweep(tables, db, workers=0).statuses == {"solved": 2}
+    forward, backward = column(db, "E_median_deg")
+    assert 2 * forward < backward

@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from planner.machine.contact_load import gear_constants
-from planner.machine.contacts import chain_loads, friction_capacity, lateral_friction
+from planner.machine.friction.contact_load import gear_constants
+from planner.machine.friction.contacts import chain_loads, friction_capacity, lateral_friction
 from planner.machine.machine import Machine, draw
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
@@ -72,7 +72,7 @@ Passing = Callable[[Array], Array]
 def mean_passing(system: TriangularSystem, machine: Machine) -> Passing | None:
     """What contacts of the mean arm pass on under its joints' friction; None for other systems.
 
-    They lose by creep, and sideways where joints turn them; see `planner.machine.contacts`.
+    They lose by creep, and sideways where joints turn them; see `friction.contacts`.
     """
     if not isinstance(system, Manipulator):
         return None

@@ -57,9 +57,11 @@ class LogModel:
         self.known = known_row(log)
         self.noise = reading_noise(log)
         hold = log.interval_s if log.is_even else None
-        self._machine = parameters.preset.with_(step_s=STEP_S, control_period_s=hold or False)
+        preset = parameters.preset
+        step = STEP_S if preset.fidelity == "quasi-static" else preset.step_s
+        self._machine = preset.with_(step_s=step, control_period_s=hold or False)
         one = parameters.draws(np.zeros((1, len(parameters.rows))))
-        self._command = Command(self._plan, hold, one, STEP_S, log.t)
+        self._command = Command(self._plan, hold, one, step, log.t)
         self._rows = np.searchsorted(self._command.t, log.t)
 
     def angles(self, x: Array, offsets: Array) -> Array:
@@ -75,7 +77,13 @@ class LogModel:
             )
         else:
             motion = CompiledMotion(
-                self._system, "quasi-static", draws, self._command, desired, self._rows, start
+                self._system,
+                self._machine.fidelity,
+                draws,
+                self._command,
+                desired,
+                self._rows,
+                start,
             )
         motion.advance(len(self._command.t) - 1)
         return np.asarray(motion.q[:, :, 1:])

@@ -129,7 +129,7 @@ class Parameters:
     """
 
     def __init__(self, machine: Machine, system: Manipulator) -> None:
-        self.preset = machine.nominal().without(*OF_A_RUN)
+        self.preset = machine.nominal().without(*OF_A_RUN).with_(start_state="unwound")
         self._machine, self.system = machine, system
         self._base = draw(self.preset, system.n, np.zeros(1, dtype=np.int64), 0)
         self._lost = lost_motion(system, self.preset)
@@ -214,16 +214,19 @@ class Parameters:
             for name, value in out.items()
         }
 
-    def draws(self, x: Array, **more: Array) -> Draws:
-        """Single machines x (S, P), with more effects (c, S)."""
+    def draws(self, x: Array) -> Draws:
+        """Single machines x (S, P)."""
         count = len(x)
         base = {k: np.repeat(v, count, axis=1) for k, v in self._base.values.items()}
-        return Draws(np.arange(count), {**base, **self.effects(x), **more})
+        values = {**base, **self.effects(x)}
+        start = np.repeat(self._base.start, count, axis=1)
+        return Draws(np.arange(count), values, start)
 
     def machine(self, x: Array) -> Machine:
         """The machine with these parameters (P,), without spreads but of how a run begins."""
         run = {name: q for name, q in self._machine.effects.items() if name in OF_A_RUN}
         settings: dict[str, Any] = {name: q.to_setting() for name, q in run.items()}
+        settings["start_state"] = list(self._machine.start_state)
         for name, values in self.effects(x[None]).items():
             numbers = [float(f"{value:.{DIGITS}g}") for value in values[:, 0]]
             settings[name] = numbers[0] if len(set(numbers)) == 1 else numbers

@@ -159,6 +159,10 @@ def _check_finite(value: Any) -> float:
     return float(value)
 
 
+StartState = Literal["unwound", "forward", "backward", "unknown"]
+"""How an arm may have stood before a motion."""
+
+
 class MachineTable(Table):
     """Overrides of a machine preset.
 
@@ -188,6 +192,15 @@ class MachineTable(Table):
         description="quasi-static: joint motion from the balance of torques, without inertia;"
         " dynamic: two masses per joint and motors with limited torque. Default:"
         " quasi-static.",
+    )
+
+    start_state: StartState | Annotated[list[StartState], Field(min_length=1)] | None = Field(
+        None,
+        description="How the arm stood before the start. unwound: shafts without torsion, gears as"
+        " initial_play says. forward, backward: as a motion that way left them, with the backlash"
+        " taken up and the shafts wound up as far as friction holds them. unknown: anywhere"
+        " between. One word, or one for each joint (the gearhead of motor 1 stands as joint 2)."
+        " Default: unwound.",
     )
 
     control_period_s: Annotated[
@@ -343,6 +356,9 @@ class MachineTable(Table):
 
     def mismatch(self, joints: int) -> str | None:
         """The first list whose length does not fit a system of so many joints, in words."""
+        if isinstance(self.start_state, list) and len(self.start_state) != joints:
+            count = len(self.start_state)
+            return f"machine.start_state has {count} words, but needs one, or {joints}, one a joint"
         for name, effect in EFFECTS.items():
             setting = getattr(self, name)
             parts = [setting.value, setting.spread] if isinstance(setting, Spread) else [setting]

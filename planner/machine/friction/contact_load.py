@@ -7,7 +7,7 @@ joints 2 … n move, the contacts must overcome the friction of each,
     τᵢ = coulomb + viscous |θ̇ᵢ|,
 
 and on an inclined plane also gravity where it opposes the motion, and what later contacts that are
-turned drag sideways. `planner.machine.contacts` has the law, the same as in the emulated machine.
+turned drag sideways. `planner.machine.friction.contacts` has the law, as the emulated machine.
 Inertia is neglected: on the prototype, in a motion of ten seconds, its torque is less than a
 hundredth of the friction.
 """
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.errors import InputError
-from planner.machine.contacts import Grip, chain_loads, friction_capacity, lateral_friction
+from planner.machine.friction.contacts import Grip, chain_loads, friction_capacity, lateral_friction
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.support.arrays import Array

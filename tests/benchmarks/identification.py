@@ -157,8 +157,9 @@ class Study:
         self.others = [planner.solve(self.problem), planner.solve(other)]
 
     def found(self, arm: Machine, k: int, record: Record = as_it_is) -> Identification:
-        """What one run of 30 s tells."""
-        return planner.identify(record(self.motion, arm, k), self.problem)
+        """What one run of 30 s tells; of an arm with masses a model that has them, too."""
+        preset = Machine.prototype(fidelity=arm.fidelity)
+        return planner.identify(record(self.motion, arm, k), self.problem, preset)
 
     # -- identification ----------------------------------------------------------------------------
 
@@ -175,6 +176,8 @@ class Study:
         """Arms that do what the model lacks."""
         count = max(2, self.count // 3)
         rows = [[words, *self._row(arms(count), record)] for words, record in LACKING.items()]
+        known = self._row(arms(count, fidelity="dynamic"), as_it_is)
+        rows.append(["nothing: inertia, and the model has it (`fidelity = 'dynamic'`)", *known])
         return table(["the model lacks", *HEAD], rows)
 
     def _row(self, every: Sequence[Machine], record: Record) -> list[str]:
@@ -215,11 +218,10 @@ class Study:
         ends: dict[str, list[float]] = {case: [] for case in CASES}
         lengths, refused = [], 0
         for k, arm in enumerate(arms(count, fidelity=fidelity)):
-            log = with_inertia if fidelity == "dynamic" else as_it_is
             machines = {
                 "not compensated": None,
-                "preset": Machine.prototype(),
-                "identified": self.found(arm, k, log).machine,
+                "preset": Machine.prototype(fidelity=fidelity),
+                "identified": self.found(arm, k).machine,
                 "the arm's own": arm,
             }
             way = Homed.run(self.problem, arm, k)

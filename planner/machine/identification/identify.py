@@ -247,7 +247,8 @@ def identify(
             most.
         problem: Gives the arm: number of joints and gear constants.
         machine: Where the search begins, and what stays that is not looked for: a machine, the name
-            of a preset, or None for the problem's own.
+            of a preset, or None for the problem's own. With fidelity "dynamic" the model has
+            inertia, and a fit takes half a minute.
         starts: Searches from different starts, of which the best is taken.
         seed: Of these starts and of the bootstrap.
         progress: Called with what is done and the share of all.
@@ -320,7 +321,8 @@ def _warnings(
             yield (
                 f"{log.source}: theta{joint + 1} is off by {left[joint]:.3g} deg (rms), and its"
                 f" encoder's noise is {usual[joint]:.2g} deg: the arm does what the model lacks"
-                " (inertia in fast motions, eccentric encoders, something loose)"
+                " (inertia in fast motions, which a machine of fidelity 'dynamic' has; eccentric"
+                " encoders; something loose)"
             )
     if still := [
         i for i in range(1, logs[0].theta.shape[1]) if not any(_turns(x, i) for x in logs)

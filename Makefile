@@ -11,6 +11,7 @@
 #   make robustness  the tracker on good and bad machines, to results/feedback (some minutes)
 #   make sensitivity  plans that mind errors less, to results/sensitivity (some minutes)
 #   make compensation  plans that know the hardware, to results/compensation (a minute)
+#   make identification  machines from logs, home to end, to results/identification (half an hour)
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
 #   make notebook  Jupyter with the notebooks, the explorer in the first of them
@@ -33,7 +34,8 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 KERNEL := planner/machine/kernel.c planner/machine/dynamic.c planner/machine/layout.h
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite bench stress coverage mutants paper robustness sensitivity compensation report explorer notebook docs test \
+.PHONY: compare suite bench stress coverage mutants paper robustness sensitivity compensation identification report \
+  explorer notebook docs test \
   processors installed check lint format generated clean
 
 compare: $(VENV)/.run
@@ -71,6 +73,9 @@ sensitivity: $(VENV)/.run
 
 compensation: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/compensation.py
+
+identification: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/identification.py
 
 report: $(VENV)/.dev
 	@$(BIN)/python tests/benchmarks/pictures.py

@@ -81,6 +81,7 @@ NO_NAME = "is not the name of a file or folder"
 TAKE_PLANS: dict[str, Callable[[Any], Any]] = {
     "certify": planner.certify,
     "compensate": lambda x: planner.compensate(None if isinstance(x, planner.Problem) else x),
+    "emulate_log": planner.emulate_log,
     "error_budget": planner.error_budget,
     "export": lambda x: planner.export(x, "never.csv"),
     "indicators": planner.indicators,
@@ -99,18 +100,23 @@ TAKE_PLANS: dict[str, Callable[[Any], Any]] = {
 TAKE_PROBLEMS: dict[str, Callable[[Any], Any]] = {
     "check": planner.check,
     "compare": planner.compare,
+    "excitation": planner.excitation,
     "explore": planner.explore,
+    "homing": planner.homing,
+    "identify": lambda x: planner.identify([], x),
     "solve": planner.solve,
     "trade_off": planner.trade_off,
     "travel_window": planner.travel_window,
 }
 TAKE_NAMES: dict[str, Callable[[Any], Any]] = {
     "design_study": planner.design_study,
+    "load_machine": planner.load_machine,
     "load_plan": planner.load_plan,
     "load_problem": planner.load_problem,
     "load_samples": planner.load_samples,
     "load_sweep": planner.load_sweep,
     "load_comparison": report.load_comparison,
+    "read_log": planner.read_log,
     "run_sweep": lambda x: planner.run_sweep(x, "never.db"),
     "write_report": report.write_report,
 }
@@ -129,6 +135,7 @@ TAKE_OTHERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "plot_mechanism": (report.plot_mechanism, "is not a Manipulator; problem.system of an arm"),
     "plot_replays": (report.plot_replays, "is not a Replay; planner.replay.plan. makes one"),
     "plot_responses": (report.plot_responses, "is not a Sensitivity; planner.sensitivity"),
+    "plot_run": (lambda x: report.plot_run(x, None), "is not a Log; planner.read_log"),
     "plot_sensitivities": (report.plot_sensitivities, "is not a Sensitivities; planner.sens"),
     "plot_sensitivity": (report.plot_sensitivity, "is not a Sensitivity; planner.sensitivity"),
     "plot_trade_off": (report.plot_trade_off, "is not a TradeOff; planner.trade_off"),

@@ -11,8 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+import planner
 from planner import Problem
 from planner.machine import compiled
 
@@ -20,6 +22,7 @@ sys.path.append(str(Path(__file__).parent / "benchmarks"))
 
 import collocation
 import frameworks
+import identification
 import replay
 from bench_cases import cases
 from outside_judge import campaign
@@ -72,3 +75,18 @@ def test_replays_are_as_fast_as_they_are_said_to_be(monkeypatch: pytest.MonkeyPa
     assert ours < rows["solve_ivp"][0] / 100
     assert rows["C by hand"][1] < 1e-12  # and all of them compute the same
     assert rows["solve_ivp"][1] < 1e-4
+
+
+def test_an_arm_goes_on_from_where_its_homing_ended(paper: Problem) -> None:
+    """What follows is run after the very commands of the homing, by the same arm."""
+    (arm,) = identification.arms(1)
+    assert not any(q.varies for k, q in arm.effects.items() if k not in identification.OF_A_RUN)
+    way = identification.Homed.run(paper, arm, 3)
+    rule = planner.HomingRule()
+    run = planner.replay(planner.homing(paper), arm, [3], identification.SEED, rule, settle_s=0.0)
+    still = np.rad2deg(run.q[0, -1, 1:])
+    np.testing.assert_allclose(way.pose_deg, still, atol=0.25)  # the drives creep while it waits
+    assert 3 < len(way.commands) * identification.TICK_S < 10
+    plan = planner.solve(identification.from_pose(paper, way.pose_deg))
+    moved = way.end_after(plan)
+    assert np.abs(moved - 30).max() < 3  # homed, and nothing of the machine allowed for

@@ -42,6 +42,9 @@ HANDED = {
         "planner.report.folders.save",
     },
     "planner.sweep.design.result": {"planner.report.figures.design.plot_design"},
+    "planner.machine.identification.identify": {
+        "planner.report.figures.recorded.identification_figure"
+    },
     "planner.plan.plan": {"planner.plan.samples.to_frame", "planner.plan.samples.to_xarray"},
     "planner.robustness.budget": {"planner.report.figures.robustness.plot_budget"},
     "planner.robustness.sensitivities": {"planner.report.figures.sensitivities.plot_sensitivities"},

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from planner.errors import InputError
+from planner.machine.machine import load_machine
 from planner.methods.registry import all_methods, find_method
 from planner.problem.problem import Problem, load_problem
 from planner.support.files import MOST_LEVELS, toml_value
@@ -36,6 +37,14 @@ Changes = Annotated[
         metavar="KEY=VALUE",
         help="Change a key of the problem file, for example goal.travel=0.8; repeatable. The"
         " value is TOML; a bare word is taken as text.",
+    ),
+]
+MachineFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--machine",
+        metavar="FILE",
+        help="The machine in a file of `planner identify --out`, in place of the problem's own.",
     ),
 ]
 Workers = Annotated[
@@ -119,13 +128,15 @@ def dry_run_option(help: str) -> Any:
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random machines.")]
 
 
-def read_problem(path: Path, changes: list[str] | None) -> Problem:
-    """The problem with `--set` applied.
+def read_problem(path: Path, changes: list[str] | None, machine: Path | None = None) -> Problem:
+    """The problem with `--machine` and then `--set` applied.
 
     Raises:
-        InputError: For anything wrong with file or changes.
+        InputError: For anything wrong with files or changes.
     """
     parsed = parse_changes(changes or [])
+    if machine is not None:
+        parsed = {"machine": load_machine(machine).to_dict(), **parsed}
     try:
         return load_problem(path, parsed)
     except InputError as error:

@@ -16,6 +16,7 @@ import typer
 
 from planner.cli.arguments import (
     Changes,
+    MachineFile,
     PlannedMethods,
     PlanOrProblemPath,
     ProblemPath,
@@ -90,6 +91,7 @@ def compare(
     ] = False,
     time_limit: TimeLimit = None,
     changes: Changes = None,
+    machine: MachineFile = None,
     out: Annotated[
         Path | None, out_option("FOLDER", "Save table, figures, plans and data in this folder.")
     ] = None,
@@ -116,7 +118,7 @@ def compare(
       planner compare problems/paper.toml --methods all --feedback --budget
       planner compare problems/paper.toml --methods collocation:intervals=20,collocation
     """
-    task = read_problem(problem, changes)
+    task = read_problem(problem, changes, machine)
     _refuse_early(out, budget, report)
     result: Comparison | None = None
     try:

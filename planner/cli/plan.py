@@ -13,12 +13,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import typer
 from rich.table import Table
 
 from planner.check import Analysis
 from planner.check import check as analyse
 from planner.cli.arguments import (
     Changes,
+    MachineFile,
     MethodNames,
     ProblemPath,
     TimeLimit,
@@ -42,6 +44,7 @@ from planner.cli.output import (
 )
 from planner.errors import NoPlanError
 from planner.methods.registry import find_method
+from planner.plan.log import read_log
 from planner.plan.plan import Plan
 from planner.problem.feasibility import End
 from planner.problem.problem import Problem
@@ -60,6 +63,16 @@ def plan(
     ] = "collocation",
     time_limit: TimeLimit = None,
     changes: Changes = None,
+    machine: MachineFile = None,
+    pose_from: Annotated[
+        Path | None,
+        typer.Option(
+            "--pose-from",
+            metavar="LOG",
+            help="Start from where the arm stands at the end of a recorded run (CSV), as after"
+            " homing.",
+        ),
+    ] = None,
     out: Annotated[Path | None, out_option("FILE", "Save the plan in this JSON file.")] = None,
 ) -> int:
     """Make a plan, verify it and print its properties.
@@ -77,7 +90,9 @@ def plan(
         --set method.polynomial.allow_singular=true
     """
     name = find_method(method).name
-    task = read_problem(problem, changes)
+    task = read_problem(problem, changes, machine)
+    if pose_from is not None:
+        task = task.from_pose(read_log(pose_from).pose_deg)
     if out is not None:
         refuse_unwritable(out)
     try:

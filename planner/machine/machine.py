@@ -21,6 +21,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
 
@@ -30,6 +31,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError, expect, made_by
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable, Spread
 from planner.support.arrays import Array, plain
+from planner.support.files import read_toml
 from planner.support.user_tables import allowed_hint, parse
 
 DEFAULT_STEP_S = 0.001
@@ -248,6 +250,21 @@ def machine_for(table: MachineTable, given: Machine | str | None) -> Machine:
         f" {', '.join(PRESETS)}",
     )
     return cast("Machine", given)
+
+
+def load_machine(path: str | Path) -> Machine:
+    """The machine in a file with a `[machine]` table: of `planner identify --out`, or a problem's.
+
+    Raises:
+        InputError: If the file cannot be read, has no such table, or a key or value is wrong.
+    """
+    table = read_toml(path, "a machine file").get("machine")
+    if not isinstance(table, dict):
+        raise InputError(f"{path} has no table [machine]")
+    try:
+        return Machine.from_table(table)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def _check_names(names: tuple[str, ...]) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from planner.machine.compiled import MOST_PASSIVE, CompiledMotion, library
 from planner.machine.friction.contact_load import refuse_sliding
 from planner.machine.machine import Draws, Machine, draw
 from planner.machine.stepwise import MachineMotion, StepwiseMotion
+from planner.plan.log import RECORDED
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
@@ -287,6 +288,8 @@ def _recording(draws: Draws, times: Array, motion: MachineMotion, grid: Array) -
 
 def _command(plan: Plan, machine: Machine, draws: Draws, times: Array) -> Command:
     period = machine.effects.get("control_period_s")
+    if plan.status == RECORDED:  # commands of a controller, which has held them already
+        period = None
     return Command(plan, period.value[0] if period else None, draws, machine.step_s, times)
 
 

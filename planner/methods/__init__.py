@@ -3,5 +3,5 @@
 In this order: `registry` (which there are, how one comes in), `foreign` (those of other packages),
 `keeping` (what each promises to keep), `spec` (a method with options as text), `refusal` (how they
 say no, and which changes would help), `laws` (closed form), `convex`, `collocation`,
-`desensitised`.
+`desensitised`; `motions` (that lead to no goal: excitation and homing).
 """

@@ -2,5 +2,6 @@
 
 In this order: `curves` (piecewise polynomials), `trajectory` (curves in time), `retimed` and
 `fastest_timing` (another clock on the same path), `quadrature`, `measures` (effort, peaks, the
-chart's domain), `claims` (what is proven), `plan`, `plan_file`, `samples` (as arrays and tables).
+chart's domain), `claims` (what is proven), `plan`, `plan_file`, `samples` (as arrays and tables),
+`log` (what an arm did).
 """

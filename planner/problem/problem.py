@@ -261,6 +261,34 @@ class Problem:
         """
         return Problem.from_dict(with_changes(self.to_dict(), changes), self.source)
 
+    def from_pose(self, theta_deg: ArrayLike) -> Problem:
+        """The same task for an arm that stands elsewhere, as it was read after homing.
+
+        A margin of z₂ is left out, with an `InputWarning`, where no motion from there can keep it:
+        after homing angles may be negative, and z₂ then begins on the other side of zero than it
+        ends, which only plans in chained coordinates mind.
+
+        Args:
+            theta_deg: θ₁ … θₙ, degrees.
+
+        Raises:
+            InputError: As for `from_dict`.
+        """
+        changes = {"start.theta_deg": plain(theta_deg)}
+        there = self.changed({**changes, "limits.z2_margin": None})
+        if self.limits.z2_margin is None:
+            return there
+        try:
+            return self.changed(changes)
+        except InputError:
+            warnings.warn(
+                f"{self.source}: limits.z2_margin is left out, since no motion from this pose to"
+                " the goal keeps it",
+                InputWarning,
+                stacklevel=2,
+            )
+            return there
+
     def within_reach(self) -> Problem:
         """The problem without the obstacles that are out of reach of every link."""
         near = tuple(d for d in self.obstacles if d.values_out_of_reach(self.system) is None)

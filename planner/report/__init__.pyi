@@ -10,6 +10,7 @@ from .figures.over_time import plot_inputs as plot_inputs
 from .figures.over_time import plot_joints as plot_joints
 from .figures.over_time import plot_map as plot_map
 from .figures.over_time import plot_z as plot_z
+from .figures.recorded import plot_run as plot_run
 from .figures.robustness import plot_budget as plot_budget
 from .figures.robustness import plot_machine_sensitivity as plot_machine_sensitivity
 from .figures.robustness import plot_responses as plot_responses

@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError
-from planner.plan.measures import effort, turns
+from planner.plan.measures import effort, effort_unit, turns
 from planner.plan.plan import Plan, expect_plan
 from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity, sensitivity
 from planner.support.arrays import Array
 from planner.support.package import import_function
 from planner.support.tables import Column, number
 from planner.systems.triangular_system import TriangularSystem
-from planner.verification.summary import effort_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -89,6 +89,10 @@ def take_up(
     lost, start = lost_motion(system, machine), plan.q(0.0)
     if not np.any(lost > 0) or not np.any(plan.u(plan.t)[:, 0]):
         return TakeUp(float(start[1]), 0.0, 1.0)
+    way = _way(plan, 0.5 * float(lost.max()))
+    lost = lost * (1 - way * start_sides(machine, system)[1:])  # none where it is taken up already
+    if not np.any(lost > 0):
+        return TakeUp(float(start[1]), 0.0, 1.0)
     most = min(np.deg2rad(MOST_THETA1_DEG), plan.problem.limits.joint[1])
     side = 1.0 if start[1] >= 0 else -1.0
     angles = side * np.linspace(0.0, most, 721) if theta1 is None else np.array([theta1])
@@ -236,7 +240,8 @@ def shape_commands(
     if options.preparation == "jump":
         angle[:, 0] += take_up(wanted, system, machine, plan.q(0.0)[1]).drive
     if options.gearheads:
-        angle += _ahead_of_play(angle, gearhead_play(system, machine) / 2)
+        sides = start_sides(machine, system)
+        angle += _ahead_of_play(angle, gearhead_play(system, machine) / 2, sides[[1, 0]])
     grain = np.broadcast_to(machine.mean("velocity_resolution_rad_s"), 2)
     u = np.stack(
         [_pursue(angle[:, i], limit[i], rate[i], grain[i], tick) for i in range(2)], axis=1
@@ -245,10 +250,17 @@ def shape_commands(
     return MotorCommands(np.asarray(t), u, lead, tail, straight)
 
 
-def _ahead_of_play(wanted: Array, half: Array) -> Array:
+def start_sides(machine: Machine, system: Manipulator) -> Array:
+    """The side on which joints 1 … n of the machine stand before the start, (n,): 1 where a motion
+    forward left them, −1 backward, 0 in the middle or unknown."""
+    words = machine.start_state * (system.n if len(machine.start_state) == 1 else 1)
+    return np.array([{"forward": 1.0, "backward": -1.0}.get(word, 0.0) for word in words])
+
+
+def _ahead_of_play(wanted: Array, half: Array, side: Array) -> Array:
     """What to add to angles (K+1, 2) of motors behind which lies backlash of ± `half` (2,).
 
-    The backlash is in its middle before the first motion; each motor holds its side while at rest.
+    Before the first motion it lies on a side (2,), −1 … 1; each motor holds its side while at rest.
     """
     moves = np.diff(wanted, axis=0)
     moves = np.concatenate([wanted[:1], moves])
@@ -256,7 +268,7 @@ def _ahead_of_play(wanted: Array, half: Array) -> Array:
     last = np.where(still, 0, np.arange(1, len(moves) + 1)[:, None])
     last = np.maximum.accumulate(last, axis=0)
     signs = np.take_along_axis(np.sign(moves), np.maximum(last - 1, 0), axis=0)
-    return np.where(last > 0, signs, 0.0) * half
+    return (np.where(last > 0, signs, side) - side) * half
 
 
 STILL_RAD = 1e-9

@@ -2,6 +2,6 @@
 
 In this order: `style`, `notebook_figure` (shown by itself); `over_time` (inputs, joints, z), `arm`
 (in the plane), `mechanism_layout` and `mechanism` (motors, disks, gears and belts),
-`on_the_machine` (replays, errors), `robustness`, `sensitivities` (of several
-plans), `design` (studies of mechanisms).
+`on_the_machine` (replays, errors), `recorded` (runs of an arm), `robustness`, `sensitivities` (of
+several plans), `design` (studies of mechanisms).
 """

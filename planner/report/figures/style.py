@@ -16,6 +16,7 @@ import numpy as np
 
 from planner.comparison.rows import FEEDBACK
 from planner.errors import InputError
+from planner.plan.log import RECORDED
 from planner.plan.plan import Plan, expect_plan
 from planner.support.arrays import Array
 from planner.support.calculus.extremes import sample_times
@@ -89,7 +90,8 @@ class Curve:
     @property
     def refused(self) -> bool:
         """Whether it is drawn for study only."""
-        return not (self.plan.verified or self.plan.status == "solved") or not self.plan.executable
+        fine = self.plan.verified or self.plan.status in ("solved", RECORDED)
+        return not fine or not self.plan.executable
 
     @property
     def dashes(self) -> str:

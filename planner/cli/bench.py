@@ -1,0 +1,246 @@
+"""`planner motion`, `log` and `identify`: from an arm on the bench to a machine of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from planner.cli.arguments import Changes, MachineFile, ProblemPath, out_option, read_problem
+from planner.cli.output import facts, finish, job, number, say
+from planner.errors import InputError
+from planner.machine.identification.identify import Identification, predict_run
+from planner.machine.identification.identify import identify as run_identification
+from planner.machine.machine import Machine, load_machine
+from planner.methods.motions import MOTIONS
+from planner.plan.log import read_log
+from planner.report.figures.recorded import plot_run, start_of
+from planner.support.files import refuse_unwritable
+from planner.support.user_tables import allowed_hint
+from planner.verification.load_plan import load_plan
+
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--column",
+        metavar="NAME=COLUMN",
+        help="Where the file calls a column otherwise: name with unit, then the file's own, for"
+        " example theta1_rad=/joint_states/position[0]; repeatable.",
+    ),
+]
+LogProblem = Annotated[
+    Path, typer.Option("--problem", "-p", metavar="PROBLEM", help="The problem file of the arm.")
+]
+
+
+def motion(
+    kind: Annotated[
+        str,
+        typer.Argument(
+            metavar="KIND",
+            help=f"One of {', '.join(MOTIONS)}.",
+            autocompletion=lambda: list(MOTIONS),
+        ),
+    ],
+    problem: ProblemPath,
+    out: Annotated[Path, out_option("FILE", "Save it in this JSON file, like a plan.")],
+    changes: Changes = None,
+) -> int:
+    """Make a motion to home an arm, or one to identify it.
+
+    excitation: 30 s in which the drive reverses in a square wave while joint 1 follows two sines.
+    homing: the drive back, forward, then slowly until the encoders have risen, joint 1 last. Both
+    begin at the problem's start and keep its limits but z2_margin; export them like a plan.
+
+    \b
+    Examples:
+      planner motion excitation problems/paper.toml --out excitation.json
+      planner motion homing problems/paper.toml --out homing.json
+      planner export excitation.json --out excitation.csv
+    """
+    if kind not in MOTIONS:
+        raise InputError(f"no motion '{kind}'; {allowed_hint(kind, list(MOTIONS))}")
+    task = read_problem(problem, changes)
+    refuse_unwritable(out)
+    with job(f"making the {kind} motion"):
+        plan = MOTIONS[kind](task)
+    q = np.rad2deg(plan.q(np.linspace(0.0, plan.duration, 1001))[:, 1:])
+    ranges = [
+        f"{number(low)} to {number(high)}" for low, high in zip(q.min(0), q.max(0), strict=True)
+    ]
+    rows = [("duration", f"{number(plan.duration)} s")]
+    rows += [(f"theta{i + 1}", f"{text} deg") for i, text in enumerate(ranges)]
+    if until := plan.notes.get("until"):
+        text = (
+            f"between {number(until['from_s'])} and {number(until['to_s'])} s, once every passive"
+            f" encoder is {until['rise_deg']:g} deg above its least reading since"
+            f" {number(until['count_from_s'])} s"
+        )
+        rows.append(("go on to its last part", text))
+    data = {
+        "motion": kind,
+        "duration_s": plan.duration,
+        "theta_min_deg": q.min(0).tolist(),
+        "theta_max_deg": q.max(0).tolist(),
+        "until": until,
+        "verified": plan.verified,
+        "written": plan.save(out),
+    }
+    return finish(data, f"{task.name}: {kind}", facts(rows), where="motion written to {}")
+
+
+def log(
+    run: Annotated[Path, typer.Argument(metavar="LOG", help="A recorded run (CSV).")],
+    problem: LogProblem,
+    plan: Annotated[
+        Path | None,
+        typer.Option("--plan", metavar="PLAN", help="The plan that was executed (JSON)."),
+    ] = None,
+    machine: MachineFile = None,
+    columns: Columns = None,
+    out: Annotated[
+        Path | None, out_option("FILE", "Draw the run beside plan and prediction (PNG, SVG, PDF).")
+    ] = None,
+) -> int:
+    """Check a recorded run, and compare it with its plan.
+
+    A run is a CSV file with one header line: t, u1, u2, theta1 ... thetan with units, as in
+    t_s,u1_rad_s,u2_rad_s,theta1_deg,theta2_deg,theta3_deg. In each row the commands hold until the
+    next row, and the angles are read before they act.
+
+    \b
+    Examples:
+      planner log runs/1.csv --problem problems/paper.toml
+      planner log runs/1.csv --problem problems/paper.toml --plan plan.json --out run.png
+    """
+    task = read_problem(problem, None)
+    if out is not None and plan is None:
+        raise InputError("--out draws the run beside its plan; name that with --plan")
+    if out is not None:
+        refuse_unwritable(out)
+    with job("reading"):
+        recorded = read_log(run, _columns(columns))
+        recorded.plan(task)
+        motion = None if plan is None else load_plan(plan)
+    data: dict[str, Any] = {
+        "log": run,
+        "rows": len(recorded.t),
+        "duration_s": float(recorded.t[-1]),
+        "interval_s": recorded.interval_s,
+        "written": None,
+    }
+    rows = [("rows", f"{len(recorded.t)}, every {number(recorded.interval_s)} s")]
+    rows.append(("duration", f"{number(float(recorded.t[-1]))} s"))
+    if motion is not None:
+        t = recorded.t - start_of(recorded, motion)
+        gap = recorded.theta_deg - np.rad2deg(motion.wanted(t)[:, 1:])
+        data["terminal_error_deg"] = gap[-1].tolist()
+        data["largest_error_deg"] = np.nanmax(np.abs(gap), axis=0).tolist()
+        rows.append(("largest error", f"{_list(data['largest_error_deg'])} deg"))
+        rows.append(("error at the end", f"{_list(data['terminal_error_deg'])} deg"))
+        if out is not None:
+            with job("predicting and drawing"):
+                used = "prototype" if machine is None else load_machine(machine)
+                figure, _ = plot_run(recorded, motion, predict_run(recorded, task, used))
+                figure.savefig(out, dpi=110)
+            data["written"] = out
+    return finish(data, str(run), facts(rows))
+
+
+def _list(numbers: list[float]) -> str:
+    return ", ".join(number(value) for value in numbers)
+
+
+def identify(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG", help="Recorded runs (CSV).")],
+    problem: LogProblem,
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="MACHINE",
+            help="Where the search begins: the name of a preset, or a file of this command.",
+        ),
+    ] = None,
+    columns: Columns = None,
+    starts: Annotated[int, typer.Option("--starts", min=1, help="Searches from other starts.")] = 2,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of starts and spreads.")] = 0,
+    figure: Annotated[
+        Path | None,
+        typer.Option(
+            "--figure", metavar="FILE", help="Draw what is left of each run (PNG, SVG, PDF)."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, out_option("FILE", "Write the machine as a [machine] table (TOML).")
+    ] = None,
+) -> int:
+    """Find the machine of an arm from recorded runs.
+
+    Of several runs the last is kept out of the fit: its error, beside that of the preset, shows
+    what the machine is worth. `planner motion excitation` makes the motion that tells most.
+
+    \b
+    Examples:
+      planner identify runs/*.csv --problem problems/paper.toml --out my-machine.toml
+      planner compare problems/paper.toml --machine my-machine.toml
+    """
+    task = read_problem(problem, None)
+    for path in (figure, out):
+        if path is not None:
+            refuse_unwritable(path)
+    machine: Machine | str = preset or "prototype"
+    if Path(str(machine)).suffix == ".toml":
+        machine = load_machine(str(machine))
+    with job("reading the runs") as tell:
+        names = _columns(columns)
+        found = run_identification(
+            [read_log(path, names) for path in logs],
+            task,
+            machine,
+            starts=starts,
+            seed=seed,
+            progress=tell,
+        )
+        if figure is not None:
+            tell("drawing", 1.0)
+            found.plot().savefig(figure, dpi=110)
+    for text in found.warnings:
+        say(f"warning: {text}", "yellow")
+    data = {**found.to_dict(), "written": None if out is None else found.save(out)}
+    return finish(data, found.table(), "", *_words(found), where="machine written to {}")
+
+
+def _words(found: Identification) -> Iterator[str]:
+    yield "+-: standard deviation, by bootstrap. told: 1 if the runs tell all, 0 if nothing."
+    for text in found.merged:
+        yield f"One number stands for several, {text}."
+    if found.untold:
+        yield f"Not told by these runs, as in the preset: {', '.join(found.untold)}."
+    left = np.sqrt(np.mean(found.residual_deg**2, axis=0)).tolist()
+    usual = np.sqrt(np.mean(found.noise_deg**2, axis=0)).tolist()
+    yield f"left of the runs: {_list(left)} deg (rms); noise of the encoders: {_list(usual)} deg"
+    for name, error in found.errors.items():
+        assert found.kept_out is not None
+        yield (
+            f"{found.kept_out.source}, kept out, predicted by the {name} machine: largest error"
+            f" {_list(list(error.largest_deg))} deg, rms {_list(list(error.rms_deg))} deg"
+        )
+
+
+def _columns(pairs: list[str] | None) -> dict[str, str]:
+    """Names of `--column name=theirs`.
+
+    Raises:
+        InputError: If one is not of that form.
+    """
+    out = {}
+    for pair in pairs or []:
+        name, equals, theirs = pair.partition("=")
+        if not (name and equals and theirs):
+            raise InputError(f"--column {pair}: write it as theta1_deg=name_in_the_file")
+        out[name.strip()] = theirs.strip()
+    return out

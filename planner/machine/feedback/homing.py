@@ -1,0 +1,58 @@
+"""Homing by the encoders: the slow turn of the drive ends once every passive joint has risen.
+
+The plan of `planner.homing` says between which times a controller may leave that turn, and the rise
+that proves every axis to be ahead of its joint. Nothing of the machine need be known.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.machine.feedback.course import DEFAULT_TICK_S
+from planner.machine.machine import Machine
+from planner.plan.plan import Plan
+from planner.support.arrays import Array
+
+
+class HomingRule:
+    """Feedback that runs the plan of `planner.homing`; see `planner.replay`."""
+
+    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> HomingController:
+        """A controller of the samples `numbers` (S,).
+
+        Raises:
+            InputError: If the plan is none of `planner.homing`.
+        """
+        return HomingController(plan, machine, len(numbers))
+
+
+class HomingController:
+    """Commands S samples; see `planner.machine.closed_loop.Controller`.
+
+    Attributes:
+        done_s: When each sample left the slow turn, (S,), s; infinite before it does.
+    """
+
+    def __init__(self, plan: Plan, machine: Machine, count: int) -> None:
+        if "until" not in plan.notes:
+            raise InputError(f"this {plan.method} plan is none of planner.homing(problem)")
+        hold = machine.effects.get("control_period_s")
+        self.period_s = self.tick_s = hold.value[0] if hold else DEFAULT_TICK_S
+        self.lead_s, self.end_s = 0.0, plan.duration
+        self.fallbacks = np.zeros(count, dtype=np.int64)
+        self.done_s = np.full(count, np.inf)
+        self._u, self._until = plan.trajectory.u, plan.notes["until"]
+        self._least: Array = np.full((1, count), np.inf)
+
+    def __call__(self, t: float, measured: Array) -> Array:
+        """Speeds for the tick from t on, (1, 2, S), rad/s."""
+        until, joints = self._until, measured[2:]
+        if t >= until["count_from_s"]:
+            self._least = np.minimum(self._least, joints)
+        if until["from_s"] <= t < until["to_s"]:
+            risen = np.all(joints - self._least > np.deg2rad(until["rise_deg"]), axis=0)
+            self.done_s = np.where(risen, np.minimum(self.done_s, t), self.done_s)
+        left_out = until["to_s"] - np.minimum(self.done_s, until["to_s"])
+        return np.asarray(self._u(t + left_out).T[None])

@@ -1,0 +1,359 @@
+"""The machine of an arm from its logs: `identify`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.machine.identification.fit import Fit, fit
+from planner.machine.identification.model import KNOWN_DEG, LogModel
+from planner.machine.identification.parameters import Parameter, Parameters
+from planner.machine.machine import Machine, machine_for
+from planner.plan.log import Log, expect_log
+from planner.problem.problem import Problem, expect_problem
+from planner.support.arrays import Array
+from planner.support.files import toml, write_text
+from planner.support.package import import_function
+from planner.support.progress import expect_listener
+from planner.support.tables import Column, digits, terminal_table
+from planner.systems.manipulator import Manipulator
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+Progress = Callable[[str, float], None]
+"""Told what is done now, and which share of all is done, 0 … 1."""
+
+STARTS = 2
+"""Searches: of 50 emulated arms none ended elsewhere from the second start."""
+
+NOISE_RATIO = 1.5
+"""Residuals above so many times the encoder's noise are no noise: inertia gives 5, an encoder that
+is eccentric by 0.1 degrees hardly more than 1."""
+
+UNTOLD_SHARE = 0.9
+"""A parameter that the logs leave this part of its prior's deviation is not told by them."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What was found of one parameter; in `parameter.unit`.
+
+    Attributes:
+        parameter: The parameter.
+        preset, value: Before and after.
+        spread: Standard deviation of the value, by the bootstrap.
+        told: What the logs tell, 0 … 1: 1 minus the part that is left of the prior's deviation.
+        at_edge: Whether it ended at an end of its range.
+    """
+
+    parameter: Parameter
+    preset: float
+    value: float
+    spread: float
+    told: float
+    at_edge: bool
+
+
+@dataclass(frozen=True)
+class PredictionError:
+    """Largest and root mean square difference of predicted and read angles, (n,), degrees."""
+
+    largest_deg: tuple[float, ...]
+    rms_deg: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """The result of `identify`.
+
+    Attributes:
+        machine: The machine found: without spreads, but for how the arm stands when a run begins.
+        preset: The machine that the search began with.
+        problem: The problem that gave the arm.
+        logs: The logs that it was fitted to.
+        kept_out: The log that it was not fitted to; None if there was one log only.
+        estimates: What was found of each parameter.
+        residual_deg: Root mean square of what is left, by log and joint, (L, n), degrees.
+        noise_deg: Noise of each log's readings, (L, n), degrees.
+        warnings: What is doubtful, in sentences.
+    """
+
+    machine: Machine
+    preset: Machine
+    problem: Problem
+    logs: tuple[Log, ...]
+    kept_out: Log | None
+    estimates: tuple[Estimate, ...]
+    residual_deg: Array
+    noise_deg: Array
+    warnings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        lost = [each for each in self.estimates if each.parameter.key.startswith("w")]
+        text = ", ".join(f"{each.parameter.key} {each.value:.3g} deg" for each in lost)
+        return (
+            f"Identification({len(self.logs)} log{'s' * (len(self.logs) > 1)}: {text}; residual"
+            f" {np.sqrt(np.mean(self.residual_deg**2)):.2g} deg, {len(self.warnings)} warnings)"
+        )
+
+    def __getitem__(self, key: str) -> Estimate:
+        """What was found of the parameter with this key, such as "w2"."""
+        return next(each for each in self.estimates if each.parameter.key == key)
+
+    @property
+    def merged(self) -> tuple[str, ...]:
+        """Parameters that stand for several effects, which no log of joint angles tells apart."""
+        rows = [each.parameter for each in self.estimates if each.parameter.merged]
+        names = (row.name.rstrip("0123456789 ").removesuffix(" joint") for row in rows)
+        kinds = (name.removesuffix(" of") for name in names)
+        return tuple(
+            dict.fromkeys(f"{k}: {row.merged}" for k, row in zip(kinds, rows, strict=True))
+        )
+
+    @property
+    def untold(self) -> tuple[str, ...]:
+        """Names of parameters of which the logs tell nothing; they stay as in the preset."""
+        return tuple(e.parameter.name for e in self.estimates if e.told < 1 - UNTOLD_SHARE)
+
+    def predict(self, log: Log, machine: Machine | None = None) -> Log:
+        """What the machine makes of a log's commands.
+
+        Args:
+            log: Any log of the arm.
+            machine: Another machine, such as `preset`, in place of that found.
+
+        Returns:
+            The log with predicted angles in place of the readings. Until every joint has moved by a
+            degree they are the readings: till then the arm's state is not known.
+
+        Raises:
+            InputError: If the log is of another arm, or a joint does not move in it.
+        """
+        return predict_run(log, self.problem, self.machine if machine is None else machine)
+
+    def error(self, log: Log, machine: Machine | None = None) -> PredictionError:
+        """How far the prediction is off, from when the arm's state is known; as `predict`."""
+        gap = np.abs(self.predict(log, machine).theta_deg - log.theta_deg)
+        known = int(np.flatnonzero(gap.any(axis=1))[0]) if gap.any() else 0
+        rms = np.sqrt(np.mean(gap[known:] ** 2, axis=0))
+        return PredictionError(tuple(gap.max(axis=0).tolist()), tuple(rms.tolist()))
+
+    @cached_property
+    def errors(self) -> dict[str, PredictionError]:
+        """Errors of predicting the run that was kept out, of this machine and of the preset."""
+        if self.kept_out is None:
+            return {}
+        return {
+            "identified": self.error(self.kept_out),
+            "preset": self.error(self.kept_out, self.preset),
+        }
+
+    def table(self) -> Table:
+        """For a terminal: `rich.print(found.table())`."""
+        return terminal_table(COLUMNS, self.estimates)
+
+    def plot(self) -> Figure:
+        """What is left of each run, beside what the preset leaves; and how sure each number is."""
+        figure: Figure = import_function("planner.report.figures.recorded.identification_figure")(
+            self
+        )
+        return figure
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready."""
+        return {
+            "machine": self.machine.to_dict(),
+            "parameters": [
+                {
+                    "key": e.parameter.key,
+                    "name": e.parameter.name,
+                    "unit": e.parameter.unit,
+                    "preset": e.preset,
+                    "value": e.value,
+                    "spread": e.spread,
+                    "told": e.told,
+                }
+                for e in self.estimates
+            ],
+            "merged": list(self.merged),
+            "untold": list(self.untold),
+            "residual_deg": self.residual_deg.tolist(),
+            "noise_deg": self.noise_deg.tolist(),
+            "kept_out": None if self.kept_out is None else self.kept_out.source,
+            "errors": {k: vars(error) for k, error in self.errors.items()},
+            "warnings": list(self.warnings),
+        }
+
+    def to_toml(self) -> str:
+        """The `[machine]` table of a problem file, with where it comes from."""
+        settings = {k: v for k, v in self.machine.to_dict().items() if v is not False}
+        head = [f"# Identified from {len(self.logs)} run{'s' * (len(self.logs) > 1)}."]
+        head += [f"# One number stands for several. {text}." for text in self.merged]
+        head += [f"# Warning: {text}" for text in self.warnings]
+        off = [k for k, v in self.machine.to_dict().items() if v is False]
+        base = Machine.from_table({"preset": self.machine.preset}).effects
+        settings |= {name: False for name in off if name in base}
+        return (
+            "\n".join([*head, "[machine]", *(f"{k} = {toml(v)}" for k, v in settings.items())])
+            + "\n"
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write the `[machine]` table; `planner.load_machine` reads it back.
+
+        Raises:
+            InputError: If the file cannot be written.
+        """
+        return write_text(path, self.to_toml())
+
+
+COLUMNS: list[Column[Estimate]] = [
+    Column("parameter", "", lambda e: e.parameter.key, left=True),
+    Column("of", "", lambda e: e.parameter.name, left=True),
+    Column("unit", "", lambda e: e.parameter.unit, left=True),
+    Column("preset", "", lambda e: e.preset, digits(4)),
+    Column("found", "", lambda e: e.value, digits(4)),
+    Column("+-", "", lambda e: e.spread, digits(2)),
+    Column("told", "", lambda e: e.told, "{:.2f}".format),
+]
+
+
+def identify(
+    logs: Log | Sequence[Log],
+    problem: Problem,
+    machine: Machine | str | None = "prototype",
+    *,
+    starts: int = STARTS,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Identification:
+    """The machine of an arm, from recorded runs.
+
+    Lost motion, ratios, lags, gains, biases and the gearheads' backlash are fitted to the runs,
+    with a prior about the preset (see `planner.machine.identification.parameters` and `fit`); what
+    is merged with others or not told by the runs is named. Of several runs the last is kept out, to
+    show how well the machine predicts what it was not fitted to.
+
+    Args:
+        logs: One run or several; see `planner.read_log`. The motion of `planner.excitation` tells
+            most.
+        problem: Gives the arm: number of joints and gear constants.
+        machine: Where the search begins, and what stays that is not looked for: a machine, the name
+            of a preset, or None for the problem's own. With fidelity "dynamic" the model has
+            inertia, and a fit takes half a minute.
+        starts: Searches from different starts, of which the best is taken.
+        seed: Of these starts and of the bootstrap.
+        progress: Called with what is done and the share of all.
+
+    Raises:
+        InputError: If there is no log, the system is no arm with friction disks, a log has another
+            number of joints, or does not move one of them by a degree.
+    """
+    expect_problem(problem)
+    expect_listener(progress)
+    every = [logs] if isinstance(logs, Log) else list(logs)
+    for log in every:
+        expect_log(log)
+    if not every:
+        raise InputError("identify needs at least one log; planner.read_log(path) reads one")
+    if isinstance(starts, bool) or not isinstance(starts, int) or starts < 1:
+        raise InputError(f"starts = {starts!r:.40}: must be a number of searches, at least 1")
+    system = problem.system
+    if not isinstance(system, Manipulator):
+        raise InputError(
+            f"{problem.source}: only machines of arms with friction disks can be identified"
+            f" (system.kind = 'manipulator'), and this is a {system.kind}"
+        )
+    preset = machine_for(problem.machine, machine)
+    parameters = Parameters(preset, system)
+    kept_out = every.pop() if len(every) > 1 else None
+    models = [LogModel(log, problem, parameters) for log in every]
+    result = fit(models, parameters, starts, seed, progress or (lambda what, share: None))
+    noise = np.rad2deg([model.noise for model in models])
+    estimates = tuple(_estimates(parameters, result))
+    residual = np.rad2deg(result.residual)
+    return Identification(
+        machine=parameters.machine(result.x),
+        preset=preset,
+        problem=problem,
+        logs=tuple(every),
+        kept_out=kept_out,
+        estimates=estimates,
+        residual_deg=residual,
+        noise_deg=noise,
+        warnings=tuple(_warnings(every, estimates, residual, noise)),
+    )
+
+
+def _estimates(parameters: Parameters, result: Fit) -> Iterator[Estimate]:
+    values = parameters.values(result.x)
+    for k, row in enumerate(parameters.rows):
+        edges = result.x[k] - parameters.low[k], parameters.high[k] - result.x[k]
+        yield Estimate(
+            row,
+            row.value / row.scale,
+            float(values[k]) / row.scale,
+            float(result.spread[k]) * row.prior / row.scale,
+            1.0 - min(1.0, float(result.spread[k])),
+            min(edges) < EDGE_SHARE,
+        )
+
+
+EDGE_SHARE = 1e-3
+"""A parameter so near to an end of its range, in deviations of its prior, is at it."""
+
+
+def _warnings(
+    logs: Sequence[Log], estimates: Sequence[Estimate], residual: Array, noise: Array
+) -> Iterator[str]:
+    for log, left, usual in zip(logs, residual, noise, strict=True):
+        ratio = left / usual
+        if np.max(ratio) > NOISE_RATIO:
+            joint = int(np.argmax(ratio))
+            yield (
+                f"{log.source}: theta{joint + 1} is off by {left[joint]:.3g} deg (rms), and its"
+                f" encoder's noise is {usual[joint]:.2g} deg: the arm does what the model lacks"
+                " (inertia in fast motions, which a machine of fidelity 'dynamic' has; eccentric"
+                " encoders; something loose)"
+            )
+    if still := [
+        i for i in range(1, logs[0].theta.shape[1]) if not any(_turns(x, i) for x in logs)
+    ]:
+        names = ", ".join(f"joint {i + 1}" for i in still)
+        yield (
+            f"{names} never turns back in these runs, so that nothing tells the lost motion:"
+            " record planner.excitation(problem)"
+        )
+    for each in estimates:
+        if each.at_edge:
+            yield (
+                f"{each.parameter.name} ended at the edge of its range,"
+                f" {each.value:.4g} {each.parameter.unit}"
+            )
+
+
+def _turns(log: Log, joint: int) -> bool:
+    """Whether a joint both rises and falls by as much as shows that its axis pushes it."""
+    theta = log.theta_deg[:, joint]
+    risen = np.max(theta - np.minimum.accumulate(theta))
+    fallen = np.max(np.maximum.accumulate(theta) - theta)
+    return bool(min(risen, fallen) > KNOWN_DEG)
+
+
+def predict_run(log: Log, problem: Problem, machine: Machine | str | None) -> Log:
+    """What a machine makes of a log's commands; see `Identification.predict`."""
+    system = problem.system
+    assert isinstance(system, Manipulator)
+    parameters = Parameters(machine_for(problem.machine, machine), system)
+    model, x = LogModel(log, problem, parameters), np.zeros((1, len(parameters.rows)))
+    theta = model.angles(x, model.settled_offsets(x))[0]
+    theta[: model.known] = log.theta[: model.known]
+    return replace(log, theta=theta, source=f"prediction of {log.source}")

@@ -1,0 +1,252 @@
+"""Motions of an arm that lead to no goal but tell something: `excitation` and `homing`.
+
+`excitation` is what `planner.identify` learns most from in little time: the drive turns to and fro
+in a square wave while θ₁ follows two sines, so that every play is crossed many times, at many
+angles of the contacts, and slow and fast.
+
+`homing` leaves an arm in a known state. What was pushed forward rests with its axis ahead by its
+lost motion w. So the drive turns back, then forward until every passive encoder has risen: then
+every axis is ahead, whatever w is. Joint 1 turns forward last, since the bias of motor 2 would pull
+its gearhead off meanwhile, and the end of the drive's way is slow, since links with inertia coast
+through their backlash when it stops. A controller runs it by the encoders: see
+`planner.machine.feedback.homing`.
+
+Both are plans from the problem's start: their inputs are linear between `KNOT_S`, their coordinates
+those of the kinematics, their goal is where they end, and they are verified.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from planner.errors import InputError, PlannerError, VerificationError
+from planner.plan.plan import Plan
+from planner.plan.trajectory import StateTrajectory
+from planner.problem.problem import Problem, expect_problem
+from planner.support.arrays import Array
+from planner.support.calculus.bernstein import Bernstein
+from planner.support.calculus.runge_kutta import step
+from planner.systems.manipulator import Manipulator
+from planner.verification.verdict import judge
+
+KNOT_S = 0.02
+"""Time between the knots of the inputs, s: two periods of the usual controller."""
+
+SHARE = 0.9
+"""Part of a limit that is used, so that the machine, which is not the kinematics, keeps it too."""
+
+USUAL_RATE = 4.0
+"""Change of a motor's speed, rad/s², where no limit says less: 0.1 s from rest to full speed."""
+
+# -- excitation -----------------------------------------------------------------------------------
+
+LENGTH_S = 30.0
+DRIVE_RAD_S, DRIVE_PERIOD_S = 0.45, 5.3
+THETA1_RAD_S, THETA1_PERIODS_S = (0.35, 0.12), (11.0, 3.1)
+"""The motion that told most of eight that were compared by their Fisher information, most a second:
+spreads of the compensated end error of (0.42, 0.88, 0.90) degrees without a log become (0.004,
+0.014, 0.013); the paper's motion, which never reverses, leaves (0.04, 0.28, 0.49)."""
+
+SIZES = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4)
+"""Where the motion breaks a limit of joints or touches something it is made smaller. At three
+tenths the axes would hardly leave twice the prototype's lost motion of 4.7 degrees."""
+
+
+def excitation(problem: Problem) -> Plan:
+    """A motion of 30 s to record, from which `planner.identify` learns the machine.
+
+    The drive reverses in a square wave of 5.3 s while θ₁ follows two sines of 11 and 3.1 s. It
+    starts at the problem's start, which should be near θ₁ = 0, and keeps every limit but that of
+    z₂, which belongs to plans towards a goal; waypoints do not count.
+
+    Args:
+        problem: Gives the arm, the start and the limits.
+
+    Raises:
+        InputError: If the system is no arm with friction disks, or the motion ends in an obstacle.
+        VerificationError: If no such motion of a useful size keeps the limits; of the largest.
+    """
+    system = _arm(problem, "an excitation")
+    t = KNOT_S * np.arange(round(LENGTH_S / KNOT_S) + 1, dtype=np.float64)
+    most = SHARE * problem.limits.input
+    rate = np.minimum(SHARE * problem.limits.input_rate, USUAL_RATE)
+    drive = min(DRIVE_RAD_S, most[0]) * np.sign(np.sin(2 * np.pi * t / DRIVE_PERIOD_S))
+    sines = zip(THETA1_RAD_S, THETA1_PERIODS_S, strict=True)
+    turn = sum(speed * np.sin(2 * np.pi * t / period) for speed, period in sines)
+    turn *= min(1.0, most[1] / sum(THETA1_RAD_S))
+    side = -1.0 if problem.start[1] > 0 else 1.0  # first towards the wider part of the range
+    why: PlannerError | None = None
+    for size in SIZES:
+        for way in (side, -side):
+            u = np.stack([size * drive, size * way * turn], axis=1)
+            u = np.stack([_within_rate(u[:, i], rate[i]) for i in (0, 1)], axis=1)
+            try:
+                return _motion(problem, system, "excitation", t, u, {"size": size})
+            except (InputError, VerificationError) as error:
+                why = why or error
+    assert why is not None
+    raise why
+
+
+# -- homing ---------------------------------------------------------------------------------------
+
+BACK_RAD, FORWARD_RAD, QUICK_RAD_S = 0.6, 0.5, 0.3
+SLOW_RAD, SLOW_RAD_S = 0.9, 0.1
+"""Turns and speeds of the drive on an arm whose last axis turns by `USUAL_AXIS` of it. Backwards
+further than twice the largest lost motion of a prototype (2 · 7 degrees); slowly forward so far
+that the encoders have risen on every machine, where the rule ends it earlier.
+
+At the end 0.1 rad/s leaves 0.17 degrees on machines with inertia, 0.3 rad/s 0.97."""
+USUAL_AXIS = 0.476
+
+LAST_TURN_DEG, LAST_TURN_RAD_S = 2.0, 0.2
+"""Of joint 1: four times the backlash of its gearhead."""
+
+RISE_DEG = 1.5
+"""Rise of every passive encoder that proves its axis ahead: seventeen times its resolution."""
+
+REST_S, BETWEEN_S = 0.3, 0.05
+"""Rest at the end, for servos and joints to settle; and after each turn."""
+
+MOST_STRETCH = 2.5
+"""So many times the usual turns, where an axis turns slower, are too many for its joint's range."""
+
+
+def homing(problem: Problem) -> Plan:
+    """A motion after which backlash and torsion are known: every axis is ahead of its joint.
+
+    The drive turns back by 0.6 rad, forward by 0.5 at 0.3 rad/s, then slowly until every passive
+    encoder has risen by 1.5 degrees above its least reading; joint 1 turns forward by 2 degrees;
+    the arm rests. The plan turns slowly for the longest time that may be needed. A controller ends
+    that part as soon as the encoders have risen, and goes on with the plan after it: in
+    `notes["until"]` it may do so from `from_s` on, with the readings since `count_from_s` and the
+    rise `rise_deg`, and goes on from `to_s`. Emulated machines do so with
+    `planner.replay(plan, feedback=planner.HomingRule())`.
+
+    Args:
+        problem: Gives the arm, where it stands, and the limits; of these that of z₂ does not count.
+
+    Raises:
+        InputError: If the system is no arm with friction disks, or an axis hardly turns at the
+            start.
+        VerificationError: If the motion breaks a limit or touches something.
+    """
+    system = _arm(problem, "a homing motion")
+    axes = np.abs(system.rates(problem.start, np.array([1.0, 0.0]))[2:])
+    stretch = max(1.0, USUAL_AXIS / max(float(axes.min()), 1e-9))
+    if stretch > MOST_STRETCH:
+        raise InputError(
+            f"{problem.source}: at the start the slowest passive axis turns by {axes.min():.3g} of"
+            " the drive, too little for a homing motion; bring joints 1 to n-1 nearer to 0 degrees"
+        )
+    turns = [
+        (0, -BACK_RAD * stretch, QUICK_RAD_S),
+        (0, FORWARD_RAD * stretch, QUICK_RAD_S),
+        (0, SLOW_RAD * stretch, SLOW_RAD_S),
+        (1, np.deg2rad(LAST_TURN_DEG), LAST_TURN_RAD_S),
+    ]
+    rate = np.minimum(SHARE * problem.limits.input_rate, USUAL_RATE)
+    pieces, ends = [np.zeros((1, 2))], []
+    for motor, angle, speed in turns:
+        speed = min(speed, SHARE * problem.limits.input[motor])
+        pieces.append(_turn(motor, angle, speed, rate[motor]))
+        ends.append(sum(map(len, pieces)) - 1)
+    pieces.append(np.zeros((round(REST_S / KNOT_S), 2)))
+    u = np.concatenate(pieces)
+    t = KNOT_S * np.arange(len(u), dtype=np.float64)
+    slow = np.flatnonzero(u[:, 0] == pieces[3][len(pieces[3]) // 2, 0])  # not where it speeds up
+    until = {
+        "from_s": float(t[slow[0]]),
+        "to_s": float(t[slow[-1]]),
+        "count_from_s": float(t[ends[0]]),
+        "rise_deg": RISE_DEG,
+    }
+    return _motion(problem, system, "homing", t, u, {"until": until})
+
+
+def _turn(motor: int, angle: float, speed: float, rate: float) -> Array:
+    """Inputs at the knots of a turn from rest to rest, without the first knot, and a short rest."""
+    ramp = max(1, int(np.ceil(speed / rate / KNOT_S)))
+    whole = max(2 * ramp, int(np.ceil(abs(angle) / speed / KNOT_S)) + ramp)
+    shape = np.minimum(1.0, np.minimum(np.arange(1, whole + 1), np.arange(whole, 0, -1) - 1) / ramp)
+    out = np.zeros((whole + round(BETWEEN_S / KNOT_S), 2))
+    out[:whole, motor] = angle * shape / (shape.sum() * KNOT_S)
+    return out
+
+
+MOTIONS: dict[str, Callable[[Problem], Plan]] = {"excitation": excitation, "homing": homing}
+"""Each by its name, which is also its plan's method."""
+
+# -- both -----------------------------------------------------------------------------------------
+
+
+def _arm(problem: Problem, what: str) -> Manipulator:
+    expect_problem(problem)
+    system = problem.system
+    if not isinstance(system, Manipulator):
+        raise InputError(
+            f"{problem.source}: {what} is for arms with friction disks (system.kind ="
+            f" 'manipulator'), and this is a {system.kind}"
+        )
+    return system
+
+
+def _within_rate(u: Array, rate: float) -> Array:
+    """Speeds (K+1,) that follow others from rest to rest, changing by no more than the rate."""
+    most, out = rate * KNOT_S, u.copy()
+    out[0] = 0.0
+    for k in range(1, len(u)):
+        out[k] = np.clip(u[k], out[k - 1] - most, out[k - 1] + most)
+    out[-1] = 0.0
+    for k in range(len(u) - 2, 0, -1):
+        out[k] = np.clip(out[k], out[k + 1] - most, out[k + 1] + most)
+    return out
+
+
+def _motion(
+    problem: Problem, system: Manipulator, name: str, t: Array, u: Array, notes: dict[str, Any]
+) -> Plan:
+    """The verified plan with inputs u (K+1, 2) at times t (K+1,), straight between them.
+
+    Raises:
+        InputError: If it ends where no plan may.
+        VerificationError: If it breaks a limit or touches something.
+    """
+    nodes = [problem.start]
+    for k, h in enumerate(np.diff(t)):
+        inputs = np.stack([u[k], (u[k] + u[k + 1]) / 2, u[k + 1]])
+        nodes.append(step(lambda q, part, v=inputs: system.rates(q, v[part]), nodes[-1], h))  # type: ignore[misc]
+    q = np.array(nodes)
+    third = system.rates(q, u) * np.diff(t, append=t[-1] + KNOT_S)[:, None] / 3
+    trajectory = StateTrajectory(
+        system,
+        Bernstein(np.stack([q[:-1], q[:-1] + third[:-1], q[1:] - third[1:], q[1:]]), t),
+        Bernstein(np.stack([u[:-1], u[1:]]), t),
+    )
+    goal = {"theta_deg": np.rad2deg(q[-1, 1:]).tolist(), "travel": "free", "duration": t[-1]}
+    towards_no_goal: dict[str, Any] = {
+        "limits.z2_margin": None,
+        "waypoints": [],
+        "compensation": {},
+    }
+    try:
+        task = problem.changed({"goal": goal, **towards_no_goal})
+    except InputError as error:
+        why = str(error).removeprefix(f"{problem.source}: ")
+        raise InputError(
+            f"{problem.source}: the {name} motion ends where no plan may: {why}"
+        ) from None
+    plan, check = judge(Plan(task, name, {}, trajectory, objective_name="none", notes=notes))
+    if check.ok:
+        return plan
+    raise VerificationError(
+        f"{problem.source}: the {name} motion breaks {len(check.violations)}"
+        f" requirement{'s' if len(check.violations) > 1 else ''}",
+        plan=replace(plan, status=VerificationError.status),
+        violations=check.violations,
+        advice="start near 0 degrees; or wider limits; or no obstacles within reach",
+    )

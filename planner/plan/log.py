@@ -1,0 +1,338 @@
+"""What an arm was told and what its encoders read, from a CSV file: `read_log`.
+
+In row k the command u is what the motors are told from t of that row until the next one, and theta
+is what the encoders read at t, before the command acts. Inside the program times are seconds from
+the first row, angles radians.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from planner.errors import InputError, expect
+from planner.plan.plan import Plan
+from planner.plan.samples import MAX_ROWS
+from planner.plan.trajectory import StateTrajectory
+from planner.problem.problem import Problem, expect_problem
+from planner.support.arrays import Array
+from planner.support.calculus.bernstein import Bernstein
+from planner.support.files import SAMPLES_BYTES, read_text, write_text
+from planner.support.tables import csv_text, line
+from planner.support.user_tables import allowed_hint
+
+RECORDED = "recorded"
+"""Method and status of a plan that is a recorded run."""
+
+UNITS: dict[str, dict[str, float]] = {
+    "t": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "u": {"rad_s": 1.0, "deg_s": np.pi / 180, "rpm": np.pi / 30},
+    "theta": {"rad": 1.0, "deg": np.pi / 180},
+    "motor": {"rad": 1.0, "deg": np.pi / 180},
+}
+"""What each kind of column may be measured in, and how much that is in SI units."""
+
+COLUMN = re.compile(r"(t|u[12]|theta[1-9]|motor[12])(?:_|\s*[(\[]?\s*)([a-z_/]*)\s*[)\]]?", re.I)
+"""A column's name with its unit: theta1_deg, "theta1 (deg)", "u1 [rad/s]"."""
+
+LEAST_ROWS = 50
+"""Fewer rows are half a second at the usual 100 Hz: no joint has left its backlash by then."""
+
+POSE_READINGS = 20
+
+GAP_RATIO = 2.5
+"""Rows further apart than so many usual intervals are a gap; jitter of a busy computer is less."""
+
+EVEN_SHARE = 0.02
+"""Times this near to even ones, as a part of the interval, are taken as even: rounding of files."""
+
+JUMP_DEG, MOST_RATE_DEG_S = 20.0, 600.0
+"""An angle that changes by more between two rows than both allow together has wrapped, or a reading
+is wrong; the prototype's joints move by at most 30 degrees a second."""
+
+UNIT_RATIO = 8.0
+"""Joint 1 turns as motor 2 does. A ratio beyond this or below its inverse is a wrong unit (degrees
+for radians are 57), and no error of a gear; with less than `LEAST_TURN_RAD` it says nothing."""
+LEAST_TURN_RAD = np.deg2rad(4.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A recorded run of an arm.
+
+    Attributes:
+        t: Times, shape (R,), s, from 0.
+        u: Commands of both motors from each time to the next, shape (R, 2), rad/s.
+        theta: Readings of the joints' encoders, shape (R, n), rad.
+        motors: Angles of both motors, shape (R, 2), rad; None if they were not recorded.
+        source: Where it came from, for messages.
+    """
+
+    t: Array
+    u: Array
+    theta: Array
+    motors: Array | None = None
+    source: str = "log"
+
+    def __repr__(self) -> str:
+        return (
+            f"Log({Path(self.source).name}: {self.theta.shape[1]} joints, {len(self.t)} rows,"
+            f" {self.t[-1]:.4g} s)"
+        )
+
+    @property
+    def theta_deg(self) -> Array:
+        """Readings, shape (R, n), degrees."""
+        return np.rad2deg(self.theta)
+
+    @property
+    def pose_deg(self) -> Array:
+        """Where the arm stands at the end: the mean of the last 20 readings, shape (n,), degrees.
+
+        Of an encoder of 0.088 degrees with noise a third of that they leave 0.01 degrees.
+        """
+        return np.asarray(np.rad2deg(self.theta[-POSE_READINGS:].mean(axis=0)))
+
+    @property
+    def interval_s(self) -> float:
+        """Usual time from a row to the next, s."""
+        return float(np.median(np.diff(self.t)))
+
+    @property
+    def is_even(self) -> bool:
+        """Whether all rows are equally far apart."""
+        return bool(np.ptp(np.diff(self.t)) < 1e-9 * self.interval_s)
+
+    def part(self, begin_s: float, end_s: float = np.inf) -> Log:
+        """The rows from `begin_s` to `end_s`, with times from 0.
+
+        Raises:
+            InputError: If fewer than `LEAST_ROWS` are left.
+        """
+        chosen = (self.t >= begin_s - 1e-9) & (self.t <= end_s + 1e-9)
+        if chosen.sum() < LEAST_ROWS:
+            raise InputError(
+                f"{self.source}: {chosen.sum()} rows from {begin_s:g} to {end_s:g} s; a log needs"
+                f" at least {LEAST_ROWS}"
+            )
+        motors = None if self.motors is None else self.motors[chosen]
+        t = self.t[chosen]
+        return replace(self, t=t - t[0], u=self.u[chosen], theta=self.theta[chosen], motors=motors)
+
+    def plan(self, problem: Problem) -> Plan:
+        """The run as a plan: `planner.replay` and every figure take it.
+
+        Its inputs are the commands, each held until the next; its coordinates are the readings,
+        straight from one to the next, and the disk's angle that the kinematics make of them.
+
+        Raises:
+            InputError: If the problem's system has not as many joints.
+        """
+        expect_problem(problem)
+        system = problem.system
+        if system.size - 1 != self.theta.shape[1]:
+            raise InputError(
+                f"{self.source} has {self.theta.shape[1]} joints (theta1 ...), but"
+                f" {problem.source} has {system.size - 1}"
+            )
+        q = np.column_stack([np.zeros(len(self.t)), self.theta])
+        middle = (q[:-1] + q[1:]) / 2
+        turned = system.rates(middle, self.u[:-1])[:, 0] * np.diff(self.t)
+        q[1:, 0] = np.cumsum(turned)
+        held = self.u[:-1]
+        trajectory = StateTrajectory(
+            system,
+            Bernstein(np.stack([q[:-1], q[1:]]), self.t),
+            Bernstein(held[None].copy(), self.t),
+        )
+        return Plan(problem, RECORDED, {}, trajectory, status=RECORDED)
+
+    def save(self, path: str | Path) -> Path:
+        """Write it as CSV, with angles in degrees; `read_log` reads it back.
+
+        Raises:
+            InputError: If the file cannot be written.
+        """
+        names = ["t_s", "u1_rad_s", "u2_rad_s"]
+        names += [f"theta{i + 1}_deg" for i in range(self.theta.shape[1])]
+        columns = [self.t[:, None], self.u, self.theta_deg]
+        if self.motors is not None:
+            names += ["motor1_rad", "motor2_rad"]
+            columns.append(self.motors)
+        rows = ([f"{x:.9g}" for x in row] for row in np.column_stack(columns).tolist())
+        return write_text(path, csv_text([names, *rows]))
+
+
+def expect_log(value: object) -> None:
+    """Refuse what is no log, such as the name of its file.
+
+    Raises:
+        InputError: If it is none; the message says how to get one.
+    """
+    expect(Log, value, "planner.read_log(path) reads one")
+
+
+def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
+    """Read a recorded run of an arm.
+
+    A CSV file with one header line: `t`, `u1`, `u2`, `theta1` … `thetan`, each with its unit, as in
+    `t_s`, `u1_rad_s`, `theta1_deg` or "theta1 (deg)". Angles of both motors, `motor1_rad` and
+    `motor2_rad`, are read where they are given; other columns are left out.
+
+    Args:
+        path: The file.
+        columns: Where the file calls its columns otherwise, as one exported from a ROS 2 bag does:
+            names as above with the unit to the file's own, for example `{"t_ns": "stamp",
+            "theta1_rad": "/joint_states/position[0]"}`.
+
+    Raises:
+        InputError: If the file cannot be read, a column or its unit is missing, a cell is no
+            number, there are fewer than 50 rows, times do not increase or have a gap, or angles
+            jump or are in another unit than the header says. The message names column and row.
+    """
+    text = read_text(path, SAMPLES_BYTES, "a log is CSV")
+    table = [row for row in csv.reader(io.StringIO(text, newline="")) if any(row)]
+    header = [name.strip() for name in table[0]] if table else []
+    places = _columns(header, columns or {}, path)
+    rows = table[1:]
+    if not LEAST_ROWS <= len(rows) <= MAX_ROWS:
+        raise InputError(
+            f"{path} has {len(rows)} rows of readings; a log has {LEAST_ROWS} to {MAX_ROWS:,}"
+        )
+    values = {
+        name: _numbers(rows, place, header[place], path) * factor
+        for name, (place, factor) in places.items()
+    }
+    joints = sum(name.startswith("theta") for name in values)
+    t = _times(values["t"], path)
+    log = Log(
+        t=t,
+        u=np.stack([values["u1"], values["u2"]], axis=1),
+        theta=np.stack([values[f"theta{i + 1}"] for i in range(joints)], axis=1),
+        motors=np.stack([values["motor1"], values["motor2"]], axis=1)
+        if {"motor1", "motor2"} <= values.keys()
+        else None,
+        source=str(path),
+    )
+    _refuse_jumps(log)
+    _refuse_wrong_units(log)
+    return log
+
+
+def _columns(
+    header: Sequence[str], given: Mapping[str, str], path: str | Path
+) -> dict[str, tuple[int, float]]:
+    """For each quantity the place of its column, and what its unit is in SI units."""
+    expect(Mapping, given, 'columns maps names to those of the file: {"theta1_rad": "pos[0]"}')
+    names = {name: name for name in header} | {theirs: ours for ours, theirs in given.items()}
+    for ours, theirs in given.items():
+        if theirs not in header:
+            raise InputError(
+                f"{path} has no column '{line(theirs)}' (for {ours});"
+                f" {allowed_hint(theirs, header)}"
+            )
+        if not COLUMN.fullmatch(ours):
+            raise InputError(
+                f"columns: '{line(ours)}' is no quantity with its unit, such as t_s, u1_rad_s,"
+                " theta1_deg"
+            )
+    out: dict[str, tuple[int, float]] = {}
+    for place, column in enumerate(header):
+        match = COLUMN.fullmatch(names[column])
+        if not match:
+            continue
+        name, unit = match[1].lower(), match[2].lower().replace("/", "_")
+        units = UNITS[name.rstrip("123456789")]
+        if unit not in units:
+            said = f"has the unit '{unit}'" if unit else "has no unit"
+            raise InputError(
+                f"{path}: column '{line(column)}' {said}; write one of"
+                f" {', '.join(f'{name}_{each}' for each in units)}, or name the column in `columns`"
+            )
+        if name in out:
+            raise InputError(f"{path} has two columns for {name}: '{line(column)}' is the second")
+        out[name] = place, units[unit]
+    joints = sum(name.startswith("theta") for name in out)
+    wanted = ["t", "u1", "u2", *(f"theta{i + 1}" for i in range(max(2, joints)))]
+    if missing := [name for name in wanted if name not in out]:
+        there = ", ".join(f"'{line(name)}'" for name in header) or "nothing"
+        raise InputError(
+            f"{path} has no column for {', '.join(missing)}; a log has t, u1, u2, theta1 ... thetan"
+            f" with units, as in t_s,u1_rad_s,u2_rad_s,theta1_deg (its header has {there})"
+        )
+    return out
+
+
+def _numbers(rows: Sequence[Sequence[str]], place: int, name: str, path: str | Path) -> Array:
+    out = np.empty(len(rows))
+    for k, row in enumerate(rows):
+        cell = row[place].strip() if place < len(row) else ""
+        try:
+            out[k] = float(cell)
+        except ValueError:
+            out[k] = np.nan
+        if not np.isfinite(out[k]):
+            what = f"'{line(cell)}', which is no number" if cell else "empty"
+            raise InputError(f"{path}, row {k + 2}: column '{line(name)}' is {what}")
+    return out
+
+
+def _times(t: Array, path: str | Path) -> Array:
+    """Times from 0, evened out where they are even but for rounding."""
+    t = t - t[0]
+    steps = np.diff(t)
+    if np.any(steps <= 0):
+        k = int(np.argmax(steps <= 0))
+        raise InputError(
+            f"{path}, row {k + 3}: time goes from {t[k]:.6g} to {t[k + 1]:.6g} s; it must increase"
+            " from row to row"
+        )
+    usual = float(np.median(steps))
+    if np.any(steps > GAP_RATIO * usual):
+        k = int(np.argmax(steps))
+        raise InputError(
+            f"{path}, row {k + 3}: a gap of {steps[k]:.4g} s after t = {t[k]:.6g} s, in rows that"
+            f" follow each other every {usual:.4g} s; what the motors were told meanwhile is not"
+            " known, so record again, or use the longer part alone (Log.part)"
+        )
+    even = float(f"{t[-1] / len(steps):.9g}") * np.arange(len(t))
+    return np.asarray(even if np.max(np.abs(t - even)) < EVEN_SHARE * usual else t)
+
+
+def _refuse_jumps(log: Log) -> None:
+    allowed = np.deg2rad(JUMP_DEG + MOST_RATE_DEG_S * np.diff(log.t))
+    jumps = np.abs(np.diff(log.theta, axis=0)) - allowed[:, None]
+    if np.any(jumps > 0):
+        k, i = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
+        before, after = log.theta_deg[k : k + 2, i]
+        turns = abs(after - before) / 360
+        wraps = abs(turns - round(turns)) < JUMP_DEG / 360 and turns > 0.5
+        advice = (
+            "the encoder wraps around; write angles that go on (numpy.unwrap)"
+            if wraps
+            else "a wrong reading, or a wrong unit"
+        )
+        raise InputError(
+            f"{log.source}, row {k + 3}: theta{i + 1} jumps from {before:.5g} to {after:.5g} deg at"
+            f" t = {log.t[k + 1]:.5g} s: {advice}"
+        )
+
+
+def _refuse_wrong_units(log: Log) -> None:
+    """Joint 1 turns as motor 2, whatever the mechanism."""
+    turned = np.concatenate([[0.0], np.cumsum(log.u[:-1, 1] * np.diff(log.t))])
+    commanded, read = float(np.ptp(turned)), float(np.ptp(log.theta[:, 0]))
+    ratio = read / max(commanded, 1e-9)
+    if max(commanded, read) < LEAST_TURN_RAD or 1 / UNIT_RATIO <= ratio <= UNIT_RATIO:
+        return
+    raise InputError(
+        f"{log.source}: joint 1 turns by {np.rad2deg(read):.4g} deg while u2 asks motor 2 for"
+        f" {np.rad2deg(commanded):.4g} deg, and both turn alike; is a unit in the header wrong"
+        " (degrees for radians), or the sign or order of the motors?"
+    )

@@ -1,0 +1,120 @@
+"""A recorded run beside the plan and the prediction; what is left of runs after identification."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.errors import expect
+from planner.machine.identification.identify import Identification
+from planner.plan.log import Log, expect_log
+from planner.plan.plan import Plan, expect_plan
+from planner.report.figures.style import COLOURS, GRID_STYLE, grid, heading, legend, symbol
+from planner.support.arrays import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+RECORDED_STYLE = {"color": COLOURS[0], "linewidth": 1.8}
+PLAN_STYLE = {"color": "black", "linewidth": 1.1, "linestyle": "--"}
+PREDICTION_STYLE = {"color": COLOURS[1], "linewidth": 1.2}
+
+
+def plot_run(
+    log: Log, plan: Plan, prediction: Log | None = None, *, axes: Any = None
+) -> tuple[Figure, Any]:
+    """Plot the angles of a recorded run, of its plan and of a machine's prediction over time.
+
+    Below each angle: the reading minus the plan, and minus the prediction.
+
+    Args:
+        log: The run; its first command is taken for the plan's (`Log.part` cuts off what was
+            before).
+        plan: What was executed.
+        prediction: What a machine makes of the log's commands: `Identification.predict(log)`.
+        axes: Axes to draw into: two rows, one column for each joint.
+
+    Returns:
+        The figure and its axes, shape (2, n).
+
+    Raises:
+        InputError: If `log` or `plan` is none, or `axes` do not fit.
+    """
+    expect_log(log)
+    expect_plan(plan)
+    joints = log.theta.shape[1]
+    ours = axes is None
+    figure, axes = grid(2, joints, axes, size=(3.4, 2.1), share=("all", "none"))
+    t = log.t - start_of(log, plan)
+    planned = np.rad2deg(plan.trajectory.q(t)[:, 1:])
+    for i in range(joints):
+        above, below = axes[0, i], axes[1, i]
+        above.plot(t, log.theta_deg[:, i], **RECORDED_STYLE, label="recorded")
+        above.plot(t, planned[:, i], **PLAN_STYLE, label="plan")
+        below.plot(t, log.theta_deg[:, i] - planned[:, i], **PLAN_STYLE)
+        if prediction is not None:
+            above.plot(t, prediction.theta_deg[:, i], **PREDICTION_STYLE, label="prediction")
+            below.plot(t, (log.theta_deg - prediction.theta_deg)[:, i], **PREDICTION_STYLE)
+        name = symbol(f"theta{i + 1}")
+        above.set_ylabel(f"{name} (deg)")
+        below.set_ylabel(f"recorded minus, {name} (deg)")
+        below.set_xlabel("time from the first command (s)")
+    heading(figure, f"Recorded run: {log.source}", ours=ours)
+    legend(figure, axes, axes[0, 0].get_legend_handles_labels()[0], ours=ours)
+    return figure, axes
+
+
+def start_of(log: Log, plan: Plan) -> float:
+    """When the plan began in the log, s: their first commands coincide."""
+    first = log.t[np.argmax(moving(log.u))]
+    t = np.linspace(0.0, plan.duration, 1 + round(plan.duration / log.interval_s))
+    return float(first - t[np.argmax(moving(plan.trajectory.u(t)))])
+
+
+def moving(u: Array) -> Array:
+    """Where commands (m, 2) are more than the noise of a zero, (m,)."""
+    return np.asarray(np.max(np.abs(u), axis=1) > 1e-3)
+
+
+def identification_figure(found: Identification) -> Figure:
+    """Plot readings minus prediction of every run, and what the runs tell of each parameter.
+
+    One row a run, the one kept out last: of the machine found and, paler, of the preset. Then the
+    parameters: how far each went from the preset, in deviations of its prior, with its spread.
+
+    Args:
+        found: What `planner.identify` returned.
+
+    Raises:
+        InputError: If it is something else.
+    """
+    from matplotlib.figure import Figure
+
+    expect(Identification, found, "planner.identify(logs, problem) makes one")
+    runs = [*found.logs, *([] if found.kept_out is None else [found.kept_out])]
+    figure = Figure(figsize=(10.5, 2.2 * len(runs) + 2.6), layout="constrained")
+    every: Any = figure.subplots(len(runs) + 1, 1)
+    for ax, log in zip(every, runs, strict=False):
+        best, before = found.predict(log), found.predict(log, found.preset)
+        for i in range(log.theta.shape[1]):
+            looks = {"color": COLOURS[i], "linewidth": 0.8}
+            ax.plot(log.t, log.theta_deg[:, i] - before.theta_deg[:, i], **looks, alpha=0.3)
+            left = log.theta_deg[:, i] - best.theta_deg[:, i]
+            ax.plot(log.t, left, **looks, label=symbol(f"theta{i + 1}"))
+        kept = " (kept out of the fit)" if log is found.kept_out else ""
+        ax.set_title(f"{log.source}{kept}", fontsize=9, loc="left")
+        ax.set_ylabel("read minus predicted (deg)", fontsize=8)
+        ax.grid(**GRID_STYLE)
+    every[0].legend(fontsize=8, title="pale: the preset", ncols=3)
+    every[-2].set_xlabel("time (s)")
+    estimates = found.estimates
+    shift = [(e.value - e.preset) * e.parameter.scale / e.parameter.prior for e in estimates]
+    spread = [e.spread * e.parameter.scale / e.parameter.prior for e in estimates]
+    places = np.arange(len(estimates))
+    every[-1].errorbar(places, shift, yerr=spread, fmt="o", color=COLOURS[0], markersize=4)
+    every[-1].axhline(0, color="#888888", linewidth=0.8)
+    every[-1].set_xticks(places, [e.parameter.key for e in estimates], fontsize=8)
+    every[-1].set_ylabel("from the preset\n(deviations of the prior)", fontsize=8)
+    every[-1].grid(**GRID_STYLE)
+    return figure

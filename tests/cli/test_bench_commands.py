@@ -1,0 +1,65 @@
+"""From an arm on the bench to its machine, on the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner
+
+PAPER = Path(__file__).parents[2] / "problems/paper.toml"
+
+
+def test_the_way_from_a_motion_to_a_machine(run: Callable, tmp_path: Path) -> None:
+    motion, csv, table = tmp_path / "excitation.json", tmp_path / "1.csv", tmp_path / "mine.toml"
+    made = run("motion", "excitation", PAPER, "--out", motion, "--json").json
+    assert made["verified"]
+    assert made["duration_s"] == pytest.approx(30)
+    arm = planner.Machine.prototype(backlash_deg=4.0).nominal()
+    planner.emulate_log(planner.load_plan(motion), arm).save(csv)
+
+    words = ("--problem", PAPER, "--starts", "1")
+    found = run("identify", csv, *words, "--out", table, "--figure", tmp_path / "a.png", "--json")
+    assert found.status == 0
+    w2 = next(each for each in found.json["parameters"] if each["key"] == "w2")
+    twist = arm.mean("coulomb_friction_nm") / arm.mean("shaft_stiffness_nm_per_rad")
+    assert w2["value"] == pytest.approx(2.0 + np.rad2deg(twist[0]), abs=0.03)
+    assert (tmp_path / "a.png").stat().st_size > 10_000
+    text = run("identify", csv, csv, *words).out
+    assert "w2" in text
+    assert "kept out, predicted by the preset machine: largest error" in text
+
+    made = run("plan", PAPER, "--machine", table, "--out", tmp_path / "plan.json")
+    assert made.status == 0
+    plan = planner.load_plan(tmp_path / "plan.json")
+    assert planner.Machine.from_table(plan.problem.machine) == planner.load_machine(table)
+
+    planner.emulate_log(plan, arm).save(tmp_path / "2.csv")
+    words = ("--problem", PAPER, "--plan", tmp_path / "plan.json", "--machine", table)
+    seen = run("log", tmp_path / "2.csv", *words, "--out", tmp_path / "b.png", "--json").json
+    expected = planner.replay(plan, arm).terminal_error_deg[0]
+    assert seen["terminal_error_deg"] == pytest.approx(expected, abs=0.15)
+    assert (tmp_path / "b.png").stat().st_size > 10_000
+
+
+def test_homing_says_when_it_may_go_on(run: Callable, tmp_path: Path) -> None:
+    result = run("motion", "homing", PAPER, "--out", tmp_path / "homing.json")
+    assert "once every passive encoder is 1.5 deg above its least reading" in result.out
+
+
+def test_wrong_words_are_bad_input(run: Callable, tmp_path: Path) -> None:
+    for words, says in (
+        (("motion", "dance", PAPER, "-o", tmp_path / "a.json"), "no motion 'dance'"),
+        (
+            ("log", tmp_path / "a.csv", "-p", PAPER, "-o", tmp_path / "a.png"),
+            "name that with --plan",
+        ),
+        (("identify", tmp_path / "none.csv", "-p", PAPER), "none.csv"),
+        (("log", PAPER, "-p", PAPER, "--column", "t_s"), "write it as theta1_deg="),
+    ):
+        result = run(*words)
+        assert result.status == 2
+        assert says in result.err

@@ -1,0 +1,194 @@
+"""The machine of an arm from its logs: known machines are found again, and doubts are told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from planner import (
+    Identification,
+    InputError,
+    Log,
+    Machine,
+    Plan,
+    Problem,
+    emulate_log,
+    excitation,
+    identify,
+    load_machine,
+    load_problem,
+    solve,
+)
+from planner.machine.identification import model
+from planner.machine.identification.model import LogModel, reading_noise
+from planner.machine.identification.parameters import Parameters
+
+PRESET = Machine.prototype()
+ARM = PRESET.nominal().with_(
+    backlash_deg=[4.4, 1.9],
+    shaft_stiffness_nm_per_rad=[3.9, 2.8],
+    gear_ratio_error=[0.008, -0.011],
+    input_gain_error=[0.002, -0.004],
+    input_bias_rad_s=[0.0006, -0.0004],
+    gearhead_backlash_deg=[0.7, 0.4],
+    delay_s=0.009,
+    initial_play={"value": 0.0, "spread": 0.5},
+    initial_angle_error_deg={"value": 0.0, "spread": 0.2},
+)
+"""One arm, none of the preset's; each run of it begins somewhere in its backlash."""
+
+
+def lost_deg(machine: Machine, joints: int = 3) -> np.ndarray:
+    names = ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
+    backlash, friction, stiffness = (machine.mean(name, joints) for name in names)
+    return backlash / 2 + np.rad2deg(friction / stiffness)
+
+
+@pytest.fixture(scope="module")
+def motion(paper: Problem) -> Plan:
+    return excitation(paper)
+
+
+@pytest.fixture(scope="module")
+def plan(paper: Problem) -> Plan:
+    return solve(paper, "collocation")
+
+
+@pytest.fixture(scope="module")
+def found(paper: Problem, motion: Plan, plan: Plan) -> Identification:
+    runs = [emulate_log(motion, ARM, sample=3), emulate_log(plan, ARM, sample=4)]
+    return identify(runs, paper)
+
+
+def test_a_known_arm_is_found_from_one_run_of_30_s(found: Identification) -> None:
+    np.testing.assert_allclose(lost_deg(found.machine), lost_deg(ARM), atol=0.02)
+    for key, true, allowed in (
+        ("gain2", -0.4, 0.03),  # %
+        ("bias1", 0.6, 0.05),  # mrad/s
+        ("bias2", -0.4, 0.02),
+        ("gear1", 0.7, 0.05),  # deg
+        ("gear2", 0.4, 0.03),
+        ("lag", 9.0 + 1e3 / 67.1, 1.0),  # ms: delay and servo together
+        ("ratio2", 0.8 + 0.2, 0.3),  # %: with the gain of motor 1
+        ("ratio3", -1.1 + 0.2, 0.3),
+    ):
+        assert found[key].value == pytest.approx(true, abs=allowed), key
+        assert abs(found[key].value - true) < 6 * found[key].spread + 0.02 * allowed
+    assert not found.warnings
+    assert not found.untold
+    np.testing.assert_allclose(found.residual_deg, found.noise_deg, rtol=0.15)
+
+
+def test_a_run_that_was_kept_out_is_predicted_far_better_than_by_the_preset(
+    found: Identification, plan: Plan
+) -> None:
+    assert found.kept_out is not None
+    assert "collocation" in found.kept_out.source
+    identified, preset = found.errors["identified"], found.errors["preset"]
+    assert max(identified.rms_deg) < 0.06  # the encoder's noise is 0.04
+    assert max(preset.rms_deg) > 3 * max(identified.rms_deg)
+    prediction = found.predict(found.kept_out)
+    silent = emulate_log(plan, ARM, sample=4, noise_deg=0.0)
+    end = prediction.theta_deg[-1] - silent.theta_deg[-1]
+    assert np.abs(end).max() < 0.08  # half of the encoder's step, and 0.03
+
+
+def test_the_machine_is_one_like_any_other(
+    found: Identification, tmp_path: Path, paper: Problem
+) -> None:
+    path = found.save(tmp_path / "mine.toml")
+    assert load_machine(path) == found.machine
+    text = path.read_text("utf-8")
+    assert "One number stands for several. lost motion: backlash, friction" in text
+    problem = load_problem(
+        Path(__file__).parents[2] / "problems/paper.toml", {"machine": found.machine.to_dict()}
+    )
+    assert Machine.from_table(problem.machine) == found.machine
+    assert found.machine.effects["initial_play"] == PRESET.effects["initial_play"]
+    assert not found.machine.effects["backlash_deg"].varies
+    (tmp_path / "none.toml").write_text("a = 1\n", "utf-8")
+    with pytest.raises(InputError, match=r"has no table \[machine\]"):
+        load_machine(tmp_path / "none.toml")
+
+
+def test_doubts_are_told(paper: Problem, motion: Plan, plan: Plan) -> None:
+    one_way = identify(emulate_log(plan, ARM, sample=1), paper, starts=1)
+    assert any("joint 2, joint 3 never turns back" in text for text in one_way.warnings)
+    assert "backlash of gearhead 1" in one_way.untold
+    assert min(one_way[key].spread for key in ("w2", "w3")) > 0.5
+    heavy = identify(emulate_log(motion, ARM.with_(fidelity="dynamic")), paper, starts=1)
+    assert any("does what the model lacks (inertia" in text for text in heavy.warnings)
+
+
+def test_an_arm_of_four_joints_is_found(tmp_path: Path) -> None:
+    problem = load_problem(Path(__file__).parents[2] / "problems/four-joint.toml")
+    arm = PRESET.with_(backlash_deg=[2.0, 3.1, 3.6], shaft_stiffness_nm_per_rad=[3.0, 3.3, 3.6])
+    found = identify(emulate_log(excitation(problem), arm.nominal()), problem, starts=1)
+    np.testing.assert_allclose(lost_deg(found.machine, 4), lost_deg(arm, 4), atol=0.03)
+
+
+def test_numpy_and_the_kernel_agree_on_a_log(
+    paper: Problem, plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parameters = Parameters(PRESET, paper.system)  # type: ignore[arg-type]
+    one = LogModel(emulate_log(plan, ARM), paper, parameters)
+    x = np.stack([np.zeros(len(parameters.rows)), np.full(len(parameters.rows), 0.3)])
+    offsets = np.deg2rad([[0.1, -0.2, 0.3], [0.0, 0.0, 0.0]])
+    compiled = one.angles(x, offsets)
+    monkeypatch.setattr(model, "library", lambda: None)
+    np.testing.assert_allclose(one.angles(x, offsets), compiled, atol=1e-9)
+
+
+def test_machines_of_parameters_have_them(paper: Problem) -> None:
+    """Lost motion whatever its parts, and what is off in the preset is not looked for."""
+    parameters = Parameters(PRESET, paper.system)  # type: ignore[arg-type]
+    x = np.linspace(-0.8, 0.8, len(parameters.rows))
+    values = dict(zip([row.key for row in parameters.rows], parameters.values(x), strict=True))
+    machine = parameters.machine(x)
+    wanted = np.rad2deg([values["w2"], values["w3"]])
+    np.testing.assert_allclose(lost_deg(machine), wanted, rtol=1e-5)
+    lags = machine.mean("viscous_friction_nms_per_rad") / machine.mean("shaft_stiffness_nm_per_rad")
+    np.testing.assert_allclose(lags, [values["lag2"], values["lag3"]], rtol=1e-5)
+    kept = PRESET.mean("coulomb_friction_nm")
+    np.testing.assert_array_equal(machine.mean("coulomb_friction_nm"), kept)
+    rigid = Parameters(PRESET.without("shaft_stiffness_nm_per_rad"), paper.system)  # type: ignore[arg-type]
+    keys = [row.key for row in rigid.rows]
+    assert "lag2" not in keys
+    assert rigid.machine(np.zeros(len(keys))).mean("backlash_deg") == pytest.approx(
+        PRESET.mean("backlash_deg")[0]
+    )
+    ideal = Parameters(Machine.ideal(), paper.system)  # type: ignore[arg-type]
+    keys = [row.key for row in ideal.rows]
+    assert keys == ["w2", "w3", "ratio2", "ratio3", "gain2", "bias1", "bias2"]
+    loose = ideal.machine(np.eye(len(keys))[0])
+    assert loose.mean("backlash_deg")[0] > 0.5
+
+
+@pytest.mark.parametrize(("noise", "step"), [(0.03, 0.0), (0.03, 0.088), (0.2, 0.0)])
+def test_noise_is_read_from_the_log(motion: Plan, noise: float, step: float) -> None:
+    machine = ARM.with_(encoder_resolution_deg=step)
+    log = emulate_log(motion, machine, noise_deg=noise)
+    expected = np.hypot(noise, step / np.sqrt(12))
+    np.testing.assert_allclose(np.rad2deg(reading_noise(log)), expected, rtol=0.12)
+
+
+def test_what_cannot_be_identified_is_refused(paper: Problem, motion: Plan) -> None:
+    log = emulate_log(motion, ARM)
+
+    def refused(words: str, logs: Any, problem: Problem = paper, **more: Any) -> None:
+        with pytest.raises(InputError, match=words):
+            identify(logs, problem, **more)
+
+    still = replace(log, theta=log.theta * np.array([1.0, 1.0, 0.0]))
+    refused("theta3 moves by less than 1 degree", still)
+    refused("at least one log", [])
+    refused("read_log", "runs/1.csv")
+    refused("starts = 0", log, starts=0)
+    refused("has 3 joints", log, Problem.manipulator([5, 5], [20, 20]))
+    car = load_problem(Path(__file__).parents[2] / "problems/car.toml")
+    refused("only machines of arms with friction disks", log, car)
+    assert isinstance(log, Log)

@@ -1,0 +1,120 @@
+"""Excitation and homing: motions within the limits that do what they are for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner import (
+    HomingRule,
+    InputError,
+    InputWarning,
+    Machine,
+    Problem,
+    VerificationError,
+    excitation,
+    export,
+    homing,
+    load_plan,
+    load_problem,
+    load_samples,
+    replay,
+    solve,
+)
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+
+
+@pytest.mark.parametrize("make", [excitation, homing])
+@pytest.mark.parametrize("name", ["paper", "four-joint", "crossing", "obstacle"])
+def test_a_motion_is_a_verified_plan_from_the_start(
+    name: str, make: object, tmp_path: Path
+) -> None:
+    problem = load_problem(PROBLEMS / f"{name}.toml", {"limits.input_rate_rad_s2": 2.0})
+    plan = make(problem)  # type: ignore[operator]
+    assert plan.verified
+    np.testing.assert_array_equal(plan.q(0.0), problem.start)
+    t = np.linspace(0, plan.duration, 20001)
+    u = plan.u(t)
+    assert np.all(np.abs(u).max(axis=0) <= 0.9 * problem.limits.input + 1e-9)
+    assert np.all(np.abs(np.diff(u, axis=0)).max(axis=0) / np.diff(t)[0] <= 0.9 * 2.0 + 1e-6)
+    np.testing.assert_array_equal(u[[0, -1]], 0.0)
+    assert load_plan(plan.save(tmp_path / "a.json"), strict=True) == plan
+    samples = load_samples(export(plan, tmp_path / "a.csv"))
+    np.testing.assert_allclose(samples.u[-1], 0.0)
+
+
+def test_an_excitation_reverses_the_drive_and_swings_joint_1(paper: Problem) -> None:
+    plan = excitation(paper)
+    assert plan.duration == pytest.approx(30.0)
+    t = np.linspace(0, 30, 3001)
+    u, q = plan.u(t), np.rad2deg(plan.q(t))
+    moving = np.sign(u[:, 0])[np.abs(u[:, 0]) > 0.2]
+    assert np.sum(np.diff(moving) != 0) == 11  # a period of 5.3 s
+    assert np.ptp(q[:, 1]) > 60
+    assert np.ptp(q[:, 2:], axis=0).min() > 20
+
+
+def test_an_excitation_is_made_smaller_until_the_joints_keep_their_limits(paper: Problem) -> None:
+    narrow = paper.changed({"limits.joint_deg": 35, "goal.theta_deg": [20, 20, 20]})
+    plan = excitation(narrow)
+    assert plan.notes["size"] < 1
+    assert np.rad2deg(np.abs(plan.q(plan.t)[:, 1:])).max() <= 35
+    with pytest.raises(InputError, match="the excitation motion ends where no plan may"):
+        excitation(paper.changed({"limits.joint_deg": 5, "goal.theta_deg": [2, 2, 2]}))
+    with pytest.raises(VerificationError, match="the homing motion breaks 1 requirement"):
+        homing(
+            paper.changed(
+                {
+                    "start.theta_deg": [1, -8, 1],
+                    "limits": {"joint_deg": [80, 22, 80]},
+                    "goal.theta_deg": [2, 2, 2],
+                }
+            )
+        )
+
+
+@pytest.mark.parametrize("make", [excitation, homing])
+def test_a_motion_is_for_arms_with_friction_disks(make: object) -> None:
+    with pytest.raises(InputError, match="is for arms with friction disks"):
+        make(load_problem(PROBLEMS / "car.toml"))  # type: ignore[operator]
+
+
+def test_homing_wants_axes_that_turn(paper: Problem) -> None:
+    with pytest.raises(InputError, match="bring joints 1 to n-1 nearer to 0 degrees"):
+        homing(paper.changed({"start.theta_deg": [60, 1, 1], "limits.z2_margin": None}))
+
+
+def test_homing_by_the_encoders_pushes_every_joint_of_every_machine(paper: Problem) -> None:
+    """Spreads and starts in the backlash far beyond the prototype's; nobody tells the rule of w."""
+    plan = homing(paper)
+    machine = Machine.prototype(
+        backlash_deg={"value": 4.0, "spread": 2.0}, initial_play={"value": 0.0, "spread": 5.0}
+    )
+    run = replay(plan, machine, samples=100, feedback=HomingRule(), record_s=0.01)
+    theta = np.rad2deg(run.q[:, :, 1:])
+    after = run.t > plan.notes["until"]["count_from_s"]
+    risen = theta[:, -1, 1:] - theta[:, after, 1:].min(axis=1)
+    assert risen.min() > 1.3  # 1.5, less the encoder's resolution twice
+    assert np.median(risen.min(axis=1)) < 2.0  # it ends as soon as all have risen
+    # Joint 1 moves last, when the drive stands.
+    last = np.argmax(np.abs(theta[:, :, 0] - theta[:, -1:, 0]) < 0.1, axis=1)
+    drive = np.array([np.max(np.flatnonzero(np.abs(u) > 0.01)) for u in run.motor_rates[:, :, 0]])
+    assert np.all(drive < last)
+
+
+def test_the_homing_rule_refuses_other_plans(paper: Problem) -> None:
+    with pytest.raises(InputError, match=r"none of planner\.homing"):
+        replay(solve(paper, "collocation"), feedback=HomingRule())
+
+
+def test_plans_start_from_the_poses_that_homing_leaves(paper: Problem) -> None:
+    """They may have negative angles: z2 then begins on the other side of zero than it ends."""
+    for pose in ([3.0, -8.0, -7.0], [2.5, -0.01, 1.0]):
+        with pytest.warns(InputWarning, match="limits.z2_margin is left out"):
+            there = paper.from_pose(pose)
+        np.testing.assert_allclose(np.rad2deg(there.start[1:]), pose)
+        assert solve(there, "collocation").verified
+    assert paper.from_pose([3.0, 2.0, -9.0]).limits.z2_margin == 0.01

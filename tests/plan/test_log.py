@@ -1,0 +1,161 @@
+"""Recorded runs: what is read, what is refused and in which words, and a log as a plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner import InputError, Log, Machine, Problem, emulate_log, read_log, replay, solve
+
+T = 0.01 * np.arange(101)
+U = np.stack([np.where(T < 0.9, 0.3, 0.0), 0.4 * np.sin(2 * np.pi * T)], axis=1)
+THETA = np.stack([0.064 * (1 - np.cos(2 * np.pi * T)), 0.1 * T, -0.05 * T], axis=1)
+LOG = Log(T, U, THETA)
+DEG, RPM = 180 / np.pi, 30 / np.pi
+
+
+def write(path: Path, header: str, *columns: np.ndarray) -> Path:
+    rows = np.column_stack(columns)
+    lines = [",".join(f"{x:.12g}" for x in row) for row in rows]
+    path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_log_is_read_back_as_it_was_written(tmp_path: Path) -> None:
+    motors = np.cumsum(U, axis=0) * 0.01
+    for log in (LOG, Log(T, U, THETA, motors)):
+        back = read_log(log.save(tmp_path / "a.csv"))
+        np.testing.assert_allclose(back.t, T, atol=1e-12)
+        np.testing.assert_allclose(back.u, U, atol=1e-8)
+        np.testing.assert_allclose(back.theta, THETA, atol=1e-9)
+        assert (back.motors is None) == (log.motors is None)
+    assert back.is_even
+    assert back.interval_s == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize(
+    ("header", "scale"),
+    [
+        (
+            "t_ms,u1 (rpm),u2 [deg/s],theta1_deg,theta2_rad,theta3 (deg)",
+            (1e3, RPM, DEG),
+        ),
+        ("T_ns,U1_rad_s,U2_deg_s,THETA1_DEG,theta2_RAD,theta3_deg", (1e9, 1.0, DEG)),
+    ],
+)
+def test_units_are_those_of_the_header(tmp_path: Path, header: str, scale: tuple) -> None:
+    time, u1, u2 = scale
+    columns = (5.0 + T * time, U[:, 0] * u1, U[:, 1] * u2)
+    angles = (THETA[:, 0] * DEG, THETA[:, 1], THETA[:, 2] * DEG)
+    log = read_log(write(tmp_path / "a.csv", header, *columns, *angles))
+    np.testing.assert_allclose(log.t, T, atol=1e-9)
+    np.testing.assert_allclose(log.u, U, atol=1e-9)
+    np.testing.assert_allclose(log.theta, THETA, atol=1e-9)
+
+
+def test_columns_of_another_program_are_named_by_a_map(tmp_path: Path) -> None:
+    """Epochs in nanoseconds, further columns, and names that mean nothing to us."""
+    stamps = 1.7e18 + 1e9 * T
+    header = "stamp,seq,cmd[0],cmd[1],pos[0],pos[1],pos[2]"
+    path = write(tmp_path / "bag.csv", header, stamps, 7 * T, *U.T, *THETA.T)
+    ours = ["t_ns", "u1_rad_s", "u2_rad_s", "theta1_rad", "theta2_rad", "theta3_rad"]
+    theirs = ["stamp", "cmd[0]", "cmd[1]", "pos[0]", "pos[1]", "pos[2]"]
+    log = read_log(path, dict(zip(ours, theirs, strict=True)))
+    np.testing.assert_allclose(log.t, T, atol=1e-6)
+    np.testing.assert_allclose(log.theta, THETA, atol=1e-9)
+    with pytest.raises(InputError, match=r"no column 'pos\[3\]' \(for theta1_rad\)"):
+        read_log(path, {"theta1_rad": "pos[3]"})
+    with pytest.raises(InputError, match="'angle' is no quantity with its unit"):
+        read_log(path, {**dict(zip(ours, theirs, strict=True)), "angle": "seq"})
+
+
+HEADER = "t_s,u1_rad_s,u2_rad_s,theta1_rad,theta2_rad,theta3_rad"
+
+
+def changed(column: int, row: int, value: float) -> list[np.ndarray]:
+    columns = [T.copy(), *U.T.copy(), *THETA.T.copy()]
+    columns[column][row] = value
+    return columns
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "words"),
+    [
+        (HEADER, [T[:40], *U[:40].T, *THETA[:40].T], r"has 40 rows of readings; a log has 50 to"),
+        (HEADER, changed(0, 50, 0.2), r"row 52: time goes from 0\.49 to 0\.2 s; it must increase"),
+        (HEADER, [T + (T > 0.5), *U.T, *THETA.T], r"row 53: a gap of 1\.01 s after t = 0\.5 s"),
+        (HEADER, changed(4, 7, np.nan), r"row 9: column 'theta2_rad' is 'nan', which is no number"),
+        (HEADER, changed(5, 30, 0.9), r"row 33: theta3 jumps from .* deg at t = 0\.31 s: a wrong"),
+        (
+            HEADER,
+            [T, *U.T, *(THETA + 2 * np.pi * (T > 0.6)[:, None]).T],
+            r"theta2 jumps from .* the encoder wraps around",
+        ),
+        (
+            HEADER,
+            [T, *U.T, *np.rad2deg(THETA[:, :1]).T, *THETA[:, 1:].T],
+            "is a unit in the header",
+        ),
+        (HEADER, [T, U[:, 0], 0 * T, *THETA.T], "or the sign or order of the motors"),
+        (
+            HEADER.replace("theta2_rad", "theta2"),
+            [T, *U.T, *THETA.T],
+            "'theta2' has no unit; write",
+        ),
+        (HEADER.replace("u2_rad_s", "u2_m_s"), [T, *U.T, *THETA.T], "'u2_m_s' has the unit 'm_s'"),
+        (HEADER.replace("theta3_rad", "theta2_deg"), [T, *U.T, *THETA.T], "two columns for theta2"),
+        (HEADER.replace("theta2", "theta4"), [T, *U.T, *THETA.T], "no column for theta2"),
+        (HEADER.replace("u1_rad_s", "speed"), [T, *U.T, *THETA.T], r"no column for u1; .*'speed'"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_with_column_and_row(
+    tmp_path: Path, header: str, columns: list, words: str
+) -> None:
+    path = write(tmp_path / "a.csv", header, *columns)
+    with pytest.raises(InputError, match=words) as error:
+        read_log(path)
+    assert str(path) in str(error.value)
+
+
+def test_an_empty_cell_and_an_empty_file_are_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", HEADER, T, *U.T, *THETA.T)
+    lines = path.read_text("utf-8").splitlines()
+    lines[9] = lines[9].rsplit(",", 1)[0] + ","
+    path.write_text("\n".join(lines), "utf-8")
+    with pytest.raises(InputError, match="row 10: column 'theta3_rad' is empty"):
+        read_log(path)
+    path.write_text("", "utf-8")
+    with pytest.raises(InputError, match="no column for t, u1, u2, theta1, theta2"):
+        read_log(path)
+
+
+def test_rounded_times_are_even_and_jitter_stays(tmp_path: Path) -> None:
+    jitter = T + 0.002 * np.sin(np.arange(len(T))) * (np.arange(len(T)) > 0)
+    even = read_log(write(tmp_path / "a.csv", HEADER, np.round(T, 3), *U.T, *THETA.T))
+    uneven = read_log(write(tmp_path / "b.csv", HEADER, jitter, *U.T, *THETA.T))
+    assert even.is_even
+    assert not uneven.is_even
+    np.testing.assert_allclose(uneven.t, jitter, atol=1e-12)
+
+
+def test_a_part_begins_at_zero() -> None:
+    part = LOG.part(0.25, 0.85)
+    assert part.t[0] == 0
+    assert part.t[-1] == pytest.approx(0.6)
+    np.testing.assert_array_equal(part.theta, THETA[25:86])
+    with pytest.raises(InputError, match="a log needs at least 50"):
+        LOG.part(0.8)
+
+
+def test_commands_of_a_log_move_the_machine_as_the_plan_did(paper: Problem) -> None:
+    machine = Machine.prototype(encoder_resolution_deg=False).nominal()
+    paper_plan = solve(paper, "collocation")
+    planned = replay(paper_plan, machine)
+    log = emulate_log(paper_plan, machine, noise_deg=0.0)
+    again = replay(log.plan(paper), machine, settle_s=0.0)
+    np.testing.assert_allclose(again.q[0, -1, 1:], planned.q[0, -1, 1:], atol=1e-6)
+    assert again.index_E_deg[0] < 0.03  # between readings the log goes straight
+    with pytest.raises(InputError, match=r"has 3 joints .* has 2"):
+        log.plan(Problem.manipulator([5, 5], [20, 20]))

@@ -52,12 +52,14 @@ class CompiledTracker:
         compile_c(folder, ["-shared", "-fPIC", "tracker.c", "access.c", "-o", "tracker.so"])
         self.library = ctypes.CDLL(str(folder / "tracker.so"))
         self.design = design
+        self.controls: list[CompiledControl] = []
 
     def start(
         self, plan: planner.Plan, machine: planner.Machine, numbers: NDArray[np.int64]
     ) -> CompiledControl:
         """See `Feedback`."""
-        return CompiledControl(self, len(numbers))
+        self.controls.append(CompiledControl(self, len(numbers)))
+        return self.controls[-1]
 
 
 class CompiledControl:

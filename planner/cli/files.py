@@ -58,14 +58,14 @@ def export(
     """Write a plan as a file for another program.
 
     PLAN is a file that `planner plan --out` wrote. A ROS 2 trajectory needs a plan that starts and
-    ends at rest: plan it with --set method.collocation.rest=true. The format c is a folder: the
-    tracker of the plan for the controller of a machine like that of the problem's [machine] table.
+    ends at rest, as with limited input rates (--set limits.input_rate_rad_s2=2.0). The format c is
+    a folder: the tracker of the plan for a machine like that of the problem's [machine] table.
 
     \b
     Examples:
       planner export plan.json --out plan.csv
       planner export plan.json --format mat --out plan.mat
-      planner plan problems/paper.toml --set method.collocation.rest=true --out rest.json
+      planner plan problems/paper.toml --set limits.input_rate_rad_s2=2.0 --out rest.json
       planner export rest.json --format ros2 --joints disk,joint1 --out trajectory.yaml
       planner export rest.json --format c --real float --out controller
     """

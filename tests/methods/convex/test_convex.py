@@ -139,7 +139,7 @@ def test_rate_limits_make_v2_continuous_and_are_kept(paper: planner.Problem) -> 
     assert np.all(peak_rates(plan.trajectory) <= 5.0)
     assert plan.duration < 4
     assert np.all(plan.u([0.0, plan.duration]) == 0)  # at rest, unless told otherwise
-    slow = plan_only(rated.changed({"goal.duration": 400.0, "method.convex.rest": False}))
+    slow = plan_only(rated.changed({"goal.duration": 400.0}), rest=False)
     assert slow.notes["timing"] == "v1 constant"
     breaks = slow.t[1:-1]
     np.testing.assert_allclose(slow.v(np.nextafter(breaks, 0)), slow.v(breaks), atol=1e-9)

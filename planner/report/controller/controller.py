@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from string import Template
-from typing import Any, Literal
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -31,25 +31,21 @@ from planner.systems.triangular_system import TriangularSystem
 PACKAGE = "planner.report.controller"
 SOURCES = ("tracker.h", "tracker.c", "selftest.c")
 
-Real = Literal["double", "float"]
-"""Types of the numbers in C."""
-
-
 FREE = 1e30
 """What stands for infinity: it fits into a float."""
 
-ROUNDING: dict[Real, dict[str, float]] = {
+ROUNDING: dict[str, dict[str, float]] = {
     "double": {"TOLERANCE": 1e-9, "DEPENDENT": 1e-12, "ROUNDING_TICKS": 1e-9},
     "float": {"TOLERANCE": 1e-5, "DEPENDENT": 1e-6, "ROUNDING_TICKS": 1e-4},
 }
 """By what rounding leaves in each type: how far a row may be broken (in c), from which square on a
 unit vector has a part of its own, and what belongs to the next tick."""
 
-ALLOWED_SHARE: dict[Real, float] = {"double": 5e-4, "float": 0.02}
+ALLOWED_SHARE: dict[str, float] = {"double": 5e-4, "float": 0.02}
 """Of the greatest command, by how much those of the self-test may be off. In double the rest is
 what OSQP leaves in Python."""
 
-ODD_SHARE: dict[Real, float] = {"double": 0.0, "float": 0.02}
+ODD_SHARE: dict[str, float] = {"double": 0.0, "float": 0.02}
 """Part of the periods of the self-test in which commands may be off by more: where rounding decides
 whether a joint has moved, the next readings bring both together again."""
 
@@ -57,13 +53,13 @@ MAX_STEPS = 400
 """Of the active-set method; the worst of 200 arms takes a tenth of that."""
 
 
-def controller_files(plan: Plan, machine: Machine | None, real: Real) -> dict[str, str]:
+def controller_files(plan: Plan, machine: Machine | None, real: str) -> dict[str, str]:
     """Every file of the folder by its name.
 
     Args:
         plan: The plan; also a compensated one.
         machine: What the tracker knows the means of; by default the problem's `[machine]` table.
-        real: Type of the numbers in C.
+        real: Type of the numbers in C, "double" or "float".
 
     Raises:
         InputError: If the plan cannot be executed, the options of `[feedback]` do not fit the
@@ -86,7 +82,7 @@ def controller_files(plan: Plan, machine: Machine | None, real: Real) -> dict[st
 # -- what the tracker works with ------------------------------------------------------------------
 
 
-def _sizes(design: TrackerDesign, real: Real) -> str:
+def _sizes(design: TrackerDesign, real: str) -> str:
     clock, ref = design.ref.timing, design.ref
     # From the oldest tick that a forecast looks back at to the last that is decided.
     ring = 2 * clock.ticks + clock.latency + int(np.ceil(np.max(clock.shift) / clock.tick)) + 2
@@ -103,7 +99,7 @@ def _sizes(design: TrackerDesign, real: Real) -> str:
     return _guarded("TRACKER_SIZES_H", lines)
 
 
-def _tables(design: TrackerDesign, system: TriangularSystem, real: Real) -> str:
+def _tables(design: TrackerDesign, system: TriangularSystem, real: str) -> str:
     ref, clock = design.ref, design.ref.timing
     numbers = {
         "TICK_S": clock.tick,
@@ -178,7 +174,7 @@ def _arrays(design: TrackerDesign) -> dict[str, Array]:
     return arrays
 
 
-def _recording(plan: Plan, machine: Machine, follower: Tracker, real: Real) -> str:
+def _recording(plan: Plan, machine: Machine, follower: Tracker, real: str) -> str:
     """One emulated machine: what its encoders read, with some readings lost, and the commands."""
     recorder = _Recorder(follower)
     replay(plan, machine, samples=1, seed=0, feedback=recorder, record_s=None)
@@ -227,7 +223,7 @@ class _Recorder:
 # -- in C -----------------------------------------------------------------------------------------
 
 
-def _writer(real: Real) -> Callable[[float], str]:
+def _writer(real: str) -> Callable[[float], str]:
     """A number as C's constant of the type."""
 
     def write(value: float) -> str:
@@ -296,7 +292,7 @@ def _guarded(name: str, lines: list[str]) -> str:
 # -- words ----------------------------------------------------------------------------------------
 
 
-def _readme(plan: Plan, machine: Machine, design: TrackerDesign, real: Real) -> str:
+def _readme(plan: Plan, machine: Machine, design: TrackerDesign, real: str) -> str:
     """README.md: what to call when, with this plan's numbers."""
     ref, clock, system = design.ref, design.ref.timing, plan.problem.system
     size, horizon = 8 if real == "double" else 4, 2 * design.programme.horizon

@@ -9,6 +9,7 @@
 #   make coverage  which goals each method reaches, random pairs, to results/coverage (an hour)
 #   make mutants  whether the tests see wrong code in the judge, proofs, systems, machine (an hour)
 #   make robustness  the tracker on good and bad machines, to results/feedback (some minutes)
+#   make controller  the tracker in C beside the one in Python, to results/controller (some minutes)
 #   make sensitivity  plans that mind errors less, to results/sensitivity (some minutes)
 #   make compensation  plans that know the hardware, to results/compensation (a minute)
 #   make identification  machines from logs, home to end, to results/identification (half an hour)
@@ -34,8 +35,8 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 KERNEL := planner/machine/kernel.c planner/machine/dynamic.c planner/machine/layout.h
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite bench stress coverage mutants paper robustness sensitivity compensation identification report \
-  explorer notebook docs test \
+.PHONY: compare suite bench stress coverage mutants paper robustness controller sensitivity compensation \
+  identification report explorer notebook docs test \
   processors installed check lint format generated clean
 
 compare: $(VENV)/.run
@@ -67,6 +68,9 @@ mutants: $(VENV)/.dev
 
 robustness: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/robustness.py
+
+controller: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/controller.py
 
 sensitivity: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/sensitivity.py

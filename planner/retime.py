@@ -18,6 +18,7 @@ from planner.plan.fastest_timing import InputMask, fastest_motion
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan, refuse_compensated
 from planner.problem.problem import Problem
+from planner.problem.tables.method_options import rests
 from planner.verification.certify import certify
 from planner.verification.verdict import judge
 
@@ -29,7 +30,7 @@ to refuse."""
 def retime(
     plan: Plan,
     limits: Mapping[str, Any] | None = None,
-    rest: bool = False,
+    rest: bool | None = None,
     intervals: int = 200,
 ) -> Plan:
     """Give a plan's path its fastest timing within input limits.
@@ -43,7 +44,7 @@ def retime(
         plan: A plan whose inputs exist at all times.
         limits: Keys of the `[limits]` table that replace the problem's, as in
             {"input_rad_s": 0.3, "input_rate_rad_s2": [2.0, 1.0]}; None for the problem's own.
-        rest: Whether inputs are zero at both ends; needs rate limits.
+        rest: Whether inputs are zero at both ends; by default with rate limits, which it needs.
         intervals: Number of intervals of the convex program.
 
     Returns:
@@ -69,6 +70,7 @@ def retime(
     changes = {f"limits.{key}": value for key, value in (limits or {}).items()}
     problem = plan.problem.changed({**changes, "goal.duration": "free"})
     moving = peak_inputs(plan.trajectory) > 1e-12
+    rest = rests("auto" if rest is None else rest, problem.limits.input_rate[moving])
     _refuse_unlimited(problem, moving, rest)
     trajectory, notes = fastest_motion(
         plan.trajectory, problem.limits, problem.requirements, moving, rest, intervals

@@ -189,7 +189,8 @@ def test_trapezoid(profile: str) -> None:
 
 
 def test_rates_alone() -> None:
-    plan = planner.retime(_turn(), {"input_rate_rad_s2": 2.0}, rest=True, intervals=100)
+    plan = planner.retime(_turn(), {"input_rate_rad_s2": 2.0}, intervals=100)
+    assert np.all(plan.u([0.0, plan.duration]) == 0)  # unless told otherwise
     assert plan.duration == pytest.approx(2 * np.sqrt(np.pi / 6 / 2.0), rel=2e-4)
 
 

@@ -12,18 +12,17 @@ from planner.cli.arguments import PlanPath, out_option
 from planner.cli.output import finish, job
 from planner.plan.plan import Plan
 from planner.plan.samples import RATE_HZ
-from planner.report.export import FORMATS, find_format, names_of
+from planner.report.export import FORMATS, Real, find_format, fitting, refuse_target
 from planner.report.export import export as write
 from planner.report.film import animate as film
 from planner.report.film import check_film
 from planner.report.page.page import write_report
-from planner.support.files import refuse_unwritable
 from planner.verification.load_plan import load_plan
 
 
 def export(
     plan: PlanPath,
-    out: Annotated[Path, out_option("FILE", "The file to write.")],
+    out: Annotated[Path, out_option("FILE", "The file to write; of c the folder.")],
     format: Annotated[
         str | None,
         typer.Option(
@@ -39,7 +38,7 @@ def export(
         typer.Option(
             "--rate",
             metavar="HZ",
-            help=f"Samples per second (not for {names_of(lambda one: not one.sampled)}).",
+            help=f"For {fitting('rate_hz')}: samples per second.",
         ),
     ] = RATE_HZ,
     joints: Annotated[
@@ -47,29 +46,35 @@ def export(
         typer.Option(
             "--joints",
             metavar="A,B",
-            help=f"For {names_of(lambda one: one.joints)}: the two joint names that the robot's"
-            " controller knows.",
+            help=f"For {fitting('joint_names')}: the two joint names that the robot's controller"
+            " knows.",
         ),
     ] = None,
+    real: Annotated[
+        Real,
+        typer.Option("--real", help=f"For {fitting('real')}: type of the numbers."),
+    ] = "double",
 ) -> int:
     """Write a plan as a file for another program.
 
     PLAN is a file that `planner plan --out` wrote. A ROS 2 trajectory needs a plan that starts and
-    ends at rest: plan it with --set method.collocation.rest=true.
+    ends at rest, as with limited input rates (--set limits.input_rate_rad_s2=2.0). The format c is
+    a folder: the tracker of the plan for a machine like that of the problem's [machine] table.
 
     \b
     Examples:
       planner export plan.json --out plan.csv
       planner export plan.json --format mat --out plan.mat
-      planner plan problems/paper.toml --set method.collocation.rest=true --out rest.json
+      planner plan problems/paper.toml --set limits.input_rate_rad_s2=2.0 --out rest.json
       planner export rest.json --format ros2 --joints disk,joint1 --out trajectory.yaml
+      planner export rest.json --format c --real float --out controller
     """
     name = find_format(out, format)
-    refuse_unwritable(out)
+    refuse_target(out, name)
     names = None if joints is None else joints.split(",")
     with job(f"writing {name}"):
         motion = load_plan(plan, strict=True)
-        written = write(motion, out, name, rate_hz=rate, joint_names=names)
+        written = write(motion, out, name, rate_hz=rate, joint_names=names, real=real)
     return finish({"plan": plan, "format": name, "written": written})
 
 

@@ -345,8 +345,8 @@ def _control(
     ends = next((each for each in field.metadata if isinstance(each, Slider)), None)
     if ends is NO_SLIDER:
         return None
-    if annotation is bool:
-        return Control(SOLVER_TITLE, label, "switch", key, whole, shown=bool(whole))
+    if annotation is bool or bool in get_args(annotation):  # or "auto"
+        return Control(SOLVER_TITLE, label, "switch", key, whole, shown=whole is True)
     if get_origin(annotation) is Literal:
         words = list(get_args(annotation))
         return Control(SOLVER_TITLE, label, "choice", key, whole, shown=whole, choices=words)

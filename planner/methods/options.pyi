@@ -41,7 +41,7 @@ class Collocation(SolveKeywords, total=False):
     degree: int
     scheme: Literal["radau", "legendre"]
     input: Literal["auto", "linear", "constant"]
-    rest: bool
+    rest: Literal["auto"] | bool
     objective: Literal["auto", "effort", "smooth", "edge", "time", "mixed"]
     effort_weight: float
     smoothness_weight: float
@@ -59,6 +59,7 @@ class Convex(SolveKeywords, total=False):
     objective: Literal["smooth", "peak"]
     pieces: int
     input: Literal["auto", "constant", "linear"]
+    rest: Literal["auto"] | bool
     travel: Literal["auto", "middle"]
     scan: int
     edge: float
@@ -84,7 +85,7 @@ class Desensitised(SolveKeywords, total=False):
     starts: int
     intervals: int
     input: Literal["auto", "constant", "linear"]
-    rest: bool
+    rest: Literal["auto"] | bool
     accuracy: float
     tolerance: float
     max_iterations: int

@@ -18,6 +18,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.plan.plan import Plan
+from planner.plan.quadrature import POINTS, read_trajectory
 from planner.support.arrays import Array
 from planner.support.files import SAMPLES_BYTES, expect_path, read_bytes, read_text
 from planner.support.package import how_to_install
@@ -32,6 +33,10 @@ RATE_HZ = 100.0
 """Default number of samples per second, that of the emulated machine's controller."""
 
 
+ARRAYS = ("t", "q", "u", "motors", "z", "v")
+"""Of `Samples`, in the order of its columns."""
+
+
 @dataclass(frozen=True, eq=False)
 class Samples:
     """A motion sampled at R times.
@@ -40,18 +45,22 @@ class Samples:
         coordinates: Names of the columns of `q`, with units, for example "theta1_rad": the system's
             user coordinates.
         inputs: Names of the columns of `u`, for example "u1_rad_s".
+        axes: Names of the columns of `motors`, for example "motor1_rad".
         t: Times, shape (R,), s; the first is 0, the last the duration.
         q: User coordinates, shape (R, N); NaN where no real ones exist.
-        u: Inputs, shape (R, 2); at a jump the value after it. NaN where undefined.
+        u: Inputs, shape (R, 2); at a jump the value after it, so 0 at the end. NaN where undefined.
+        motors: Where they have turned the motors, shape (R, 2); see `motor_angles`.
         z: Chained coordinates, shape (R, N).
         v: Chained inputs, shape (R, 2).
     """
 
     coordinates: tuple[str, ...]
     inputs: tuple[str, str]
+    axes: tuple[str, str]
     t: Array
     q: Array
     u: Array
+    motors: Array
     z: Array
     v: Array
 
@@ -60,14 +69,14 @@ class Samples:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of all columns: t_s, those of q and u, z1 … zN, v1, v2."""
+        """Names of all columns: t_s, those of q and u, of both motors, z1 … zN, v1, v2."""
         chained = [f"z{i + 1}" for i in range(len(self.coordinates))]
-        return ("t_s", *self.coordinates, *self.inputs, *chained, "v1", "v2")
+        return ("t_s", *self.coordinates, *self.inputs, *self.axes, *chained, "v1", "v2")
 
     @property
     def table(self) -> Array:
-        """All values, shape (R, 2N + 5), one column for each name in `columns`."""
-        return np.column_stack([self.t, self.q, self.u, self.z, self.v])
+        """All values, shape (R, 2N + 7), one column for each name in `columns`."""
+        return np.column_stack([getattr(self, name) for name in ARRAYS])
 
     @classmethod
     def from_table(cls, columns: Sequence[str], table: Array) -> Samples:
@@ -76,13 +85,13 @@ class Samples:
         Raises:
             ValueError: If they are not of that form.
         """
-        size = (len(columns) - 5) // 2
+        size = (len(columns) - 7) // 2
         if size < 2 or table.ndim != 2 or table.shape[1] != len(columns):
             raise ValueError(f"{len(columns)} columns")
-        cuts = np.cumsum([1, size, 2, size])
-        t, q, u, z, v = np.split(table, cuts, axis=1)
-        names = tuple(columns[1 : 1 + size])
-        samples = cls(names, (columns[1 + size], columns[2 + size]), t[:, 0], q, u, z, v)
+        cuts = np.cumsum([1, size, 2, 2, size])
+        t, q, u, motors, z, v = np.split(table, cuts, axis=1)
+        names, u1, u2, *axes = (tuple(columns[1 : 1 + size]), *columns[1 + size : 5 + size])
+        samples = cls(names, (u1, u2), (axes[0], axes[1]), t[:, 0], q, u, motors, z, v)
         if samples.columns != tuple(columns):
             raise ValueError(f"columns {', '.join(columns)}")
         return samples
@@ -112,12 +121,38 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
     return Samples(
         coordinates=tuple(_column_name(c) for c in system.user_coordinates),
         inputs=(_column_name(first), _column_name(second)),
+        axes=(f"motor1_{_travel_unit(first)}", f"motor2_{_travel_unit(second)}"),
         t=t,
         q=plan.user(t),
-        u=plan.u(t),
+        u=_ended(plan.u(t)),
+        motors=motor_angles(plan, t),
         z=plan.z(t),
-        v=plan.v(t),
+        v=_ended(plan.v(t)),
     )
+
+
+def _ended(inputs: Array) -> Array:
+    """With the last one zero: who holds the last value of a table does not run on."""
+    inputs[-1] = 0.0
+    return inputs
+
+
+def motor_angles(plan: Plan, t: Array) -> Array:
+    """Where the inputs have turned the motors at increasing times t (R,) from 0, (R, 2).
+
+    The integrals of u, by Gauss quadrature on cells where u is a polynomial to rounding: of u₁ from
+    0 (motor 1's axis has no absolute zero in the model), of u₂ from q₂, θ₁ of an arm. rad, or m
+    where the input is a speed. Of a compensated plan these are angles commanded.
+    """
+    cells = read_trajectory(plan.trajectory).cells
+    begins = cells.time(np.arange(len(cells.piece)), np.array(-1.0))
+    edges = np.unique(np.concatenate([t, begins]))
+    nodes, weights = np.polynomial.legendre.leggauss(POINTS // 2)
+    half = np.diff(edges)[:, None] / 2
+    u = plan.u(edges[:-1, None] + half * (1 + nodes))
+    turned = np.cumsum(np.sum((half * weights)[..., None] * u, axis=1), axis=0)
+    angles = np.concatenate([np.zeros((1, 2)), turned])[np.searchsorted(edges, t)]
+    return np.asarray(angles + np.array([0.0, plan.q(0.0)[1]]))
 
 
 def load_samples(path: str | Path) -> Samples:
@@ -156,11 +191,15 @@ def _from_mat(path: Path) -> Samples:
         )
     except (MatReadError, zlib.error) as error:
         raise ValueError(error) from None
-    arrays = {name: np.asarray(data[name], dtype=float) for name in ("t", "q", "u", "z", "v")}
-    table = np.column_stack(list(arrays.values()))
-    names = [str(name) for name in (*data["coordinates"], *data["inputs"])]
-    chained = [f"z{i + 1}" for i in range(arrays["z"].shape[1])]
-    return Samples.from_table(["t_s", *names, *chained, "v1", "v2"], table)
+    arrays = [np.asarray(data[name], dtype=float) for name in ARRAYS]
+    names = [tuple(map(str, data[name])) for name in ("coordinates", "inputs", "axes")]
+    samples = Samples(*names, *arrays)  # type: ignore[arg-type]
+    return Samples.from_table(samples.columns, samples.table)
+
+
+def _travel_unit(rate: Coordinate) -> str:
+    """Unit of what an input adds up to, in one word: of rad/s rad."""
+    return (rate.unit.removesuffix("/s") or "1").replace("/", "_").replace("^", "")
 
 
 def _column_name(coordinate: Coordinate) -> str:
@@ -199,6 +238,7 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
         {
             "q": (("time", "coordinate"), samples.q),
             "u": (("time", "input"), samples.u),
+            "motors": (("time", "input"), samples.motors),
             "z": (("time", "chained"), samples.z),
             "v": (("time", "chained_input"), samples.v),
         },

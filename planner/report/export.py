@@ -12,78 +12,106 @@ from __future__ import annotations
 
 import io
 import json
+import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from planner.errors import InputError
+from planner.errors import InputError, InputWarning
+from planner.machine.machine import Machine
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan, expect_plan
-from planner.plan.samples import RATE_HZ, Samples, sample
+from planner.plan.samples import ARRAYS, RATE_HZ, Samples, motor_angles, sample
 from planner.support.arrays import Array
-from planner.support.files import refuse_unwritable, write_bytes, write_text
+from planner.support.files import (
+    folder,
+    refuse_unwritable,
+    refuse_unwritable_folder,
+    write_bytes,
+    write_text,
+)
 from planner.support.tables import csv_text
 from planner.support.user_tables import allowed_hint
 from planner.verification.verify import verify
 
+Real = Literal["double", "float"]
+"""Types of the numbers in C."""
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """What some formats have a choice of; see `export`."""
+
+    rate_hz: float = field(default=RATE_HZ, metadata={"words": "samples per second"})
+    joint_names: Sequence[str] | None = field(default=None, metadata={"words": "joint names"})
+    real: Real = field(default="double", metadata={"words": "type of numbers"})
+    machine: Machine | None = field(default=None, metadata={"words": "machine"})
+
 
 @dataclass(frozen=True)
 class Format:
-    """One kind of file.
+    """One kind of file, or of folder.
 
     Attributes:
         holds: What it holds, for the command's completion and its documentation.
-        endings: Of file names that mean it; in no other format.
-        content: The whole file, text or bytes, of a plan at a rate (Hz) with joint names or None.
+        endings: Of file names that mean it, and no other format; a folder has none.
+        content: The whole file, text or bytes; of a folder its files by their names.
         reader: What reads it in Python, or "".
-        sampled: Whether the rate has an effect.
-        joints: Whether it has joint names.
+        options: Which of `ExportOptions` it has.
+        commanded: Whether motors are to carry it out as it is.
     """
 
     holds: str
     endings: tuple[str, ...]
-    content: Callable[[Plan, float, Sequence[str] | None], str | bytes]
+    content: Callable[[Plan, ExportOptions], str | bytes | Mapping[str, str]]
     reader: str = ""
-    sampled: bool = True
-    joints: bool = False
+    options: tuple[str, ...] = ("rate_hz",)
+    commanded: bool = True
 
 
 FORMATS: dict[str, Format] = {
     "csv": Format(
-        "table of t, q, u, z, v at even times, one header line with units",
+        "table of t, q, u, motor angles, z, v at even times, one header line with units",
         (".csv",),
-        lambda plan, rate_hz, _: _csv(sample(plan, rate_hz)),
+        lambda plan, asked: _csv(sample(plan, asked.rate_hz)),
         "planner.load_samples",
     ),
     "json": Format(
         "the plan itself, exact, as `planner plan --out` writes it (planner schema plan)",
         (".json",),
-        lambda plan, *_: plan.to_json(),
+        lambda plan, _: plan.to_json(),
         "planner.load_plan",
-        sampled=False,
+        options=(),
+        commanded=False,
     ),
     "ros2": Format(
         "trajectory_msgs/JointTrajectory as YAML, the two motors; needs rest at both ends",
         (".yaml", ".yml"),
-        lambda *asked: yaml_text(joint_trajectory(*asked)),
-        joints=True,
+        lambda plan, asked: yaml_text(joint_trajectory(plan, asked.rate_hz, asked.joint_names)),
+        options=("rate_hz", "joint_names"),
     ),
     "mat": Format(
-        "MATLAB: t, q, u, z, v, names of coordinates and inputs, and facts of the plan",
+        "MATLAB: as csv, with names of coordinates and inputs, and facts of the plan",
         (".mat",),
-        lambda plan, rate_hz, _: _mat(plan, sample(plan, rate_hz)),
+        lambda plan, asked: _mat(plan, sample(plan, asked.rate_hz)),
         "planner.load_samples",
+    ),
+    "c": Format(
+        "folder: the tracker of the plan in C99, with a self-test and a page on its use",
+        (),
+        lambda plan, asked: _c(plan, asked),
+        options=("real", "machine"),
     ),
 }
 """Every format by name: the command, messages and the documentation read this table."""
 
 
-def names_of(having: Callable[[Format], bool]) -> str:
-    """Names of the formats of a kind, in one text."""
-    return ", ".join(name for name, one in FORMATS.items() if having(one))
+def fitting(option: str) -> str:
+    """Names of the formats that have an option, in one text."""
+    return ", ".join(name for name, one in FORMATS.items() if option in one.options)
 
 
 def export(
@@ -93,29 +121,69 @@ def export(
     *,
     rate_hz: float = RATE_HZ,
     joint_names: Sequence[str] | None = None,
+    real: Real = "double",
+    machine: Machine | None = None,
 ) -> Path:
-    """Write a plan as a file for another program, all or nothing.
+    """Write a plan as a file or a folder for another program, all or nothing.
+
+    Commands end with zeros. If the plan does not start at rest, an `InputWarning` says so.
 
     Args:
         plan: The plan. Of a refused plan the samples are NaN (in CSV: empty) where no real angles
             or inputs exist; a robot is sent none.
-        path: The file; an existing one is replaced.
+        path: The file, or the folder if the format is one. An existing file is replaced, a folder
+            only if it is from an earlier export.
         format: One of `FORMATS`; by default from the ending of `path`.
         rate_hz: Samples per second, where it holds samples; see `sample`.
         joint_names: Where it has joint names; see `joint_trajectory`.
+        real: Type of the numbers in C: "double" or "float".
+        machine: Whose means the tracker in C knows; by default the problem's `[machine]` table.
 
     Raises:
-        InputError: If the format is unknown, the plan cannot be written in it, or the file cannot
-            be written.
+        InputError: If the format is unknown or has no such option, the plan cannot be written in
+            it, or the file cannot be written.
     """
     expect_plan(plan)
     name = find_format(path, format)
-    refuse_unwritable(path)
-    if joint_names is not None and not FORMATS[name].joints:
-        fit = names_of(lambda one: one.joints)
-        raise InputError(f"the format '{name}' has no joint names; they belong to '{fit}'")
-    content = FORMATS[name].content(plan, rate_hz, joint_names)
-    return write_text(path, content) if isinstance(content, str) else write_bytes(path, content)
+    refuse_target(path, name)
+    asked = ExportOptions(rate_hz, joint_names, real, machine)
+    _refuse_options(name, asked)
+    content = FORMATS[name].content(plan, asked)
+    if FORMATS[name].commanded and (moving := moving_inputs(plan, 0.0)):
+        warnings.warn(
+            f"this {plan.method} plan does not start at rest: {', '.join(moving)} at once;"
+            f" {REST_ADVICE}",
+            InputWarning,
+            stacklevel=2,
+        )
+    if isinstance(content, str):
+        return write_text(path, content)
+    if isinstance(content, bytes):
+        return write_bytes(path, content)
+    with folder(path) as place:
+        for file, text in content.items():
+            (place / file).write_text(text, encoding="utf-8")
+    return Path(path).resolve()
+
+
+def refuse_target(path: str | Path, format: str) -> None:
+    """Refuse a file, or a folder where the format is one, that cannot be written.
+
+    Raises:
+        InputError: If it cannot.
+    """
+    (refuse_unwritable if FORMATS[format].endings else refuse_unwritable_folder)(path)
+
+
+def _refuse_options(name: str, asked: ExportOptions) -> None:
+    for each in fields(ExportOptions):
+        if getattr(asked, each.name) != each.default and each.name not in FORMATS[name].options:
+            raise InputError(
+                f"the format '{name}' has no {each.metadata['words']}; for those use:"
+                f" {fitting(each.name)}"
+            )
+    if asked.real not in get_args(Real):
+        raise InputError(f"real = {asked.real!r}; {allowed_hint(str(asked.real), get_args(Real))}")
 
 
 def find_format(path: str | Path, format: str | None) -> str:
@@ -137,6 +205,12 @@ def find_format(path: str | Path, format: str | None) -> str:
     return format
 
 
+def _c(plan: Plan, asked: ExportOptions) -> dict[str, str]:
+    from planner.report.controller.controller import controller_files  # with OSQP
+
+    return controller_files(plan, asked.machine, asked.real)
+
+
 def _csv(samples: Samples) -> str:
     rows = samples.table.tolist()
     cells = (["" if np.isnan(x) else repr(x) for x in row] for row in rows)
@@ -152,20 +226,27 @@ def _mat(plan: Plan, samples: Samples) -> bytes:
         "method": plan.method,
         "status": plan.status,
         "verified": plan.verified,
+        "starts_at_rest": not moving_inputs(plan, 0.0),
         "duration_s": plan.duration,
         "objective": plan.objective,
         "objective_name": plan.objective_name,
         "problem_json": json.dumps(plan.problem.to_dict()),
     }
-    arrays = {name: getattr(samples, name) for name in ("t", "q", "u", "z", "v")}
+    arrays = {name: getattr(samples, name) for name in ARRAYS}
     names = {
         "coordinates": np.array(samples.coordinates, dtype=object),
         "inputs": np.array(samples.inputs, dtype=object),
+        "axes": np.array(samples.axes, dtype=object),
     }
     stream = io.BytesIO()
     savemat(stream, {**arrays, **names, "about": about}, oned_as="column", do_compression=True)
     return stream.getvalue()
 
+
+REST_ADVICE = (
+    "plan it with rest = true (--set method.collocation.rest=true), or give its path another timing"
+    " with planner.retime(plan, {'input_rate_rad_s2': ...}, rest=True)"
+)
 
 REST_SHARE = 1e-6
 """Largest |u| at an end that counts as rest, relative to the input's peak."""
@@ -179,10 +260,8 @@ def joint_trajectory(
 ) -> dict[str, Any]:
     """The message as nested dictionaries and lists.
 
-    Positions are those of the two motors' axes: the integral of u₁ from 0 (the first axis has no
-    absolute zero in the model) and, for the second, q₂ (θ₁ of an arm). Velocities are the inputs,
-    accelerations their slopes (the one after it at a corner). Radians, or metres where the input is
-    a speed.
+    Positions are those of the two motors' axes (`planner.plan.samples.motor_angles`). Velocities
+    are the inputs, accelerations their slopes (the one after it at a corner).
 
     Args:
         plan: A plan that starts and ends at rest and passes `verify`.
@@ -199,7 +278,7 @@ def joint_trajectory(
     t = sample(plan, rate_hz).t
     u, slopes = plan.u(t), input_slopes(plan, t)
     u[[0, -1]] = 0.0
-    positions = np.column_stack([_integral(plan, t), plan.q(t)[:, 1]])
+    positions = motor_angles(plan, t)
     points = [
         {
             "positions": positions[k].tolist(),
@@ -240,14 +319,14 @@ def input_slopes(plan: Plan, t: Array) -> Array:
     return np.asarray((plan.u(after) - plan.u(before)) / (after - before)[:, None])
 
 
-def _integral(plan: Plan, t: Array) -> Array:
-    """∫₀ᵗ u₁ dt at increasing times t (m,) from 0, by Gauss quadrature on smooth pieces."""
-    edges = np.unique(np.concatenate([t, plan.t]))
-    nodes, weights = np.polynomial.legendre.leggauss(5)
-    half = np.diff(edges)[:, None] / 2
-    u1 = plan.u(edges[:-1, None] + half * (1 + nodes))[..., 0]
-    total = np.concatenate([[0.0], np.cumsum(np.sum(half * weights * u1, axis=1))])
-    return np.asarray(total[np.searchsorted(edges, t)])
+def moving_inputs(plan: Plan, time: float) -> list[str]:
+    """The inputs that are not zero then, in words; one without a value counts as moving."""
+    u, peaks = np.abs(plan.u(time)), np.maximum(peak_inputs(plan.trajectory), 1e-12)
+    return [
+        f"|{each.name}| = {u[i]:.4g} {each.unit}"
+        for i, each in enumerate(plan.problem.system.inputs)
+        if not u[i] <= REST_SHARE * peaks[i]
+    ]
 
 
 def _refuse_unfit(plan: Plan) -> None:
@@ -256,17 +335,13 @@ def _refuse_unfit(plan: Plan) -> None:
         raise InputError(
             f"this {plan.method} plan cannot be sent to a robot: {check.violations[0]}"
         )
-    peaks = np.maximum(peak_inputs(plan.trajectory), 1e-12)
-    inputs = plan.problem.system.inputs
     for time, when in ((0.0, "start"), (plan.duration, "end")):
-        moving = np.abs(plan.u(time))
-        for i in np.flatnonzero(moving > REST_SHARE * peaks):
+        if moving := moving_inputs(plan, time):
             raise InputError(
-                f"this {plan.method} plan does not {when} at rest: |{inputs[i].name}| ="
-                f" {moving[i]:.4g} {inputs[i].unit} at its {when}; plan it with rest = true"
-                " (--set method.collocation.rest=true), or give its path another timing with"
-                " planner.retime(plan, {'input_rate_rad_s2': ...}, rest=True)"
+                f"this {plan.method} plan does not {when} at rest: {moving[0]} at its {when};"
+                f" {REST_ADVICE}"
             )
+    inputs, peaks = plan.problem.system.inputs, np.maximum(peak_inputs(plan.trajectory), 1e-12)
     inner = plan.t[1:-1]
     jumps = np.abs(plan.u(inner) - plan.u(np.nextafter(inner, 0.0)))
     for k, i in np.argwhere(jumps > REST_SHARE * peaks):

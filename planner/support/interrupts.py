@@ -186,7 +186,7 @@ def heed_interrupts() -> Iterator[None]:
     for number in mine:
         signal.signal(number, note)
     try:
-        with mute_lines("KeyboardInterruptException", "stderr"):  # CasADi's warning of it
+        with mute_lines("stderr", "KeyboardInterruptException"):  # CasADi's warning of it
             yield
     except SystemError:  # Python 3.13 finds the exception that CasADi has left set, and says so
         if not raised:
@@ -211,7 +211,8 @@ def osqp_result(solver: Any) -> Any:
 
     While it runs OSQP takes Ctrl-C for itself, says so on standard output and returns as if it had
     failed; a caller would then try the next solver, or count it as late, instead of stopping. In
-    its last iteration it takes it and says nothing at all.
+    its last iteration it takes it and says nothing at all. With no limit active it tells standard
+    output that it need not polish, however quiet it was asked to be.
     Here whoever would have had Ctrl-C without OSQP gets it; if that does not raise, as in a thread
     beside the main one, OSQP goes on from where it was.
 
@@ -222,7 +223,7 @@ def osqp_result(solver: Any) -> Any:
 
     with _osqp_lock:
         while True:
-            with mute_lines("Solver interrupted", "stdout"):
+            with mute_lines("stdout", "Solver interrupted", "Polishing not needed"):
                 result = solver.solve(raise_error=False)
             stopped = result.info.status_val == SolverStatus.OSQP_SIGINT
             if stopped or _osqp_interrupt_query()():
@@ -260,8 +261,8 @@ def _to_main_thread(number: int) -> None:
 
 
 @contextmanager
-def mute_lines(words: str, stream: Literal["stdout", "stderr"]) -> Iterator[None]:
-    """Keep lines with these words from a stream of the main thread, to which it belongs."""
+def mute_lines(stream: Literal["stdout", "stderr"], *words: str) -> Iterator[None]:
+    """Keep lines with any of these words from a stream of the main thread, to which it belongs."""
     target = getattr(sys, stream)
     if threading.current_thread() is not threading.main_thread() or target is None:
         yield
@@ -278,13 +279,13 @@ def mute_lines(words: str, stream: Literal["stdout", "stderr"]) -> Iterator[None
 class _LineFilter:
     """A stream that passes on line by line, and some lines not at all."""
 
-    def __init__(self, stream: TextIO, words: str) -> None:
+    def __init__(self, stream: TextIO, words: tuple[str, ...]) -> None:
         self._stream, self._words, self._begun = stream, words, ""
 
     def write(self, text: str) -> int:
         *lines, self._begun = (self._begun + text).split("\n")
         for line in lines:
-            if self._words not in line:
+            if not any(word in line for word in self._words):
                 self._stream.write(f"{line}\n")
         return len(text)
 

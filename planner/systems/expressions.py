@@ -106,7 +106,7 @@ def _call(name: str, args: list[Any], where: str) -> Any:
     return FUNCTIONS[name](*args)
 
 
-_OPERATORS = {
+OPERATORS = {
     ca.OP_ADD: "({} + {})",
     ca.OP_SUB: "({} - {})",
     ca.OP_MUL: "({} * {})",
@@ -151,9 +151,9 @@ def write_expression(expression: Any, where: str = "expression") -> str:
             return repr(float(node))
         if node.is_symbolic():
             return str(node.name())
-        if node.op() not in _OPERATORS:
+        if node.op() not in OPERATORS:
             allowed = f"+ - * / ** and {', '.join(FUNCTIONS)}"
             raise InputError(f"{where}: {node} cannot be written in a file; use {allowed}")
-        return _OPERATORS[node.op()].format(*(text(node.dep(k)) for k in range(node.n_dep())))
+        return OPERATORS[node.op()].format(*(text(node.dep(k)) for k in range(node.n_dep())))
 
     return text(scalar)

@@ -165,8 +165,16 @@ def test_export_command(run: Callable, tmp_path: Path) -> None:
     made = run("export", plan, "--out", written, "--rate", "5", "--json").json
     assert made == {"plan": str(plan), "format": "csv", "written": written, "exit_status": 0}
     assert len(planner.load_samples(written).t) == 51
+    slow = tmp_path / "slow.json"
+    assert run("plan", PAPER, "--out", slow, "-q").status == 0
+    asked = ("export", slow, "--format", "c", "--out", tmp_path / "c")
+    made = run(*asked, "--real", "float", "--json").json
+    assert (made["format"], made["written"]) == ("c", str(tmp_path / "c"))
+    assert "typedef float" in (tmp_path / "c" / "sizes.h").read_text()
+    assert run(*asked, "--real", "half").status == 2
     for words, says in (
         (["x.yaml"], "rest = true"),
+        (["y.csv", "--real", "float"], "'csv' has no type of numbers"),
         (["y.csv", "--rate", "0"], "rate_hz = 0"),
         (["y.csv", "--joints", "a,b"], "joint names"),
     ):

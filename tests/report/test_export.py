@@ -41,6 +41,12 @@ def retimed() -> planner.Plan:
     return planner.retime(plan, limits, rest=True, intervals=10)
 
 
+def export_moving(plan: planner.Plan, path: Path, **options: Any) -> Path:
+    """Export a plan that does not start at rest, which is said."""
+    with pytest.warns(planner.InputWarning, match=r"not start at rest: \|.*\| = .*rest = true"):
+        return planner.export(plan, path, **options)
+
+
 def test_samples_are_even_and_end_on_the_end(law: planner.Plan) -> None:
     samples = sample(law, 7.3)
     assert len(samples.t) == 74
@@ -63,23 +69,59 @@ def test_samples_come_back_exactly(
     law: planner.Plan, tmp_path: Path, name: str, study: bool
 ) -> None:
     plan = outside() if study else law
-    back = load_samples(planner.export(plan, tmp_path / name, rate_hz=20))
+    back = load_samples(export_moving(plan, tmp_path / name, rate_hz=20))
     there = sample(plan, 20)
     assert back.columns == there.columns
     np.testing.assert_array_equal(back.table, there.table)
     assert np.isnan(back.q).any() == study
 
 
+def test_commands_end_with_zeros_and_turn_the_motors_that_far(
+    law: planner.Plan, rest: planner.Plan, tmp_path: Path
+) -> None:
+    back = load_samples(export_moving(law, tmp_path / "x.csv", rate_hz=50))
+    assert abs(law.u(law.duration)[0]) > 0.01  # it ends in motion
+    assert np.all(back.table[-1, 5:7] == 0)
+    assert np.all(back.v[-1] == 0)
+    np.testing.assert_array_equal(back.u[:-1], law.u(back.t[:-1]))
+    for k in (0, 100, 500):
+        turned = quad(lambda s: law.u(s)[0], 0, back.t[k], epsabs=1e-12)[0]
+        assert back.motors[k, 0] == pytest.approx(turned, abs=1e-9)
+    np.testing.assert_allclose(back.motors[:, 1], back.q[:, 1], atol=1e-7)  # motor 2 turns θ₁
+    planner.export(rest, tmp_path / "y.csv")  # and no warning
+
+
+def test_motor_angles_of_a_compensated_plan_are_those_commanded(
+    rest: planner.Plan, tmp_path: Path
+) -> None:
+    commanded = planner.compensate(rest)
+    back = sample(commanded, 100)
+    end = (
+        back.q[0, 1]
+        + quad(
+            lambda s: commanded.u(s)[1],
+            0,
+            back.t[-1],
+            points=commanded.t,
+            limit=5 * len(commanded.t),
+        )[0]
+    )
+    assert back.motors[-1, 1] == pytest.approx(end, abs=1e-7)
+    assert abs(end - back.q[-1, 1]) > np.deg2rad(0.01)  # some of it is lost in the gearhead
+
+
 def test_csv_is_a_plain_table(law: planner.Plan, tmp_path: Path) -> None:
     pandas = pytest.importorskip("pandas")
-    frame = pandas.read_csv(planner.export(law, tmp_path / "x.csv", rate_hz=5), index_col="t_s")
+    frame = pandas.read_csv(export_moving(law, tmp_path / "x.csv", rate_hz=5), index_col="t_s")
     pandas.testing.assert_frame_equal(frame, law.to_frame(5), check_exact=True)
 
 
 def test_matlab_sees_names_and_facts(law: planner.Plan, tmp_path: Path) -> None:
-    data = loadmat(planner.export(law, tmp_path / "x.mat", rate_hz=5), simplify_cells=True)
+    data = loadmat(export_moving(law, tmp_path / "x.mat", rate_hz=5), simplify_cells=True)
     assert list(data["coordinates"]) == ["phi2_rad", "theta1_rad", "theta2_rad", "theta3_rad"]
     assert (data["about"]["method"], data["about"]["verified"]) == ("polynomial", 1)
+    assert data["about"]["starts_at_rest"] == 0
+    assert list(data["axes"]) == ["motor1_rad", "motor2_rad"]
     assert json.loads(data["about"]["problem_json"]) == law.problem.to_dict()
     assert loadmat(tmp_path / "x.mat")["t"].shape == (51, 1)
 
@@ -258,12 +300,22 @@ def test_dataset_has_names_and_units(law: planner.Plan, tmp_path: Path) -> None:
 def test_a_format_is_one_entry(
     law: planner.Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ends = Format("times alone", (".ends",), lambda plan, rate_hz, _: f"{plan.t[-1]} {rate_hz}")
+    ends = Format(
+        "times alone",
+        (".ends",),
+        lambda plan, asked: f"{plan.t[-1]} {asked.rate_hz}",
+        commanded=False,
+    )
     monkeypatch.setitem(FORMATS, "ends", ends)
     written = planner.export(law, tmp_path / "x.ends", rate_hz=7.0)
     assert written.read_text() == f"{law.duration} 7.0"
-    with pytest.raises(planner.InputError, match="'ends' has no joint names"):
-        planner.export(law, tmp_path / "x.ends", joint_names=["a", "b"])
+    for option, words in (
+        ({"joint_names": ["a", "b"]}, "joint names; for those use: ros2"),
+        ({"real": "float"}, "type of numbers; for those use: c"),
+        ({"machine": planner.Machine.ideal()}, "machine; for those use: c"),
+    ):
+        with pytest.raises(planner.InputError, match=f"'ends' has no {words}"):
+            planner.export(law, tmp_path / "x.ends", **option)
     with pytest.raises(planner.InputError, match=r"\.ends\); name .*, ends$"):
         planner.export(law, tmp_path / "x.dat")
     with pytest.raises(planner.InputError, match="did you mean 'ends'"):
@@ -297,8 +349,8 @@ def test_bad_names_are_refused(
         ("x.txt", "", "must end in"),
         ("x.csv", "", "does not hold the samples"),
         ("x.csv", "a,b\n1,2\n", "does not hold the samples"),
-        ("x.csv", "t_s,a_1,b_1,u_1,w_1,z1,z2,v1,v2\n1,2\n", "does not hold the samples"),
-        ("x.csv", "t_s,a_1,b_1,u_1,w_1,z1,z9,v1,v2\n1,2,3,4,5,6,7,8,9\n", "z9"),
+        ("x.csv", "t_s,a_1,b_1,u_1,w_1,m_1,n_1,z1,z2,v1,v2\n1,2\n", "does not hold the samples"),
+        ("x.csv", "t_s,a_1,b_1,u_1,w_1,m_1,n_1,z1,z9,v1,v2\n1,2,3,4,5,6,7,8,9,10,11\n", "z9"),
         ("x.mat", "hello", "does not hold the samples"),
     ],
 )
@@ -313,7 +365,8 @@ def test_files_that_hold_no_samples(tmp_path: Path, name: str, text: str, says: 
 @pytest.mark.parametrize("kind", ["unicycle"])
 def test_other_systems_name_their_columns(kind: str, tmp_path: Path) -> None:
     plan = planner.solve(planner.load_problem(ROOT / f"problems/{kind}.toml"), "polynomial")
-    back = load_samples(planner.export(plan, tmp_path / "x.csv", rate_hz=5))
+    back = load_samples(export_moving(plan, tmp_path / "x.csv", rate_hz=5))
+    assert back.axes == ("motor1_m", "motor2_rad")
     first = plan.problem.system.inputs[0]
     assert back.inputs[0] == f"{first.name}_m_s"
     assert back.coordinates[0] == "x_m"

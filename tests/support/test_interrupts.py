@@ -193,8 +193,9 @@ def _interrupted(self: osqp.OSQP, **_: object) -> SimpleNamespace:
 
 
 def test_only_lines_with_the_words_are_kept_back(capsys: pytest.CaptureFixture[str]) -> None:
-    with mute_lines("secret", "stdout"):
+    with mute_lines("stdout", "secret", "private"):
         print("a")
+        print("private")
         sys.stdout.write("a sec")
         sys.stdout.write("ret\nb")
         print("c")
@@ -202,11 +203,23 @@ def test_only_lines_with_the_words_are_kept_back(capsys: pytest.CaptureFixture[s
     assert capsys.readouterr().out == "a\nbc\nopen end"
 
 
+def test_osqp_says_nothing_where_it_has_nothing_to_polish(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    solver, one = osqp.OSQP(), sp.csc_matrix([[1.0]])
+    limits = (np.array([-1.0]), np.array([1.0]))
+    solver.setup(one, np.zeros(1), one, *limits, verbose=False, polishing=True)
+    osqp_result(solver)
+    assert capsys.readouterr().out == ""
+    solver.solve(raise_error=False)
+    assert "Polishing not needed" in capsys.readouterr().out
+
+
 def test_casadi_s_warning_of_zero_pivots_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     """It is written in several parts."""
     matrix, column = ca.MX.sym("matrix", 2, 2), ca.MX.sym("column", 2)
     solve = ca.Function("solve", [matrix, column], [ca.solve(matrix, column, "ldl")])
-    with mute_lines("LDL factorization has zeros", "stderr"):
+    with mute_lines("stderr", "LDL factorization has zeros"):
         solve(np.full((2, 2), 1e11), [1, 2])
     assert capsys.readouterr().err == ""
     solve(np.full((2, 2), 1e11), [1, 2])

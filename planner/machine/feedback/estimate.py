@@ -71,6 +71,11 @@ class Pose:
     side: Array
 
 
+def reading_variance(resolution: Array) -> Array:
+    """Variance of the readings of joints, (N−1, 1), from the smallest steps of all, (N, 1)."""
+    return ROUNDING_VARIANCE_FACTOR * resolution[1:] ** 2 / 12 + EXACT_READING_SPREAD**2
+
+
 class Estimate:
     """What is known of S samples.
 
@@ -92,7 +97,7 @@ class Estimate:
         self.lost_motion = np.repeat(lost_motion, count, axis=1)
         self.rate_error = np.zeros((joints, count))
         self._half = resolution / 2
-        self._noise = ROUNDING_VARIANCE_FACTOR * resolution[1:] ** 2 / 12 + EXACT_READING_SPREAD**2
+        self._noise = reading_variance(resolution)
         self._cov = np.zeros((3, 3, joints, count))
         self._cov[0, 0] = self._noise + (LOST_SPREAD * lost_motion) ** 2
         self._cov[1, 1] = (LOST_SPREAD * lost_motion) ** 2

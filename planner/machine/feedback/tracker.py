@@ -26,7 +26,7 @@ from planner.machine.feedback.means import (
     shift_of,
 )
 from planner.machine.feedback.programme import TrackingProgramme
-from planner.machine.feedback.reference import Reference, Weights, reference, regulator
+from planner.machine.feedback.reference import Reference, Regulator, Weights, reference, regulator
 from planner.machine.feedback.run_up import REST_S, refuse_excess, run_up
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
@@ -227,6 +227,7 @@ class TrackerDesign:
 
     Attributes:
         ref: The course on the tracker's clock.
+        law: The regulator where no limit is active.
         programme: The control steps.
         forecast: The nominal machine.
         lost_motion: Mean lost motion of each joint, (N−1, 1), rad.
@@ -235,6 +236,7 @@ class TrackerDesign:
     """
 
     ref: Reference
+    law: Regulator
     programme: TrackingProgramme
     forecast: Forecast
     lost_motion: Array
@@ -270,6 +272,7 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
     horizon = max(1, round(options.horizon_s / clock.period))
     return TrackerDesign(
         ref=ref,
+        law=law,
         programme=TrackingProgramme(ref, law, horizon, options.max_iterations),
         forecast=forecast,
         lost_motion=np.concatenate([play[1:, None] / 2, lost]),

@@ -33,7 +33,7 @@ from planner.methods.collocation.transcription.form import Form, InputKind, Mesh
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.plan.plan import Plan, mark_cut_short
 from planner.problem.problem import Problem
-from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
+from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions, rests
 from planner.support import deadline, progress
 from planner.support.deadline import Span, TimeUpError, time_advice
 
@@ -194,7 +194,12 @@ def collocation_task(
     )
     settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)
     return task(
-        problem, goal, form, mesh, InputDemands(options.rest), replace(settings, direct=direct)
+        problem,
+        goal,
+        form,
+        mesh,
+        InputDemands(rests(options.rest, problem.limits.input_rate)),
+        replace(settings, direct=direct),
     )
 
 
@@ -217,11 +222,11 @@ def input_kind(
     Raises:
         InputError: If something asks for inputs without jumps and the options for such.
     """
-    smooth = slopes or options.rest or problem.reads("du")
+    smooth = slopes or options.rest is True or problem.reads("du")
     if options.input == "auto":
         return "linear" if smooth else auto
     if options.input == "constant" and smooth:
-        what = "rest = true" if options.rest else "the limit on input rates"
+        what = "rest = true" if options.rest is True else "the limit on input rates"
         what = "an objective that reads the inputs' rates" if slopes else what
         raise InputError(
             f"{problem.source}: method.{method}.input = 'constant' jumps between intervals,"

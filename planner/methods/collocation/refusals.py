@@ -21,7 +21,7 @@ from planner.plan.plan import Plan
 from planner.problem.feasibility import why_too_short
 from planner.problem.problem import Problem
 from planner.problem.reach import goal_reach
-from planner.problem.tables.method_options import CollocationOptions
+from planner.problem.tables.method_options import CollocationOptions, rests
 from planner.verification.verify import verify
 
 NAME = "collocation"
@@ -69,7 +69,11 @@ def too_short(
         f" {wanted:g} s it breaks:",
         plan=plan,
         violations=broken,
-        changes=[duration_change(found), duration_change(LONGER_DURATION * found)],
+        changes=[
+            *motion_changes(problem, options),
+            duration_change(found),
+            duration_change(LONGER_DURATION * found),
+        ],
         advice="wider limits on the inputs",
     )
 
@@ -87,7 +91,7 @@ def no_motion(problem: Problem, search: Pipeline) -> NoPlanError:
     if search.pathless:
         changes += travel_changes(problem, "the travel")
     else:
-        changes = duration_changes(problem) + changes
+        changes = motion_changes(problem, options) + duration_changes(problem) + changes
     if options != CollocationOptions(time_limit_s=options.time_limit_s):
         words = "the default options of method.collocation"
         changes.append(Change({"method.collocation": {}}, words, defaults=True))
@@ -102,6 +106,13 @@ def no_motion(problem: Problem, search: Pipeline) -> NoPlanError:
         changes=changes,
         advice="another start or goal, or wider limits",
     )
+
+
+def motion_changes(problem: Problem, options: CollocationOptions) -> list[Change]:
+    """Ends in motion, where nobody asked for rest."""
+    change = Change({f"method.{NAME}.rest": False})
+    resting = options.rest == "auto" and rests("auto", problem.limits.input_rate)
+    return [change] if resting else []
 
 
 def iterate_plan(

@@ -31,7 +31,7 @@ from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
-from planner.problem.tables.method_options import ConvexOptions
+from planner.problem.tables.method_options import ConvexOptions, Rest, rests
 from planner.support.arrays import Array
 from planner.support.calculus.bernstein import Bernstein, elevate
 from planner.support.calculus.extremes import sample_times
@@ -57,8 +57,9 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     travel free it is the best of the travels tried. For longer chains and other systems the optimum
     without the domain is taken, if it stays inside; `plan.notes["optimality"]` says what is proven.
 
-    Input limits concern the timing only: v₁ is constant where that keeps them, else the motion is
-    in proportion to the path's fastest one, which is taken where the duration is free. Which other
+    Input limits concern the timing only: v₁ is constant where that keeps them and no rest at the
+    ends is asked for, else the motion is in proportion to the path's fastest one, which is taken
+    where the duration is free. Which other
     requirements play no part, so that `verify` may refuse the path: `planner.methods.keeping`.
 
     Raises:
@@ -80,7 +81,9 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     found = _best_path(problem, options, frame, band, travels)
     if found.best is None:
         raise _no_path(problem, frame.shape, band, found)
-    trajectory, timing = _time_path(problem, _path(problem, found.best.frame, found.best.y))
+    trajectory, timing = _time_path(
+        problem, _path(problem, found.best.frame, found.best.y), options.rest
+    )
     value = found.best.value
     return Plan(
         problem=problem,
@@ -101,6 +104,11 @@ def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None
         raise InputError(
             f"{problem.source}: method.convex.pieces = {options.pieces} is too few for"
             f" {fewest // 2} coordinates; use at least {fewest}"
+        )
+    if options.rest is True and not rests("auto", problem.limits.input_rate):
+        raise InputError(
+            f"{problem.source}: method.convex.rest = true needs limits on the inputs' rates in"
+            " [limits]"
         )
     for i in np.flatnonzero(problem.limits.unlimited):
         if problem.duration is None:
@@ -178,18 +186,19 @@ def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
     )
 
 
-def _time_path(problem: Problem, path: ChainedTrajectory) -> tuple[Trajectory, str]:
+def _time_path(problem: Problem, path: ChainedTrajectory, asked: Rest) -> tuple[Trajectory, str]:
     """The path within the input limits, in the problem's duration or as fast as they allow."""
     limits, duration = problem.limits, problem.duration
     peaks = peak_inputs(path)
     if np.any(np.isnan(peaks)):  # no angles somewhere, which is for the verification to say
         return path, "v1 constant"
-    if duration is not None and slowing_factor(problem.requirements, path) <= 1:
+    rest = rests(asked, limits.input_rate)
+    if duration is not None and not rest and slowing_factor(problem.requirements, path) <= 1:
         return path, "v1 constant"
     # An input without a limit goes no faster than with v1 constant.
     limits = replace(limits, input=np.where(limits.unlimited, peaks, limits.input))
     moving = peaks > 1e-12
-    fastest, notes = fastest_motion(path, limits, problem.requirements, moving)
+    fastest, notes = fastest_motion(path, limits, problem.requirements, moving, rest)
     fastest = fastest.slowed(1 + SLACK)
     other = ", slowed for other limits" if "slowed_for_other_limits" in notes else ""
     if duration is None:

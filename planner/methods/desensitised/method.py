@@ -44,7 +44,7 @@ from planner.plan.plan import Plan
 from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
-from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
+from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions, rests
 from planner.support import progress
 from planner.support.arrays import Array
 from planner.support.deadline import TimeUpError, time_limit, time_share
@@ -141,7 +141,8 @@ def _task(problem: Problem, options: DesensitisedOptions) -> Task:
         inner=True,
         augmented=moved,
     )
-    demands = InputDemands(options.rest, effort=options.effort_limit or np.inf)
+    rest = rests(options.rest, problem.limits.input_rate)
+    demands = InputDemands(rest, effort=options.effort_limit or np.inf)
     settings = Settings(options.tolerance, options.max_iterations)
     time_weight = options.time if problem.duration is None else 0.0
     terms = [

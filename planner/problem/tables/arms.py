@@ -39,7 +39,8 @@ class ArmLimits(BaseLimits):
     )
     input_rate_rad_s2: PerInput = Field(
         None,
-        description="Largest |du/dt|, one number or two: with it, inputs are continuous.",
+        description="Largest |du/dt|, one number or two: with it, inputs are continuous, and zero"
+        " at both ends unless the method's rest is false.",
         examples=[[5.0, 5.0]],
     )
     joint_deg: (

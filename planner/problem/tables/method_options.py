@@ -10,9 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
+from planner.support.arrays import Array
 from planner.support.user_tables import Table
 
 
@@ -33,6 +35,20 @@ NO_SLIDER = Slider(0, 0)
 Weight = Annotated[float, Field(ge=0), Slider(0.0, 10.0)]
 Size = Annotated[float, Field(ge=0)]
 Sizes = Annotated[Size | Annotated[list[Size], Field(min_length=1)], NO_SLIDER]
+Rest = Annotated[
+    Literal["auto"] | bool,
+    Field(
+        description="Inputs zero at both ends. auto: if [limits] limits the rates of inputs, so"
+        " that motors can carry out the plan as it is."
+    ),
+]
+
+
+def rests(asked: Rest, input_rate: Array) -> bool:
+    """Whether inputs are zero at both ends, from their largest rates (2,), infinite for none."""
+    return bool(np.any(np.isfinite(input_rate))) if asked == "auto" else asked
+
+
 Intervals = Annotated[Annotated[int, Field(ge=1, le=2000)] | Literal["auto"], Slider(5, 120)]
 Accuracy = Annotated[float, Field(gt=0, lt=1e-2), NO_SLIDER]
 Iterations = Annotated[int, Field(ge=1), NO_SLIDER]
@@ -109,7 +125,7 @@ class DesensitisedOptions(Table):
         description="Input in an interval: constant, or continuous and linear. auto: linear when a"
         " rate limit or rest asks for continuity.",
     )
-    rest: bool = Field(False, description="Inputs zero at both ends.")
+    rest: Rest = "auto"
     accuracy: Accuracy = Field(
         5e-6,
         description="Largest allowed difference at the end, in radians, between the plan's q(t)"
@@ -258,7 +274,7 @@ class CollocationOptions(Table):
         description="Input in an interval: linear, and continuous over all; or constant, which may"
         " jump. auto: linear.",
     )
-    rest: bool = Field(False, description="Inputs zero at both ends.")
+    rest: Rest = "auto"
     objective: Literal["auto", "effort", "smooth", "edge", "time", "mixed"] = Field(
         "auto",
         description="Objective to minimise. For a fixed duration: effort, the integral of u1^2 +"
@@ -347,6 +363,7 @@ class ConvexOptions(Table):
         description="v2/v1 constant on each piece, or continuous and linear. auto: linear when"
         " input rates have a limit, since a jump has no finite rate.",
     )
+    rest: Rest = "auto"
     travel: Annotated[Literal["auto", "middle"], NO_SLIDER] = Field(
         "auto",
         description="If goal.travel is free: the travel with the best objective (auto), or the"

@@ -117,7 +117,7 @@ def test_input_limit(paper: Problem, optimal: Plan) -> None:
 def test_input_rate_limit(paper: Problem) -> None:
     free = plan(paper, input="linear")
     assert peak_rates(free.trajectory).max() > 0.04
-    limited = plan(paper, {"limits.input_rate_rad_s2": 0.03})
+    limited = plan(paper, {"limits.input_rate_rad_s2": 0.03}, rest=False)
     rates = peak_rates(limited.trajectory)
     assert 0.0299 < rates.max() <= 0.03 * (1 + 1e-7)
     assert limited.objective > free.objective
@@ -224,9 +224,20 @@ def test_free_duration_saturates_an_input(paper: Problem) -> None:
 
 def test_free_duration_with_rate_limits_at_rest(paper: Problem) -> None:
     changes = {"goal.duration": "free", "limits.input_rate_rad_s2": 1.0}
-    found = plan(paper, changes, rest=True)
+    found = plan(paper, changes)
+    assert np.all(found.u([0.0, found.duration]) == 0)
     assert np.all(peak_rates(found.trajectory) <= 1 + 1e-6)
     assert verify(found).ok
+
+
+def test_limited_rates_mean_rest_at_both_ends_unless_told_otherwise(paper: Problem) -> None:
+    rated = {"limits.input_rate_rad_s2": 0.2}
+    assert np.all(plan(paper, rated).u([0.0, 10.0]) == 0)
+    assert np.all(plan(paper, rated, rest=False).u([0.0, 10.0]) != 0)
+    changed = paper.changed(rated | {"method.collocation.rest": False, "goal.duration": 4.2})
+    assert planner.solve(changed, "collocation").u(0.0)[1] > 0.1
+    with pytest.raises(planner.NoPlanError, match=r"(?s)too short.*rest = false \(tried\)"):
+        planner.solve(changed.changed({"method.collocation.rest": "auto"}), "collocation")
 
 
 def test_mixed_objective_when_nothing_limits_the_speed(paper: Problem, optimal: Plan) -> None:

@@ -138,7 +138,8 @@ def test_rate_limits_make_v2_continuous_and_are_kept(paper: planner.Problem) -> 
     assert "continuous" in optimality(plan)["of"]
     assert np.all(peak_rates(plan.trajectory) <= 5.0)
     assert plan.duration < 4
-    slow = plan_only(rated.changed({"goal.duration": 400.0}))
+    assert np.all(plan.u([0.0, plan.duration]) == 0)  # at rest, unless told otherwise
+    slow = plan_only(rated.changed({"goal.duration": 400.0}), rest=False)
     assert slow.notes["timing"] == "v1 constant"
     breaks = slow.t[1:-1]
     np.testing.assert_allclose(slow.v(np.nextafter(breaks, 0)), slow.v(breaks), atol=1e-9)
@@ -341,6 +342,8 @@ def test_options_are_checked(wide: planner.Problem) -> None:
         planner.solve(wide, "convex", pieces=5)
     with pytest.raises(planner.InputError, match="objective"):
         planner.solve(wide, "convex", objective="least")
+    with pytest.raises(planner.InputError, match="rest = true needs limits on the inputs' rates"):
+        planner.solve(wide, "convex", rest=True)
     with pytest.raises(planner.InputError, match="no limit of input u1"):
         planner.solve(wide.changed({"goal.duration": "free"}), "convex", pieces=PIECES)
 

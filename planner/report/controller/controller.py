@@ -1,0 +1,343 @@
+"""The tracker of one plan as a folder of C for the controller of a real machine.
+
+tracker.h, tracker.c and selftest.c are the same for every plan. What differs comes from the design
+of the tracker in Python, so that both follow the same reference: sizes.h (types and sizes),
+tables.h (its numbers, and the nominal rates of the system as C), recording.h (readings of one
+emulated machine, and the commands that must come out).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from string import Template
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.errors import InputError
+from planner.machine.feedback import estimate, programme, tracker
+from planner.machine.feedback.tracker import Tracker, TrackerControl, TrackerDesign
+from planner.machine.machine import Machine, machine_for
+from planner.machine.replay import replay
+from planner.plan.plan import Plan, refuse_inexecutable
+from planner.report.charts.scripts import source
+from planner.support.arrays import Array
+from planner.systems.expressions import OPERATORS
+from planner.systems.triangular_system import TriangularSystem
+
+PACKAGE = "planner.report.controller"
+SOURCES = ("tracker.h", "tracker.c", "selftest.c")
+
+FREE = 1e30
+"""What stands for infinity: it fits into a float."""
+
+ROUNDING: dict[str, dict[str, float]] = {
+    "double": {"TOLERANCE": 1e-9, "DEPENDENT": 1e-12, "ROUNDING_TICKS": 1e-9},
+    "float": {"TOLERANCE": 1e-5, "DEPENDENT": 1e-6, "ROUNDING_TICKS": 1e-4},
+}
+"""By what rounding leaves in each type: how far a row may be broken (in c), from which square on a
+unit vector has a part of its own, and what belongs to the next tick."""
+
+ALLOWED_SHARE: dict[str, float] = {"double": 5e-4, "float": 0.02}
+"""Of the greatest command, by how much those of the self-test may be off. In double the rest is
+what OSQP leaves in Python."""
+
+ODD_SHARE: dict[str, float] = {"double": 0.0, "float": 0.02}
+"""Part of the periods of the self-test in which commands may be off by more: where rounding decides
+whether a joint has moved, the next readings bring both together again."""
+
+MAX_STEPS = 400
+"""Of the active-set method; the worst of 200 arms takes a tenth of that."""
+
+
+def controller_files(plan: Plan, machine: Machine | None, real: str) -> dict[str, str]:
+    """Every file of the folder by its name.
+
+    Args:
+        plan: The plan; also a compensated one.
+        machine: What the tracker knows the means of; by default the problem's `[machine]` table.
+        real: Type of the numbers in C, "double" or "float".
+
+    Raises:
+        InputError: If the plan cannot be executed, the options of `[feedback]` do not fit the
+            machine, or the system's rates hold a function that C has not.
+        UntrackableError: If the plan's inputs are far beyond what may be commanded.
+    """
+    refuse_inexecutable(plan)
+    machine = machine_for(plan.problem.machine, machine)
+    follower = Tracker(plan.problem.feedback)
+    design = follower.design(plan, machine)
+    files = {name: source(PACKAGE, name) for name in SOURCES}
+    return files | {
+        "sizes.h": _sizes(design, real),
+        "tables.h": _tables(design, plan.problem.system, real),
+        "recording.h": _recording(plan, machine, follower, real),
+        "README.md": _readme(plan, machine, design, real),
+    }
+
+
+# -- what the tracker works with ------------------------------------------------------------------
+
+
+def _sizes(design: TrackerDesign, real: str) -> str:
+    clock, ref = design.ref.timing, design.ref
+    # From the oldest tick that a forecast looks back at to the last that is decided.
+    ring = 2 * clock.ticks + clock.latency + int(np.ceil(np.max(clock.shift) / clock.tick)) + 2
+    sizes = {
+        "COORDINATES": ref.q.shape[1],
+        "TICKS": clock.ticks,
+        "LATENCY_TICKS": clock.latency,
+        "PERIODS": len(ref.feed),
+        "HORIZON": design.programme.horizon,
+        "RING": ring,
+    }
+    lines = [f"#define TRACKER_{name} {value}" for name, value in sizes.items()]
+    lines += [f"#define TRACKER_PERIOD_S {clock.period!r}", f"typedef {real} tracker_real;"]
+    return _guarded("TRACKER_SIZES_H", lines)
+
+
+def _tables(design: TrackerDesign, system: TriangularSystem, real: str) -> str:
+    ref, clock = design.ref, design.ref.timing
+    numbers = {
+        "TICK_S": clock.tick,
+        "PERIOD_S": clock.period,
+        "DRIVE_PLAY": float(design.play[0]),
+        "FREE": FREE,
+        "UNREACHABLE": programme.STATE_TOLERANCE_RAD,
+        "LIMIT_ROUNDING": max(programme.LIMIT_ROUNDING, ROUNDING[real]["TOLERANCE"] / 10),
+        **{name: ROUNDING[real][name] for name in ("TOLERANCE", "DEPENDENT", "ROUNDING_TICKS")},
+        **{name: getattr(estimate, name) for name in (
+            "RATE_SPREAD", "LOST_SPREAD", "UNMODELLED_SPREAD_RAD", "SETTLING_SHARE",
+            "FITTING_SPREADS", "EXACT_READING_SPREAD")},
+        "PLAY_SPREAD_SHARE": tracker.PLAY_SPREAD_SHARE,
+    }  # fmt: skip
+    whole = {
+        "RATED": int(design.ramp),
+        "STATE_LIMITS": ref.rows.shape[1],
+        "CROSSES_PLAY": int(np.any(design.play)),
+        "CROSSING_PERIODS": tracker.CROSSING_PERIODS,
+        "MAX_STEPS": MAX_STEPS,
+    }
+    write = _writer(real)
+    lines = [f"#define FN(name) name{'##f' if real == 'float' else ''}"]
+    lines += [f"#define {name} {value}" for name, value in whole.items()]
+    lines += [f"#define {name} ({write(value)})" for name, value in numbers.items()]
+    lines += [
+        _array(f"static const real {name}", value, write) for name, value in _arrays(design).items()
+    ]
+    if design.ramp:
+        lines.append(_array("static const int LAST_TICK", ref.last_ticks, str))
+    return _guarded("TRACKER_TABLES_H", [*lines, *_rates_in_c(system, write)])
+
+
+def _arrays(design: TrackerDesign) -> dict[str, Array]:
+    """The tables of numbers by name."""
+    ref, law, clock = design.ref, design.law, design.ref.timing
+    count = len(ref.feed)
+    arrays = {
+        "SHIFT_TICKS": clock.shift / clock.tick,
+        "HALF_STEP": np.minimum(design.resolution[:, 0] / 2, FREE),
+        "READING_VARIANCE": estimate.reading_variance(design.resolution)[:, 0],
+        "MEAN_LOST_MOTION": design.lost_motion[:, 0],
+        "COURSE_LOST_MOTION": ref.lost_motion[:, 0],
+        "START": ref.start,
+        "LIMIT": ref.limit,
+        "FIRST": ref.first_inputs,
+        "FEED": ref.feed,
+        "Q": ref.q[:count],
+        "JOINT": ref.joints[:count],
+        "WAY": ref.way[:count],
+        "PUSH": ref.push[:count],
+        "NEXT_PUSH": ref.next_push[:count],
+        "A": ref.A,
+        "B": ref.B,
+        "E": ref.E,
+        "GAIN": law.gain,
+        "ROOT": law.root,
+        "LOW": ref.low,
+        "HIGH": ref.high,
+        "LIMITED": ref.rows,
+        "FLOOR": ref.floor,
+        "CEILING": ref.ceiling,
+    }
+    if design.ramp:
+        changes = np.array([programme.change_range(ref, i) for i in range(count)])
+        arrays |= {
+            "RATE": ref.rate,
+            "B_BEFORE": ref.B_before,
+            "CHANGE_LOW": changes[:, 0],
+            "CHANGE_HIGH": changes[:, 1],
+        }
+    return arrays
+
+
+def _recording(plan: Plan, machine: Machine, follower: Tracker, real: str) -> str:
+    """One emulated machine: what its encoders read, with some readings lost, and the commands."""
+    recorder = _Recorder(follower)
+    replay(plan, machine, samples=1, seed=0, feedback=recorder, record_s=None)
+    write = _writer(real)
+    count, greatest = len(recorder.read), float(np.max(np.abs(recorder.told)))
+    lines = [
+        "#include <math.h>",
+        '#include "sizes.h"',
+        f"#define READINGS {count}",
+        f"#define ALLOWED {ALLOWED_SHARE[real] * greatest!r}",
+        f"#define ODD_PERIODS {int(ODD_SHARE[real] * count)}",
+        _array("static const tracker_real MEASURED", np.array(recorder.read), write),
+        _array("static const double EXPECTED", np.array(recorder.told), _writer("double")),
+    ]
+    return _guarded("TRACKER_RECORDING_H", lines)
+
+
+LOST_EVERY = 23
+"""Every so many periods of the recording a reading is lost: that of one joint, then of all."""
+
+
+class _Recorder:
+    """A tracker that keeps what it reads and tells; `planner.machine.closed_loop.Feedback`."""
+
+    def __init__(self, follower: Tracker) -> None:
+        self._follower = follower
+        self.read: list[Array] = []
+        self.told: list[Array] = []
+
+    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> TrackerControl:
+        outer = self
+
+        class Recorded(TrackerControl):
+            def __call__(self, t: float, measured: Array) -> Array:
+                k, read = len(outer.read), measured.copy()
+                if k % LOST_EVERY == LOST_EVERY - 1:
+                    read[slice(None) if k // LOST_EVERY % 2 else -1] = np.nan
+                out = super().__call__(t, read)
+                outer.read.append(read[:, 0])
+                outer.told.append(out[:, :, 0])
+                return out
+
+        return Recorded(self._follower.design(plan, machine), len(numbers))
+
+
+# -- in C -----------------------------------------------------------------------------------------
+
+
+def _writer(real: str) -> Callable[[float], str]:
+    """A number as C's constant of the type."""
+
+    def write(value: float) -> str:
+        value = float(np.clip(value, -FREE, FREE))  # NaN stays
+        if np.isnan(value):
+            return "NAN"
+        if real == "double":
+            return repr(value)
+        text = f"{value:.9g}"  # nine digits tell every float from its neighbours
+        return f"{text}f" if set(text) & set(".e") else f"{text}.0f"
+
+    return write
+
+
+def _array(head: str, values: Any, write: Callable[[Any], str]) -> str:
+    """A table of any dimension; C has none without entries, so one stands there for them."""
+    values = np.asarray(values)
+    values = values if values.size else np.zeros([max(1, n) for n in values.shape])
+
+    def body(part: Any) -> str:
+        if part.ndim == 1:
+            return "{" + ", ".join(write(x) for x in part.tolist()) + "}"
+        return "{" + ",\n".join(body(x) for x in part) + "}"
+
+    return f"{head}{''.join(f'[{n}]' for n in values.shape)} = {body(values)};"
+
+
+def _rates_in_c(system: TriangularSystem, write: Callable[[float], str]) -> list[str]:
+    """The system's rates as a function in C, one operation a line."""
+    q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
+    rates = ca.Function("rates", [q, u], [ca.cse(ca.densify(ca.vertcat(*system.rates_expr(q, u))))])
+    own = {ca.OP_POW: "pow({}, {})", ca.OP_CONSTPOW: "pow({}, {})", ca.OP_SQ: "({0} * {0})"}
+    signs = OPERATORS | own | {ca.OP_ASSIGN: "{}"}
+    lines = []
+    for k in range(rates.n_instructions()):
+        operation, inputs = rates.instruction_id(k), rates.instruction_input(k)
+        outputs = rates.instruction_output(k)
+        if operation == ca.OP_OUTPUT:
+            lines.append(f"out[{outputs[1]}] = w[{inputs[0]}];")
+            continue
+        if operation == ca.OP_INPUT:
+            value = f"{'qu'[inputs[0]]}[{inputs[1]}]"
+        elif operation == ca.OP_CONST:
+            value = write(rates.instruction_constant(k))
+        elif operation in signs:
+            text = re.sub(r"([a-z]\w*)\(", r"FN(\1)(", signs[operation])
+            value = text.format(*(f"w[{i}]" for i in inputs))
+        else:
+            raise InputError(
+                f"the rates of {system} cannot be written in C: they hold a function beside"
+                f" {', '.join(sorted(set(re.findall('[a-z]+[0-9]?', ' '.join(signs.values())))))}"
+            )
+        lines.append(f"w[{outputs[0]}] = {value};")
+    return [
+        "static void nominal_rates(const real *q, const real *u, real *out) {",
+        f"    real w[{rates.sz_w()}];",
+        *(f"    {line}" for line in lines),
+        "}",
+    ]
+
+
+def _guarded(name: str, lines: list[str]) -> str:
+    return "\n".join([f"#ifndef {name}", f"#define {name}", *lines, "#endif", ""])
+
+
+# -- words ----------------------------------------------------------------------------------------
+
+
+def _readme(plan: Plan, machine: Machine, design: TrackerDesign, real: str) -> str:
+    """README.md: what to call when, with this plan's numbers."""
+    ref, clock, system = design.ref, design.ref.timing, plan.problem.system
+    size, horizon = 8 if real == "double" else 4, 2 * design.programme.horizon
+    rows = horizon * (2 if design.ramp else 1) + horizon // 2 * ref.rows.shape[1]
+    work = rows * (horizon + 4) + 2 * horizon**2 + 2 * (system.size + 2) * horizon
+    numbers = sum(np.size(table) for table in _arrays(design).values())
+    lost, steps = np.rad2deg(design.lost_motion[:, 0]), np.rad2deg(design.resolution[1:, 0])
+    order = "".join(
+        f"| `measured[{i}]`: {each.name}, {each.unit} | {_place(ref.start[i], each.unit)} |\n"
+        for i, each in enumerate(system.coordinates)
+    )
+    return Template(source(PACKAGE, "README.md")).substitute(
+        title=plan.problem.name,
+        method=plan.method,
+        fidelity=machine.fidelity,
+        real=real,
+        table_kb=f"{numbers * size / 1024:.0f}",
+        allowed=f"{ALLOWED_SHARE[real]:.2%} of the greatest command",
+        odd=f"{ODD_SHARE[real]:.0%}",
+        tick_ms=f"{1000 * clock.tick:g}",
+        period_ms=f"{1000 * clock.period:g}",
+        ticks=clock.ticks,
+        latency=clock.latency,
+        latency_ms=f"{1000 * clock.wait:g}",
+        duration=f"{len(ref.feed) * clock.period + clock.wait:.4g}",
+        periods=len(ref.feed),
+        lead=f"{-clock.begin:.4g}",
+        over=f"{max(0.0, ref.s[-1] - plan.duration):.2g}",
+        order=order,
+        inputs=", ".join(
+            f"`speed[{i}]` is {each.name} in {each.unit}" for i, each in enumerate(system.inputs)
+        ),
+        shifts=" and ".join(f"{x:.3g}" for x in clock.shift),
+        lost=_degrees(lost),
+        steps=_degrees(steps),
+        work_kb=f"{work * size / 1024:.0f}",
+        most_steps=MAX_STEPS,
+    )
+
+
+def _place(value: float, unit: str) -> str:
+    return f"{value:.6f} ({np.rad2deg(value):.4g} degrees)" if unit == "rad" else f"{value:.6g}"
+
+
+def _degrees(values: Array) -> str:
+    if not np.any(values):
+        return "none"
+    return f"{', '.join(f'{x:.3g}' for x in values)} degrees"

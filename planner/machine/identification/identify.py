@@ -32,11 +32,11 @@ Progress = Callable[[str, float], None]
 """Told what is done now, and which share of all is done, 0 … 1."""
 
 STARTS = 2
-"""Searches: of 50 emulated arms none ended elsewhere from the second start."""
+"""Searches: the second, from elsewhere, shows where the first ended in a local minimum."""
 
 NOISE_RATIO = 1.5
-"""Residuals above so many times the encoder's noise are no noise: inertia gives 5, an encoder that
-is eccentric by 0.1 degrees hardly more than 1."""
+"""Residuals above so many times the encoder's noise are no noise: on emulated arms inertia gives 7,
+an encoder that is eccentric by 0.1 degrees hardly more than 1."""
 
 UNTOLD_SHARE = 0.9
 """A parameter that the logs leave this part of its prior's deviation is not told by them."""

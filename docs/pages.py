@@ -60,8 +60,7 @@ def formats() -> str:
     rows = [("format", "endings", "content", "read it with"), ("---",) * 4]
     for name, one in FORMATS.items():
         reader = f"`{one.reader}`" if one.reader else ""
-        endings = ", ".join(one.endings) or "a folder"
-        rows.append((f"`{name}`", endings, one.holds, reader))
+        rows.append((f"`{name}`", ", ".join(one.endings), one.holds, reader))
     return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
 
 

@@ -100,7 +100,7 @@ FORMATS: dict[str, Format] = {
         "planner.load_samples",
     ),
     "c": Format(
-        "folder: the tracker of the plan in C99, with a self-test and a page on its use",
+        "folder with the tracker of the plan in C99, a self-test and a page on its use",
         (),
         lambda plan, asked: _c(plan, asked),
         options=("real", "machine"),

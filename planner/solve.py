@@ -242,39 +242,26 @@ def compensate_plan(
 
     Raises:
         InputError: If the system is no arm with friction disks.
-        NoPlanError: If there is no plan for the goal that would have to be planned for, or the
-            plan or the predicted motion breaks a requirement.
+        NoPlanError: If the plan or the predicted motion breaks a requirement.
     """
-    from planner.machine.feedforward.aim import aim  # with the machine, which only this needs
+    from planner.machine.feedforward.follow import follow  # with the machine, which only this needs
     from planner.machine.machine import machine_for
 
     plan = plan if plan.verified else judge_plan(plan)[0]
-    problem, entry = plan.problem, find_method(plan.method)
+    problem = plan.problem
     used = machine_for(problem.machine, machine)
     began = time.perf_counter()
-
-    def replan(shifted: Problem, near: Plan) -> Plan:
-        merged = merged_options(shifted, entry, dict(plan.options))
-        if entry.replan is None:
-            return entry.plan(shifted, merged)
-        return entry.replan(shifted, merged, near)
-
     forward = (
         "compensation.preparation = 'forward'; or " if options.preparation != "forward" else ""
     )
     advice = f"more time (goal.duration); or {forward}no compensation (compensation.on = false)"
-    no_aim = (
-        f"{problem.source}: the plan cannot be compensated: the shifted goal, for which the"
-        " nominal machine would end at the goal, has no plan: "
-    )
     tell("compensating")
     try:
-        compensated = aim(plan, used, options, replan)
+        compensated = follow(plan, used, options)
     except TimeUpError:
-        raise TimeLimitError(no_aim + "it takes too long", advice=advice) from None
-    except NoPlanError as error:
-        why = error.reason.removeprefix(f"{problem.source}: ")
-        raise NoPlanError(no_aim + why, violations=error.violations, advice=advice) from error
+        raise TimeLimitError(
+            f"{problem.source}: the plan cannot be compensated: it takes too long", advice=advice
+        ) from None
     compensated, check = judge(compensated)
     compensated = replace(compensated, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
     if check.ok:

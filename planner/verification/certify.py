@@ -289,7 +289,7 @@ def _(goal: Goal, evidence: Evidence) -> Iterable[Proof]:
 @prove.register
 def _(duration: Duration, evidence: Evidence) -> Iterable[Proof]:
     (part,), slack, plan = duration.parts, DURATION_TOLERANCE * duration.seconds, evidence.plan
-    margin = slack - abs(plan.duration - plan.lead_s - plan.tail_s - duration.seconds)
+    margin = slack - abs(plan.running_s - duration.seconds)
     return [evidence.path.claim(part, 1e-6 * slack, margin, margin, np.nan)]
 
 

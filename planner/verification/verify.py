@@ -157,7 +157,7 @@ def verify(plan: Plan) -> Check:
             *_motion_findings(plan, motion, end, error, tolerance),
             *_chart_findings(plan),
             *_limit_findings(plan, motion),
-            *_waypoint_distances(plan.problem, motion, tolerance, plan.lead_s),
+            *_waypoint_distances(plan, motion, tolerance),
             *_corner_findings(plan, motion),
         ]
     broken = sorted(
@@ -185,7 +185,7 @@ def _motion_on_machine(plan: Plan) -> tuple[Motion, Array]:
     lead elsewhere. Its own q(t) goes straight from where the machine is at one break to where it is
     at the next. A piece lies no farther from that line than its Bernstein coefficients.
     """
-    from planner.machine.feedforward.aim import predict  # no other plan needs the machine
+    from planner.machine.feedforward.prediction import predict  # no other plan needs the machine
     from planner.machine.machine import Machine
 
     assert plan.compensation is not None
@@ -230,7 +230,7 @@ def _motion_findings(
                 out.append(_Finding(part, value, limit, plan.duration, slack, upper))
         elif isinstance(demand, Duration):
             (part,) = demand.parts
-            takes, duration = plan.duration - plan.lead_s - plan.tail_s, demand.seconds
+            takes, duration = plan.running_s, demand.seconds
             out.append(_Finding(part, takes, duration, None, 1e-9 * duration, takes > duration))
     compensated, (gap, when) = plan.compensation is not None, motion.gap
     other = "the nominal machine's motion" if compensated else "its integrated input"
@@ -322,20 +322,17 @@ def _failed_check(plan: Plan, violation: Violation) -> Check:
     )
 
 
-def _waypoint_distances(
-    problem: Problem, motion: Motion, tolerance: float, lead_s: float
-) -> Iterator[_Finding]:
+def _waypoint_distances(plan: Plan, motion: Motion, tolerance: float) -> Iterator[_Finding]:
     """The distance at which each waypoint is passed.
 
-    One without a time is passed where the motion comes nearest; others on the clock that starts
-    `lead_s` after the motion does.
+    One without a time is passed where the motion comes nearest; others by the plan's clock.
     """
-    for point in problem.waypoints:
+    for point in plan.problem.waypoints:
         if point.time_s is None:
             values, times = _least_values(motion, lambda q, p=point: p.distance(q)[..., None])  # type: ignore[misc]
             value, when = float(values[0]), float(times[0])
         else:
-            when = lead_s + point.time_s
+            when = plan.clock.when(point.time_s)
             value = float(point.distance(motion.q_at_time(when)))
         (part,) = point.parts
         yield _Finding(part, value, 0.0, when, tolerance)

@@ -37,9 +37,9 @@ KNOTS, HOLD_KNOT_S = 20, 0.4
 ROWS = 150
 """Instants at which errors count, over the plan and its holds."""
 
-PROBE_RAD = np.deg2rad(0.3)
-"""Change of one knot by which derivatives are taken: past the play of the gearheads' middle, and a
-fifteenth of the joints' lost motion."""
+PROBES_RAD = np.deg2rad([0.3, 0.05])
+"""Changes of one knot by which derivatives are taken: a fifteenth of the joints' lost motion, to
+see beyond what the next steps meet; and less where that leads no farther."""
 
 POWERS = (2, 8)
 """Of the norm of the errors: first their mean square, which leads from afar, then near the largest,
@@ -116,7 +116,6 @@ class Correction:
         self.knots = self._place_knots()
         self.values = np.zeros((len(self.knots), 2))
         self.rounds = 0
-        self.log = []
         marks = [0.0, self._begin, self._end, *np.ravel(clock.holds), clock.t[-1] + SETTLE_S]
         marks += [clock.when(time_s) for _, time_s in self._pinned]
         rows = np.linspace(self._begin, clock.t[-1], ROWS)
@@ -217,39 +216,43 @@ class Correction:
         """
         now, damping = self.run(self.values[:, :, None])[0], 1.0
         for power in POWERS:
-            best = self._measure(now, self.values, power)
+            best, probes = self._measure(now, self.values, power), list(PROBES_RAD)
             for _ in range(MOST_ROUNDS):
                 deadline.check()
-                slopes = self._slopes(now)
-                weights = [damping * step for step in STEPS]
-                steps = [self._step(now, slopes, weight, power) for weight in weights]
-                found = [
-                    (weight, self.values + part * step)
-                    for weight, step in zip(weights, steps, strict=True)
-                    if step is not None
-                    for part in PARTS
-                ]
+                found = self._candidates(now, damping, power, probes[0])
                 if not found:
                     break
                 runs = self.run(np.stack([values for _, values in found], axis=2))
                 measures = [self._measure(runs[k], v, power) for k, (_, v) in enumerate(found)]
                 k = int(np.argmin(measures))
                 gain = best - measures[k]
-                self.log.append((power, damping, found[k][0], gain, measures[k], abs(runs[k].errors).max(), abs(runs[k].pins).max()))
                 if gain > 0:
-                    damping = float(np.clip(found[k][0] * 3, *DAMPINGS))
+                    damping = float(np.clip(3 * found[k][0], *DAMPINGS))
                     self.values, now, best = found[k][1], runs[k], measures[k]
                     self.rounds += 1
                 if gain < LEAST_GAIN * best:
-                    break
+                    probes.pop(0)
+                    if not probes:
+                        break
 
-    def _slopes(self, now: Runs) -> Runs:
+    def _candidates(
+        self, now: Runs, damping: float, power: int, probe: float
+    ) -> list[tuple[float, Array]]:
+        """Corrections to try, each with the weight of its programme."""
+        slopes, out = self._slopes(now, probe), []
+        for weight in (damping * step for step in STEPS):
+            step = self._step(now, slopes, weight, power)
+            if step is not None:
+                out += [(weight, self.values + part * step) for part in PARTS]
+        return out
+
+    def _slopes(self, now: Runs, probe: float) -> Runs:
         """Derivatives by the corrections at the knots after the first: (2(m−1), …), by degrees."""
         m = len(self.knots)
         probes = np.repeat(self.values[:, :, None], 2 * (m - 1), axis=2)
         k = np.arange(2 * (m - 1))
-        probes[1 + k // 2, k % 2, k] += PROBE_RAD
-        runs, by = self.run(probes), np.rad2deg(PROBE_RAD)
+        probes[1 + k // 2, k % 2, k] += probe
+        runs, by = self.run(probes), np.rad2deg(probe)
         return Runs(
             (runs.errors - now.errors) / by,
             (runs.pins - now.pins) / by,
@@ -314,21 +317,19 @@ class Correction:
         """Bring goal and waypoints alone to where they should be; the commands (K, 2), rad/s."""
         commands = self._shape.commands(self.values, self.knots)
         now = self.run(self.values[:, :, None], commands[:, :, None])[0]
-        slopes = None
         for _ in range(END_ROUNDS):
-            if np.max(np.abs(now.pins)) <= np.rad2deg(PIN_TOLERANCE_RAD):
+            missed = float(np.max(np.abs(now.pins)))
+            if missed <= np.rad2deg(PIN_TOLERANCE_RAD):
                 break
             deadline.check()
-            if slopes is None:
-                smooth = self.run(self.values[:, :, None])[0]
-                slopes = self._slopes(smooth)
+            slopes = self._slopes(self.run(self.values[:, :, None])[0], PROBES_RAD[-1])
             step = self._pin_step(now, slopes)
-            tried = [self.values + part * step for part in (1.0, 0.6, 0.3)]
+            tried = [self.values + part * step for part in PARTS]
             sent = [self._shape.commands(values, self.knots) for values in tried]
             runs = self.run(np.stack(tried, axis=2), np.stack(sent, axis=2))
-            missed = np.abs(runs.pins).max(axis=1)
-            k = int(np.argmin(missed))
-            if missed[k] >= np.max(np.abs(now.pins)):
+            misses = np.abs(runs.pins).max(axis=1)
+            k = int(np.argmin(misses))
+            if misses[k] >= missed:
                 break
             self.values, commands, now = tried[k], sent[k], runs[k]
         return commands

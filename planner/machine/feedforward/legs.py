@@ -43,7 +43,7 @@ LEAST_TURN_RAD = 0.02
 """Drive back and forth that is no reversal: it moves a joint by a degree at most, a fifth of what
 is lost."""
 
-MOST_AWAY_DEG, AWAY_SHARE = 2.0, 0.5
+MOST_AWAY_DEG, AWAY_SHARE = 2.0, 0.2
 """How far passive joints may be from where the drive turns back when the leg comes, and how much of
 that counts as an error: joints wait for so long, and the correction takes off some of it."""
 

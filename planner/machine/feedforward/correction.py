@@ -57,6 +57,9 @@ PARTS = (1.0, 0.5, 0.2)
 MOST_ROUNDS, LEAST_GAIN = 8, 0.02
 """Rounds at most, and what one must gain for another, as a part of the measure."""
 
+GOOD_DEG = 0.4
+"""Largest error of the motion that is good enough: a fifth of the median that spreads leave."""
+
 PIN_WEIGHT = 30.0
 """Weight of goal and waypoints, against one error."""
 
@@ -112,7 +115,7 @@ class Correction:
     def __init__(self, plan: Plan, machine: Machine, shape: Shape) -> None:
         self._plan, self._machine, self._shape = plan, machine.nominal(), shape
         clock = shape.clock
-        self._begin, self._end = clock.lead_s, clock.when(plan.duration)
+        self._begin, self._end = clock.lead_s, clock.t[-1]
         self.knots = self._place_knots()
         self.values = np.zeros((len(self.knots), 2))
         self.rounds = 0
@@ -128,7 +131,8 @@ class Correction:
         """Even on the plan, closer in the holds."""
         clock, spacing = self._shape.clock, self._plan.duration / KNOTS
         held = set(clock.holds)
-        cuts = sorted({self._begin, self._end, *np.ravel(clock.holds).tolist()})
+        held |= {(clock.when(clock.seconds), self._end)}
+        cuts = sorted({self._begin, self._end, *np.ravel(list(held)).tolist()})
         knots = [] if self._begin == 0 else [max(0.0, self._begin - REST_S)]
         for a, b in zip(cuts, cuts[1:], strict=False):
             longest = min(spacing, HOLD_KNOT_S) if (a, b) in held else spacing
@@ -219,6 +223,8 @@ class Correction:
             best, probes = self._measure(now, self.values, power), list(PROBES_RAD)
             for _ in range(MOST_ROUNDS):
                 deadline.check()
+                if self._is_good(now):
+                    return
                 found = self._candidates(now, damping, power, probes[0])
                 if not found:
                     break
@@ -234,6 +240,13 @@ class Correction:
                     probes.pop(0)
                     if not probes:
                         break
+
+    def _is_good(self, runs: Runs) -> bool:
+        """Whether the rest is little beside what the machines' spreads leave."""
+        missed = np.max(np.abs(runs.pins))
+        largest = np.max(np.abs(runs.errors))
+        kept = np.min(runs.margins, initial=0.0) >= 0
+        return bool(kept and missed <= np.rad2deg(PIN_SLACK_RAD) and largest <= GOOD_DEG)
 
     def _candidates(
         self, now: Runs, damping: float, power: int, probe: float

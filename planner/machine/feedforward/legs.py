@@ -51,6 +51,9 @@ WAY_BACK_SHARE = 0.95
 """Part of the way back at which a joint of the nominal machine would follow: creep and the pose
 that the machine has indeed may make it come a little sooner."""
 
+END_S = 1.0
+"""Rest after a plan whose drive turns back: what is corrected till its end needs time to arrive."""
+
 PLACES = 401
 """Instants that are compared near a reversal, and angles of joint 1."""
 
@@ -126,6 +129,9 @@ def legs_of(
         out += take_ups(plan, system, machine, way, turns, 2 * lost, tick)
     if options.back_off and plan.problem.travel is None:
         out.append(return_leg(plan, system, machine, tick))
+    if turns and options.correction:
+        still = np.zeros((1 + round(END_S / tick), 2))
+        out.append(Leg(plan.duration, still))
     return [leg for leg in out if len(leg.angles) > 1]
 
 

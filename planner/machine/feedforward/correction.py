@@ -45,6 +45,9 @@ POWERS = (2, 8)
 """Of the norm of the errors: first their mean square, which leads from afar, then near the largest,
 which is what is judged."""
 
+MOST_ROUNDS, LEAST_GAIN = 8, 0.02
+"""Rounds for each of them at most, and what one must gain for another, as a part of the measure."""
+
 RIDGE = 0.05
 """Weight of a correction's changes from knot to knot, against as large an error of every joint."""
 
@@ -53,9 +56,6 @@ STEPS = (0.01, 0.1, 1.0, 10.0)
 
 PARTS = (1.0, 0.5, 0.2)
 """Parts of a step that are tried."""
-
-MOST_ROUNDS, LEAST_GAIN = 8, 0.02
-"""Rounds at most, and what one must gain for another, as a part of the measure."""
 
 GOOD_DEG = 0.4
 """Largest error of the motion that is good enough: a fifth of the median that spreads leave."""
@@ -69,9 +69,11 @@ PIN_TOLERANCE_RAD = np.deg2rad(0.01)
 NEAR = 0.05
 """Margin of a requirement, in its scale, below which it bounds the programmes."""
 
-PIN_SLACK_RAD, PIN_PRICE = np.deg2rad(0.03), 4.0
-"""Error of goal and waypoints that costs nothing yet, and what more of it costs, against the norm
-of the errors."""
+PIN_SLACK_RAD = np.deg2rad(0.03)
+"""Error of goal and waypoints that costs nothing yet."""
+
+PIN_PRICE = 4.0
+"""What more of it costs, against the norm of the errors."""
 
 DAMPINGS = (1e-4, 1e3)
 """Least and largest weight of the Levenberg kind that a round begins with."""
@@ -208,7 +210,9 @@ class Correction:
         largest = max(float(size.max()), 1e-9)
         norm = largest * float(np.mean((size / largest) ** power)) ** (1 / power)
         rough = RIDGE * float(np.linalg.norm(np.rad2deg(np.diff(values, axis=0))))
-        missed = float(np.max(np.maximum(np.abs(runs.pins) - np.rad2deg(PIN_SLACK_RAD), 0.0)))
+        missed = float(
+            np.linalg.norm(np.maximum(np.abs(runs.pins) - np.rad2deg(PIN_SLACK_RAD), 0.0))
+        )
         broken = float(np.max(np.maximum(-runs.margins, 0.0), initial=0.0))
         return float(np.hypot(norm, rough)) + PIN_PRICE * missed + 100.0 * broken
 
@@ -218,28 +222,33 @@ class Correction:
         Raises:
             TimeUpError: If there is no time left; what was found till then is kept.
         """
-        now, damping = self.run(self.values[:, :, None])[0], 1.0
+        now = self.run(self.values[:, :, None])[0]
         for power in POWERS:
-            best, probes = self._measure(now, self.values, power), list(PROBES_RAD)
-            for _ in range(MOST_ROUNDS):
-                deadline.check()
-                if self._is_good(now):
-                    return
-                found = self._candidates(now, damping, power, probes[0])
-                if not found:
+            now = self._go_on(now, power)
+
+    def _go_on(self, now: Runs, power: int) -> Runs:
+        """The rounds for one norm; what they lead to."""
+        best, damping, probes = self._measure(now, self.values, power), 1.0, list(PROBES_RAD)
+        for _ in range(MOST_ROUNDS):
+            deadline.check()
+            if self._is_good(now):
+                break
+            found = self._candidates(now, damping, power, probes[0])
+            if not found:
+                break
+            runs = self.run(np.stack([values for _, values in found], axis=2))
+            measures = [self._measure(runs[k], v, power) for k, (_, v) in enumerate(found)]
+            k = int(np.argmin(measures))
+            gain = best - measures[k]
+            if gain > 0:
+                damping = float(np.clip(3 * found[k][0], *DAMPINGS))
+                self.values, now, best = found[k][1], runs[k], measures[k]
+                self.rounds += 1
+            if gain < LEAST_GAIN * best:
+                probes.pop(0)
+                if not probes:
                     break
-                runs = self.run(np.stack([values for _, values in found], axis=2))
-                measures = [self._measure(runs[k], v, power) for k, (_, v) in enumerate(found)]
-                k = int(np.argmin(measures))
-                gain = best - measures[k]
-                if gain > 0:
-                    damping = float(np.clip(3 * found[k][0], *DAMPINGS))
-                    self.values, now, best = found[k][1], runs[k], measures[k]
-                    self.rounds += 1
-                if gain < LEAST_GAIN * best:
-                    probes.pop(0)
-                    if not probes:
-                        break
+        return now
 
     def _is_good(self, runs: Runs) -> bool:
         """Whether the rest is little beside what the machines' spreads leave."""

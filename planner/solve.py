@@ -6,13 +6,14 @@ And from a plan to one that allows for the machine, where the problem asks for t
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.errors import InputError, NoPlanError, TimeLimitError, VerificationError
+from planner.errors import InputError, InputWarning, NoPlanError, TimeLimitError, VerificationError
 from planner.methods.keeping import not_promised, refuse_unkept
 from planner.methods.refusal import BY_COLLOCATION, Change, advise, changed_words, duration_change
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
@@ -251,22 +252,56 @@ def compensate_plan(
     problem = plan.problem
     used = machine_for(problem.machine, machine)
     began = time.perf_counter()
-    forward = (
-        "compensation.preparation = 'forward'; or " if options.preparation != "forward" else ""
-    )
-    advice = f"more time (goal.duration); or {forward}no compensation (compensation.on = false)"
     tell("compensating")
     try:
         compensated = follow(plan, used, options)
     except TimeUpError:
         raise TimeLimitError(
-            f"{problem.source}: the plan cannot be compensated: it takes too long", advice=advice
+            f"{problem.source}: the plan cannot be compensated: it takes too long",
+            advice=MORE_TIME_ADVICE,
         ) from None
     compensated, check = judge(compensated)
     compensated = replace(compensated, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
-    if check.ok:
-        return compensated, check
-    raise _refusal(compensated, check, " on the nominal machine", advice)
+    if not check.ok:
+        advice = "; or ".join([*_compensation_changes(compensated, check), NO_COMPENSATION])
+        raise _refusal(compensated, check, " on the nominal machine", advice)
+    said = compensated.notes["compensation"]
+    if not said["E_deg"] < said["plain_E_deg"]:
+        ways = "; or ".join([*_compensation_changes(compensated, check), NO_COMPENSATION])
+        warnings.warn(
+            f"{problem.source}: compensated, the nominal machine leaves the path by"
+            f" {said['E_deg']:.3g} deg, as it is by {said['plain_E_deg']:.3g} deg; {ways}",
+            InputWarning,
+            stacklevel=3,
+        )
+    return compensated, check
+
+
+NO_COMPENSATION = "no compensation (compensation.on = false)"
+
+LEAST_UNEVEN_DEG = 1.0
+"""What an axis may lack after a take-up before that is named: half of what spreads leave."""
+
+
+def _compensation_changes(plan: Plan, check: Check) -> list[str]:
+    """What would help a compensated plan, in words: what stands in the way, and more time."""
+    made, out = plan.notes["compensation"], []
+    times = [v.time_s for v in check.violations if v.time_s is not None and "goal" not in v.label]
+    if plan.lead_s and any(time_s < plan.lead_s for time_s in times):
+        out.append("compensation.preparation = 'jump', for the preparation meets a limit")
+    near = [s for s in times for a, b in plan.clock.holds if a - 1 < s < b + 1]
+    uneven = max(made["uneven_deg"], default=0.0)
+    if near or uneven > LEAST_UNEVEN_DEG:
+        where = f" (one is {uneven:.2g} deg short)" if uneven > LEAST_UNEVEN_DEG else ""
+        out.append(
+            f"another {plan.problem.travel_key} or goal, so that the drive keeps its direction or"
+            f" turns back elsewhere: there it cannot take up what all axes lose{where}"
+        )
+    if near:
+        out.append("compensation.take_up = false")
+    if plan.problem.compensation.preparation != "forward":
+        out.append("compensation.preparation = 'forward'")
+    return [*out, "more time (goal.duration)"]
 
 
 def _refusal(

@@ -76,7 +76,7 @@ class Clock:
 
     def __call__(self, t: ArrayLike) -> Array:
         """What it reads at the machine's times t (…), s; outside as at the ends."""
-        return np.asarray(np.interp(t, self.t, self.s))
+        return np.asarray(np.interp(np.asarray(t, dtype=float), self.t, self.s))
 
     def when(self, s: float) -> float:
         """When it leaves what it reads, s, in the machine's time; at the plan's end, comes there.

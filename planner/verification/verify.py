@@ -19,6 +19,7 @@ from planner.errors import Violation
 from planner.plan.curves import Cells
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.quadrature import POINTS, Motion, greatest, integrate, jumps, slopes
+from planner.plan.trajectory import StateTrajectory
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.support import deadline
@@ -36,8 +37,7 @@ ON_MACHINE_TOLERANCE = np.deg2rad(0.05)
 rounds its commands, so that no input leads it closer than some thousandths of a degree."""
 
 BETWEEN_TOLERANCE = ON_MACHINE_TOLERANCE
-"""The same between the breaks of a compensated plan, whose q(t) goes straight there: in a tick of
-10 ms a motor that starts leaves that line by 0.03 degrees."""
+"""How far a machine may leave, between two breaks of a compensated plan, its places there."""
 
 LIMIT_TOLERANCE = 1e-6
 """Largest excess over a limit, relative to the limit."""
@@ -184,27 +184,36 @@ def _motion_on_machine(plan: Plan) -> tuple[Motion, Array]:
     """What the nominal machine makes of a compensated plan, and where it rests at last, (N,).
 
     The inputs of such a plan allow for lost motion and lag, so that by the kinematics alone they
-    lead elsewhere. Its own q(t) is compared with the machine's motion at its breaks and, in parts of
-    what may be more between them, at each step of the machine. Limits, places and clearances are
-    judged by the machine's motion itself, and no more coarsely where breaks are far apart.
+    lead elsewhere. Its own q(t) goes straight from where the machine is at one break to where it is
+    at the next; a piece lies no farther from that line than its Bernstein coefficients. Between
+    breaks the machine stays between its places there: how far it leaves them is read at each of its
+    steps, and counts as `BETWEEN_TOLERANCE` says. Limits, places and clearances are judged by the
+    machine's motion itself, no more coarsely where breaks are far apart.
     """
     from planner.machine.feedforward.prediction import predict  # no other plan needs the machine
     from planner.machine.machine import Machine
 
     assert plan.compensation is not None
     machine = Machine.from_table(plan.compensation.machine)
-    prediction = predict(plan, machine)
-    during = prediction.t <= plan.duration
-    at = np.append(plan.t, prediction.t[during])
-    gaps = np.abs(plan.trajectory.q(at) - prediction.q_at(at)).max(axis=1)
-    gaps[len(plan.t) :] *= INTERPOLANT_TOLERANCE / BETWEEN_TOLERANCE
-    worst = int(np.argmax(gaps))
+    prediction, gap = predict(plan, machine), (np.inf, 0.0)
+    if isinstance(plan.trajectory, StateTrajectory):
+        c, ends = plan.trajectory.q_curve.c, prediction.q_at(plan.t)
+        c = np.repeat(c, 2, axis=0) if len(c) == 1 else c
+        share = np.linspace(0.0, 1.0, len(c))[:, None, None]
+        gaps = np.max(np.abs(c - ends[:-1] - share * np.diff(ends, axis=0)), axis=(0, 2))
+        piece = np.searchsorted(plan.t, prediction.t, side="right") - 1
+        during = piece < len(gaps)
+        piece, q = piece[during], prediction.q[during]
+        low, high = np.minimum(ends[:-1], ends[1:])[piece], np.maximum(ends[:-1], ends[1:])[piece]
+        outside = np.max(np.maximum(low - q, q - high), axis=1)
+        np.maximum.at(gaps, piece, outside * INTERPOLANT_TOLERANCE / BETWEEN_TOLERANCE)
+        worst = int(np.argmax(gaps))
+        gap = float(gaps[worst]), float(plan.t[worst])
     cells = Cells.of(plan.t)
     parts = np.ceil(np.log2(np.maximum(cells.width / (POINTS * machine.step_s), 1.0)))
     cells = cells.split(2 ** parts.astype(int))[0]
     _, u = plan.trajectory.piece_values(cells.piece, cells.fractions(points(POINTS)))
     q = prediction.q_at(cells.times(2 * points(POINTS) - 1).T)
-    gap = float(gaps[worst]), float(at[worst])
     return Motion(cells, q, u, 0.0, gap), prediction.end
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import osqp
@@ -28,7 +29,6 @@ from planner.plan.plan import Plan
 from planner.problem.requirements.requirement import MotionPoint
 from planner.support import deadline
 from planner.support.arrays import Array
-from planner.support.deadline import TimeUpError
 from planner.support.interrupts import osqp_result
 
 KNOTS, HOLD_KNOT_S = 20, 0.4
@@ -66,8 +66,9 @@ PIN_WEIGHT = 30.0
 PIN_TOLERANCE_RAD = np.deg2rad(0.01)
 """Error of goal and waypoints that is good enough: a fifth of what the judge grants."""
 
-NEAR = 0.05
-"""Margin of a requirement, in its scale, below which it bounds the programmes."""
+NEAR, SAFE = 0.05, 0.003
+"""Margin of a requirement, in its scale, below which it bounds the programmes, and what they leave:
+it is looked at a few times a second only, and the nearest place lies between."""
 
 PIN_SLACK_RAD = np.deg2rad(0.03)
 """Error of goal and waypoints that costs nothing yet."""
@@ -77,6 +78,9 @@ PIN_PRICE = 4.0
 
 DAMPINGS = (1e-4, 1e3)
 """Least and largest weight of the Levenberg kind that a round begins with."""
+
+PINNED_DEG = 0.05
+"""Miss of the goal or a waypoint that the judge grants."""
 
 END_ROUNDS = 4
 """Rounds for the goal alone."""
@@ -89,7 +93,7 @@ class Runs:
     Attributes:
         errors: Of the joints, shape (S, E), degrees.
         pins: By how much goal and waypoints are missed, (S, P), degrees.
-        margins: Of requirements on coordinates, (S, B), in their scales.
+        margins: Of requirements on coordinates beyond what is safe, (S, B), in their scales.
     """
 
     errors: Array
@@ -112,6 +116,7 @@ class Correction:
         knots: Times of the knots, (m,), s; nothing is corrected at the first.
         values: Corrections there, (m, 2), rad.
         rounds: Rounds that gained something.
+        keeps_all: Whether what was found ends at the goal and breaks no requirement.
     """
 
     def __init__(self, plan: Plan, machine: Machine, shape: Shape) -> None:
@@ -120,7 +125,7 @@ class Correction:
         self._begin, self._end = clock.lead_s, clock.t[-1]
         self.knots = self._place_knots()
         self.values = np.zeros((len(self.knots), 2))
-        self.rounds = 0
+        self.rounds, self.keeps_all = 0, False
         marks = [0.0, self._begin, self._end, *np.ravel(clock.holds), clock.t[-1] + SETTLE_S]
         marks += [clock.when(time_s) for _, time_s in self._pinned]
         rows = np.linspace(self._begin, clock.t[-1], ROWS)
@@ -136,7 +141,7 @@ class Correction:
         held |= {(clock.when(clock.seconds), self._end)}
         cuts = sorted({self._begin, self._end, *np.ravel(list(held)).tolist()})
         knots = [] if self._begin == 0 else [max(0.0, self._begin - REST_S)]
-        for a, b in zip(cuts, cuts[1:], strict=False):
+        for a, b in pairwise(cuts):
             longest = min(spacing, HOLD_KNOT_S) if (a, b) in held else spacing
             parts = int(np.ceil((b - a) / longest - 1e-9))
             knots += (a + (b - a) * np.arange(parts) / parts).tolist()
@@ -165,13 +170,9 @@ class Correction:
         shape, machine = self._shape, self._machine
         if values is None:
             coarse = max(machine.step_s, shape.tick / 2)
-            machine = replace(
-                machine.with_(velocity_resolution_rad_s=False), step_s=coarse
-            )
+            machine = replace(machine.with_(velocity_resolution_rad_s=False), step_s=coarse)
             values = shape.variants(corrections, self.knots)
-        q = simulate_variants(
-            self._plan, machine, shape.t, values, shape.is_linear, self._times
-        )
+        q = simulate_variants(self._plan, machine, shape.t, values, shape.is_linear, self._times)
         return self._judge(q)
 
     def _judge(self, q: Array) -> Runs:
@@ -189,9 +190,9 @@ class Correction:
                 values = required.values(MotionPoint.of(problem.system, q))
                 for part, value in zip(required.parts, values, strict=True):
                     if np.isfinite(part.low):
-                        margins.append((value - part.low) / part.scale)
+                        margins.append((value - part.low) / part.scale - SAFE)
                     if np.isfinite(part.high):
-                        margins.append((part.high - value) / part.scale)
+                        margins.append((part.high - value) / part.scale - SAFE)
         return Runs(
             np.rad2deg(errors.reshape(count, -1)),
             np.rad2deg(np.concatenate(pins, axis=1)),
@@ -216,8 +217,8 @@ class Correction:
         broken = float(np.max(np.maximum(-runs.margins, 0.0), initial=0.0))
         return float(np.hypot(norm, rough)) + PIN_PRICE * missed + 100.0 * broken
 
-    def improve(self) -> None:
-        """Rounds of the programme, while they gain.
+    def commands(self) -> Array:
+        """The corrected commands, (K, 2), rad/s.
 
         Raises:
             TimeUpError: If there is no time left; what was found till then is kept.
@@ -225,6 +226,10 @@ class Correction:
         now = self.run(self.values[:, :, None])[0]
         for power in POWERS:
             now = self._go_on(now, power)
+        commands, now = self._pin()
+        missed = float(np.max(np.abs(now.pins)))
+        self.keeps_all = bool(missed < PINNED_DEG and np.min(now.margins, initial=0.0) >= -SAFE)
+        return commands
 
     def _go_on(self, now: Runs, power: int) -> Runs:
         """The rounds for one norm; what they lead to."""
@@ -327,7 +332,7 @@ class Correction:
         begins = np.searchsorted(shape.t[:-1], self.knots)
         spans = np.diff(self.knots)[:, None]
         low, high = np.empty((len(spans), 2)), np.empty((len(spans), 2))
-        for k, (a, b) in enumerate(zip(begins, begins[1:], strict=False)):
+        for k, (a, b) in enumerate(pairwise(begins)):
             part = u[a : max(b, a + 1)]
             # A tick or two at the limit is the play of a gearhead that is crossed.
             low[k], high[k] = np.percentile(part, 10, axis=0), np.percentile(part, 90, axis=0)
@@ -335,8 +340,8 @@ class Correction:
         most = np.maximum(shape.limit - high, 0.0) * spans
         return np.rad2deg(least).ravel(), np.rad2deg(most).ravel()
 
-    def pin(self) -> Array:
-        """Bring goal and waypoints alone to where they should be; the commands (K, 2), rad/s."""
+    def _pin(self) -> tuple[Array, Runs]:
+        """Bring goal and waypoints alone to where they should be: commands, and their motion."""
         commands = self._shape.commands(self.values, self.knots)
         now = self.run(self.values[:, :, None], commands[:, :, None])[0]
         for _ in range(END_ROUNDS):
@@ -354,7 +359,7 @@ class Correction:
             if misses[k] >= missed:
                 break
             self.values, commands, now = tried[k], sent[k], runs[k]
-        return commands
+        return commands, now
 
     def _pin_step(self, now: Runs, slopes: Runs) -> Array:
         """The least change of the motion that takes off what is missed, (m, 2), rad."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.machine.feedforward.correction import Correction
-from planner.machine.feedforward.legs import Rest, compensable
+from planner.machine.feedforward.legs import MOST_AWAYS_DEG, Rest, compensable
 from planner.machine.feedforward.prediction import Prediction, predict
 from planner.machine.feedforward.shaping import MotorCommands, Shape
 from planner.machine.machine import Machine
@@ -49,24 +49,28 @@ def follow(
             f" 'manipulator'); a {system.kind} has no mechanism between motors and motion to"
             " compensate"
         )
-    shape = Shape(plan, system, machine, options, rest)
-    correction, was_cut_short = Correction(plan, machine, shape), False
+    tried: list[tuple[tuple[bool, float], Correction, Shape, Plan, float]] = []
+    was_cut_short = False
     with time_limit(None) as span:
-        u = shape.commands()
-        if options.correction:
+        for most_away in MOST_AWAYS_DEG:
+            shape = Shape(plan, system, machine, options, rest, most_away)
+            correction = Correction(plan, machine, shape)
             try:
-                correction.improve()
-                u = correction.pin()
+                u = correction.commands() if options.correction else shape.commands()
             except TimeUpError:
                 was_cut_short = True
                 u = shape.commands(correction.values, correction.knots)
-        commands = MotorCommands(shape.t, u, shape.clock, shape.is_linear)
-        compensation = Compensation(plan, machine.to_dict(), shape.clock)
-        made, prediction = plan_with_commands(compensation, commands)
-        plain = predict(plan, machine)
+            commands = MotorCommands(shape.t, u, shape.clock, shape.is_linear)
+            compensation = Compensation(plan, machine.to_dict(), shape.clock)
+            made, prediction = plan_with_commands(compensation, commands)
+            rank = (not correction.keeps_all, prediction.error_deg)
+            tried.append((rank, correction, shape, made, prediction.error_deg))
+            if was_cut_short or correction.keeps_all or not shape.clock.holds:
+                break
+    _, correction, shape, made, error_deg = min(tried, key=lambda each: each[0])
     notes = {
-        "E_deg": prediction.error_deg,
-        "plain_E_deg": plain.error_deg,
+        "E_deg": error_deg,
+        "plain_E_deg": predict(plan, machine).error_deg,
         "lead_s": made.lead_s,
         "tail_s": made.tail_s,
         "holds_s": [[begin, end] for begin, end in made.clock.holds],

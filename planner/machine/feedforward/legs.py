@@ -17,6 +17,7 @@ After the plan the drive turns back, as far as no joint of the nominal machine f
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -43,9 +44,10 @@ LEAST_TURN_RAD = 0.02
 """Drive back and forth that is no reversal: it moves a joint by a degree at most, a fifth of what
 is lost."""
 
-MOST_AWAY_DEG, AWAY_SHARE = 2.0, 0.2
-"""How far passive joints may be from where the drive turns back when the leg comes, and how much of
-that counts as an error: joints wait for so long, and the correction takes off some of it."""
+MOST_AWAYS_DEG, AWAY_SHARE = (2.0, 6.0), 0.2
+"""How far passive joints may be from where the drive turns back when the leg comes: the second is
+tried where the first leads elsewhere or too close to something. And how much of that counts as an
+error: joints wait for so long, and the correction takes off some of it."""
 
 WAY_BACK_SHARE = 0.95
 """Part of the way back at which a joint of the nominal machine would follow: creep and the pose
@@ -108,6 +110,7 @@ def legs_of(
     options: CompensationTable,
     tick: float,
     rest: Rest,
+    most_away: float = MOST_AWAYS_DEG[0],
 ) -> list[Leg]:
     """The legs of a plan, in their order.
 
@@ -118,15 +121,17 @@ def legs_of(
         options: Which of them are wanted.
         tick: Length of a tick, s.
         rest: The machine's state before.
+        most_away: One of `MOST_AWAYS_DEG`.
     """
-    lost, out = lost_motion(system, machine), []
+    out: list[Leg] = []
+    lost = lost_motion(system, machine)
     if not np.any(lost > 0):
         return out
     way, turns = reversals(plan)
     if options.preparation == "forward" and way:
         out.append(preparation(plan, system, machine, way, lost - way * rest.axes, tick))
     if options.take_up:
-        out += take_ups(plan, system, machine, way, turns, 2 * lost, tick)
+        out += take_ups(plan, system, machine, way, turns, 2 * lost, tick, most_away)
     if options.back_off and plan.problem.travel is None:
         out.append(return_leg(plan, system, machine, tick))
     if turns and options.correction:
@@ -155,7 +160,7 @@ def reversals(plan: Plan) -> tuple[float, list[float]]:
 
 def axis_rates(system: Manipulator, q: Array) -> Array:
     """How far the passive axes turn at q (…, N) as the drive turns by one, (…, N−2)."""
-    return np.abs(system.rates(q, np.array([1.0, 0.0]))[..., 2:])
+    return np.asarray(np.abs(system.rates(q, np.array([1.0, 0.0]))[..., 2:]))
 
 
 def evenest_drive(rates: Array, needs: Array) -> tuple[Array, Array]:
@@ -223,16 +228,17 @@ def take_ups(
     turns: list[float],
     needs: Array,
     tick: float,
+    most_away: float,
 ) -> list[Leg]:
     """A leg for each of the drive's reversals, which begins in the direction `way`."""
-    edges = [0.0, *((a + b) / 2 for a, b in zip(turns, turns[1:], strict=False)), plan.duration]
+    edges = [0.0, *((a + b) / 2 for a, b in pairwise(turns)), plan.duration]
     out = []
     for turn, low, high in zip(turns, edges, edges[1:], strict=False):
         way = -way
         s = np.append(np.linspace(low, turn, PLACES), np.linspace(turn, high, PLACES)[1:])
         q = plan.trajectory.q(s)
         away = np.rad2deg(np.abs(q - q[PLACES - 1])[:, 2:].max(axis=1))
-        far = np.flatnonzero(away > MOST_AWAY_DEG)
+        far = np.flatnonzero(away > most_away)
         first = max([-1, *far[far < PLACES]]) + 1
         last = min([len(s), *far[far >= PLACES]])
         drive, miss = evenest_drive(axis_rates(system, q[first:last]), needs)
@@ -262,7 +268,7 @@ def _seconds(plan: Plan, machine: Machine, motor: int, angle: Array) -> Array:
     """How long a motor takes from rest to rest: a cubic, whose speed has its peak at 3/2 and whose
     acceleration at 6 of what it is in the mean."""
     speed, rate = input_scale(plan, machine)[motor], plan.problem.limits.input_rate[motor]
-    return np.maximum(1.5 * np.abs(angle) / speed, np.sqrt(6 * np.abs(angle) / rate))
+    return np.asarray(np.maximum(1.5 * np.abs(angle) / speed, np.sqrt(6 * np.abs(angle) / rate)))
 
 
 def _motion(
@@ -278,8 +284,8 @@ def _motion(
         if angle == 0:
             continue
         seconds = float(_seconds(plan, machine, motor, np.asarray(angle)))
-        x = np.arange(1, max(1, int(np.ceil(seconds / tick))) + 1)
-        x = x / len(x)
+        count = max(1, int(np.ceil(seconds / tick)))
+        x = np.arange(1, count + 1) / count
         move = np.zeros((len(x), 2))
         move[:, motor] = angle * x * x * (3 - 2 * x)
         out.append(out[-1][-1] + move)

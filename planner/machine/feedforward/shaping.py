@@ -23,7 +23,7 @@ import numpy as np
 from planner.machine.feedback.course import DEFAULT_TICK_S, turn_angles
 from planner.machine.feedback.means import gearhead_play, input_limit, lost_motion, shift_of
 from planner.machine.feedforward.legs import (
-    Leg,
+    MOST_AWAYS_DEG,
     Rest,
     axis_rates,
     evenest_drive,
@@ -74,6 +74,7 @@ class Shape:
         machine: Its means are what is allowed for.
         options: What is done.
         rest: The machine's state before; unwound when left out.
+        most_away: As of `legs_of`.
 
     Attributes:
         tick: Length of a tick, s.
@@ -91,13 +92,16 @@ class Shape:
         machine: Machine,
         options: CompensationTable,
         rest: Rest | None = None,
+        most_away: float = MOST_AWAYS_DEG[0],
     ) -> None:
         hold = machine.effects.get("control_period_s")
         self.tick = tick = hold.value[0] if hold else DEFAULT_TICK_S
         self._rest = rest = Rest.unwound(system) if rest is None else rest
-        self.legs = legs = legs_of(plan, system, machine, options, tick, rest)
+        self.legs = legs = legs_of(plan, system, machine, options, tick, rest, most_away)
         self.clock = Clock.held(plan.duration, [(leg.place_s, leg.seconds(tick)) for leg in legs])
-        self.t = tick * np.arange(1 + int(np.ceil(self.clock.t[-1] / tick - 1e-9)))
+        self.t: Array = tick * np.arange(
+            1 + int(np.ceil(self.clock.t[-1] / tick - 1e-9)), dtype=np.float64
+        )
         self.t[-1] = self.clock.t[-1]
         self.limit = input_limit(plan, machine)
         self._rate = plan.problem.limits.input_rate
@@ -192,7 +196,7 @@ class Shape:
 
 
 def _stopping_speed(far: Array, step: Array, room: Array) -> Array:
-    """The speed from which a motor can stop in a distance, in whole ticks; infinite for no limit."""
+    """The speed from which motors stop in a distance, in whole ticks; infinite for no limit."""
     finite = np.isfinite(step)
     step, room = np.where(finite, step, 0.0), np.where(finite, room, 0.0)
     return np.where(finite, (np.sqrt(step * step + room * far) - step) / 2, math.inf)

@@ -245,8 +245,7 @@ def compensate_plan(
         InputError: If the system is no arm with friction disks.
         NoPlanError: If the plan or the predicted motion breaks a requirement.
     """
-    from planner.machine.feedforward.follow import follow  # with the machine, which only this needs
-    from planner.machine.machine import machine_for
+    from planner.machine.machine import machine_for  # with the machine, which only this needs
 
     plan = plan if plan.verified else judge_plan(plan)[0]
     problem = plan.problem
@@ -254,7 +253,7 @@ def compensate_plan(
     began = time.perf_counter()
     tell("compensating")
     try:
-        compensated = follow(plan, used, options)
+        compensated = _compensate_in_duration(plan, used, options)
     except TimeUpError:
         raise TimeLimitError(
             f"{problem.source}: the plan cannot be compensated: it takes too long",
@@ -275,6 +274,63 @@ def compensate_plan(
             stacklevel=3,
         )
     return compensated, check
+
+
+MOST_SHORTER = 4
+"""Times that a plan is made shorter until all that is run fits: what is added depends on it."""
+
+
+def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
+    """The compensated plan; where all that is run takes more than it may, of a shorter plan.
+
+    Raises:
+        NoPlanError: If no plan short enough is found; it names a duration that would do.
+    """
+    from planner.machine.feedforward.follow import follow
+
+    made, most = follow(plan, machine, options), plan.problem.duration_max
+    for _ in range(MOST_SHORTER):
+        if most is None or made.duration <= most:
+            return made
+        added = made.duration - plan.duration
+        seconds, least = most - added, made.duration
+        try:
+            shorter = plan.problem.changed({"goal.duration": float(f"{seconds:.6g}") - 1e-5})
+            plan = _plan_near(shorter, plan)
+        except (NoPlanError, InputError) as error:
+            fastest = _fastest(plan)
+            least = min(least, added + (np.inf if fastest is None else fastest.duration))
+            why = str(error).splitlines()[0].removeprefix(f"{plan.problem.source}: ")
+            raise NoPlanError(
+                f"{plan.problem.source}: goal.duration_max = {most:g} s is too short: compensation"
+                f" adds {added:.4g} s, and there is no plan of {seconds:.4g} s: {why}",
+                advice=f"goal.duration_max = {np.ceil(100 * least) / 100:g}; or {NO_COMPENSATION}",
+            ) from error
+        made = follow(plan, machine, options)
+    return made
+
+
+def _fastest(plan: Plan) -> Plan | None:
+    """The plan of the same problem in the least time, where one is found."""
+    free = {"goal.duration": "free", "goal.duration_max": None}
+    try:
+        return _plan_near(plan.problem.changed(free), plan)
+    except (NoPlanError, InputError):
+        return None
+
+
+def _plan_near(problem: Problem, near: Plan) -> Plan:
+    """A verified plan of a problem, by the method of a plan, and next to it where there is one."""
+    entry = find_method(near.method)
+    options = merged_options(problem, entry, dict(near.options))
+    refuse_too_short(problem)
+    if entry.replan is not None:
+        try:
+            return judge_plan(entry.replan(problem, options, near))[0]
+        except NoPlanError:
+            if is_over():
+                raise
+    return judge_plan(entry.plan(problem, options))[0]
 
 
 NO_COMPENSATION = "no compensation (compensation.on = false)"

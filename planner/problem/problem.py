@@ -27,7 +27,7 @@ from planner.problem.conditions import (
     waypoints_of,
     with_changes,
 )
-from planner.problem.requirements.ends import Duration, Goal, Start, TipGoal
+from planner.problem.requirements.ends import Duration, Goal, LongestDuration, Start, TipGoal
 from planner.problem.requirements.limits import (
     ChartDomain,
     InputLimit,
@@ -73,6 +73,7 @@ class Problem:
             joints that the goal leaves free.
         travel: q₁(T) − q₁(0), or None if free.
         duration: Seconds, or None if free.
+        duration_max: Most seconds for all that is run, or None.
         limits: Limits that every plan keeps.
         methods: Options of each method.
         machine: The emulated machine: preset and changes.
@@ -92,6 +93,7 @@ class Problem:
     goal: Array
     travel: float | None
     duration: float | None
+    duration_max: float | None
     limits: Limits
     methods: MethodsTable
     machine: MachineTable
@@ -129,6 +131,7 @@ class Problem:
             goal=tables.goal_state(),
             travel=tables.path_travel(),
             duration=None if tables.goal.duration == "free" else float(tables.goal.duration),
+            duration_max=tables.goal.duration_max,
             limits=bare_limits(tables),
             methods=tables.method,
             machine=tables.machine,
@@ -147,6 +150,12 @@ class Problem:
         why = contradiction(states, problem.requirements, system)
         if why := why or clash_of_times(problem.waypoints, problem.duration):
             raise InputError(f"{source}: {why}")
+        most = problem.duration_max
+        if most is not None and (problem.duration or 0.0) > most:
+            raise InputError(
+                f"{source}: goal.duration = {problem.duration:g} s is more than goal.duration_max ="
+                f" {most:g} s"
+            )
         if doubt := likely_slip(system, problem.start, problem.goal):
             warnings.warn(f"{source}: {doubt}", InputWarning, stacklevel=2)
         return problem
@@ -292,6 +301,8 @@ class Problem:
             demands.append(self.tip)
         if self.duration is not None:
             demands.append(Duration(self.duration))
+        if self.duration_max is not None:
+            demands.append(LongestDuration(self.duration_max))
         demands += [
             self.chart,
             InputLimit(system.inputs, tuple(limits.input.tolist())),

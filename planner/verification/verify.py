@@ -20,7 +20,7 @@ from planner.plan.curves import Cells
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.quadrature import POINTS, Motion, greatest, integrate, jumps, slopes
 from planner.plan.trajectory import StateTrajectory
-from planner.problem.requirements.ends import Duration, Goal, Start
+from planner.problem.requirements.ends import Duration, Goal, LongestDuration, Start
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.support import deadline
 from planner.support.arrays import Array
@@ -242,10 +242,11 @@ def _motion_findings(
                 upper = value - part.high >= part.low - value
                 limit, slack = part.high if upper else part.low, tolerance * part.scale
                 out.append(_Finding(part, value, limit, plan.duration, slack, upper))
-        elif isinstance(demand, Duration):
-            (part,) = demand.parts
-            takes, duration = plan.running_s, demand.seconds
-            out.append(_Finding(part, takes, duration, None, 1e-9 * duration, takes > duration))
+        elif isinstance(demand, Duration | LongestDuration):
+            (part,), longest = demand.parts, isinstance(demand, LongestDuration)
+            takes, seconds = plan.duration if longest else plan.running_s, demand.seconds
+            upper = longest or takes > seconds
+            out.append(_Finding(part, takes, seconds, None, 1e-9 * seconds, upper))
     compensated, (gap, when) = plan.compensation is not None, motion.gap
     other = "the nominal machine's motion" if compensated else "its integrated input"
     part = Part(f"plan's q(t) against {other}", "", -np.inf, 0.0, 1.0)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import planner
 from planner import Plan
 from planner.machine.feedforward.follow import follow
-from planner.machine.feedforward.legs import Rest, legs_of, preparation, reversals
+from planner.machine.feedforward.legs import preparation
 from planner.machine.feedforward.shaping import Shape
 from planner.problem.tables.problem_file import CompensationTable
 

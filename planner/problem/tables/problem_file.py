@@ -224,6 +224,11 @@ class GoalTable(Table):
     duration: Free | Annotated[float, Field(gt=0)] = Field(
         10.0, description="Duration in seconds, or 'free'."
     )
+    duration_max: Positive | None = Field(
+        None,
+        description="Most seconds for all that is run: a plan, or with what compensation adds to"
+        " it before, on the way and at the end; the plan is then made shorter.",
+    )
 
 
 class ProblemFile(Table):

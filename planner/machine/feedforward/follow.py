@@ -15,6 +15,7 @@ from planner.machine.feedforward.legs import MOST_AWAYS_DEG, Rest, compensable
 from planner.machine.feedforward.prediction import Prediction, predict
 from planner.machine.feedforward.shaping import MotorCommands, Shape
 from planner.machine.machine import Machine
+from planner.machine.replay import replay
 from planner.plan.plan import Compensation, Plan, mark_cut_short
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support import deadline
@@ -108,3 +109,18 @@ def plan_with_commands(
     return replace(
         out, trajectory=commands.trajectory(system, prediction.q_at(commands.t))
     ), prediction
+
+
+RANKED_MACHINES = 100
+"""Machines on which paths are compared: enough to tell a degree."""
+
+
+def compensated_error_deg(plan: Plan) -> float:
+    """E on 95 % of the problem's machines, of the plan compensated for them, degrees; infinite
+    where there is no time for it."""
+    machine = Machine.from_table(plan.problem.machine)
+    try:
+        made = follow(plan, machine, plan.problem.compensation)
+    except TimeUpError:
+        return float("inf")
+    return replay(made, machine, RANKED_MACHINES, 0, record_s=None).percentile(95)

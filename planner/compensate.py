@@ -34,15 +34,17 @@ def compensate(
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
         method: The method that plans a problem.
         **options: Override the problem's `[compensation]` table, key by key: `aim`, `preparation`,
-            `back_off`, `lag`, `gearheads`.
+            `take_up`, `correction`, `back_off`, `lag`, `gearheads`.
 
     Returns:
         A verified plan. Its inputs are the motor commands. They begin with a preparatory motion,
-        `lead_s` seconds before the original plan starts, and end `tail_s` seconds after it. Its
-        q(t) is the motion predicted on the nominal machine at the ends of the ticks, and straight
-        between them. The predicted motion is verified: goal (to 0.05 degrees), limits, waypoints
-        and obstacles at all times. `compensates` is the original plan, verified too; replays
-        measure errors against it.
+        `lead_s` seconds before the original plan starts, pause it where its drive turns back, and
+        end `tail_s` seconds after it; `clock` maps their time to that of the plan. Its q(t) is the
+        motion predicted on the nominal machine at the ends of the ticks, and straight between them.
+        The predicted motion is verified: goal (to 0.05 degrees), limits, waypoints and obstacles at
+        all times. `compensates` is the original plan, verified too; replays measure errors against
+        it, with its clock held. Where the nominal machine is predicted to leave the path by no less
+        than with the plan as it is, an `InputWarning` gives both figures.
 
     Raises:
         InputError: If the plan is not executable, the system is not a manipulator, or an option is

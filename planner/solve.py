@@ -6,13 +6,14 @@ And from a plan to one that allows for the machine, where the problem asks for t
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.errors import InputError, NoPlanError, TimeLimitError, VerificationError
+from planner.errors import InputError, InputWarning, NoPlanError, TimeLimitError, VerificationError
 from planner.methods.keeping import GOALS, not_promised, refuse_unkept
 from planner.methods.refusal import BY_COLLOCATION, Change, advise, changed_words, duration_change
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
@@ -241,44 +242,121 @@ def compensate_plan(
 
     Raises:
         InputError: If the system is no arm with friction disks.
-        NoPlanError: If there is no plan for the goal that would have to be planned for, or the
-            plan or the predicted motion breaks a requirement.
+        NoPlanError: If the plan or the predicted motion breaks a requirement.
     """
-    from planner.machine.feedforward.aim import aim  # with the machine, which only this needs
-    from planner.machine.machine import machine_for
+    from planner.machine.machine import machine_for  # with the machine, which only this needs
 
     plan = plan if plan.verified else judge_plan(plan)[0]
-    problem, entry = plan.problem, find_method(plan.method)
+    problem = plan.problem
     used = machine_for(problem.machine, machine)
     began = time.perf_counter()
-
-    def replan(shifted: Problem, near: Plan) -> Plan:
-        merged = merged_options(shifted, entry, dict(plan.options))
-        if entry.replan is None:
-            return entry.plan(shifted, merged)
-        return entry.replan(shifted, merged, near)
-
-    forward = (
-        "compensation.preparation = 'forward'; or " if options.preparation != "forward" else ""
-    )
-    advice = f"more time (goal.duration); or {forward}no compensation (compensation.on = false)"
-    no_aim = (
-        f"{problem.source}: the plan cannot be compensated: the shifted goal, for which the"
-        " nominal machine would end at the goal, has no plan: "
-    )
     tell("compensating")
     try:
-        compensated = aim(plan, used, options, replan)
+        compensated = _compensate_in_duration(plan, used, options)
     except TimeUpError:
-        raise TimeLimitError(no_aim + "it takes too long", advice=advice) from None
-    except NoPlanError as error:
-        why = error.reason.removeprefix(f"{problem.source}: ")
-        raise NoPlanError(no_aim + why, violations=error.violations, advice=advice) from error
+        raise TimeLimitError(
+            f"{problem.source}: the plan cannot be compensated: it takes too long",
+            advice=time_advice(),
+        ) from None
     compensated, check = judge(compensated)
     compensated = replace(compensated, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
-    if check.ok:
-        return compensated, check
-    raise _refusal(compensated, check, " on the nominal machine", advice)
+    if not check.ok:
+        advice = "; or ".join([*_compensation_changes(compensated, check), NO_COMPENSATION])
+        raise _refusal(compensated, check, " on the nominal machine", advice)
+    said = compensated.notes["compensation"]
+    if not said["E_deg"] < said["plain_E_deg"]:
+        ways = "; or ".join([*_compensation_changes(compensated, check), NO_COMPENSATION])
+        warnings.warn(
+            f"{problem.source}: compensated, the nominal machine leaves the path by"
+            f" {said['E_deg']:.3g} deg, as it is by {said['plain_E_deg']:.3g} deg; {ways}",
+            InputWarning,
+            stacklevel=3,
+        )
+    return compensated, check
+
+
+MOST_SHORTER = 4
+"""Times that a plan is made shorter until all that is run fits: what is added depends on it."""
+
+
+def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
+    """The compensated plan; where all that is run takes more than it may, of a shorter plan.
+
+    Raises:
+        NoPlanError: If no plan short enough is found; it names a duration that would do.
+    """
+    from planner.machine.feedforward.follow import follow
+
+    made, most = follow(plan, machine, options), plan.problem.duration_max
+    for _ in range(MOST_SHORTER):
+        if most is None or made.duration <= most:
+            return made
+        added = made.duration - plan.duration
+        seconds, least = most - added, made.duration
+        try:
+            shorter = plan.problem.changed({"goal.duration": float(f"{seconds:.6g}") - 1e-5})
+            plan = _plan_near(shorter, plan)
+        except (NoPlanError, InputError) as error:
+            fastest = _fastest(plan)
+            least = min(least, added + (np.inf if fastest is None else fastest.duration))
+            why = str(error).splitlines()[0].removeprefix(f"{plan.problem.source}: ")
+            raise NoPlanError(
+                f"{plan.problem.source}: goal.duration_max = {most:g} s is too short: compensation"
+                f" adds {added:.4g} s, and there is no plan of {seconds:.4g} s: {why}",
+                advice=f"goal.duration_max = {np.ceil(100 * least) / 100:g}; or {NO_COMPENSATION}",
+            ) from error
+        made = follow(plan, machine, options)
+    return made
+
+
+def _fastest(plan: Plan) -> Plan | None:
+    """The plan of the same problem in the least time, where one is found."""
+    free = {"goal.duration": "free", "goal.duration_max": None}
+    try:
+        return _plan_near(plan.problem.changed(free), plan)
+    except (NoPlanError, InputError):
+        return None
+
+
+def _plan_near(problem: Problem, near: Plan) -> Plan:
+    """A verified plan of a problem, by the method of a plan, and next to it where there is one."""
+    entry = find_method(near.method)
+    options = merged_options(problem, entry, dict(near.options))
+    refuse_too_short(problem)
+    if entry.replan is not None:
+        try:
+            return judge_plan(entry.replan(problem, options, near))[0]
+        except NoPlanError:
+            if is_over():
+                raise
+    return judge_plan(entry.plan(problem, options))[0]
+
+
+NO_COMPENSATION = "no compensation (compensation.on = false)"
+
+LEAST_UNEVEN_DEG = 1.0
+"""What an axis may lack after a take-up before that is named: half of what spreads leave."""
+
+
+def _compensation_changes(plan: Plan, check: Check) -> list[str]:
+    """What would help a compensated plan, in words: what stands in the way, and more time."""
+    made, out = plan.notes["compensation"], []
+    times = [v.time_s for v in check.violations if v.time_s is not None and "goal" not in v.label]
+    if plan.lead_s and any(time_s < plan.lead_s for time_s in times):
+        out.append("compensation.preparation = 'jump', for the preparation meets a limit")
+    near = [s for s in times for a, b in plan.clock.holds if a - 1 < s < b + 1]
+    uneven = max(made["uneven_deg"], default=0.0)
+    if near or uneven > LEAST_UNEVEN_DEG:
+        where = f" (one is {uneven:.2g} deg short)" if uneven > LEAST_UNEVEN_DEG else ""
+        out.append(
+            f"another {plan.problem.travel_key} or goal, so that the drive keeps its direction or"
+            f" turns back elsewhere: there it cannot take up what all axes lose{where}"
+        )
+    if near:
+        out.append("compensation.take_up = false")
+    if plan.problem.compensation.preparation != "forward":
+        out.append("compensation.preparation = 'forward'")
+    return [*out, "more time (goal.duration)"]
 
 
 def _refusal(

@@ -176,9 +176,12 @@ def _properties(problem: Problem, summary: dict[str, Any], took: float) -> Rows:
     if compensation := notes.get("compensation"):
         lead, tail = number(compensation["lead_s"]), number(compensation["tail_s"])
         before = f"{lead} s of preparatory motion, then " if compensation["lead_s"] else ""
-        after = f", then {tail} s of drive reversal" if compensation["tail_s"] else ""
-        aim = f"the plan, made {compensation['plans']} times to aim at the goal"
-        yield "compensated", f"{before}{aim}{after}"
+        after = f", then {tail} s to end" if compensation["tail_s"] else ""
+        holds = [end - begin for begin, end in compensation["holds_s"]]
+        pauses = f" with {' and '.join(map(number, holds))} s of take-up" if holds else ""
+        yield "compensated", f"{before}the plan{pauses}{after}"
+        now, plain = number(compensation["E_deg"]), number(compensation["plain_E_deg"])
+        yield "off the path", f"up to {now} deg on the nominal machine, uncompensated {plain} deg"
     if proof := notes.get("optimality"):
         gap = proof["relative_gap"]
         within = "" if gap is None else f", within {gap:.1e} of the proven lower bound"

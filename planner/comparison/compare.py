@@ -22,7 +22,7 @@ from planner.errors import (
     Violation,
 )
 from planner.machine.feedback.run_up import hindrance
-from planner.machine.feedforward.aim import compensable
+from planner.machine.feedforward.legs import compensable
 from planner.machine.machine import Machine, machine_for, sample_numbers
 from planner.machine.replay import RECORD_S
 from planner.machine.replay import replay as run_replay

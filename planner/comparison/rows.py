@@ -22,7 +22,7 @@ FEEDBACK = " + feedback"
 """Ends the label of a row with feedback."""
 
 OTHER_WAY_DEG = 2.0
-"""A nominal machine that is further from its plan than machines differ has taken another way."""
+"""A nominal machine further from the original path than machines differ is worth a remark."""
 
 
 def _interval(name: str, percent: int) -> Any:
@@ -103,9 +103,11 @@ class Row(PlanFigures):
             why: Reason of the refusal, or what ended the search early.
         """
         known = cls.measure(plan, check)
-        away = np.rad2deg(plan.notes["compensation"]["path_rad"]) if plan.compensates else 0.0
+        made = plan.notes.get("compensation", {}) if plan.compensates else {}
+        away, plain = made.get("E_deg", 0.0), made.get("plain_E_deg", np.inf)
         if plan.executable and away > OTHER_WAY_DEG:
-            known["note"] = f"takes another path, up to {away:.3g} deg from the original plan"
+            more = "" if away < plain else f", no better than uncompensated, {plain:.3g} deg"
+            known["note"] = f"leaves the original path by up to {away:.3g} deg{more}"
         return cls(label, method, plan.verified, why, plan, **known)
 
     def __repr__(self) -> str:

@@ -23,7 +23,7 @@ from planner.explorer.control import (
     z2_reach,
 )
 from planner.explorer.state import State
-from planner.machine.feedforward.aim import compensable
+from planner.machine.feedforward.legs import compensable
 from planner.machine.machine import Machine
 from planner.methods.registry import METHODS
 from planner.plan.plan import Plan

@@ -168,6 +168,51 @@ class Command:
         return quantise(np.moveaxis(self._source(times), -1, 2), self._resolution)
 
 
+class CommandVariants:
+    """Many commands at once, one for each sample of one machine; see `CommandGrid`.
+
+    Args:
+        t: Ends of the ticks, shape (K+1,), s.
+        values: What is asked for in each tick, shape (K, 2, S).
+        is_linear: Whether inputs go straight from one tick's beginning to the next.
+        draws: The samples, which share their delay.
+        step: Largest step, s.
+        stops: Times (m,) that the grid must hold, s; the last ends the simulation.
+    """
+
+    def __init__(
+        self, t: Array, values: Array, is_linear: bool, draws: Draws, step: float, stops: Array
+    ) -> None:
+        delay = float(draws["delay_s"][0][0])
+        jumps = t + delay
+        self.t = subdivide(merge_times(stops, jumps[jumps < stops[-1]]), step)
+        self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < t[-1]
+        plan_times = snap_times(self.t - delay, t)
+        points = np.stack(_points(plan_times, (0.0, 0.5, 1.0)), axis=1)
+        tick = np.searchsorted(t, points, side="right") - 1
+        self._tick = np.where((tick < 0) | (tick >= len(values)), len(values), tick)
+        length = np.append(np.diff(t), 1.0)[self._tick]
+        self._share = (points - t[np.minimum(self._tick, len(t) - 1)]) / length
+        nothing = np.zeros((1, *values.shape[1:]))
+        self._values = np.concatenate([values, nothing])
+        self._after = np.concatenate([values[1:], values[-1:], nothing]) if is_linear else None
+        self._resolution = draws["velocity_resolution_rad_s"][:, :1]
+
+    def step_values(self, k: int) -> Array:
+        """See `CommandGrid`; held commands have the same value at both of a step's points."""
+        return np.asarray(self.block(k, k + 1)[0])
+
+    def block(self, first: int, last: int) -> Array:
+        """See `CommandGrid`."""
+        tick = self._tick[first:last]
+        if self._after is None:
+            held = quantise(self._values[tick[:, 0]], self._resolution)
+            return np.broadcast_to(held[:, None], (len(held), 2, *held.shape[1:]))
+        share = self._share[first:last, :, None, None]
+        between = (1 - share) * self._values[tick] + share * self._after[tick]
+        return quantise(between, self._resolution)
+
+
 def quantise(values: Array, resolution: Array) -> Array:
     """Values (…, 2, S) at the resolution (2, 1) of each motor's command; 0 leaves them."""
     if not np.any(resolution):

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, FeedbackCommand, encoder_readings
-from planner.machine.commands import Command, CommandGrid, merge_times
+from planner.machine.commands import Command, CommandGrid, CommandVariants, merge_times
 from planner.machine.compiled import MOST_PASSIVE, CompiledMotion, library
 from planner.machine.friction.contact_load import refuse_sliding
 from planner.machine.machine import Draws, Machine, draw
 from planner.machine.stepwise import MachineMotion, StepwiseMotion
 from planner.plan.log import RECORDED
 from planner.plan.plan import Plan
+from planner.support import deadline
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
@@ -171,6 +172,34 @@ def simulate_draws(
         del part  # and its motions, before the next block makes its own
     assert whole is not None
     return whole
+
+
+def simulate_variants(
+    plan: Plan, machine: Machine, t: Array, values: Array, is_linear: bool, times: Array
+) -> Array:
+    """Motions of one machine, the nominal one, under S variants of its commands.
+
+    Args:
+        plan: Says the system, where it starts, and what it must hold against gravity.
+        machine: Its spreads count for nothing.
+        t: Ends of the commands' ticks, shape (K+1,), s.
+        values: What is asked for in each tick, shape (K, 2, S).
+        is_linear: Whether inputs go straight from one tick's beginning to the next.
+        times: When they are recorded, increasing, shape (R,), s; the last ends them.
+
+    Returns:
+        Coordinates, shape (S, R, N).
+
+    Raises:
+        InputError: As `simulate`.
+    """
+    nominal, alike = machine.nominal(), np.zeros(values.shape[2], dtype=np.int64)
+    draws = draw(nominal, plan.problem.system.size - 1, alike, 0)
+    stops = merge_times(np.zeros(1), times)
+    orders = CommandVariants(t, values, is_linear, draws, nominal.step_s, stops)
+    motion = _motion(plan, nominal, draws, orders, times)
+    motion.advance(len(orders.t) - 1, lambda _: deadline.check())
+    return np.asarray(motion.q)
 
 
 def _room(plan: Plan, kept: int, settle: float, record: float | None) -> int:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from planner.errors import InputError, TimeLimitError, expect, made_by
 from planner.plan.claims import Certificate
+from planner.plan.clock import Clock
 from planner.plan.measures import (
     DomainReport,
     domain_report,
@@ -129,26 +130,37 @@ class Plan:
         return None if self.compensation is None else self.compensation.plan
 
     @property
+    def clock(self) -> Clock:
+        """What the original plan's clock reads while a compensated plan runs; else its own time."""
+        if self.compensation is None:
+            return Clock.running(self.duration)
+        return self.compensation.clock
+
+    @property
     def lead_s(self) -> float:
         """Duration of a compensated plan's preparatory motion, in seconds; else 0."""
-        return 0.0 if self.compensation is None else self.compensation.lead_s
+        return self.clock.lead_s
 
     @property
     def tail_s(self) -> float:
         """Time that a compensated plan continues after the end of the original plan, s."""
-        return 0.0 if self.compensation is None else self.compensation.tail_s
+        return self.clock.tail_s
+
+    @property
+    def running_s(self) -> float:
+        """How long the plan's clock runs, s: the duration, of a compensated plan without holds."""
+        return self.clock.seconds + self.duration - self.clock.t[-1]
 
     def wanted(self, t: ArrayLike) -> Array:
         """Desired coordinates (…, N) at times t (…), against which errors are measured.
 
-        Those of the plan itself. For a compensated plan, those of the original plan, shifted by
-        `lead_s`, and NaN during the preparatory motion.
+        Those of the plan itself. For a compensated plan, those of the original plan when `clock`
+        reads so much, and NaN during the preparatory motion.
         """
         if self.compensates is None:
             return self.trajectory.q(t)
-        times = np.asarray(t, dtype=float) - self.lead_s
-        early = times < -ROUNDING * max(1.0, self.duration)
-        return np.where(early[..., None], np.nan, self.compensates.trajectory.q(times))
+        early = np.asarray(t, dtype=float) < self.lead_s - ROUNDING * max(1.0, self.duration)
+        return np.where(early[..., None], np.nan, self.compensates.trajectory.q(self.clock(t)))
 
     @property
     def t(self) -> Array:
@@ -261,8 +273,7 @@ class Plan:
             data["compensation"] = {
                 "plan": self.compensation.plan._to_dict(),
                 "machine": dict(self.compensation.machine),
-                "lead_s": self.lead_s,
-                "tail_s": self.tail_s,
+                "clock": {"t": list(self.clock.t), "s": list(self.clock.s)},
             }
         return data
 
@@ -286,14 +297,12 @@ class Compensation:
     Attributes:
         plan: The plan as the kinematics say.
         machine: The `[machine]` table of the machine that is allowed for, complete.
-        lead_s: How long the commands prepare before that plan starts, s.
-        tail_s: How long they go on after it has ended, s.
+        clock: What that plan's clock reads while the commands run.
     """
 
     plan: Plan
     machine: Mapping[str, Any]
-    lead_s: float
-    tail_s: float
+    clock: Clock
 
 
 def mark_cut_short(plan: Plan, span: Span, how: str) -> Plan:

@@ -11,7 +11,8 @@ from pydantic import Field, field_validator
 
 from planner.errors import InputError
 from planner.plan.claims import certificate_from_dict
-from planner.plan.plan import FORMAT, VERSION, Compensation, Plan
+from planner.plan.clock import Clock
+from planner.plan.plan import FORMAT, ROUNDING, VERSION, Compensation, Plan
 from planner.plan.trajectory import trajectory_from_dict
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import MOST_NUMBER
@@ -33,12 +34,8 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
     problem = Problem.from_dict(data["problem"], data["source"])
     if made_from := data.get("compensation"):
         parse(PlanFile, made_from["plan"], f"{path}, the plan that it compensates")
-        made_from = Compensation(
-            _plan(made_from["plan"], path),
-            made_from["machine"],
-            made_from["lead_s"],
-            made_from["tail_s"],
-        )
+        original = _plan(made_from["plan"], path)
+        made_from = Compensation(original, made_from["machine"], _clock(made_from, original, path))
     proven = data.get("certificate")
     try:
         return Plan(
@@ -53,6 +50,24 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
         raise InputError(f"{path} is not a complete plan file: {error!r}") from None
     except ValueError as error:
         raise InputError(f"{path} holds no trajectory of this problem: {error}") from None
+
+
+def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Clock:
+    """As the file says; files of earlier versions say only how long it is held at both ends."""
+    seconds = original.duration
+    if said := made_from.get("clock"):
+        clock = Clock(tuple(said["t"]), tuple(said["s"]))
+    elif "lead_s" in made_from:
+        ends = [(0.0, made_from["lead_s"]), (seconds, made_from.get("tail_s", 0.0))]
+        clock = Clock.held(seconds, ends)
+    else:
+        raise InputError(f"{path}: compensation.clock is missing; compensate the plan again")
+    why = clock.flaw
+    if not why and abs(clock.seconds - seconds) > ROUNDING * max(1.0, seconds):
+        why = f"it ends at {clock.seconds:.6g} s, but the plan lasts {seconds:.6g} s"
+    if why:
+        raise InputError(f"{path}: compensation.clock is none: {why}")
+    return clock
 
 
 _COPIED_KEYS = (
@@ -212,8 +227,22 @@ class CompensationOfTable(Table):
 
     plan: dict[str, Any] = Field(description="The plan as the kinematics say, as a plan file.")
     machine: dict[str, Any] = Field(description="The [machine] table that is allowed for.")
-    lead_s: Amount = Field(description="How long the commands prepare before that plan starts.")
-    tail_s: Amount = Field(description="How long they go on after that plan has ended.")
+    clock: ClockTable | None = Field(
+        None, description="What that plan's clock reads while the commands run."
+    )
+    lead_s: Amount | None = Field(
+        None, description="Of earlier versions, in place of clock: how long it is held at first."
+    )
+    tail_s: Amount | None = Field(
+        None, description="Of earlier versions, in place of clock: how long it is held at last."
+    )
+
+
+class ClockTable(Table):
+    """A plan's clock over the machine's time: straight between, running alike or held."""
+
+    t: Annotated[list[Amount], Field(min_length=2)] = Field(description="The machine's times in s.")
+    s: Annotated[list[Amount], Field(min_length=2)] = Field(description="The plan's then, in s.")
 
 
 def plan_schema(problem: dict[str, Any]) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from planner.problem.conditions import (
     waypoints_of,
     with_changes,
 )
-from planner.problem.requirements.ends import Duration, Goal, Start, TipGoal
+from planner.problem.requirements.ends import Duration, Goal, LongestDuration, Start, TipGoal
 from planner.problem.requirements.limits import (
     ChartDomain,
     InputLimit,
@@ -76,6 +76,7 @@ class Problem:
             system has no others.
         travel: q₁(T) − q₁(0), or None if free.
         duration: Seconds, or None if free.
+        duration_max: Most seconds for all that is run, or None.
         limits: Limits that every plan keeps.
         methods: Options of each method.
         machine: The emulated machine: preset and changes.
@@ -96,6 +97,7 @@ class Problem:
     user_goal: Array
     travel: float | None
     duration: float | None
+    duration_max: float | None
     limits: Limits
     methods: MethodsTable
     machine: MachineTable
@@ -134,6 +136,7 @@ class Problem:
             user_goal=tables.user_goal(),
             travel=tables.path_travel(),
             duration=None if tables.goal.duration == "free" else float(tables.goal.duration),
+            duration_max=tables.goal.duration_max,
             limits=bare_limits(tables),
             methods=tables.method,
             machine=tables.machine,
@@ -157,6 +160,12 @@ class Problem:
             why = contradiction(states, [limit], system)
         if why := why or clash_of_times(problem.waypoints, problem.duration):
             raise InputError(f"{source}: {why}")
+        most = problem.duration_max
+        if most is not None and (problem.duration or 0.0) > most:
+            raise InputError(
+                f"{source}: goal.duration = {problem.duration:g} s is more than goal.duration_max ="
+                f" {most:g} s"
+            )
         if doubt := likely_slip(system, problem.start, problem.goal):
             warnings.warn(f"{source}: {doubt}", InputWarning, stacklevel=2)
         return problem
@@ -342,6 +351,8 @@ class Problem:
             demands.append(self.tip)
         if self.duration is not None:
             demands.append(Duration(self.duration))
+        if self.duration_max is not None:
+            demands.append(LongestDuration(self.duration_max))
         demands += [
             self.chart,
             InputLimit(system.inputs, tuple(limits.input.tolist())),

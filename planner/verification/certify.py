@@ -18,7 +18,7 @@ from planner.plan.claims import Certificate, Claim, undecided_claim
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.retimed import RetimedTrajectory
 from planner.problem.problem import Problem
-from planner.problem.requirements.ends import Duration, Goal, Start
+from planner.problem.requirements.ends import Duration, Goal, LongestDuration, Start
 from planner.problem.requirements.limits import ChartDomain
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
@@ -119,7 +119,7 @@ def _claims_on_commands(plan: Plan) -> list[Claim]:
     proofs: list[Proof] = []
     for demand in plan.problem.demands:
         reads = demand.reads if isinstance(demand, Requirement) else {"q"}
-        if isinstance(demand, Duration) or reads <= evidence.path.reads:
+        if isinstance(demand, Duration | LongestDuration) or reads <= evidence.path.reads:
             proofs += prove(demand, evidence)
         elif not demand.in_chart:
             proofs += _undecided(demand, NO_PROOF_ON_MACHINE)
@@ -292,7 +292,14 @@ def _(goal: Goal, evidence: Evidence) -> Iterable[Proof]:
 @prove.register
 def _(duration: Duration, evidence: Evidence) -> Iterable[Proof]:
     (part,), slack, plan = duration.parts, DURATION_TOLERANCE * duration.seconds, evidence.plan
-    margin = slack - abs(plan.duration - plan.lead_s - plan.tail_s - duration.seconds)
+    margin = slack - abs(plan.running_s - duration.seconds)
+    return [evidence.path.claim(part, 1e-6 * slack, margin, margin, np.nan)]
+
+
+@prove.register
+def _(most: LongestDuration, evidence: Evidence) -> Iterable[Proof]:
+    (part,), slack = most.parts, DURATION_TOLERANCE * most.seconds
+    margin = slack + most.seconds - evidence.plan.duration
     return [evidence.path.claim(part, 1e-6 * slack, margin, margin, np.nan)]
 
 

@@ -20,8 +20,7 @@ from planner.plan.curves import Cells
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.quadrature import POINTS, Motion, greatest, integrate, jumps, slopes
 from planner.plan.trajectory import StateTrajectory
-from planner.problem.problem import Problem
-from planner.problem.requirements.ends import Duration, Goal, Start
+from planner.problem.requirements.ends import Duration, Goal, LongestDuration, Start
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.support import deadline
 from planner.support.arrays import Array
@@ -36,6 +35,9 @@ parts of the arm's reach: by so much an error of one joint moves the tip of the 
 ON_MACHINE_TOLERANCE = np.deg2rad(0.05)
 """The same for a compensated plan: half a step of the prototype's encoders. The nominal machine
 rounds its commands, so that no input leads it closer than some thousandths of a degree."""
+
+BETWEEN_TOLERANCE = ON_MACHINE_TOLERANCE
+"""How far a machine may leave, between two breaks of a compensated plan, its places there."""
 
 LIMIT_TOLERANCE = 1e-6
 """Largest excess over a limit, relative to the limit."""
@@ -158,7 +160,7 @@ def verify(plan: Plan) -> Check:
             *_motion_findings(plan, motion, end, error, tolerance),
             *_chart_findings(plan),
             *_limit_findings(plan, motion),
-            *_waypoint_distances(plan.problem, motion, tolerance, plan.lead_s),
+            *_waypoint_distances(plan, motion, tolerance),
             *_corner_findings(plan, motion),
         ]
     broken = sorted(
@@ -187,21 +189,33 @@ def _motion_on_machine(plan: Plan) -> tuple[Motion, Array]:
 
     The inputs of such a plan allow for lost motion and lag, so that by the kinematics alone they
     lead elsewhere. Its own q(t) goes straight from where the machine is at one break to where it is
-    at the next. A piece lies no farther from that line than its Bernstein coefficients.
+    at the next; a piece lies no farther from that line than its Bernstein coefficients. Between
+    breaks the machine stays between its places there: how far it leaves them is read at each of its
+    steps, and counts as `BETWEEN_TOLERANCE` says. Limits, places and clearances are judged by the
+    machine's motion itself, no more coarsely where breaks are far apart.
     """
-    from planner.machine.feedforward.aim import predict  # no other plan needs the machine
+    from planner.machine.feedforward.prediction import predict  # no other plan needs the machine
     from planner.machine.machine import Machine
 
     assert plan.compensation is not None
-    prediction = predict(plan, Machine.from_table(plan.compensation.machine))
-    cells, gap = Cells.of(plan.t), (np.inf, 0.0)
+    machine = Machine.from_table(plan.compensation.machine)
+    prediction, gap = predict(plan, machine), (np.inf, 0.0)
     if isinstance(plan.trajectory, StateTrajectory):
         c, ends = plan.trajectory.q_curve.c, prediction.q_at(plan.t)
         c = np.repeat(c, 2, axis=0) if len(c) == 1 else c
         share = np.linspace(0.0, 1.0, len(c))[:, None, None]
         gaps = np.max(np.abs(c - ends[:-1] - share * np.diff(ends, axis=0)), axis=(0, 2))
+        piece = np.searchsorted(plan.t, prediction.t, side="right") - 1
+        during = piece < len(gaps)
+        piece, q = piece[during], prediction.q[during]
+        low, high = np.minimum(ends[:-1], ends[1:])[piece], np.maximum(ends[:-1], ends[1:])[piece]
+        outside = np.max(np.maximum(low - q, q - high), axis=1)
+        np.maximum.at(gaps, piece, outside * INTERPOLANT_TOLERANCE / BETWEEN_TOLERANCE)
         worst = int(np.argmax(gaps))
         gap = float(gaps[worst]), float(plan.t[worst])
+    cells = Cells.of(plan.t)
+    parts = np.ceil(np.log2(np.maximum(cells.width / (POINTS * machine.step_s), 1.0)))
+    cells = cells.split(2 ** parts.astype(int))[0]
     _, u = plan.trajectory.piece_values(cells.piece, cells.fractions(points(POINTS)))
     q = prediction.q_at(cells.times(2 * points(POINTS) - 1).T)
     return Motion(cells, q, u, 0.0, gap), prediction.end
@@ -233,10 +247,11 @@ def _motion_findings(
                 upper = value - part.high >= part.low - value
                 limit, slack = part.high if upper else part.low, tolerance * part.scale
                 out.append(_Finding(part, value, limit, plan.duration, slack, upper))
-        elif isinstance(demand, Duration):
-            (part,) = demand.parts
-            takes, duration = plan.duration - plan.lead_s - plan.tail_s, demand.seconds
-            out.append(_Finding(part, takes, duration, None, 1e-9 * duration, takes > duration))
+        elif isinstance(demand, Duration | LongestDuration):
+            (part,), longest = demand.parts, isinstance(demand, LongestDuration)
+            takes, seconds = plan.duration if longest else plan.running_s, demand.seconds
+            upper = longest or takes > seconds
+            out.append(_Finding(part, takes, seconds, None, 1e-9 * seconds, upper))
     compensated, (gap, when) = plan.compensation is not None, motion.gap
     other = "the nominal machine's motion" if compensated else "its integrated input"
     part = Part(f"plan's q(t) against {other}", "", -np.inf, 0.0, 1.0)
@@ -327,20 +342,17 @@ def _failed_check(plan: Plan, violation: Violation) -> Check:
     )
 
 
-def _waypoint_distances(
-    problem: Problem, motion: Motion, tolerance: float, lead_s: float
-) -> Iterator[_Finding]:
+def _waypoint_distances(plan: Plan, motion: Motion, tolerance: float) -> Iterator[_Finding]:
     """The distance at which each waypoint is passed.
 
-    One without a time is passed where the motion comes nearest; others on the clock that starts
-    `lead_s` after the motion does.
+    One without a time is passed where the motion comes nearest; others by the plan's clock.
     """
-    for point in problem.waypoints:
+    for point in plan.problem.waypoints:
         if point.time_s is None:
             values, times = _least_values(motion, lambda q, p=point: p.distance(q)[..., None])  # type: ignore[misc]
             value, when = float(values[0]), float(times[0])
         else:
-            when = lead_s + point.time_s
+            when = plan.clock.when(point.time_s)
             value = float(point.distance(motion.q_at_time(when)))
         (part,) = point.parts
         yield _Finding(part, value, 0.0, when, tolerance)

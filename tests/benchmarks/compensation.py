@@ -16,11 +16,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import planner
+from planner.machine.feedforward.legs import reversals
 from planner.machine.machine import Machine
 from planner.machine.replay import Replay
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
-from planner.report.figures.style import GRID_STYLE, colour_of
+from planner.report.figures.style import GRID_STYLE, colour_of, shade_holds
 from planner.support.arrays import Array
 from planner.support.files import folder
 
@@ -33,7 +34,10 @@ WRONG = {
     "stiffness 20 % less": {"shaft_stiffness_nm_per_rad": 0.8},
     "backlash 50 % more": {"backlash_deg": 1.5},
 }
-PLAIN, DEFAULT = "as it is", "aim, forward preparation, backing off (the default)"
+PLAIN, DEFAULT = "as it is", "correction, forward preparation, backing off (the default)"
+RANDOM = {3: (23, 15.0, 7), 4: (7, 25.0, 11)}
+"""Random plans whose drive turns back, by the number of joints: how many, seconds, and the seed of
+starts and goals, within 40 degrees. Nothing was chosen with these seeds."""
 OTHERS = ("crossing", "parking", "four-joint", "paper-fig4")
 
 
@@ -59,8 +63,8 @@ class Study:
         dynamic = Machine.prototype(fidelity="dynamic")
         rows: list[tuple[str, dict[str, Any] | None, Machine]] = [
             (PLAIN, None, self.machine),
-            ("aim", {"preparation": False, "back_off": False}, self.machine),
-            ("aim, jump of u1", {"preparation": "jump", "back_off": False}, self.machine),
+            ("correction", {"preparation": False, "back_off": False}, self.machine),
+            ("correction, jump of u1", {"preparation": "jump", "back_off": False}, self.machine),
             (DEFAULT, {}, self.machine),
             ("the same without backing off at the end", {"back_off": False}, self.machine),
             ("with inertia: as it is", None, dynamic),
@@ -120,31 +124,55 @@ class Study:
         asked = [(name, "collocation") for name in OTHERS]
         asked += [("paper", "sinusoid"), ("paper", "convex"), ("paper", "desensitised")]
         for name, method in asked:
-            problem = planner.load_problem(ROOT / f"problems/{name}.toml")
-            plain = planner.solve(problem, method)
-            began = time.perf_counter()
+            plain = planner.solve(planner.load_problem(ROOT / f"problems/{name}.toml"), method)
+            label = name if method == "collocation" else f"{name}, {method}"
+            cells.append([label, *self.compared(plain)[0]])
+        return table(COMPARED, cells)
+
+    def compared(self, plain: Plan) -> tuple[list[str], list[float]]:
+        """The cells of `COMPARED` of a plan, and E and end, 50 and 95 %, as it is and compensated;
+        and CPU time. Of a refused plan the figures are those of its prediction's commands."""
+        began, why = time.process_time(), ""
+        try:
             better = planner.compensate(plain)
-            took = time.perf_counter() - began
-            before, after = self.run(plain), self.run(better)
-            drive = plain.u(np.linspace(0, plain.duration, 2001))[:, 0]
-            turns = np.sum(np.diff(np.sign(drive[np.abs(drive) > 1e-6])) != 0)
-            cells.append(
-                [
-                    name if method == "collocation" else f"{name}, {method}",
-                    str(turns),
-                    pair(before.terminal_E_deg),
-                    pair(after.terminal_E_deg),
-                    pair(before.index_E_deg),
-                    pair(after.index_E_deg),
-                    pair(from_predicted(after)),
-                    f"{better.lead_s:.1f}",
-                    str(better.notes["compensation"]["plans"]),
-                    f"{took:.2f}",
-                ]
+        except planner.NoPlanError as error:
+            if error.plan is None or error.plan.compensation is None:
+                raise
+            better, why = error.plan, " (refused)"
+        took = time.process_time() - began
+        before, after = self.run(plain), self.run(better)
+        turns = len(reversals(plain)[1])
+        held = sum(end - begin for begin, end in better.clock.holds)
+        cells = [f"{turns}{why}", pair(before.index_E_deg), pair(after.index_E_deg)]
+        cells += [pair(from_predicted(after)), pair(before.terminal_E_deg)]
+        cells += [pair(after.terminal_E_deg), f"{better.lead_s:.1f}", f"{held:.1f}", f"{took:.1f}"]
+        runs = [v for r in (before, after) for v in (r.index_E_deg, r.terminal_E_deg)]
+        return cells, [*np.concatenate([np.percentile(v, [50, 95]) for v in runs]).tolist(), took]
+
+    def random(self, joints: int) -> str:
+        """Random plans whose drive turns back: each, the median and the largest of all."""
+        count, seconds, seed = RANDOM[joints]
+        rng, cells, figures = np.random.default_rng(seed), [], []
+        while len(cells) < count:
+            start, goal = np.round(rng.uniform(-40, 40, (2, joints)), 1)
+            problem = planner.Problem.manipulator(
+                start, goal, duration=seconds, input_rad_s=0.5, joint_deg=80
             )
-        head = ["problem", "drive turns back", "end as it is", "end", "E as it is", "E"]
-        head += ["E from predicted", "preparation s", "plans", "computed in s"]
-        return table(head, cells)
+            try:
+                plain = planner.solve(problem, time_limit_s=60)
+            except planner.NoPlanError:
+                continue
+            if reversals(plain)[1]:
+                row, numbers = self.compared(plain)
+                cells.append([str(len(cells) + 1), *row])
+                figures.append(numbers)
+        for name, by in (("median", np.median), ("largest", np.max)):
+            f = by(np.array(figures), axis=0)
+            pairs = [f"{f[k]:.2f} / {f[k + 1]:.2f}" for k in (0, 4, 2, 6)]
+            cells.append([name, "", *pairs[:2], "", *pairs[2:], "", "", f"{f[8]:.1f}"])
+        worse = sum(row[5] > row[1] for row in figures)
+        cells.append(["above plain, E 95 %", str(worse), *[""] * 8])
+        return table(COMPARED, cells)
 
 
 def scaled(setting: Any, factor: float) -> Any:
@@ -172,6 +200,8 @@ def from_predicted(run: Replay) -> Array:
 
 
 HEAD = ["E", "E from predicted", "end"]
+COMPARED = ["problem", "drive turns back", "E as it is", "E", "E from predicted", "end as it is"]
+COMPARED += ["end", "preparation s", "held s", "CPU s"]
 
 
 def errors(run: Replay) -> list[str]:
@@ -228,6 +258,39 @@ def picture(before: Replay, after: Replay) -> Figure:
     return figure
 
 
+def turn_picture(before: Replay, after: Replay) -> Figure:
+    """θ₃ and its error around a turn: the plan with its clock held, the median machine as it is and
+    compensated."""
+    figure = Figure(figsize=(9, 6.4), layout="constrained")
+    axes = figure.subplots(3, 1, sharex=True, height_ratios=[3, 2, 1.5])
+    plan, lead = after.plan, after.plan.lead_s
+    wanted = np.rad2deg(plan.wanted(after.t)[:, 3])
+    own = np.rad2deg(before.plan.trajectory.q(before.t)[:, 3])
+    axes[0].plot(after.t - lead, wanted, "k--", linewidth=1.2, label="plan, its clock held")
+    looks = [
+        (before, 0.0, own, colour_of("collocation"), "not compensated"),
+        (after, lead, wanted, colour_of("compensated"), "compensated"),
+    ]
+    for run, late, target, colour, words in looks:
+        angle = np.rad2deg(run.q[:, :, 3])
+        for axis, values in ((axes[0], angle), (axes[1], angle - target)):
+            low, middle, high = np.percentile(values, [2.5, 50, 97.5], axis=0)
+            axis.fill_between(run.t - late, low, high, color=colour, alpha=0.25, linewidth=0)
+            axis.plot(run.t - late, middle, color=colour, linewidth=1.8, label=words)
+    axes[2].plot(after.t - lead, plan.clock(after.t), color=colour_of("compensated"))
+    for axis, words in zip(
+        axes, ("θ3 (deg)", "error of θ3 (deg)", "plan's clock (s)"), strict=True
+    ):
+        shade_holds(axis, plan)
+        axis.set_ylabel(words)
+        axis.grid(**GRID_STYLE)
+        axis.set_xlim(0, after.t[-1] - lead)
+    axes[2].set_xlabel("time since the plan's start (s)")
+    axes[0].legend(frameon=False)
+    figure.suptitle("Where the drive turns back the plan's clock is held (grey)", fontsize=11)
+    return figure
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run everything and write it."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -250,9 +313,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             root2=root[1],
             root3=root[2],
             others=study.others(),
+            three=study.random(3),
+            four=study.random(4),
         )
     )
+    crossing = planner.solve(planner.load_problem(ROOT / "problems/crossing.toml"))
+    turn = turn_picture(study.run(crossing), study.run(planner.compensate(crossing)))
     with folder(options.out) as out:
+        turn.savefig(out / "turn.png", dpi=130)
         (out / "README.md").write_text(text, encoding="utf-8")
         drawn = picture(runs[PLAIN], runs[DEFAULT])
         drawn.savefig(out / "compensation.png", dpi=130)

@@ -36,6 +36,7 @@ from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions, rests
 from planner.support import deadline, progress
 from planner.support.deadline import Span, TimeUpError, time_advice
+from planner.systems.manipulator import Manipulator
 
 CUT_SHORT = "ended the search; this is the best motion found so far"
 
@@ -66,7 +67,14 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
         raise no_goal(problem)
     near = None if warm is None else partial(_near_motions, reached, options, warm)
     best = Best(options.accuracy)
-    search = Pipeline(ways, options, collocation_task, best, near=near)
+    errors: list[dict[str, Any]] = []
+    rank = partial(_machine_error, problem, options, errors)
+    by_machine = options.criterion == "machine"
+    if by_machine:
+        _expect_arm(problem)
+    search = Pipeline(
+        ways, options, collocation_task, best, near=near, rank=rank if by_machine else None
+    )
     with (
         deadline.time_limit(options.time_limit_s),
         progress.progress_listener(None),
@@ -82,8 +90,35 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
             raise refusal(problem, search)
         motion, done = found
         notes = {"stage": motion.stage, "tried": search.log}
+        if errors:
+            notes["criterion"] = errors
         made = _plan(problem, done, motion.start, notes, options, began)
         return mark_cut_short(made, span, CUT_SHORT) if span.was_reached else made
+
+
+def _expect_arm(problem: Problem) -> None:
+    """Refuse to rank paths by a machine that no commands allow for."""
+    if not isinstance(problem.system, Manipulator):
+        raise InputError(
+            f"{problem.source}: method.{NAME}.criterion = 'machine' is for arms with friction disks"
+            " (system.kind = 'manipulator'); use 'objective'"
+        )
+
+
+def _machine_error(
+    problem: Problem,
+    options: CollocationOptions,
+    errors: list[dict[str, Any]],
+    motion: Motion,
+    done: PolishedMotion,
+) -> float:
+    """How far the compensated plan of a motion leaves its path on the machines, degrees."""
+    from planner.machine.feedforward.follow import compensated_error_deg  # most searches need none
+
+    plan = _plan(problem, done, motion.start, {}, options, time.perf_counter())
+    error = compensated_error_deg(plan)
+    errors.append({"start": motion.start, "E_p95_deg": error})
+    return error
 
 
 def _finish_best(

@@ -155,6 +155,7 @@ class Pipeline:
         paths: dict[int, RoutePaths] | None = None,
         near: Callable[[], Iterator[Motion]] | None = None,
         answers: bool = True,
+        rank: Callable[[Motion, PolishedMotion], float] | None = None,
     ) -> None:
         """Set up a search.
 
@@ -166,7 +167,9 @@ class Pipeline:
             paths: Of these routes, where another search has found them: they know no duration.
             near: Motions next to a plan that is there, the first stage.
             answers: Whether motions answer what is asked, so that `best` is to have them.
+            rank: What the motion taken has least of, in place of the objective.
         """
+        self._rank = rank
         self.routes, self.options, self.make, self.best = routes, options, make, best
         self.log: list[dict[str, Any]] = []
         self.fastest: PolishedMotion | None = None
@@ -186,12 +189,18 @@ class Pipeline:
                         self.best.take(motion.task, motion.solution)
                     if motion.final and motion.solution.ok:
                         motions.append(motion)
+            rank, good_ones = self._rank, list[tuple[Motion, PolishedMotion]]()
             for motion in sorted(motions, key=lambda each: each.solution.objective):
                 done = polish(motion.task, motion.solution, options.accuracy, options.refinements)
                 good = done.error <= LARGEST_ERROR and done.inside
                 if good or not self._free or options.refinements == 0:
-                    return motion, done
-                self.last = done.task, done.solution
+                    if rank is None:
+                        return motion, done
+                    good_ones.append((motion, done))
+                else:
+                    self.last = done.task, done.solution
+            if good_ones and rank is not None:
+                return min(good_ones, key=lambda pair: rank(*pair))
         return None
 
     def _stages(self) -> Iterator[Iterator[Motion]]:

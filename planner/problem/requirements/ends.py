@@ -128,3 +128,24 @@ class Duration(Demand):
     def parts(self) -> tuple[Part, ...]:
         """One: what it takes."""
         return (Part("duration", "s", self.seconds, self.seconds, self.seconds),)
+
+
+@dataclass(frozen=True)
+class LongestDuration(Demand):
+    """All that is run takes no more than the required time.
+
+    Attributes:
+        seconds: Longest duration, s, with what compensation adds.
+    """
+
+    seconds: float
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """One: what is run takes."""
+        return (Part("all that is run", "s", -np.inf, self.seconds, self.seconds),)
+
+    @classmethod
+    def easing(cls, broken: Sequence[Breach]) -> str:
+        """As long as it takes."""
+        return f"goal.duration_max = {max(v.value for *_, v in broken) * 1.0001:.4g}"

@@ -287,6 +287,12 @@ class CollocationOptions(Table):
         " effort if the duration is fixed; else time if both inputs are limited;"
         " else mixed.",
     )
+    criterion: Literal["objective", "machine"] = Field(
+        "objective",
+        description="Which of several paths found is taken: the one with the best objective, or the"
+        " one whose compensated plan leaves the path least on the emulated machines (E on 95 % of"
+        " 100; arms only; one compensation a path, some seconds).",
+    )
     effort_weight: Annotated[float, Field(gt=0)] = Field(
         1.0, description="Weight of the effort beside the duration in the objective 'mixed'."
     )

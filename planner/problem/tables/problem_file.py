@@ -30,16 +30,21 @@ class CompensationTable(Table):
         " spreads): their inputs are the motor commands, their motion is the one"
         " predicted on that machine.",
     )
-    aim: bool = Field(
-        True,
-        description="Whether to plan for a shifted goal, so that the predicted motion ends at"
-        " the real goal.",
-    )
     preparation: Literal["forward", "jump", False] = Field(
         "forward",
         description="How backlash and shaft torsion of the joints are taken up. forward: by a"
         " preparatory motion of some seconds, without reversal of the drive. jump:"
         " at the start of the plan, at the limit of input 1. false: not at all.",
+    )
+    take_up: bool = Field(
+        True,
+        description="Whether the plan's clock is held where the drive turns back, until the axes"
+        " have turned through their lost motion; about 1.5 s each time.",
+    )
+    correction: bool = Field(
+        True,
+        description="Whether the motors' angles are corrected on the nominal machine, so that"
+        " it stays near the plan's path and ends at the goal.",
     )
     back_off: bool = Field(
         True,
@@ -218,6 +223,11 @@ class GoalTable(Table):
 
     duration: Free | Annotated[float, Field(gt=0)] = Field(
         10.0, description="Duration in seconds, or 'free'."
+    )
+    duration_max: Positive | None = Field(
+        None,
+        description="Most seconds for all that is run: a plan, or with what compensation adds to"
+        " it before, on the way and at the end; the plan is then made shorter.",
     )
 
 

@@ -27,6 +27,7 @@ from planner.report.figures.style import (
     heading,
     legend,
     make_logarithmic,
+    shade_holds,
     time_label,
 )
 from planner.support.arrays import Array
@@ -93,6 +94,7 @@ def _draw_replay(axes: Any, run: Replay, colour: str) -> None:
     part = "" if len(run.q) == len(run.numbers) else f"first {len(run.q)} "
     planned = np.rad2deg(plan.trajectory.q(run.t))
     for ax, i in zip(axes, run.angles, strict=True):
+        shade_holds(ax, plan)
         low, middle, high = np.rad2deg(np.percentile(run.q[:, :, i], [5, 50, 95], axis=0))
         style = {"color": colour, "linewidth": 0}
         ax.fill_between(t, low, high, alpha=0.2, label=f"90 % of the {part}machines", **style)

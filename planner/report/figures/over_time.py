@@ -29,6 +29,7 @@ from planner.report.figures.style import (
     heading,
     legend,
     line,
+    shade_holds,
     symbol,
     time_label,
     times,
@@ -251,6 +252,8 @@ def _times(curve: Curve) -> Array:
 
 def _frame(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
     """What a panel over time has besides its curves."""
+    for plan in (curve.plan for curve in drawn):
+        shade_holds(ax, plan)
     unit = escape_math(panel["unit"])
     ax.set_ylabel(symbol(panel["title"]) + (f" ({unit})" if unit else ""))
     first = drawn[panel["series"][0]["plan"]]

@@ -174,6 +174,16 @@ def times(plan: Plan, count: int = 1500) -> Array:
     return sample_times(plan.t, max(count, 12 * (len(plan.t) - 1)))
 
 
+def shade_holds(ax: Any, plan: Plan) -> None:
+    """Where a compensated plan's clock is held, on an axis whose 0 is the plan's start."""
+    for begin, end in plan.clock.holds:
+        ax.axvspan(begin - plan.lead_s, end - plan.lead_s, color=HOLD_COLOUR, linewidth=0, zorder=0)
+
+
+HOLD_COLOUR = "#EEEEEE"
+"""Where the plan's clock stands."""
+
+
 def time_label(plans: Iterable[Plan]) -> str:
     """The label of a time axis, on which 0 is where the plan starts: preparations lie before it."""
     return "time since the plan's start (s)" if any(p.lead_s for p in plans) else "time (s)"

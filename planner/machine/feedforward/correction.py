@@ -1,0 +1,373 @@
+"""Small changes of the motors' angles, so that the nominal machine stays near the plan's path.
+
+Gauss and Newton's method, on motions of the nominal machine: the changes are straight between knots
+(J. Nocedal, S. J. Wright, Numerical Optimization, 2006, p. 254). The errors of all joints over time
+are weighed so that the largest count most; the goal and waypoints are pinned. What must not be
+exceeded bounds the quadratic programmes: the inputs, and everything that the problem requires of
+coordinates at all times. Where a programme leads is tried with several step sizes at once, as
+variants of the commands in one simulation. At last the goal alone is brought to where it should be,
+on the machine with its own step and the motors' resolution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import osqp
+import scipy.sparse as sp
+
+from planner.machine.feedback.run_up import REST_S
+from planner.machine.feedforward.prediction import end_of
+from planner.machine.feedforward.shaping import Shape
+from planner.machine.machine import Machine
+from planner.machine.replay import SETTLE_S
+from planner.machine.simulate import simulate_variants
+from planner.plan.plan import Plan
+from planner.problem.requirements.requirement import MotionPoint
+from planner.support import deadline
+from planner.support.arrays import Array
+from planner.support.interrupts import osqp_result
+
+KNOTS, HOLD_KNOT_S = 20, 0.4
+"""Parts of the plan that a correction is straight on, and how long one is at most in a hold, s."""
+
+ROWS = 150
+"""Instants at which errors count, over the plan and its holds."""
+
+PROBES_RAD = np.deg2rad([0.3, 0.05])
+"""Changes of one knot by which derivatives are taken: a fifteenth of the joints' lost motion, to
+see beyond what the next steps meet; and less where that leads no farther."""
+
+POWERS = (2, 8)
+"""Of the norm of the errors: first their mean square, which leads from afar, then near the largest,
+which is what is judged."""
+
+MOST_ROUNDS, LEAST_GAIN = 8, 0.02
+"""Rounds for each of them at most, and what one must gain for another, as a part of the measure."""
+
+RIDGE = 0.05
+"""Weight of a correction's changes from knot to knot, against as large an error of every joint."""
+
+STEPS = (0.01, 0.1, 1.0, 10.0)
+"""Levenberg's weights that are tried in a round, times that of the round before."""
+
+PARTS = (1.0, 0.5, 0.2)
+"""Parts of a step that are tried."""
+
+GOOD_DEG = 0.4
+"""Largest error of the motion that is good enough: a fifth of the median that spreads leave."""
+
+PIN_WEIGHT = 30.0
+"""Weight of goal and waypoints, against one error."""
+
+PIN_TOLERANCE_RAD = np.deg2rad(0.01)
+"""Error of goal and waypoints that is good enough: a fifth of what the judge grants."""
+
+NEAR, SAFE = 0.05, 0.003
+"""Margin of a requirement, in its scale, below which it bounds the programmes, and what they leave:
+it is looked at a few times a second only, and the nearest place lies between."""
+
+PIN_SLACK_RAD = np.deg2rad(0.03)
+"""Error of goal and waypoints that costs nothing yet."""
+
+PIN_PRICE = 4.0
+"""What more of it costs, against the norm of the errors."""
+
+DAMPINGS = (1e-4, 1e3)
+"""Least and largest weight of the Levenberg kind that a round begins with."""
+
+PINNED_DEG = 0.05
+"""Miss of the goal or a waypoint that the judge grants."""
+
+END_ROUNDS = 4
+"""Rounds for the goal alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Motions of S variants.
+
+    Attributes:
+        errors: Of the joints, shape (S, E), degrees.
+        pins: By how much goal and waypoints are missed, (S, P), degrees.
+        margins: Of requirements on coordinates beyond what is safe, (S, B), in their scales.
+    """
+
+    errors: Array
+    pins: Array
+    margins: Array
+
+    def __getitem__(self, k: int) -> Runs:
+        return Runs(self.errors[k], self.pins[k], self.margins[k])
+
+
+class Correction:
+    """The correction of a plan's commands.
+
+    Args:
+        plan: The plan whose motion is wanted.
+        machine: The machine that is allowed for.
+        shape: Its commands without a correction.
+
+    Attributes:
+        knots: Times of the knots, (m,), s; nothing is corrected at the first.
+        values: Corrections there, (m, 2), rad.
+        rounds: Rounds that gained something.
+        keeps_all: Whether what was found ends at the goal and breaks no requirement.
+    """
+
+    def __init__(self, plan: Plan, machine: Machine, shape: Shape) -> None:
+        self._plan, self._machine, self._shape = plan, machine.nominal(), shape
+        clock = shape.clock
+        self._begin, self._end = clock.lead_s, clock.t[-1]
+        self.knots = self._place_knots()
+        self.values = np.zeros((len(self.knots), 2))
+        self.rounds, self.keeps_all = 0, False
+        marks = [0.0, self._begin, self._end, *np.ravel(clock.holds), clock.t[-1] + SETTLE_S]
+        marks += [clock.when(time_s) for _, time_s in self._pinned]
+        rows = np.linspace(self._begin, clock.t[-1], ROWS)
+        self._times = np.unique(np.round(np.concatenate([marks, rows]), 9))
+        self._counted = self._times >= self._begin - 1e-9
+        wanted = plan.trajectory.q(clock(self._times))
+        self._wanted = wanted[self._counted, 1:]
+
+    def _place_knots(self) -> Array:
+        """Even on the plan, closer in the holds."""
+        clock, spacing = self._shape.clock, self._plan.duration / KNOTS
+        held = set(clock.holds)
+        held |= {(clock.when(clock.seconds), self._end)}
+        cuts = sorted({self._begin, self._end, *np.ravel(list(held)).tolist()})
+        knots = [] if self._begin == 0 else [max(0.0, self._begin - REST_S)]
+        for a, b in pairwise(cuts):
+            longest = min(spacing, HOLD_KNOT_S) if (a, b) in held else spacing
+            parts = int(np.ceil((b - a) / longest - 1e-9))
+            knots += (a + (b - a) * np.arange(parts) / parts).tolist()
+        return np.array([*knots, self._end])
+
+    @cached_property
+    def _pinned(self) -> list[tuple[Array, float]]:
+        """Coordinates (N,), NaN where free, that are to be passed through, and the plan's time."""
+        problem, out = self._plan.problem, []
+        for point in problem.waypoints:
+            when = point.time_s
+            if when is None:
+                t = np.linspace(0.0, self._plan.duration, 2001)
+                when = float(t[np.argmin(point.distance(self._plan.trajectory.q(t)))])
+            out.append((point.q, when))
+        return out
+
+    def run(self, corrections: Array, values: Array | None = None) -> Runs:
+        """What variants of the correction lead to.
+
+        Args:
+            corrections: At the knots, (m, 2, S).
+            values: Their commands (K, 2, S), where these are to be simulated as they will be sent,
+                and on the machine as it is; else a smoother and quicker one serves.
+        """
+        shape, machine = self._shape, self._machine
+        if values is None:
+            coarse = max(machine.step_s, shape.tick / 2)
+            machine = replace(machine.with_(velocity_resolution_rad_s=False), step_s=coarse)
+            values = shape.variants(corrections, self.knots)
+        q = simulate_variants(self._plan, machine, shape.t, values, shape.is_linear, self._times)
+        return self._judge(q)
+
+    def _judge(self, q: Array) -> Runs:
+        problem, count = self._plan.problem, len(q)
+        errors = q[:, self._counted, 1:] - self._wanted
+        end = end_of(self._times, q, self._shape.clock) - self._goal
+        first = 0 if problem.travel is not None else 1
+        pins = [end[:, first:]]
+        for place, time_s in self._pinned:
+            there = np.searchsorted(self._times, self._shape.clock.when(time_s) - 1e-9)
+            pins.append((q[:, there] - place)[:, ~np.isnan(place)])
+        margins = [np.empty((count, 0))]
+        for required in problem.requirements:
+            if required.reads == {"q"} and not required.final:
+                values = required.values(MotionPoint.of(problem.system, q))
+                for part, value in zip(required.parts, values, strict=True):
+                    if np.isfinite(part.low):
+                        margins.append((value - part.low) / part.scale - SAFE)
+                    if np.isfinite(part.high):
+                        margins.append((part.high - value) / part.scale - SAFE)
+        return Runs(
+            np.rad2deg(errors.reshape(count, -1)),
+            np.rad2deg(np.concatenate(pins, axis=1)),
+            np.concatenate(margins, axis=1),
+        )
+
+    @cached_property
+    def _goal(self) -> Array:
+        """q(T), shape (N,): the goal, and where it leaves coordinates free what the plan chose."""
+        goal = self._plan.problem.target
+        return np.where(np.isnan(goal), self._plan.trajectory.q(self._plan.duration), goal)
+
+    def _measure(self, runs: Runs, values: Array, power: int) -> float:
+        """What is to be least: a norm of the errors of the motion, degrees."""
+        size = np.abs(runs.errors)
+        largest = max(float(size.max()), 1e-9)
+        norm = largest * float(np.mean((size / largest) ** power)) ** (1 / power)
+        rough = RIDGE * float(np.linalg.norm(np.rad2deg(np.diff(values, axis=0))))
+        missed = float(
+            np.linalg.norm(np.maximum(np.abs(runs.pins) - np.rad2deg(PIN_SLACK_RAD), 0.0))
+        )
+        broken = float(np.max(np.maximum(-runs.margins, 0.0), initial=0.0))
+        return float(np.hypot(norm, rough)) + PIN_PRICE * missed + 100.0 * broken
+
+    def commands(self) -> Array:
+        """The corrected commands, (K, 2), rad/s.
+
+        Raises:
+            TimeUpError: If there is no time left; what was found till then is kept.
+        """
+        now = self.run(self.values[:, :, None])[0]
+        for power in POWERS:
+            now = self._go_on(now, power)
+        commands, now = self._pin()
+        missed = float(np.max(np.abs(now.pins)))
+        self.keeps_all = bool(missed < PINNED_DEG and np.min(now.margins, initial=0.0) >= -SAFE)
+        return commands
+
+    def _go_on(self, now: Runs, power: int) -> Runs:
+        """The rounds for one norm; what they lead to."""
+        best, damping, probes = self._measure(now, self.values, power), 1.0, list(PROBES_RAD)
+        for _ in range(MOST_ROUNDS):
+            deadline.check()
+            if self._is_good(now):
+                break
+            found = self._candidates(now, damping, power, probes[0])
+            if not found:
+                break
+            runs = self.run(np.stack([values for _, values in found], axis=2))
+            measures = [self._measure(runs[k], v, power) for k, (_, v) in enumerate(found)]
+            k = int(np.argmin(measures))
+            gain = best - measures[k]
+            if gain > 0:
+                damping = float(np.clip(3 * found[k][0], *DAMPINGS))
+                self.values, now, best = found[k][1], runs[k], measures[k]
+                self.rounds += 1
+            if gain < LEAST_GAIN * best:
+                probes.pop(0)
+                if not probes:
+                    break
+        return now
+
+    def _is_good(self, runs: Runs) -> bool:
+        """Whether the rest is little beside what the machines' spreads leave."""
+        missed = np.max(np.abs(runs.pins))
+        largest = np.max(np.abs(runs.errors))
+        kept = np.min(runs.margins, initial=0.0) >= 0
+        return bool(kept and missed <= np.rad2deg(PIN_SLACK_RAD) and largest <= GOOD_DEG)
+
+    def _candidates(
+        self, now: Runs, damping: float, power: int, probe: float
+    ) -> list[tuple[float, Array]]:
+        """Corrections to try, each with the weight of its programme."""
+        slopes, out = self._slopes(now, probe), []
+        for weight in (damping * step for step in STEPS):
+            step = self._step(now, slopes, weight, power)
+            if step is not None:
+                out += [(weight, self.values + part * step) for part in PARTS]
+        return out
+
+    def _slopes(self, now: Runs, probe: float) -> Runs:
+        """Derivatives by the corrections at the knots after the first: (2(m−1), …), by degrees."""
+        m = len(self.knots)
+        probes = np.repeat(self.values[:, :, None], 2 * (m - 1), axis=2)
+        k = np.arange(2 * (m - 1))
+        probes[1 + k // 2, k % 2, k] += probe
+        runs, by = self.run(probes), np.rad2deg(probe)
+        return Runs(
+            (runs.errors - now.errors) / by,
+            (runs.pins - now.pins) / by,
+            (runs.margins - now.margins) / by,
+        )
+
+    def _step(self, now: Runs, slopes: Runs, damping: float, power: int) -> Array | None:
+        """A change of the correction, (m, 2), rad; None where the programme has no solution."""
+        size = np.abs(now.errors)
+        weight = np.maximum(size / max(float(size.max()), 1e-9), 0.1) ** (power / 2 - 1)
+        weight = weight / np.sqrt(np.sum(weight**2))
+        A, e = slopes.errors.T * weight[:, None], now.errors * weight
+        pins = PIN_WEIGHT / np.sqrt(len(now.pins))
+        B, b = slopes.pins.T * pins, now.pins * pins
+        m = len(self.knots)
+        D = np.kron(np.diff(np.eye(m), axis=0)[:, 1:], np.eye(2))
+        R, r = RIDGE * D, RIDGE * D @ np.rad2deg(self.values[1:]).ravel()
+        H = A.T @ A + B.T @ B + R.T @ R + damping * np.eye(A.shape[1])
+        g = A.T @ e + B.T @ b + R.T @ r
+        near = now.margins < NEAR
+        rows = [D, slopes.margins.T[near]]
+        low_input, high_input = self._input_room()
+        free = np.full(int(near.sum()), np.inf)
+        low = np.concatenate([low_input, -np.minimum(now.margins[near], np.inf)])
+        high = np.concatenate([high_input, free])
+        solver = osqp.OSQP()
+        solver.setup(
+            sp.csc_matrix(np.triu(H)),
+            g,
+            sp.csc_matrix(np.concatenate(rows)),
+            low,
+            high,
+            verbose=False,
+            eps_abs=1e-5,
+            eps_rel=1e-5,
+            max_iter=4000,
+        )
+        x = osqp_result(solver).x
+        if x is None or not np.all(np.isfinite(np.asarray(x, dtype=float))):
+            return None
+        step = np.zeros((m, 2))
+        step[1:] = np.deg2rad(np.asarray(x, dtype=float)).reshape(-1, 2)
+        return step
+
+    def _input_room(self) -> tuple[Array, Array]:
+        """How much the correction may change between knots, (2(m−1),) each, degrees: the inputs'
+        limits leave that beside the commands as they are."""
+        shape = self._shape
+        u = shape.variants(self.values[:, :, None], self.knots)[:, :, 0]
+        begins = np.searchsorted(shape.t[:-1], self.knots)
+        spans = np.diff(self.knots)[:, None]
+        low, high = np.empty((len(spans), 2)), np.empty((len(spans), 2))
+        for k, (a, b) in enumerate(pairwise(begins)):
+            part = u[a : max(b, a + 1)]
+            # A tick or two at the limit is the play of a gearhead that is crossed.
+            low[k], high[k] = np.percentile(part, 10, axis=0), np.percentile(part, 90, axis=0)
+        least = np.minimum(-(shape.limit + low), 0.0) * spans
+        most = np.maximum(shape.limit - high, 0.0) * spans
+        return np.rad2deg(least).ravel(), np.rad2deg(most).ravel()
+
+    def _pin(self) -> tuple[Array, Runs]:
+        """Bring goal and waypoints alone to where they should be: commands, and their motion."""
+        commands = self._shape.commands(self.values, self.knots)
+        now = self.run(self.values[:, :, None], commands[:, :, None])[0]
+        for _ in range(END_ROUNDS):
+            missed = float(np.max(np.abs(now.pins)))
+            if missed <= np.rad2deg(PIN_TOLERANCE_RAD):
+                break
+            deadline.check()
+            slopes = self._slopes(self.run(self.values[:, :, None])[0], PROBES_RAD[-1])
+            step = self._pin_step(now, slopes)
+            tried = [self.values + part * step for part in PARTS]
+            sent = [self._shape.commands(values, self.knots) for values in tried]
+            runs = self.run(np.stack(tried, axis=2), np.stack(sent, axis=2))
+            misses = np.abs(runs.pins).max(axis=1)
+            k = int(np.argmin(misses))
+            if misses[k] >= missed:
+                break
+            self.values, commands, now = tried[k], sent[k], runs[k]
+        return commands, now
+
+    def _pin_step(self, now: Runs, slopes: Runs) -> Array:
+        """The least change of the motion that takes off what is missed, (m, 2), rad."""
+        J, A = slopes.pins.T, slopes.errors.T
+        H = A.T @ A / len(A) + 1e-3 * np.eye(J.shape[1])
+        M = np.linalg.solve(H, J.T)
+        S = J @ M
+        x = -M @ np.linalg.lstsq(S, now.pins, rcond=1e-6)[0]
+        step = np.zeros_like(self.values)
+        step[1:] = np.deg2rad(x).reshape(-1, 2)
+        return step

@@ -1,0 +1,126 @@
+"""A plan whose inputs lead the nominal machine along its path, and to its goal.
+
+On the nominal machine every spread is off and every systematic effect on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.machine.feedforward.correction import Correction
+from planner.machine.feedforward.legs import MOST_AWAYS_DEG, Rest, compensable
+from planner.machine.feedforward.prediction import Prediction, predict
+from planner.machine.feedforward.shaping import MotorCommands, Shape
+from planner.machine.machine import Machine
+from planner.machine.replay import replay
+from planner.plan.plan import Compensation, Plan, mark_cut_short
+from planner.problem.tables.problem_file import CompensationTable
+from planner.support import deadline
+from planner.support.deadline import TimeUpError, time_limit
+from planner.systems.manipulator import Manipulator
+
+CUT_SHORT_WORDS = "ended the compensation; these are the best commands so far"
+"""What a plan says for which there was too little time."""
+
+
+def follow(
+    plan: Plan, machine: Machine, options: CompensationTable, rest: Rest | None = None
+) -> Plan:
+    """The compensated plan, not verified.
+
+    Where time is up before it is corrected, it is the best that there was time for, and says so.
+
+    Args:
+        plan: An executable plan.
+        machine: The machine; its spreads count for nothing.
+        options: What is done.
+        rest: The machine's state before; unwound when left out.
+
+    Raises:
+        InputError: If the system is no arm with friction disks.
+        TimeUpError: If there is no time for a first prediction.
+    """
+    problem, system = plan.problem, plan.problem.system
+    if not compensable(system) or not isinstance(system, Manipulator):
+        raise InputError(
+            f"{problem.source}: compensation is for arms with friction disks (system.kind ="
+            f" 'manipulator'); a {system.kind} has no mechanism between motors and motion to"
+            " compensate"
+        )
+    tried: list[tuple[tuple[bool, float], Correction, Shape, Plan, float]] = []
+    was_cut_short = False
+    with time_limit(None) as span:
+        for most_away in MOST_AWAYS_DEG:
+            shape = Shape(plan, system, machine, options, rest, most_away)
+            correction = Correction(plan, machine, shape)
+            try:
+                u = correction.commands() if options.correction else shape.commands()
+            except TimeUpError:
+                was_cut_short = True
+                u = shape.commands(correction.values, correction.knots)
+            commands = MotorCommands(shape.t, u, shape.clock, shape.is_linear)
+            compensation = Compensation(plan, machine.to_dict(), shape.clock)
+            made, prediction = plan_with_commands(compensation, commands)
+            rank = (not correction.keeps_all, prediction.error_deg)
+            tried.append((rank, correction, shape, made, prediction.error_deg))
+            if was_cut_short or correction.keeps_all or not shape.clock.holds:
+                break
+    _, correction, shape, made, error_deg = min(tried, key=lambda each: each[0])
+    notes = {
+        "E_deg": error_deg,
+        "plain_E_deg": predict(plan, machine).error_deg,
+        "lead_s": made.lead_s,
+        "tail_s": made.tail_s,
+        "holds_s": [[begin, end] for begin, end in made.clock.holds],
+        "uneven_deg": [float(np.rad2deg(leg.uneven_rad)) for leg in shape.legs],
+        "rounds": correction.rounds,
+    }
+    made = replace(made, notes={**plan.notes, "compensation": notes})
+    return mark_cut_short(made, span, CUT_SHORT_WORDS) if was_cut_short else made
+
+
+def plan_with_commands(
+    compensation: Compensation, commands: MotorCommands
+) -> tuple[Plan, Prediction]:
+    """The compensated plan with these commands, and its prediction; not verified.
+
+    Args:
+        compensation: The plan whose motion is wanted, and the machine that is allowed for.
+        commands: What the motors are told.
+
+    Raises:
+        TimeUpError: If it takes too long.
+    """
+    wanted = compensation.plan
+    system = wanted.problem.system
+    still = np.repeat(wanted.q(0.0)[None], len(commands.t), axis=0)
+    out = replace(
+        wanted,
+        trajectory=commands.trajectory(system, still),
+        verified=False,
+        certificate=None,
+        compensation=compensation,
+    )
+    machine = Machine.from_table(compensation.machine)
+    prediction = predict(out, machine, progress=lambda *_: deadline.check_stopped())
+    return replace(
+        out, trajectory=commands.trajectory(system, prediction.q_at(commands.t))
+    ), prediction
+
+
+RANKED_MACHINES = 100
+"""Machines on which paths are compared: enough to tell a degree."""
+
+
+def compensated_error_deg(plan: Plan) -> float:
+    """E on 95 % of the problem's machines, of the plan compensated for them, degrees; infinite
+    where there is no time for it."""
+    machine = Machine.from_table(plan.problem.machine)
+    try:
+        made = follow(plan, machine, plan.problem.compensation)
+    except TimeUpError:
+        return float("inf")
+    return replay(made, machine, RANKED_MACHINES, 0, record_s=None).percentile(95)

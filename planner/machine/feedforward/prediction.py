@@ -1,0 +1,74 @@
+"""What the nominal machine makes of commands: a simulation with every spread off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.machine.machine import Machine
+from planner.machine.replay import SETTLE_S
+from planner.machine.simulate import Progress, simulate
+from planner.plan.clock import Clock
+from planner.plan.plan import Plan
+from planner.support.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A motion of the nominal machine.
+
+    Attributes:
+        t: Times no farther apart than the longest step of a simulation, shape (R,), s.
+        q: Coordinates then, shape (R, N).
+        end: Coordinates once the servos have settled, shape (N,), the first as `end_of` says.
+        deviation: Largest |q − what is wanted| over time of those after the first, (N−1,).
+    """
+
+    t: Array
+    q: Array
+    end: Array
+    deviation: Array
+
+    @property
+    def error_deg(self) -> float:
+        """E of the nominal machine (eq. 29), degrees."""
+        return float(np.rad2deg(self.deviation.max()))
+
+    def q_at(self, times: Array) -> Array:
+        """Coordinates (…, N) at times (…), straight from one step to the next."""
+        return np.stack([np.interp(times, self.t, q) for q in self.q.T], axis=-1)
+
+
+def predict(plan: Plan, machine: Machine, progress: Progress | None = None) -> Prediction:
+    """What the nominal machine makes of a plan's inputs.
+
+    Args:
+        plan: A plan; only the start of its motion, its inputs and what it wants are read.
+        machine: The machine; its spreads count for nothing.
+        progress: As of `planner.machine.replay.replay`.
+    """
+    nominal, first = machine.nominal(), np.zeros(1, dtype=np.int64)
+    run = simulate(
+        plan,
+        nominal,
+        first,
+        0,
+        settle_s=SETTLE_S,
+        record_s=machine.step_s,
+        progress=progress,
+    )
+    return Prediction(run.t, run.q[0], end_of(run.t, run.q, plan.clock)[0], run.deviation[0])
+
+
+def end_of(t: Array, q: Array, clock: Clock) -> Array:
+    """The ends (S, N) of motions q (S, R, N) at times t (R,).
+
+    The path coordinate is without what it moves while the clock is held before and on the way: that
+    is lost motion, which no joint makes.
+    """
+    end = q[:, -1].copy()
+    for begin, until in [(0.0, clock.lead_s), *clock.holds]:
+        for k, path in enumerate(q[:, :, 0]):
+            end[k, 0] -= np.diff(np.interp([begin, until], t, path))[0]
+    return end

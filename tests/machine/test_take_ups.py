@@ -1,0 +1,181 @@
+"""Plans whose drive turns back: lost motion is taken up while their clock is held."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner
+from planner import Plan
+from planner.machine.feedback.means import lost_motion
+from planner.machine.feedforward.legs import (
+    Rest,
+    axis_rates,
+    evenest_drive,
+    legs_of,
+    preparation,
+    reversals,
+)
+from planner.problem.tables.problem_file import CompensationTable
+
+UNTUNED = 4711
+"""A seed that nothing was chosen with."""
+
+
+@pytest.fixture(scope="module")
+def turning() -> Plan:
+    problem = planner.Problem.manipulator(
+        [8.4, 11.0, 14.1], [-27.9, -4.8, -20.8], duration=15, input_rad_s=0.5, joint_deg=80
+    )
+    return planner.solve(problem)
+
+
+@pytest.fixture(scope="module")
+def better(turning: Plan) -> Plan:
+    return planner.compensate(turning)
+
+
+def test_the_machines_stay_on_the_path_and_end_at_the_goal(turning: Plan, better: Plan) -> None:
+    before = planner.replay(turning, samples=200, seed=UNTUNED)
+    after = planner.replay(better, samples=200, seed=UNTUNED)
+    assert after.percentile(95) < 3.5 < 7 < before.percentile(95)
+    assert np.percentile(after.terminal_E_deg, 95) < 3.2
+    assert np.max(np.abs(planner.verify(better).terminal_error_deg)) < 0.05
+    said = better.notes["compensation"]
+    assert said["E_deg"] < 1 < 5 < said["plain_E_deg"]
+    nominal = planner.replay(better, planner.Machine.prototype().nominal())
+    assert said["E_deg"] == pytest.approx(nominal.index_E_deg[0], abs=0.01)
+
+
+def test_the_clock_is_held_where_the_drive_turns_back(turning: Plan, better: Plan) -> None:
+    way, turns = reversals(turning)
+    assert len(turns) == len(better.clock.holds) == 1
+    (begin, end) = better.clock.holds[0]
+    assert 1 < end - begin < 2.5
+    assert better.clock(begin) == pytest.approx(turns[0], abs=1.0)
+    middle = (begin + end) / 2
+    assert np.array_equal(better.wanted(middle), turning.q(float(better.clock(middle))))
+    assert np.sign(better.u(middle)[0]) == -way
+    kinematic = turning.q(better.clock(end))
+    assert np.max(np.abs(better.q(end) - kinematic)[1:]) < np.deg2rad(0.6)
+
+
+def test_a_file_keeps_the_clock_and_older_files_are_read(better: Plan, tmp_path: Path) -> None:
+    path = better.save(tmp_path / "plan.json")
+    read = planner.load_plan(path)
+    assert read.verified
+    assert read.clock == better.clock
+    data = json.loads(path.read_text(encoding="utf-8"))
+    data["compensation"]["clock"]["s"][-1] -= 0.5
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(planner.InputError, match=r"compensation\.clock"):
+        planner.load_plan(path)
+    clock = data["compensation"].pop("clock")
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(planner.InputError, match="compensate the plan again"):
+        planner.load_plan(path)
+    added = clock["t"][-1] - better.clock.seconds
+    data["compensation"] |= {"lead_s": added - 1.0, "tail_s": 1.0}
+    path.write_text(json.dumps(data), encoding="utf-8")
+    old = planner.load_plan(path)
+    assert (old.lead_s, old.tail_s, old.clock.holds) == pytest.approx((added - 1.0, 1.0, ()))
+
+
+def test_the_drive_misses_what_axes_need_by_the_least() -> None:
+    rates = np.array([[1.0, 2.0], [1.0, 1.0]])
+    drive, miss = evenest_drive(rates, np.array([3.0, 3.0]))
+    assert drive.tolist() == pytest.approx([2.0, 3.0])
+    assert miss.tolist() == pytest.approx([1.0, 0.0])
+
+
+def test_what_is_known_before_the_start_is_not_taken_up_again(turning: Plan) -> None:
+    system, machine = turning.problem.system, planner.Machine.prototype()
+    lost, (way, _) = lost_motion(system, machine), reversals(turning)
+    options = CompensationTable(take_up=False, back_off=False, correction=False)
+
+    def drive(axes: np.ndarray) -> float:
+        rest = Rest(axes, np.zeros(2))
+        legs = legs_of(turning, system, machine, options, 0.01, rest)  # type: ignore[arg-type]
+        return way * legs[0].angles[-1, 0] if legs else 0.0
+
+    unwound = drive(np.zeros(2))
+    assert unwound > 0
+    assert drive(way * lost) == 0.0
+    assert drive(-way * lost) == pytest.approx(2 * unwound, rel=0.1)
+
+
+def test_preparation_is_no_longer_than_it_is_worth(turning: Plan) -> None:
+    system, machine = turning.problem.system, planner.Machine.prototype()
+    slow = replace(turning, problem=turning.problem.changed({"limits.input_rad_s": 0.02}))
+    lost = lost_motion(system, machine)
+    quick, dear = (
+        preparation(plan, system, machine, 1.0, lost, 0.01)  # type: ignore[arg-type]
+        for plan in (turning, slow)
+    )
+    assert np.ptp(dear.angles[:, 1]) < 0.5 * np.ptp(quick.angles[:, 1])
+    assert dear.uneven_rad > quick.uneven_rad
+
+
+def test_preparation_keeps_off_a_post(paper: planner.Problem) -> None:
+    """A disc that joint 1 would swing the arm into: it does not go as far."""
+    system, machine = paper.system, planner.Machine.prototype()
+    plain = planner.solve(paper)
+    needs = lost_motion(system, machine)
+    free = preparation(plain, system, machine, 1.0, needs, 0.01)  # type: ignore[arg-type]
+    swing = np.max(np.abs(free.angles[:, 1]))
+    arm = system.arm_points(plain.q(0.0)[1:] + np.array([swing, 0, 0]))[-1]  # type: ignore[attr-defined]
+    post = paper.changed({"obstacles": [{"centre_m": (1.02 * arm).tolist(), "radius_m": 0.2}]})
+    near = replace(plain, problem=post)
+    kept = preparation(near, system, machine, 1.0, needs, 0.01)  # type: ignore[arg-type]
+    assert 0 <= np.max(np.abs(kept.angles[:, 1])) < 0.9 * swing
+    assert kept.uneven_rad > free.uneven_rad
+
+
+def test_rates_of_axes_depend_on_joint_1_alone_while_joints_stand(turning: Plan) -> None:
+    q = np.repeat(turning.q(5.0)[None], 2, axis=0)
+    q[1, 0] += 1.0
+    rates = axis_rates(turning.problem.system, q)  # type: ignore[arg-type]
+    assert np.array_equal(rates[0], rates[1])
+
+
+def test_no_better_than_the_plan_as_it_is_says_so(turning: Plan) -> None:
+    with pytest.warns(planner.InputWarning, match=r"leaves the path by .* as it is by"):
+        planner.compensate(turning, planner.Machine.ideal())
+
+
+def test_all_that_is_run_fits_in_its_duration(paper: planner.Problem) -> None:
+    asked = paper.changed({"compensation.on": True, "goal.duration_max": 12})
+    made = planner.solve(asked)
+    assert made.verified
+    assert 11.5 < made.duration <= 12
+    assert made.compensates is not None
+    assert made.compensates.duration < 10
+    with pytest.raises(planner.NoPlanError, match=r"duration_max.*compensation adds") as caught:
+        planner.solve(asked.changed({"goal.duration": 5, "goal.duration_max": 5}))
+    assert caught.value.advice is not None
+    least = float(caught.value.advice.split("duration_max = ")[1].split(";")[0])
+    assert 6.5 < least < 9
+    with pytest.raises(planner.InputError, match=r"more than goal\.duration_max"):
+        paper.changed({"goal.duration_max": 5})
+
+
+def test_of_several_paths_the_machines_choose() -> None:
+    problem = planner.load_problem("problems/crossing.toml")
+    plan = planner.solve(problem, criterion="machine")
+    errors = plan.notes["criterion"]
+    assert len(errors) > 1
+    assert plan.notes["start"] == min(errors, key=lambda each: each["E_p95_deg"])["start"]
+    car = planner.load_problem("problems/unicycle.toml")
+    with pytest.raises(planner.InputError, match="criterion"):
+        planner.solve(car, "collocation", criterion="machine")
+
+
+def test_the_tracker_follows_the_same_clock(better: Plan) -> None:
+    run = planner.replay(better, samples=6, seed=UNTUNED, feedback=True)
+    plain = planner.replay(better, samples=6, seed=UNTUNED)
+    assert np.median(run.terminal_E_deg) < 0.3 < np.median(plain.terminal_E_deg)
+    assert run.percentile(50) < plain.percentile(50)

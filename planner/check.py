@@ -258,7 +258,8 @@ def _reversal(
     if one_way:
         return Reversal("not needed", f"the {one_way[0]} plan moves one way")
     if window is None:
-        what = "goals that leave joints free" if problem.free else "this system"
+        named = "coordinates" if problem.system.has_user_coordinates else "joints"
+        what = f"goals that leave {named} free" if problem.free else "this system"
         return Reversal("open", f"no travel window is known for {what}")
     if window.empty:
         return Reversal("needed", window.reason)

@@ -143,7 +143,7 @@ class ChainedTable(Table):
 
 
 class StateTable(Table):
-    """A curve given in coordinates and inputs."""
+    """A curve given in coordinates (the triangular ones) and inputs."""
 
     kind: Literal["state"]
     q: CurveTable = Field(description="q1 ... qN in rad or m over time in s.")

@@ -50,6 +50,10 @@ class UserTable(Table):
         description="Each triangular coordinate as an expression of them, in triangular order."
     )
 
+    def as_lines(self) -> dict[str, list[str]]:
+        """The table, each text one line."""
+        return {key: list(map(line, texts)) for key, texts in self.model_dump().items()}
+
 
 class CustomTable(Table):
     """A system q1' = drive * u1, q2' = u2, qi' = slope_i * q1' by its expressions."""
@@ -99,7 +103,7 @@ class CustomTable(Table):
             self.drive,
             intervals=self.intervals,
             inputs=(Coordinate(*first), Coordinate(*second)),
-            user=None if self.user is None else self.user.model_dump(),
+            user=None if self.user is None else self.user.as_lines(),
         )
 
 
@@ -206,7 +210,7 @@ class OwnFile(NamedFile):
                 "goal.travel: leave it out; goal.q gives it, since"
                 f" {self.built.coordinates[0].name} is no user coordinate"
             )
-        if len(free) == len(self.goal.q) and self.built.has_user_coordinates:
+        if np.all(np.isnan(self.user_goal())):
             raise ValueError("goal.q leaves every coordinate free; give at least one")
         for key, w in (("start.q", self._user_start()), ("goal.q", self.user_goal())):
             if np.all(np.isfinite(w)):

@@ -15,6 +15,7 @@ import numpy as np
 
 from planner.errors import InputError, InputWarning, NoPlanError, TimeLimitError, VerificationError
 from planner.methods.keeping import GOALS, not_promised, refuse_unkept
+from planner.methods.ranking import MEASURES
 from planner.methods.refusal import BY_COLLOCATION, Change, advise, changed_words, duration_change
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
 from planner.plan.plan import Plan, expect_plan, mark_cut_short
@@ -274,6 +275,15 @@ def compensate_plan(
         )
     return compensated, check
 
+
+def _compensated_error_deg(plan: Plan) -> float:
+    """E of a plan compensated for its machines; see `planner.machine.feedforward.follow`."""
+    from planner.machine.feedforward.follow import compensated_error_deg
+
+    return compensated_error_deg(plan)
+
+
+MEASURES["machine"] = _compensated_error_deg
 
 MOST_SHORTER = 4
 """Times that a plan is made shorter until all that is run fits: what is added depends on it."""

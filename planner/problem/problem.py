@@ -180,6 +180,7 @@ class Problem:
         tip_angle_deg: float | None = None,
         travel: float | None = None,
         duration: float | None = 10.0,
+        duration_max: float | None = None,
         K: ArrayLike | None = None,
         k_g: float | None = None,
         gear: Gear | Mapping[str, float] | None = None,
@@ -205,6 +206,7 @@ class Problem:
             tip_angle_deg: Direction of the last link at the end, degrees: the sum of all angles.
             travel: Change of the disk angle φₙ₋₁, radians; None if free.
             duration: Seconds; None if free.
+            duration_max: Most seconds for all that is run, with what compensation adds.
             K: K₂ … Kₙ; needs k_g too.
             k_g: Drive constant.
             gear: Geometry of the gears, instead of K.
@@ -241,6 +243,7 @@ class Problem:
             "goal.tip_angle_deg": tip_angle_deg,
             "goal.travel": "free" if travel is None else travel,
             "goal.duration": "free" if duration is None else duration,
+            "goal.duration_max": duration_max,
             "limits.input_rad_s": input_rad_s,
             "limits.input_rate_rad_s2": input_rate_rad_s2,
             "limits.joint_deg": joint_deg,

@@ -70,11 +70,11 @@ def test_a_compensated_plan_is_compared_on_the_path_it_compensates(
     assert compensated.best == COMPENSATED
 
 
-def test_a_compensated_plan_that_goes_another_way_says_so() -> None:
+def test_a_compensated_plan_that_leaves_its_path_says_so() -> None:
     crossing = planner.load_problem(ROOT / "problems/crossing.toml")
     result = planner.compare(crossing, [COMPENSATED], samples=2)
-    assert "takes another path" in result.rows[0].note
-    assert "takes another path" in result.markdown()
+    assert "leaves the original path by up to" in result.rows[0].note
+    assert "leaves the original path by up to" in result.markdown()
 
 
 def test_it_is_compensated_for_the_machine_of_the_comparison(paper: planner.Problem) -> None:

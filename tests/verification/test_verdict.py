@@ -275,15 +275,19 @@ def test_limits_hold_on_the_machines_motion_between_the_breaks(compensated: plan
     assert compensated.compensation is not None
     machine = planner.Machine.from_table(compensated.compensation.machine)
     run = planner.replay(compensated, machine.nominal(), record_s=machine.step_s)
-    weights = np.array([0.6, -0.5, 0.1, -0.6])
-    values = run.q[0, run.t <= compensated.duration] @ weights
+    motion, breaks = run.q[0, run.t <= compensated.duration], compensated.q(compensated.t)
+    tried = np.random.default_rng(1).normal(size=(2000, 4))
+    beyond = (motion @ tried.T).max(axis=0) - (breaks @ tried.T).max(axis=0)
+    weights = tried[np.argmax(beyond)]
+    values = motion @ weights
     peak, when = float(np.max(values)), float(run.t[np.argmax(values)])
     own = float(np.max(compensated.q(compensated.t) @ weights))
     assert peak > own + 1e-4
-    (v,) = planner.verify(asked(compensated, Mixed((peak + own) / 2))).violations
+    weighed = tuple(weights.tolist())
+    (v,) = planner.verify(asked(compensated, Mixed((peak + own) / 2, weighed))).violations
     assert v.value == pytest.approx(peak, abs=1e-5)
     assert v.time_s == pytest.approx(when, abs=2 * machine.step_s)
-    assert planner.verify(asked(compensated, Mixed(peak + 1e-5))).ok
+    assert planner.verify(asked(compensated, Mixed(peak + 1e-5, weighed))).ok
     for weights in np.random.default_rng(0).normal(size=(20, 4)):
         values = run.q[0, run.t <= compensated.duration] @ weights
         peak, when = float(np.max(values)), float(run.t[np.argmax(values)])

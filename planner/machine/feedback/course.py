@@ -56,6 +56,8 @@ class Course:
     def __init__(self, plan: Plan, run_up: RunUp | None, shift: Array, play: Array) -> None:
         self.plan, self._run_up = plan, run_up
         self.start, self.end = plan.lead_s, plan.duration - plan.tail_s
+        if turns_back(plan):  # what is predicted goes on until the end
+            self.end = plan.duration
         self.begin = 0.0 if run_up is None else min(0.0, float(self.start + run_up.t[0]))
         self.is_predicted = plan.compensates is not None and (run_up is None or turns_back(plan))
         self._followed, self._late = plan, 0.0

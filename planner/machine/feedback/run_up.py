@@ -163,7 +163,8 @@ class _Approach:
         behind: float,
     ) -> None:
         self._forecast, self._lost = forecast, lost
-        self._start, self._way, self._speed = plan.q(plan.lead_s), way, speed
+        begins = plan.q if turns_back(plan) else plan.wanted  # as the course does
+        self._start, self._way, self._speed = begins(plan.lead_s), way, speed
         self._rate = plan.problem.limits.input_rate
         self._most = plan.problem.limits.joint[1] - np.deg2rad(APPROACH_DEG)
         self._back = self._drive(34.0, -1, float(lost[-1, 0]) + behind)

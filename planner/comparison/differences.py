@@ -64,7 +64,7 @@ def rich_differences(comparison: Comparison) -> Table | None:
         ruled=True,
         title=f"{best} against the others, machine by machine",
         caption="difference: median over the machines of E minus the other plan's E, with its 95 %"
-        " interval; p: Wilcoxon's signed-rank test, corrected for all pairs.",
+        " interval; p: sign test, corrected for all pairs.",
     )
 
 
@@ -92,8 +92,8 @@ def markdown_differences(comparison: Comparison) -> str:
 Each plan met the same {comparison.samples} machines ({comparison.machine.preset}), seed \
 {comparison.seed}. Difference: median over the machines of
 E of the plan minus E of the other, degrees, with its 95 % interval (order statistics; exact for any
-distribution). Better on: share of the machines on which the plan has the smaller E. p: Wilcoxon's
-signed-rank test, corrected for {len(comparison.differences)} pairs by Holm's method; with many \
+distribution). Better on: share of the machines on which the plan has the smaller E. p: sign
+test, corrected for {len(comparison.differences)} pairs by Holm's method; with many \
 machines small differences are
 significant too, but those below {comparison.threshold_deg:g} degrees are too small to matter.
 """

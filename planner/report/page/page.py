@@ -215,7 +215,7 @@ def _differences(pairs: Sequence[Pair]) -> str:
 _FOLD = """<details><summary>Plan against plan, machine by machine</summary>
 <div class="scroll" role="region" aria-label="Plan against plan" tabindex="0">$table</div>
 <p class="note">Difference: the median over the machines of E of the first plan minus E of the other
-on the same machine. p: Wilcoxon's signed-rank test, corrected for all pairs.</p></details>"""
+on the same machine. p: sign test, corrected for all pairs.</p></details>"""
 
 
 def _worst(rows: Sequence[Mapping[str, Any]]) -> str:

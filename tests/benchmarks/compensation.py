@@ -120,6 +120,19 @@ class Study:
         all_of = ["all, root sum of squares", *(f"{s:.2f}" for s in root), "", ""]
         return table(head, [*cells, all_of]), root
 
+    def widths(self) -> str:
+        """What other spreads, which have no source, would give: all of them halved and doubled."""
+        cells = []
+        for factor in (0.5, 1.0, 2.0):
+            spread = {}
+            for name, quantity in self.machine.effects.items():
+                if quantity.varies:
+                    setting = quantity.to_setting()
+                    spread[name] = {**setting, "spread": scaled(setting["spread"], factor)}
+            run = self.run(self.better, self.machine.with_(**spread))
+            cells.append([f"times {factor:g}", pair(run.index_E_deg), pair(run.terminal_E_deg)])
+        return table(["all spreads", "E", "end"], cells)
+
     def others(self) -> str:
         """Other problems and other methods."""
         cells = []
@@ -192,8 +205,8 @@ class Study:
 def scaled(setting: Any, factor: float) -> Any:
     """A machine's setting with its mean times a factor."""
     if isinstance(setting, dict):
-        return {**setting, "value": factor * setting["value"]}
-    return factor * setting
+        return {**setting, "value": (factor * np.array(setting["value"])).tolist()}
+    return (factor * np.array(setting)).tolist()
 
 
 def percentile(run: Replay) -> float:
@@ -329,6 +342,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             others=study.others(),
             three=study.random(3),
             starts=study.starts(),
+            widths=study.widths(),
         )
     )
     crossing = planner.solve(planner.load_problem(ROOT / "problems/crossing.toml"))

@@ -228,7 +228,7 @@ def test_copies_are_still_made(plan: planner.Plan) -> None:
 
 def test_every_figure_is_drawn_into_axes_of_ones_own_by_the_same_word() -> None:
     figures = [name for name in report.__all__ if name.startswith("plot_")]
-    assert len(figures) == 16
+    assert len(figures) == 17
     for name in figures:
         keyword = inspect.signature(getattr(report, name)).parameters["axes"]
         assert keyword.kind is inspect.Parameter.KEYWORD_ONLY

@@ -133,7 +133,8 @@ def test_file_and_slowing(fast: planner.Plan, tmp_path: Path) -> None:
 
 def test_a_file_is_read_in_a_new_process(fast: planner.Plan, tmp_path: Path) -> None:
     """Nothing else has been imported there that would know retimed plans."""
-    code = f"import planner; print(planner.load_plan({str(fast.save(tmp_path / 'plan.json'))!r}))"
+    path = str(fast.save(tmp_path / "plan.json"))
+    code = f"import planner; print(repr(planner.load_plan({path!r})))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == repr(fast)
 

@@ -30,7 +30,7 @@ from planner.problem.tables.kinds import (
     parse_file,
     system_of,
 )
-from planner.problem.tables.machine_effects import MachineTable
+from planner.problem.tables.machine_effects import EFFECTS, MachineTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable, ProblemFile
 from planner.support.files import refuse_unwritable, toml, write_text
 from planner.support.tables import Column, terminal_table
@@ -226,7 +226,13 @@ def problem_text(
     about = "The tracker that closes the loop: planner compare FILE --feedback."
     keys = _key_comments(FeedbackTable, _defaults(FeedbackTable))
     parts.append(f"[feedback]\n{_comment_lines(about)}{keys}")
+    joints = system_of(parse_file(tomllib.loads(parts[0]), kind)).size - 1
     preset = {**_defaults(MachineTable), **Machine.prototype().to_dict()}
+    for name, effect in EFFECTS.items():  # lists of the prototype's joints suit no other number
+        setting = preset[name]
+        mean = setting["value"] if isinstance(setting, Mapping) else setting
+        if isinstance(mean, list) and effect.mismatch(name, mean, joints):
+            preset[name] = None
     about = "The emulated machine. Each effect is a number, or { value = mean, spread = standard"
     about += " deviation } over machines, or false, which switches it off."
     parts.append(f"[machine]\n{_comment_lines(about)}{_key_comments(MachineTable, preset)}")

@@ -29,6 +29,10 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
+def _p_value(p: float) -> str:
+    return "<1e-6" if p < 1e-6 else f"{p:.2g}"
+
+
 def _verdict(d: Difference) -> str:
     if not d.significant:
         return "not shown to differ"
@@ -45,7 +49,7 @@ COLUMNS: list[Column[Difference]] = [
     Column("to", "", lambda d: d.interval_deg[1], _signed_number, key="interval_high_deg"),
     Column("better on", "", lambda d: d.first_better, _percent, key="first_better"),
     Column("p_value", "", lambda d: d.p_value, None),
-    Column("p (Holm)", "", lambda d: d.p_corrected, "{:.2g}".format, key="p_corrected"),
+    Column("p (Holm)", "", lambda d: d.p_corrected, _p_value, key="p_corrected"),
     Column("verdict", "", _verdict, key="", left=True),
     Column("significant", "", lambda d: d.significant, None),
     Column("matters", "", lambda d: d.matters, None),

@@ -51,6 +51,7 @@ def test_the_coin_is_drawn_where_it_rolls(plan: planner.Plan, problem: planner.P
     np.testing.assert_array_equal(tips_to_pass(problem), [[0.5, 0.5]])
 
 
+@pytest.mark.filterwarnings("ignore:this .* plan does not start at rest")
 def test_exports_hold_user_coordinates_and_a_plan_file_gives_the_plan_back(
     plan: planner.Plan, tmp_path: Path
 ) -> None:

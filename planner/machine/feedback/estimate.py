@@ -27,7 +27,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.feedback.means import Passing
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
@@ -212,14 +211,10 @@ class Forecast:
         system: The system.
         play: Whole play of motor 1, rad.
         tick: Longest step of integration, s.
-        passing: What the contacts of the mean machine pass on; all when left out.
     """
 
-    def __init__(
-        self, system: TriangularSystem, play: float, tick: float, passing: Passing | None = None
-    ) -> None:
+    def __init__(self, system: TriangularSystem, play: float, tick: float) -> None:
         self._half, self._tick, self.rates = play / 2, tick, system.rates
-        self._passing = passing
 
     def __call__(self, known: Estimate, done: Array, until: Array, history: History) -> Pose:
         """Where S samples will be.
@@ -234,8 +229,6 @@ class Forecast:
         pose = known.pose
         count = max(1, int(np.ceil(np.max(until - done) / self._tick - 1e-9)))
         before, rate = history.travel(done), 1 + known.rate_error
-        if self._passing is not None:  # it changes little in a period
-            rate = rate * self._passing(pose.q)
         for part in np.arange(1, count + 1) / count:
             after = history.travel(done + part * (until - done))
             pose = self.predict(pose, after - before, known.lost_motion, rate)

@@ -6,13 +6,9 @@ what the encoders read.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from planner.machine.friction.contact_load import gear_constants
-from planner.machine.friction.contacts import chain_loads, friction_capacity, lateral_friction
-from planner.machine.machine import Machine, draw
+from planner.machine.machine import Machine
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
@@ -63,33 +59,6 @@ def lost_spread(machine: Machine, joints: int) -> Array:
             + (friction / stiffness * soft / stiffness) ** 2
         )
     )
-
-
-Passing = Callable[[Array], Array]
-"""Of coordinates (N, S): part of the ideal rate of each coordinate after the first, (N−1, S)."""
-
-
-def mean_passing(system: TriangularSystem, machine: Machine) -> Passing | None:
-    """What contacts of the mean arm pass on under its joints' friction; None for other systems.
-
-    They lose by creep, and sideways where joints turn them; see `friction.contacts`.
-    """
-    if not isinstance(system, Manipulator):
-        return None
-    draws = draw(machine.nominal(), system.n, np.zeros(1, dtype=np.int64), 0)
-    k, lateral = gear_constants(system, draws), lateral_friction(draws)
-    capacity = friction_capacity(draws)
-    friction = np.broadcast_to(draws["coulomb_friction_nm"], k.shape)
-    creep, creep_per_nm = draws["creep"][0], draws["creep_per_nm"][0]
-
-    def passing(q: Array) -> Array:
-        loads, parts, _ = chain_loads(np.cos(q[1:-1]), k, friction, lateral, capacity)
-        parts *= np.maximum(1 - creep - creep_per_nm * np.abs(loads), 0.0)
-        out = np.ones_like(q[1:])
-        out[1:] = np.cumprod(parts[0], axis=0) * parts[1] * parts[2]
-        return out
-
-    return passing
 
 
 def input_limit(plan: Plan, machine: Machine) -> Array:

@@ -21,7 +21,6 @@ from planner.machine.feedback.means import (
     input_limit,
     input_scale,
     lost_motion,
-    mean_passing,
     resolution_of,
     shift_of,
 )
@@ -264,7 +263,7 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
     clock = timing(options, system, machine, course.begin, course.start)
     span = course.end + options.overtime_s - clock.wait - clock.shift[0] - clock.begin
     count = max(1, int(np.ceil(span / clock.period - 1e-9)))
-    forecast = Forecast(system, play[0], clock.tick, mean_passing(system, machine))
+    forecast = Forecast(system, play[0], clock.tick)
     allowed = lost if before is not None or course.is_predicted else 0 * lost
     limit = input_limit(plan, machine)
     ref = reference(course, clock, forecast, allowed, limit, count, options.least_speed)

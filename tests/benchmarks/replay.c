@@ -4,14 +4,31 @@
 
 #include <math.h>
 
-enum { BACKLASH = 12, STIFFNESS = 14, COULOMB = 16, VISCOUS = 18, COUNT = 20 };
+enum { BACKLASH = 12, STIFFNESS = 14, COULOMB = 16, VISCOUS = 18, LATERAL = 20, COUNT = 21 };
 
 static double clip(double x, double m) { return x > m ? m : x < -m ? -m : x; }
 static double low(double a, double b) { return a < b ? a : b; }
 static double high(double a, double b) { return a > b ? a : b; }
 
-/* Parameters (samples, 20): gain 2, bias 2, creep, creep per N m, capacity, k 2, half gap of the
- * gearheads 2, start in play (unused), then 2 each of half gap, stiffness, coulomb, viscous.
+/* A contact of cosine c whose sliding sideways is s = lateral |sin|: what its driver feels. */
+static double felt(double load, double c, double s, double capacity)
+{
+    load = high(low(load, capacity * c / sqrt(c * c + s * s)), -0.99 * capacity);
+    return load * c + s * sqrt(high(capacity * capacity - load * load, 0));
+}
+
+/* And the part of its rate that it passes on. */
+static double passed(double load, double c, double s, double capacity, double creep, double per)
+{
+    double most = capacity * c / sqrt(c * c + s * s), kept = high(load, -0.99 * capacity);
+    if (load >= most)
+        return 0;
+    kept = 1 - s * kept / (c * sqrt(high(capacity * capacity - kept * kept, 1e-60)));
+    return high(kept, 0) * high(1 - creep - per * low(fabs(load), capacity), 0);
+}
+
+/* Parameters (samples, 21): gain 2, bias 2, creep, creep per N m, capacity, k 2, half gap of the
+ * gearheads 2, start in play (unused), then 2 each of half gap, stiffness, coulomb, viscous; lateral.
  * Commands (steps, 2), desired (steps + 1, 3), row (steps + 1) or -1, start (samples, 6): phi,
  * theta 3, axis 2; q (samples, rows, 4), gap (samples, 3).
  */
@@ -58,15 +75,17 @@ void replay(int samples, int steps, int rows, double h, double bandwidth, double
             /* contacts */
             double sign = n1 > 0 ? 1 : n1 < 0 ? -1 : 0;
             double ahead2 = (a2 - t2) * sign, ahead3 = (a3 - t3) * sign;
-            double at3 = k2 * c2 * c2 * c2 * s3 * (ahead3 - clip(ahead3, g3));
-            double at2 = k2 * c1 * c1 * c1 * s2 * (ahead2 - clip(ahead2, g2));
-            double both = at2 + ratio * c1 * at3;
-            double stage2 = high(1 - creep - per * low(fabs(both), capacity), 0);
-            double stage3 = high(1 - creep - per * low(fabs(at3), capacity), 0);
-            double branch2 = high(1 - creep - per * low(fabs(at2), capacity), 0), branch3 = stage3;
-            double slip2 = both < capacity, slip3 = low(slip2, at3 < capacity);
-            branch2 *= branch2 * low(slip2, at2 < capacity);
-            branch3 *= branch3 * slip3;
+            double side1 = p[LATERAL] * sqrt(1 - c1 * c1), side2 = p[LATERAL] * sqrt(1 - c2 * c2);
+            double at3 = k2 * s3 * (ahead3 - clip(ahead3, g3)), at2 = k2 * s2 * (ahead2 - clip(ahead2, g2));
+            double mid3 = felt(at3, c2, side2, capacity), mid2 = felt(at2, c1, side1, capacity);
+            double in3 = felt(mid3, c2, side2, capacity);
+            double in2 = felt(mid2, c1, side1, capacity) + ratio * felt(in3, c2, side2, capacity);
+            double stage2 = passed(in2, c1, side1, capacity, creep, per);
+            double stage3 = passed(in3, c2, side2, capacity, creep, per);
+            double branch2 = passed(mid2, c1, side1, capacity, creep, per)
+                * passed(at2, c1, side1, capacity, creep, per);
+            double branch3 = passed(mid3, c2, side2, capacity, creep, per)
+                * passed(at3, c2, side2, capacity, creep, per);
             /* gearheads and joint 1 */
             double before = disk, part = 1;
             disk_axis += way1;
@@ -86,7 +105,7 @@ void replay(int samples, int steps, int rows, double h, double bandwidth, double
             t2 = t2 + from2 * d2 + (1 - mean2) * (moved - t2);
             d2 = low(high(t2, a2 - rest2), a2 + rest2) - t2;
             /* the last disk and joint 3 */
-            phi += k_g * slip2 * (h / 2) * (v0 + v1);
+            phi += k_g * (h / 2) * (v0 + v1);
             n = cos(t2);
             v0 *= c2 * stage3, v1 *= n * stage3;
             a3 += k3 * branch3 * (h / 2) * (v0 * c2 * c2 + v1 * n * n);

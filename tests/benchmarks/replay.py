@@ -23,7 +23,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from math import copysign, cos
+from math import copysign, cos, hypot, sqrt
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
@@ -102,7 +102,7 @@ def _numbers(draws: Draws, start: Array) -> tuple[Array, Array]:
         draws["creep_per_nm"], draws["friction_capacity_nm"], k,
         np.deg2rad(draws["gearhead_backlash_deg"]) / 2, draws["creep"] * 0, half,
         draws["shaft_stiffness_nm_per_rad"], draws["coulomb_friction_nm"],
-        draws["viscous_friction_nms_per_rad"],
+        draws["viscous_friction_nms_per_rad"], draws["lateral_friction"],
     ]  # fmt: skip
     axes = start[:, 2:] + (draws["initial_play"] * half).T
     return np.concatenate(rows).T.copy(), np.concatenate([start, axes], axis=1)
@@ -153,22 +153,33 @@ def _rates(x: list[float], p: list[float], r1: float, r2: float) -> list[float]:
     c1, c2, sign = cos(t1), cos(t2), copysign(1.0, w1) if w1 else 0.0
     u = _passed_on(m - disk, p[9], w1)
     free2, free3 = _beyond(a2 - t2, p[12]), _beyond(a3 - t3, p[13])
-    at3 = p[7] * c2**3 * p[15] * free3 * sign
-    at2 = p[7] * c1**3 * p[14] * free2 * sign
-    both = at2 + p[8] / p[7] * c1 * at3
-    stage2, stage3, branch2 = (1 - p[4] - p[5] * min(abs(x), p[6]) for x in (both, at3, at2))
-    slip2 = both < p[6]
-    slip3 = slip2 and at3 < p[6]
-    v1 = u * c1 * stage2
-    v2 = v1 * c2 * stage3
+    at3, at2 = p[7] * p[15] * free3 * sign, p[7] * p[14] * free2 * sign
+    sideways1, sideways2 = p[20] * sqrt(1 - c1 * c1), p[20] * sqrt(1 - c2 * c2)
+    middle2, part23 = _contact(at2, c1, sideways1, p)
+    first2, part22 = _contact(middle2, c1, sideways1, p)
+    middle3, part33 = _contact(at3, c2, sideways2, p)
+    first3, part32 = _contact(middle3, c2, sideways2, p)
+    driver3, part31 = _contact(first3, c2, sideways2, p)
+    _, part21 = _contact(first2 + p[8] / p[7] * driver3, c1, sideways1, p)
+    v1 = u * c1 * part21
+    v2 = v1 * c2 * part31
     return [
         *accelerations, w1, u, w2, _passed_on(a1 - t1, p[10], w2),
-        p[7] * branch2**2 * (slip2 and at2 < p[6]) * v1 * c1 * c1,
+        p[7] * part22 * part23 * v1 * c1 * c1,
         p[14] / p[18] * _beyond(a2 - t2, p[12] + p[16] / p[14]),
-        p[8] * stage3**2 * slip3 * v2 * c2 * c2,
+        p[8] * part32 * part33 * v2 * c2 * c2,
         p[15] / p[19] * _beyond(a3 - t3, p[13] + p[17] / p[15]),
-        K_G * slip2 * v1,
+        K_G * v1,
     ]  # fmt: skip
+
+
+def _contact(load: float, cosine: float, sideways: float, p: list[float]) -> tuple[float, float]:
+    """What the driver of a contact feels, N m, and the part of its rate that is passed on."""
+    capacity, (creep, per_nm) = p[6], p[4:6]
+    assert -0.99 * capacity < load < capacity * cosine / hypot(cosine, sideways)
+    hold = sqrt(capacity * capacity - load * load)
+    part = 1 - sideways * load / (cosine * hold)
+    return load * cosine + sideways * hold, part * (1 - creep - per_nm * abs(load))
 
 
 def _beyond(gap: float, half: float) -> float:

@@ -14,17 +14,26 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.errors import Violation
 from planner.plan.curves import Cells
 from planner.plan.plan import Plan, expect_plan
-from planner.plan.quadrature import POINTS, Motion, greatest, integrate, jumps, slopes
+from planner.plan.quadrature import (
+    CONTROL_POINTS,
+    POINTS,
+    Motion,
+    greatest,
+    integrate,
+    jumps,
+    slopes,
+)
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.requirements.ends import Duration, Goal, LongestDuration, Start
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.support import deadline
 from planner.support.arrays import Array
-from planner.support.calculus.chebyshev import points
+from planner.support.calculus.chebyshev import apply, points, resampling
 from planner.support.calculus.extremes import FLAT_DEPTH, narrow_dips
 from planner.support.tables import Column, html_table
 
@@ -213,12 +222,24 @@ def _motion_on_machine(plan: Plan) -> tuple[Motion, Array]:
         np.maximum.at(gaps, piece, outside * INTERPOLANT_TOLERANCE / BETWEEN_TOLERANCE)
         worst = int(np.argmax(gaps))
         gap = float(gaps[worst]), float(plan.t[worst])
+
+    def q_in(cells: Cells, count: int) -> Array:
+        return prediction.q_at(cells.times(2 * points(count) - 1).T)
+
     cells = Cells.of(plan.t)
-    parts = np.ceil(np.log2(np.maximum(cells.width / (POINTS * machine.step_s), 1.0)))
-    cells = cells.split(2 ** parts.astype(int))[0]
+    cells = cells.split(_parts(cells.width, POINTS * machine.step_s))[0]
+    # Where friction turns, the motion has a kink, and a series is smooth: there cells are short.
+    between = apply(resampling(POINTS, CONTROL_POINTS), q_in(cells, POINTS))
+    kinked = np.any(np.abs(q_in(cells, CONTROL_POINTS) - between) > LIMIT_TOLERANCE, axis=(0, 2))
+    cells = cells.split(np.where(kinked, _parts(cells.width, machine.step_s), 1))[0]
     _, u = plan.trajectory.piece_values(cells.piece, cells.fractions(points(POINTS)))
-    q = prediction.q_at(cells.times(2 * points(POINTS) - 1).T)
+    q = q_in(cells, POINTS)
     return Motion(cells, q, u, 0.0, gap), prediction.end
+
+
+def _parts(width: Array, longest: float) -> NDArray[np.int_]:
+    """Into how many parts, powers of two, cells of a width are split to be no longer."""
+    return np.asarray(2 ** np.ceil(np.log2(np.maximum(width / longest, 1.0))), dtype=int)
 
 
 def _angular(plan: Plan) -> list[int]:

@@ -66,7 +66,6 @@ class Study:
         rows: list[tuple[str, dict[str, Any] | None, Machine]] = [
             (PLAIN, None, self.machine),
             ("correction", {"preparation": False, "back_off": False}, self.machine),
-            ("correction, jump of u1", {"preparation": "jump", "back_off": False}, self.machine),
             (DEFAULT, {}, self.machine),
             ("the same without backing off at the end", {"back_off": False}, self.machine),
             ("with inertia: as it is", None, dynamic),

@@ -83,7 +83,7 @@ def test_it_is_compensated_for_the_machine_of_the_comparison(paper: planner.Prob
     assert row.plan is not None
     assert row.plan.compensation is not None
     assert planner.Machine.from_table(row.plan.compensation.machine) == machine
-    asked = paper.changed({"compensation": {"on": True, "preparation": "jump"}})
+    asked = paper.changed({"compensation": {"on": True, "preparation": False}})
     for spec in (OPTIMAL, COMPENSATED):
         (row,) = planner.compare(asked, [spec], machine=machine, samples=2).rows
         assert row.plan is not None

@@ -146,7 +146,7 @@ def test_commands_keep_every_limit_whatever_the_plan(
     problem = arm_problem([5.0, 5.0, 5.0], limits=limits)
     plan = driven(problem, speeds)
     table: dict[str, Any] = {"lag": True, "gearheads": True, "back_off": True, "take_up": True}
-    table["preparation"] = "forward" if prepared else "jump"
+    table["preparation"] = "forward" if prepared else False
     u = shape(plan, planner.Machine.prototype(), **table).commands()
     assert np.all(np.max(np.abs(u), axis=0) <= np.array([0.5, 0.4]) * (1 + 1e-9))
     jumps = np.abs(np.diff(np.concatenate([np.zeros((1, 2)), u]), axis=0))

@@ -2,8 +2,7 @@
 
 All of it is done on the motors' angles as functions of time. Where a motor should be is
 
-    what the plan asks for at its clock, and the legs while that is held (or a jump that takes up
-    lost motion, if wanted),
+    what the plan asks for at its clock, and the legs while that is held,
     and the correction,
     read ahead by the lag of hold, delay, servo and viscous friction,
     and half of the gearhead's backlash ahead in the direction in which it turns.
@@ -21,14 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.machine.feedback.course import DEFAULT_TICK_S, turn_angles
-from planner.machine.feedback.means import gearhead_play, input_limit, lost_motion, shift_of
+from planner.machine.feedback.means import gearhead_play, input_limit, shift_of
 from planner.machine.feedforward.legs import (
     MOST_AWAYS_DEG,
     Rest,
-    axis_rates,
-    evenest_drive,
     legs_of,
-    reversals,
 )
 from planner.machine.machine import Machine
 from planner.plan.clock import Clock
@@ -111,10 +107,6 @@ class Shape:
             ahead = ahead - tick / 2
         self._times = tick * np.arange(len(self.t))[:, None] + ahead
         self._angle = self._angles(plan)
-        if options.preparation == "jump":
-            way, _ = reversals(plan)
-            lost = np.maximum(lost_motion(system, machine) - way * rest.axes, 0.0)
-            self._angle[:, 0] += way * evenest_drive(axis_rates(system, plan.q(0.0)), lost)[0]
         self._half = gearhead_play(system, machine) / 2 * options.gearheads
         self._grain = np.broadcast_to(machine.mean("velocity_resolution_rad_s"), 2)
 

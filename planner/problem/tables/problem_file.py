@@ -30,11 +30,11 @@ class CompensationTable(Table):
         " spreads): their inputs are the motor commands, their motion is the one"
         " predicted on that machine.",
     )
-    preparation: Literal["forward", "jump", False] = Field(
+    preparation: Literal["forward", False] = Field(
         "forward",
         description="How backlash and shaft torsion of the joints are taken up. forward: by a"
-        " preparatory motion of some seconds, without reversal of the drive. jump:"
-        " at the start of the plan, at the limit of input 1. false: not at all.",
+        " preparatory motion of some seconds, without reversal of the drive. false: not"
+        " before the start; the correction does what it can.",
     )
     take_up: bool = Field(
         True,

@@ -216,7 +216,9 @@ class Forecast:
     def __init__(self, system: TriangularSystem, play: float, tick: float) -> None:
         self._half, self._tick, self.rates = play / 2, tick, system.rates
 
-    def __call__(self, known: Estimate, done: Array, until: Array, history: History) -> Pose:
+    def __call__(
+        self, known: Estimate, done: Array, until: Array, history: History, passing: Array
+    ) -> Pose:
         """Where S samples will be.
 
         Args:
@@ -225,10 +227,11 @@ class Forecast:
             done: Times since the first reading, (2,), s.
             until: Times until which the motors' commands are carried out, (2,), s.
             history: The commands.
+            passing: Part of the ideal rates that the mean arm's contacts pass on, (N−1, 1).
         """
         pose = known.pose
         count = max(1, int(np.ceil(np.max(until - done) / self._tick - 1e-9)))
-        before, rate = history.travel(done), 1 + known.rate_error
+        before, rate = history.travel(done), passing * (1 + known.rate_error)
         for part in np.arange(1, count + 1) / count:
             after = history.travel(done + part * (until - done))
             pose = self.predict(pose, after - before, known.lost_motion, rate)

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.machine.machine import Machine
+from planner.machine.friction.contact_load import gear_constants
+from planner.machine.friction.contacts import chain_loads, friction_capacity, lateral_friction
+from planner.machine.machine import Machine, draw
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
@@ -59,6 +61,32 @@ def lost_spread(machine: Machine, joints: int) -> Array:
             + (friction / stiffness * soft / stiffness) ** 2
         )
     )
+
+
+def mean_passing(system: TriangularSystem, machine: Machine, q: Array) -> Array:
+    """What the contacts of the mean arm pass on under its joints' friction.
+
+    They lose by creep, and sideways where joints turn them; see `friction.contacts`.
+
+    Args:
+        system: The system; contacts of others than arms pass on all.
+        machine: Its mean is taken.
+        q: Coordinates, (K, N).
+
+    Returns:
+        Part of the ideal rate of each coordinate after the first, (K, N−1).
+    """
+    out = np.ones_like(q[:, 1:])
+    if isinstance(system, Manipulator):
+        draws = draw(machine.nominal(), system.n, np.zeros(1, dtype=np.int64), 0)
+        k = gear_constants(system, draws)
+        friction = np.broadcast_to(draws["coulomb_friction_nm"], k.shape)
+        lateral, capacity = lateral_friction(draws), friction_capacity(draws)
+        loads, parts, _ = chain_loads(np.cos(q[:, 1:-1].T), k, friction, lateral, capacity)
+        creep = draws["creep"][0] + draws["creep_per_nm"][0] * np.abs(loads)
+        parts *= np.maximum(1 - creep, 0.0)
+        out[:, 1:] = (np.cumprod(parts[0], axis=0) * parts[1] * parts[2]).T
+    return out
 
 
 def input_limit(plan: Plan, machine: Machine) -> Array:

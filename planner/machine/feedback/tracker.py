@@ -21,6 +21,7 @@ from planner.machine.feedback.means import (
     input_limit,
     input_scale,
     lost_motion,
+    mean_passing,
     resolution_of,
     shift_of,
 )
@@ -127,18 +128,25 @@ class TrackerControl:
         now, estimate = k * clock.period - clock.shift, self._estimate
         if k:
             before = now - clock.period
-            estimate.take_forecast(self._forecast(estimate, before, now, self._history))
+            estimate.take_forecast(
+                self._forecast(estimate, before, now, self._history, self._passing)
+            )
         estimate.read(measured)
         if k < len(self._ref.feed):
             self._decide(k, now)
         self._k += 1
         return self._history.ticks(k * clock.ticks, clock.ticks)
 
+    @property
+    def _passing(self) -> Array:
+        """What the mean arm's contacts pass on where the course is, (N−1, 1)."""
+        return self._design.passing[min(self._k, len(self._ref.feed) - 1)][:, None]
+
     def _decide(self, k: int, now: Array) -> None:
         """Add the commands of one period, from when they can act."""
         clock, ref = self._clock, self._ref
         until = np.full(2, k * clock.period + clock.wait)
-        pose = self._forecast(self._estimate, now, until, self._history)
+        pose = self._forecast(self._estimate, now, until, self._history, self._passing)
         w, state = self._answer.corrections[0], self._state(k, pose)
         self._answer = self._design.programme(k, state, self._answer)
         self.fallbacks += self._answer.fallback
@@ -229,6 +237,7 @@ class TrackerDesign:
         law: The regulator where no limit is active.
         programme: The control steps.
         forecast: The nominal machine.
+        passing: Part of the ideal rates that the mean arm's contacts pass on, (K, N−1).
         lost_motion: Mean lost motion of each joint, (N−1, 1), rad.
         play: Whole play of each motor's gearhead, (2,), rad; zero when it is not crossed.
         resolution: Of each reading, (N, 1).
@@ -238,6 +247,7 @@ class TrackerDesign:
     law: Regulator
     programme: TrackingProgramme
     forecast: Forecast
+    passing: Array
     lost_motion: Array
     play: Array
     resolution: Array
@@ -274,6 +284,7 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
         law=law,
         programme=TrackingProgramme(ref, law, horizon, options.max_iterations),
         forecast=forecast,
+        passing=mean_passing(system, machine, ref.q[:count]),
         lost_motion=np.concatenate([play[1:, None] / 2, lost]),
         play=play,
         resolution=resolution_of(system, machine),

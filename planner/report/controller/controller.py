@@ -143,6 +143,7 @@ def _arrays(design: TrackerDesign) -> dict[str, Array]:
         "READING_VARIANCE": estimate.reading_variance(design.resolution)[:, 0],
         "MEAN_LOST_MOTION": design.lost_motion[:, 0],
         "COURSE_LOST_MOTION": ref.lost_motion[:, 0],
+        "PASSING": design.passing,
         "START": ref.start,
         "LIMIT": ref.limit,
         "FIRST": ref.first_inputs,

@@ -31,8 +31,9 @@ static real negative(real x) { return x < 0 ? x : 0; }
 
 /* -- prediction on the nominal machine ---------------------------------------------------------- */
 
-/* After both motors have turned by `travel`. */
-static void turn(tracker_pose *pose, const real travel[2], const real *lost, const real *error) {
+/* After both motors have turned by `travel`; contacts pass on a part of each joint's rate. */
+static void turn(tracker_pose *pose, const real travel[2], const real *lost, const real *error,
+                 const real *passing) {
     const real moved = pose->side + travel[0];
     real past[2], change[N], middle[N];
     pose->side = clip(moved, -DRIVE_PLAY / 2, DRIVE_PLAY / 2);
@@ -43,7 +44,7 @@ static void turn(tracker_pose *pose, const real travel[2], const real *lost, con
     nominal_rates(middle, past, change);
     pose->q[0] += change[0];
     for (int j = 0; j < J; j++) {
-        pose->axis[j] += (1 + error[j]) * change[j + 1];
+        pose->axis[j] += passing[j] * (1 + error[j]) * change[j + 1];
         pose->q[j + 1] = clip(pose->q[j + 1], pose->axis[j] - lost[j], pose->axis[j] + lost[j]);
     }
 }
@@ -82,7 +83,7 @@ static void forecast(const tracker *self, tracker_pose *pose, int base, const re
             step[m] = after - before[m];
             before[m] = after;
         }
-        turn(pose, step, self->lost_motion, self->rate_error);
+        turn(pose, step, self->lost_motion, self->rate_error, PASSING[self->period]);
     }
 }
 

@@ -66,14 +66,14 @@ def test_a_reversing_motor_first_crosses_its_play(smooth: Plan) -> None:
     forecast = Forecast(system, 2 * half, tick=0.01)
     told = np.zeros((20, 2))
     told[:10], told[10:] = 0.2, -0.2
-    history, zero = History(0.01, told, 1), np.zeros(2)
+    history, zero, all_passed = History(0.01, told, 1), np.zeros(2), np.ones((3, 1))
     q = np.zeros((4, 1))
     known = Estimate(q, np.zeros((4, 1)), lost)
     known.pose = Pose(q, q[1:] + lost, np.full(1, half))  # in contact upwards
-    before = known.pose = forecast(known, zero, zero + 0.1, history)
+    before = known.pose = forecast(known, zero, zero + 0.1, history, all_passed)
     assert before.q[1, 0] == pytest.approx(0.02)
     assert np.all(before.q[2:] > 0.008)
-    after = forecast(known, zero + 0.1, zero + 0.2, history)
+    after = forecast(known, zero + 0.1, zero + 0.2, history, all_passed)
     assert after.q[1, 0] == pytest.approx(0.02 - (0.02 - 2 * half))
     assert after.side == pytest.approx(-half)
     assert np.all(after.axis[1:] < before.axis[1:])

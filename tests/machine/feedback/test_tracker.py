@@ -52,12 +52,10 @@ def closed(smooth: Plan, machine: Machine) -> Replay:
     return replay(smooth, machine, SAMPLES, seed=3, feedback=True, record_s=0.05)
 
 
-def test_it_follows_the_path_fifteen_times_closer(closed: Replay, opened: Replay) -> None:
-    assert closed.percentile(95) < opened.percentile(95) / 15
+def test_it_follows_the_path_twenty_times_closer(closed: Replay, opened: Replay) -> None:
+    assert closed.percentile(95) < opened.percentile(95) / 20
     assert closed.fallbacks.sum() == 0
-    assert (
-        np.percentile(closed.terminal_E_deg, 95) < 0.27
-    )  # contacts that slide sideways are not forecast
+    assert np.percentile(closed.terminal_E_deg, 95) < 0.16  # 0.146: contacts slide differently
     assert np.percentile(opened.terminal_E_deg, 95) > 2.0
     z2 = planner.chained_form(closed.plan.problem.system).z(closed.q)[..., 1]
     assert z2.max() < -0.025  # the plan itself comes no closer to zero than 0.0324
@@ -68,8 +66,8 @@ def test_the_prototype_as_it_is(paper: planner.Problem) -> None:
     plan, machine = planner.solve(paper, "collocation"), Machine.prototype(step_s=0.005)
     closed = replay(plan, machine, SAMPLES, seed=0, feedback=True, record_s=None)
     opened = replay(plan, machine, SAMPLES, seed=0, record_s=None)
-    assert closed.percentile(95) < opened.percentile(95) / 15
-    assert np.percentile(closed.terminal_E_deg, 95) < 0.27  # three steps of the encoders
+    assert closed.percentile(95) < opened.percentile(95) / 20
+    assert np.percentile(closed.terminal_E_deg, 95) < 0.18  # twice the encoders' step
 
 
 def test_a_compensated_plan_that_turns_back_ends_five_times_closer(

@@ -140,7 +140,9 @@ class TrackerControl:
     @property
     def _passing(self) -> Array:
         """What the mean arm's contacts pass on where the course is, (N−1, 1)."""
-        return self._design.passing[min(self._k, len(self._ref.feed) - 1)][:, None]
+        last = len(self._ref.feed) - 1
+        passing: Array = self._design.passing[min(self._k, last)][:, None]
+        return passing
 
     def _decide(self, k: int, now: Array) -> None:
         """Add the commands of one period, from when they can act."""

@@ -218,7 +218,7 @@ def _add_budgets(shares: dict[str, Budget], result: Comparison) -> bool:
 
 
 def _print_comparison(result: Comparison) -> None:
-    print_text(result.problem.name, "", result.table())
+    print_text(result.problem.name, "", result.headline, "", result.table())
     pairs = rich_differences(result)
     if pairs is not None:
         print_text("", pairs)

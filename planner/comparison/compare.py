@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -31,7 +32,7 @@ from planner.methods.spec import COMPENSATED, Spec, parse_specs
 from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
-from planner.solve import solve_and_check
+from planner.solve import compensate_in_time, solve_and_check
 from planner.support.deadline import TimeUpError, time_limit
 from planner.support.progress import expect_listener
 from planner.support.statistics import LEAST_DIFFERENCE_DEG
@@ -70,8 +71,8 @@ def compare(
             "collocation:intervals=20:degree=2"; with the word `compensated` after the name for a
             compensated plan; "all" for every method. By default: the polynomial (with a free
             travel, the middle of its possible travels), the polynomial with automatic constraint
-            points, the sinusoid, collocation and, for arms with friction disks, collocation
-            compensated.
+            points, the sinusoid and collocation; for arms with friction disks also the last three
+            compensated, as far as they have a plan.
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
         samples: Number of random machines, at least 1, or a list of sample numbers.
         seed: Random seed; the same seed gives the same machines.
@@ -97,7 +98,7 @@ def compare(
     feedback_labels = [spec.label for spec in requests if feedback]
     feedback_labels = feedback_labels[-1:] if methods is None else feedback_labels
     run = _ComparisonRun(
-        problem, distribution, numbers.tolist(), seed, feedback_labels, methods == ALL, time_limit_s
+        problem, distribution, numbers.tolist(), seed, feedback_labels, methods, time_limit_s
     )
     try:
         for k, spec in enumerate(requests):
@@ -127,11 +128,12 @@ class _ComparisonRun:
         numbers: list[int],
         seed: int,
         feedback_labels: Sequence[str],
-        tolerant: bool,
+        methods: str | Sequence[str] | None,
         time_limit_s: float | None,
     ) -> None:
         self._problem, self._machine, self._feedback_labels = problem, machine, feedback_labels
-        self._tolerant, self._time_limit_s = tolerant, time_limit_s
+        self._tolerant, self._by_default = methods == ALL, methods is None
+        self._time_limit_s = time_limit_s
         self._numbers, self._seed = numbers, seed
         self.rows: list[Row] = []
         self.finished_methods = 0
@@ -139,7 +141,11 @@ class _ComparisonRun:
     def add(self, spec: Spec, part: Progress) -> None:
         """Plan by one method and replay its plan."""
         part("planning", 0.0)
-        row = self._plan(spec)
+        plain = self._plain(spec) if spec.compensated else None
+        if self._by_default and spec.compensated and plain is None:
+            self.finished_methods += 1  # a refused plan leaves nothing to compensate
+            return
+        row = self._plan(spec, plain)
         self.rows.append(row)
         part("replaying", 0.5)
         with_feedback = spec.label in self._feedback_labels
@@ -150,9 +156,14 @@ class _ComparisonRun:
         part("done", 1.0)
         self.finished_methods += 1
 
-    def _plan(self, spec: Spec) -> Row:
+    def _plain(self, spec: Spec) -> Row | None:
+        """The row of the plan that this one compensates, if it is there and solved."""
+        label = spec.label.replace(f" {COMPENSATED}", "", 1)
+        return next((row for row in self.rows if row.label == label and row.solved), None)
+
+    def _plan(self, spec: Spec, plain: Row | None) -> Row:
         try:
-            return plan_row(self._problem, spec, self._time_limit_s, self._machine)
+            return plan_row(self._problem, spec, self._time_limit_s, self._machine, plain)
         except InputError as error:  # of all methods some may not fit the problem
             if not self._tolerant:
                 raise
@@ -218,7 +229,9 @@ def default_methods(problem: Problem) -> list[str]:
     """
     plain = "polynomial:travel=middle" if problem.travel is None else "polynomial"
     out = [plain, "polynomial:points=auto", "sinusoid", "collocation"]
-    return [*out, f"collocation {COMPENSATED}"] if compensable(problem.system) else out
+    if problem.compensation.on or not compensable(problem.system):
+        return out
+    return out + [re.sub(r"^\w+", rf"\g<0> {COMPENSATED}", label) for label in out[1:]]
 
 
 def _report_share(
@@ -233,6 +246,7 @@ def plan_row(
     spec: Spec,
     time_limit_s: float | None = None,
     machine: Machine | None = None,
+    plain: Row | None = None,
 ) -> Row:
     """A row without its replay: the plan, verified or refused, or why there is none.
 
@@ -241,6 +255,7 @@ def plan_row(
         spec: By which method.
         time_limit_s: Seconds for it.
         machine: What a plan is compensated for, where that is asked; the problem's when None.
+        plain: The row of the same plan before it is compensated, if that was made already.
 
     Raises:
         InputError: If the method does not fit the problem.
@@ -248,15 +263,21 @@ def plan_row(
     options, advice = dict(spec.options), ""
     if time_limit_s is not None:
         options = {"time_limit_s": time_limit_s, **options}
-    start = time.perf_counter()
+    start = time.perf_counter() - (0.0 if plain is None else plain.took_s)
     try:
-        plan, check = solve_and_check(
-            problem,
-            spec.method,
-            compensate=spec.compensated,
-            compensated_for=machine,
-            **options,
-        )
+        if plain is not None and plain.plan is not None:
+            with time_limit(options.get("time_limit_s")):
+                plan, check = compensate_in_time(
+                    plain.plan, verify(plain.plan), machine, problem.compensation
+                )
+        else:
+            plan, check = solve_and_check(
+                problem,
+                spec.method,
+                compensate=spec.compensated,
+                compensated_for=machine,
+                **options,
+            )
         took = time.perf_counter() - start
         early = str(plan.notes.get("ended_early", ""))
         why = early if plan.verified else _exit_text(plan.domain.singular_times_s)

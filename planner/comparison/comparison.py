@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from html import escape
 from pathlib import Path
@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.comparison.headline import headline
 from planner.comparison.rows import FEEDBACK_NOTE, Row, columns, intervals, verdict
 from planner.errors import InputError
 from planner.machine.machine import Machine
+from planner.machine.replay import Replay
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem, load_problem
-from planner.support.arrays import jsonable
+from planner.support.arrays import Array, jsonable
 from planner.support.files import toml
 from planner.support.package import import_function
 from planner.support.statistics import LEAST_DIFFERENCE_DEG, Difference, differences
@@ -88,10 +90,23 @@ class Comparison:
 
     @property
     def differences(self) -> tuple[Difference, ...]:
-        """Paired differences between every two replayed plans; see `planner.support.statistics`."""
+        """Differences of E between every two replayed plans; see `planner.support.statistics`."""
+        return self._differences(lambda run: run.index_E_deg)
+
+    @property
+    def end_differences(self) -> tuple[Difference, ...]:
+        """The same pairs with the largest error of an angle at the end in place of E."""
+        return self._differences(lambda run: run.terminal_E_deg)
+
+    def _differences(self, error: Callable[[Replay], Array]) -> tuple[Difference, ...]:
         runs = {row.label: row.replay for row in self.rows if row.worst is not None}
-        errors = {k: run.index_E_deg for k, run in runs.items() if run is not None}
+        errors = {k: error(run) for k, run in runs.items() if run is not None}
         return differences(errors, self.threshold_deg)
+
+    @property
+    def headline(self) -> str:
+        """Which plan to take, because of what, and at what price, in a few sentences."""
+        return headline(self)
 
     @property
     def advice(self) -> Mapping[str, str]:
@@ -120,9 +135,10 @@ class Comparison:
             "seed": self.seed,
             "complete": self.complete,
             "rows": [self._row(row) for row in self.rows],
+            "headline": self.headline,
             "differences": [
-                {**asdict(d), "significant": d.significant, "matters": d.matters}
-                for d in self.differences
+                {**_facts(d), "end": _facts(end)}
+                for d, end in zip(self.differences, self.end_differences, strict=True)
             ],
             "problem": self.problem.to_dict(),
             "machine": self.machine.to_dict(),
@@ -179,6 +195,10 @@ class Comparison:
         """
         saved: Path = import_function("planner.report.folders.save")(self, folder, report=report)
         return saved
+
+
+def _facts(d: Difference) -> dict[str, Any]:
+    return {**asdict(d), "significant": d.significant, "matters": d.matters}
 
 
 def command(comparison: Comparison, out: str | None = None, *, report: bool = False) -> str | None:
@@ -269,6 +289,7 @@ def comparison_markdown(comparison: Comparison) -> str:
     heading = f"# Comparison: {markdown(comparison.problem.name)}\n"
     if not comparison.complete:
         heading += "\n**Partial: interrupted before all methods were finished.**\n"
+    heading += f"\n{markdown(comparison.headline)}\n"
     tries = [
         f"- Try, for {markdown_code(k)}: {clean_text(v)}" for k, v in comparison.advice.items()
     ]
@@ -299,7 +320,8 @@ def comparison_csv(comparison: Comparison) -> str:
 
 def _caption(comparison: Comparison) -> str:
     return (
-        "effort: integral of u1^2 + u2^2 dt; E: largest joint error on the machine at any time"
+        "time: all that is run, with preparation and holds; effort: integral of u1^2 + u2^2 dt;"
+        " E: largest joint error on the machine at any time"
         " (eq. 29), end: at the end; median and 95th"
         f" percentile over {comparison.samples} machines ({comparison.machine.preset}), seed"
         f" {comparison.seed}, the same machines for every plan; took: planning and verification;"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -41,35 +42,63 @@ def _verdict(d: Difference) -> str:
     return "better" if d.median_deg < 0 else "worse"
 
 
-COLUMNS: list[Column[Difference]] = [
-    Column("plan", "", lambda d: d.first, key="first", left=True, code=True),
-    Column("against", "", lambda d: d.second, key="second", left=True, code=True),
-    Column("difference (deg)", "", lambda d: d.median_deg, _signed_number, key="median_deg"),
-    Column("from", "", lambda d: d.interval_deg[0], _signed_number, key="interval_low_deg"),
-    Column("to", "", lambda d: d.interval_deg[1], _signed_number, key="interval_high_deg"),
-    Column("better on", "", lambda d: d.first_better, _percent, key="first_better"),
-    Column("p_value", "", lambda d: d.p_value, None),
-    Column("p (Holm)", "", lambda d: d.p_corrected, _p_value, key="p_corrected"),
-    Column("verdict", "", _verdict, key="", left=True),
-    Column("significant", "", lambda d: d.significant, None),
-    Column("matters", "", lambda d: d.matters, None),
+Pair = tuple[Difference, Difference]
+"""Two plans: their difference of E, and that of the error at the end."""
+
+
+def _figures(k: int, prefix: str, word: str) -> Iterator[Column[Pair]]:
+    """The columns of the differences at place k of a pair."""
+
+    def column(
+        title: str, value: Callable[[Difference], Any], shown: Any, name: str, left: bool = False
+    ) -> Column[Pair]:
+        key = name and f"{prefix}{name}"
+        return Column(title, "", lambda pair: value(pair[k]), shown, key=key, left=left)
+
+    yield column(f"{word} (deg)", lambda d: d.median_deg, _signed_number, "median_deg")
+    yield column("from", lambda d: d.interval_deg[0], _signed_number, "interval_low_deg")
+    yield column("to", lambda d: d.interval_deg[1], _signed_number, "interval_high_deg")
+    yield column("better on", lambda d: d.first_better, _percent, "first_better")
+    yield column("p_value", lambda d: d.p_value, None, "p_value")
+    yield column("p (Holm)", lambda d: d.p_corrected, _p_value, "p_corrected")
+    yield column("verdict", _verdict, str, "", left=True)
+    yield column("significant", lambda d: d.significant, None, "significant")
+    yield column("matters", lambda d: d.matters, None, "matters")
+
+
+COLUMNS: list[Column[Pair]] = [
+    Column("plan", "", lambda pair: pair[0].first, key="first", left=True, code=True),
+    Column("against", "", lambda pair: pair[0].second, key="second", left=True, code=True),
+    *_figures(0, "", "E"),
+    *_figures(1, "end_", "end"),
 ]
+
+TERMINAL_KEYS = ("second", "median_deg", "interval_low_deg", "interval_high_deg", "end_median_deg")
+"""Columns for which a terminal has room; and the verdicts."""
 
 
 def rich_differences(comparison: Comparison) -> Table | None:
     """The best plan against every other, for a terminal; None with fewer than two plans."""
     best = comparison.best
-    pairs = [_reverse(best, d) for d in comparison.differences if best in (d.first, d.second)]
+    pairs = [
+        (_reverse(best, d), _reverse(best, end))
+        for d, end in _pairs(comparison)
+        if best in (d.first, d.second)
+    ]
     if not pairs:
         return None
     return terminal_table(
-        COLUMNS[1:],
+        [c for c in COLUMNS if c.key in TERMINAL_KEYS or c.title == "verdict"],
         pairs,
         ruled=True,
         title=f"{best} against the others, machine by machine",
-        caption="difference: median over the machines of E minus the other plan's E, with its 95 %"
-        " interval; p: sign test, corrected for all pairs.",
+        caption="E, end: median over the machines of its error minus the other plan's, with the"
+        " 95 % interval; verdict: by the sign test, corrected for all pairs.",
     )
+
+
+def _pairs(comparison: Comparison) -> list[Pair]:
+    return list(zip(comparison.differences, comparison.end_differences, strict=True))
 
 
 def _reverse(label: str, d: Difference) -> Difference:
@@ -91,18 +120,19 @@ def markdown_differences(comparison: Comparison) -> str:
     """All pairs as Markdown."""
     return f"""# Differences between plans: {markdown(comparison.problem.name)}
 
-{markdown_table(COLUMNS, comparison.differences)}
+{markdown_table(COLUMNS, _pairs(comparison))}
 
 Each plan met the same {comparison.samples} machines ({comparison.machine.preset}), seed \
-{comparison.seed}. Difference: median over the machines of
-E of the plan minus E of the other, degrees, with its 95 % interval (order statistics; exact for any
-distribution). Better on: share of the machines on which the plan has the smaller E. p: sign
-test, corrected for {len(comparison.differences)} pairs by Holm's method; with many \
-machines small differences are
+{comparison.seed}. E: median over the machines of
+E of the plan minus E of the other, degrees, with its interval (order statistics: it holds the true
+median with at least 95 %, whatever the distribution). End: the same for the error at the end.
+Better on: share of the machines on which the plan has the smaller error. p: sign
+test, corrected for {len(comparison.differences)} pairs by Holm's method, for E and end each; \
+with many machines small differences are
 significant too, but those below {comparison.threshold_deg:g} degrees are too small to matter.
 """
 
 
 def csv_differences(comparison: Comparison) -> str:
     """All pairs, full precision, empty where a number is not defined."""
-    return csv_table(COLUMNS, comparison.differences)
+    return csv_table(COLUMNS, _pairs(comparison))

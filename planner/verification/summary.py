@@ -80,7 +80,8 @@ class PlanFigures:
 
     Attributes:
         travel_rad: q₁(T) − q₁(0), rad (metres for vehicles).
-        duration_s: Duration, s.
+        duration_s: Duration of all that is run, s: with the preparation and the holds of a
+            compensated plan.
         effort: ∫ u₁² + u₂² dt.
         peak_u: Largest |u₁| and |u₂|, shape (2,), in the inputs' units (rad/s).
         domain_margin: Least margin of the chart's domain; negative outside.
@@ -92,7 +93,9 @@ class PlanFigures:
         Heading("travel", lambda system: system.coordinates[0].unit, 4),
         plan=lambda plan, _: plan.travel,
     )
-    duration_s: float = figure(plan=lambda plan, _: plan.duration)
+    duration_s: float = figure(
+        Heading("time", "s", key="duration_s"), plan=lambda plan, _: plan.duration
+    )
     effort: float = figure(
         Heading("effort", effort_unit, 4),
         plan=lambda plan, _: effort(plan.trajectory),

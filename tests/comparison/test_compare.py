@@ -24,6 +24,7 @@ from planner.report.folders import replay_data
 from planner.report.folders import save as save_comparison
 from planner.solve import solve_and_check
 from planner.support.arrays import jsonable
+from planner.support.tables import number
 
 MIDDLE, BEST, OPTIMAL = "polynomial:travel=middle", "polynomial", "collocation"
 COMPENSATED = "collocation compensated"
@@ -39,11 +40,52 @@ def quick(unlimited: planner.Problem) -> planner.Problem:
 def test_default_methods_show_what_the_polynomial_and_what_compensation_can_do(
     paper: planner.Problem,
 ) -> None:
-    others = ["polynomial:points=auto", "sinusoid", OPTIMAL]
-    assert default_methods(paper) == [MIDDLE, *others, COMPENSATED]
-    assert default_methods(paper.changed({"goal.travel": 0.81})) == [BEST, *others, COMPENSATED]
+    plain = ["polynomial:points=auto", "sinusoid", OPTIMAL]
+    both = [*plain, "polynomial compensated:points=auto", "sinusoid compensated", COMPENSATED]
+    assert default_methods(paper) == [MIDDLE, *both]
+    assert default_methods(paper.changed({"goal.travel": 0.81})) == [BEST, *both]
+    every = paper.changed({"compensation.on": True})
+    assert default_methods(every) == [MIDDLE, *plain], "compensated as they are"
     car = planner.load_problem(ROOT / "problems/car.toml")
     assert COMPENSATED not in default_methods(car)
+
+
+def test_by_default_every_plan_is_compensated_once_it_is_there() -> None:
+    """What is refused has no second row, and no plan is searched twice."""
+    problem = planner.load_problem(ROOT / "problems/paper.toml", {"machine.step_s": 0.01})
+    result = planner.compare(problem, samples=40)
+    assert [(r.label, r.solved) for r in result.rows] == [
+        (MIDDLE, False), *((label, True) for label in default_methods(problem)[1:])
+    ]  # fmt: skip
+    plain, better = result["sinusoid"], result["sinusoid compensated"]
+    assert plain.plan is not None
+    assert better.plan is not None
+    assert better.plan.compensates is not None
+    assert better.plan.compensates.q(3.0).tolist() == plain.plan.q(3.0).tolist()
+    assert plain.took_s < better.took_s
+    assert plain.duration_s == 10 < better.duration_s
+    assert "s more than goal.duration" in better.note
+    words = result.headline
+    assert words.startswith(f"Take {COMPENSATED}: E {better_figure(result, COMPENSATED)}")
+    assert f"instead of {better_figure(result, OPTIMAL)} ({OPTIMAL})" in words
+    assert "The price: " in words
+    pairs = list(zip(result.differences, result.end_differences, strict=True))
+    for E, end in pairs:
+        gap = result[end.first].replay.terminal_E_deg - result[end.second].replay.terminal_E_deg
+        assert (E.first, E.second) == (end.first, end.second)
+        assert end.median_deg == np.median(gap)
+
+
+def better_figure(result: planner.Comparison, label: str) -> str:
+    return f"{number(result[label].E_median_deg)} deg"
+
+
+def test_the_headline_says_when_there_is_no_choice() -> None:
+    assert "None of the methods" in refused_comparison().headline
+    assert refused_comparison().to_dict()["headline"] == refused_comparison().headline
+    car = planner.load_problem(ROOT / "problems/car.toml", {"machine.step_s": 0.01})
+    result = planner.compare(car, ["collocation"], samples=5)
+    assert result.headline.startswith("Take collocation: the only one that reaches the goal")
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +139,7 @@ def test_small_differences_are_neither_better_nor_worse(compensated: planner.Com
     assert d.significant
     assert d.matters
     assert d.threshold_deg == 0.1
-    assert markdown_differences(compensated).count("| worse |") == 1
+    assert markdown_differences(compensated).count("| worse |") == 2  # at any time, at the end
     alike = replace(compensated, threshold_deg=9.0)
     assert "no difference that matters" in markdown_differences(alike)
 

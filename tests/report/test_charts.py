@@ -41,7 +41,7 @@ def test_every_script_is_in_the_page_and_in_the_explorer() -> None:
 
 def test_a_method_has_one_colour_in_pictures_on_the_page_and_in_the_explorer() -> None:
     widget = pytest.importorskip("planner.explorer.widget", reason="needs the extra 'notebook'")
-    assert set(METHOD_COLOURS) == {*planner.METHODS, "compensated"}
+    assert set(METHOD_COLOURS) == {*planner.METHODS, "collocation compensated"}
     assert len(set(METHOD_COLOURS.values())) == len(METHOD_COLOURS) < len(PALETTE)
     found = quick_comparison()
     numbers = {plan["label"]: plan["colour"] for plan in page_data(found, {})["plans"]}
@@ -63,7 +63,7 @@ def test_colours_of_what_is_drawn_together_differ_and_feedback_keeps_its_plans()
     numbers = colour_numbers(labels)
     assert numbers[labels[0]] == METHOD_COLOURS["polynomial"]
     assert numbers[labels[3]] == METHOD_COLOURS["collocation"]
-    assert numbers[labels[4]] == METHOD_COLOURS["compensated"]
+    assert numbers[labels[4]] == METHOD_COLOURS["collocation compensated"]
     assert numbers[labels[5]] == METHOD_COLOURS["convex"]
     assert numbers["polynomial + feedback"] == numbers["polynomial"]
     assert len(set(numbers.values())) == len(labels) - 1

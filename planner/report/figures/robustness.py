@@ -323,7 +323,7 @@ def _machines(ax: Any, curve: TradeOff) -> None:
     cost, knee = curve.cost, curve.knee_index
     rows = (
         (colour_of("collocation"), "machine, plan as it is", "machine"),
-        (colour_of("compensated"), "machine, compensated", "compensated"),
+        (colour_of("collocation compensated"), "machine, compensated", "compensated"),
         (COLOURS[0], "design errors alone", "errors_alone"),
     )
     for colour, label, which in rows:

@@ -47,7 +47,7 @@ METHOD_COLOURS = {
     "polynomial": 0,
     "sinusoid": 2,
     "collocation": 3,
-    "compensated": 4,
+    "collocation compensated": 4,
     "convex": 5,
     "piecewise": 6,
     "desensitised": 7,
@@ -164,9 +164,8 @@ def colour_of(method: str) -> str:
 
 
 def _method(label: str) -> str:
-    """The method that a label begins with, perhaps after a number; "compensated" where it is."""
-    name = re.sub(r"^\d+: ", "", label).partition(":")[0]
-    return "compensated" if name.endswith(" compensated") else name
+    """The method that a label begins with, perhaps after a number."""
+    return re.sub(r"^\d+: ", "", label).partition(":")[0]
 
 
 def times(plan: Plan, count: int = 1500) -> Array:

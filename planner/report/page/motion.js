@@ -104,9 +104,8 @@ class Player {
     const [w, h] = [0, 1].map((i) => bounds.high[i] - bounds.low[i]);
     const host = section.querySelector(".stages");
     if (w > 2 * h) host.classList.add("wide");
-    const solved = Math.max(0, plans.findIndex((plan) => !plan.refused));
-    const other = plans.findIndex((_, k) => k !== solved);
-    const pair = other < 0 ? [solved] : [Math.min(solved, other), Math.max(solved, other)];
+    const places = page.opening.map((label) => plans.findIndex((plan) => plan.label === label));
+    const pair = places.filter((k) => k >= 0).slice(0, 2);
     this.stages = pair.map((k) => new Stage(host, plans, k, page, bounds));
     this.button = section.querySelector("#play");
     this.scrub = section.querySelector("#scrub");

@@ -176,6 +176,11 @@ def _pair_cell(pair: Pair) -> Markup:
     return Markup(f"{first} <span class=why>against {second}</span>")
 
 
+def _end_text(end: Pair) -> str:
+    words = "" if end["significant"] else " (not shown to differ)"
+    return f"{number(end['median_deg'])}°{words}"
+
+
 def _interval(pair: Pair) -> str:
     low, high = (number(np.nan if x is None else x) for x in pair["interval_deg"])
     return f"{low}° to {high}°"
@@ -198,6 +203,7 @@ PAIR_COLUMNS: list[Column[Pair]] = [
     Column("less on", "", lambda p: f"{100 * p['first_better']:.0f} %"),
     Column("p (Holm)", "", lambda p: p["p_corrected"], _p_text),
     Column("verdict", "", _verdict),
+    Column("difference at the end", "", lambda p: p["end"], _end_text),
 ]
 
 

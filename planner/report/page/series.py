@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison
+from planner.comparison.headline import recommended
 from planner.plan.measures import effort_unit
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
@@ -64,7 +65,16 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
         "discs": [[*disc.centre, disc.radius] for disc in problem.obstacles],
         "tips": tips_to_pass(problem) if can_draw(problem.system) else [],
     }
-    return dict(jsonable({"plans": entries, "figures": figures, "length": length, "space": space}))
+    data = {"plans": entries, "figures": figures, "length": length, "space": space}
+    return dict(jsonable(data | {"opening": _opening(comparison)}))
+
+
+def _opening(comparison: Comparison) -> list[str]:
+    """Labels of plans that the motion opens on, the most wanted first."""
+    take = recommended(comparison)
+    wanted = [] if take is None else [take.label]
+    wanted += ["collocation", *(row.label for row in comparison.rows if row.solved)]
+    return list(dict.fromkeys([*wanted, *(row.label for row in comparison.rows)]))
 
 
 def _plan(drawn: Curve, replay: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.comparison.comparison import Comparison
+from planner.comparison.headline import recommended
 from planner.comparison.rows import Row
 from planner.plan.measures import effort_unit
 from planner.problem.problem import Problem
@@ -44,17 +45,15 @@ def answers(comparison: Comparison) -> list[str]:
 
 
 def verdict_html(comparison: Comparison) -> str:
-    """The answer in one or two sentences of HTML."""
+    """The answer in a few sentences of HTML."""
     rows = [row for row in comparison.rows if not row.feedback]
-    solved = [row for row in rows if row.solved]
-    if not solved:
-        return "None of the methods found a plan that keeps every limit."
-    least = min(solved, key=lambda row: row.effort if np.isfinite(row.effort) else np.inf)
-    name = f"<b>{html.escape(least.label)}</b>"
-    if len(solved) == 1:
-        return f"Only {name} found a plan that reaches the goal and keeps every limit."
-    text = f"{len(solved)} of {len(rows)} plans reach the goal and keep every limit."
-    return f"{text} The plan of {name} has the least effort."
+    solved = sum(row.solved for row in rows)
+    text = html.escape(comparison.headline.replace(" deg", "°"))
+    if take := recommended(comparison):
+        name = html.escape(take.label)
+        text = text.replace(name, f"<b>{name}</b>", 1)
+        text += f" {solved} of {len(rows)} plans reach the goal and keep every limit."
+    return text
 
 
 def task_facts(comparison: Comparison) -> list[tuple[str, str]]:

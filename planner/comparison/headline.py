@@ -1,0 +1,97 @@
+"""Which plan of a comparison to take, because of what, and at what price."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.comparison.rows import FEEDBACK, Row
+from planner.methods.spec import COMPENSATED
+from planner.plan.measures import effort_unit
+from planner.support.tables import number
+
+if TYPE_CHECKING:
+    from planner.comparison.comparison import Comparison
+
+LEAST_SHARE = 1.05
+"""A price that is higher by less than this is not worth a word."""
+
+
+def recommended(comparison: Comparison) -> Row | None:
+    """The plan to take without sensors; None where no method has one.
+
+    Of the plans whose E is not shown to be worse than the least by an amount that matters, that of
+    the least effort; where machines have no E, the least effort decides alone.
+    """
+    solved = [row for row in comparison.rows if row.solved and not row.feedback]
+    if not solved:
+        return None
+    known = [row for row in solved if np.isfinite(row.E_median_deg)]
+    if known:
+        best = min(known, key=lambda row: row.E_median_deg)
+        worse = {
+            label
+            for d in comparison.differences
+            if d.significant and d.matters and best.label in (d.first, d.second)
+            for label in (d.first, d.second)
+        } - {best.label}
+        solved = [row for row in known if row.label not in worse]
+    return min(solved, key=lambda row: row.effort if np.isfinite(row.effort) else np.inf)
+
+
+def headline(comparison: Comparison) -> str:
+    """Which plan to take, because of what, at what price; plain text."""
+    row = recommended(comparison)
+    if row is None:
+        return "None of the methods found a plan that keeps every limit."
+    rows = [each for each in comparison.rows if not each.feedback]
+    solved = [each for each in rows if each.solved]
+    if len(solved) == 1:
+        reason = "the only one that reaches the goal and keeps every limit."
+        return f"Take {row.label}: {reason}{_follow_up(comparison, row)}"
+    other = _rival(comparison, row, solved)
+    if not np.isfinite(row.E_median_deg):
+        return f"Take {row.label}: of {len(solved)} verified plans it has the least effort."
+    reason = f"E {_degrees(row.E_median_deg)} in the median instead of"
+    reason += f" {_degrees(other.E_median_deg)} ({other.label}),"
+    reason += " but" if row.end_median_deg > other.end_median_deg else ""
+    reason += f" {_degrees(row.end_median_deg)} instead of {_degrees(other.end_median_deg)} at the"
+    price = _price(comparison, row, other)
+    return f"Take {row.label}: {reason} end.{price}{_follow_up(comparison, row)}"
+
+
+def _rival(comparison: Comparison, row: Row, solved: list[Row]) -> Row:
+    """What the plan is set beside: itself uncompensated, else the least error of the others."""
+    plain = row.label.replace(f" {COMPENSATED}", "", 1)
+    for each in solved:
+        if each.label == plain and each is not row:
+            return each
+    others = [each for each in solved if each is not row]
+    return min(others, key=lambda each: np.nan_to_num(each.E_median_deg, nan=np.inf))
+
+
+def _price(comparison: Comparison, row: Row, other: Row) -> str:
+    """What it takes more of than the other plan, as a sentence."""
+    unit = effort_unit(comparison.problem.system)
+    prices = [
+        f"{number(mine)} {unit} instead of {number(theirs)}"
+        for mine, theirs, unit in (
+            (row.duration_s, other.duration_s, "s"),
+            (row.effort, other.effort, unit),
+        )
+        if mine > LEAST_SHARE * theirs
+    ]
+    return f" The price: {' and '.join(prices)}." if prices else ""
+
+
+def _follow_up(comparison: Comparison, row: Row) -> str:
+    """What feedback makes of it, if that was asked."""
+    closed = [each for each in comparison.rows if each.label == row.label + FEEDBACK]
+    if not closed or not np.isfinite(closed[0].E_median_deg):
+        return ""
+    return f" With feedback E is {_degrees(closed[0].E_median_deg)}."
+
+
+def _degrees(value: float) -> str:
+    return f"{number(value)} deg"

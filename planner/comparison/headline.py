@@ -21,8 +21,8 @@ LEAST_SHARE = 1.05
 def recommended(comparison: Comparison) -> Row | None:
     """The plan to take without sensors; None where no method has one.
 
-    Of the plans whose E is not shown to be worse than the least by an amount that matters, that of
-    the least effort; where machines have no E, the least effort decides alone.
+    Of the plans whose median E is above the least by no more than what matters, that of the least
+    effort; where machines have no E, the least effort decides alone.
     """
     solved = [row for row in comparison.rows if row.solved and not row.feedback]
     if not solved:
@@ -30,13 +30,8 @@ def recommended(comparison: Comparison) -> Row | None:
     known = [row for row in solved if np.isfinite(row.E_median_deg)]
     if known:
         best = min(known, key=lambda row: row.E_median_deg)
-        worse = {
-            label
-            for d in comparison.differences
-            if d.significant and d.matters and best.label in (d.first, d.second)
-            for label in (d.first, d.second)
-        } - {best.label}
-        solved = [row for row in known if row.label not in worse]
+        most = best.E_median_deg + comparison.threshold_deg
+        solved = [row for row in known if row.E_median_deg <= most]
     return min(solved, key=lambda row: row.effort if np.isfinite(row.effort) else np.inf)
 
 

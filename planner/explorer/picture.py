@@ -18,6 +18,7 @@ from planner.report.panels import (
     PlanCurves,
     merge,
     screen_data,
+    span,
     time_panel,
     to_screen_digits,
 )
@@ -52,8 +53,8 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
         "label": plan.method,
         "refused": outcome.error is not None,
         "colour": colour_numbers([name])[name],
-        "duration": plan.duration,
-        "t": to_screen_digits(one.t),
+        **span(plan),
+        "t": to_screen_digits(one.t - plan.lead_s),
     }
     return {"plans": [curve], "panels": [screen_data(panel) for panel in panels.values()]}
 
@@ -86,11 +87,12 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
     under_way = np.isfinite(target).all(axis=1)
     error = np.rad2deg(np.abs(run.q - target)[:, under_way][:, :, list(run.angles)]).max(axis=2)
     low, middle, high = np.percentile(error, [5, 50, 95], axis=0)
+    t = run.t[under_way] - run.plan.lead_s
     panel = time_panel(
         "error",
         "error",
         "deg",
-        [{"plan": 0, "y": middle, "name": "median machine", "t": run.t[under_way]}],
+        [{"plan": 0, "y": middle, "name": "median machine", "t": t}],
         band={"low": low, "high": high, "name": "90 % of the machines"},
         note=f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg",
         zero=True,

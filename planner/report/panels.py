@@ -220,7 +220,7 @@ def input_panels(drawn: DrawnPlans) -> list[Panel]:
         )
         panel |= {"limits": [-limit, limit] if np.isfinite(limit) else [], "view": [low, high]}
         panel["notes"] = [
-            {"plan": one.number, "t": float(t[k]), "value": float(u[k])}
+            {"plan": one.number, "t": float(t[k] - one.plan.lead_s), "value": float(u[k])}
             for one, t, u in values
             for k in [int(np.argmax(np.abs(u)))]
             if not low <= u[k] <= high
@@ -389,6 +389,11 @@ def merge(panels: Sequence[Panel]) -> Iterator[Panel]:
         one["id"] = f"{id} {unit}" if id in ids else id
         ids.add(id)
         yield one
+
+
+def span(plan: Plan) -> dict[str, float]:
+    """When a plan begins and ends on a screen's axis of time, whose 0 is where its path starts."""
+    return {"begin": -plan.lead_s, "end": plan.duration - plan.lead_s}
 
 
 # -- for a browser ------------------------------------------------------------------------------

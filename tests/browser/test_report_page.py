@@ -70,7 +70,10 @@ def test_the_page_says_what_was_asked_and_what_came_out(opened: Callable, folder
     page = opened()
     text = page.locator("body").inner_text()
     assert "Which plan moves the arm from θ = (1, 1, 1)° to (30, 30, 30)° in 10 s" in text
-    assert "Only polynomial found a plan that reaches the goal and keeps every limit." in text
+    assert "Take polynomial: the only one that reaches the goal and keeps every limit." in text
+    page.get_by_text("Each plan in a sentence").click()
+    page.get_by_text("What was asked for").click()
+    text = page.locator("body").inner_text()
     assert "refused: input u2 reaches 83 rad/s, allowed 0.6" in text
     assert "5 drawn from “prototype”" in text
     command = page.locator("#command").text_content()
@@ -181,7 +184,7 @@ def test_scrubbing_shows_the_arm_of_that_time(opened: Callable) -> None:
     assert page.locator("#scrub").get_attribute("aria-valuetext") == f"{t:.2f} s"
     plan = quick_comparison()[SOLVED].plan
     assert plan is not None
-    stage = page.locator(".stage").nth(1)
+    stage = page.locator(".stage").nth(0)  # it opens on the plan to take
     assert stage.locator("select").evaluate("(s) => s.selectedOptions[0].text") == SOLVED
     drawn = points_of(stage.locator(".body").get_attribute("d"))
     planned = body_points(plan.problem, plan.q(t))
@@ -205,7 +208,7 @@ def test_plans_and_the_machine_are_shown_as_chosen(opened: Callable) -> None:
     right = page.locator(".stage").nth(1)
     before = right.locator(".ends").first.get_attribute("d"), right.locator("path.curve").first
     trail = before[1].get_attribute("d")
-    right.locator("select").select_option(label="polynomial:travel=middle (refused)")
+    right.locator("select").select_option(label=SOLVED)
     assert right.locator(".ends").first.get_attribute("d") == before[0]
     assert right.locator("path.curve").first.get_attribute("d") != trail
 

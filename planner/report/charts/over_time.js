@@ -6,8 +6,9 @@ class TimeChart extends Chart {
     const { width, right, bottom } = this.size;
     const visible = panel.series.filter((s) => this.shown(s));
     const list = visible.length ? visible : panel.series;
-    const longest = Math.max(...list.map((s) => s.t?.at(-1) ?? page.plans[s.plan].duration));
-    this.x = scale(0, longest, EDGE.left, right);
+    const first = Math.min(...list.map((s) => s.t?.[0] ?? page.plans[s.plan].begin));
+    const last = Math.max(...list.map((s) => s.t?.at(-1) ?? page.plans[s.plan].end));
+    this.x = scale(first, last, EDGE.left, right);
     let span = panel.view;
     if (!span) {
       const ys = list.map((s) => s.y);
@@ -21,7 +22,8 @@ class TimeChart extends Chart {
   }
 
   across() {
-    return "time (s)";
+    const early = this.page.plans.some((plan) => plan.begin < 0);
+    return early ? "time since the plan's start (s)" : "time (s)";
   }
 
   label() {

@@ -33,8 +33,10 @@ class PlaneChart extends Chart {
     return visible.map((s) => ({ ...s, t: this.page.plans[s.plan].t }));
   }
 
-  get duration() {
-    return Math.max(0, ...this.paths().map((s) => s.t.at(-1)));
+  /** When the first path begins and the last one ends. */
+  get span() {
+    const paths = this.paths();
+    return [Math.min(0, ...paths.map((s) => s.t[0])), Math.max(0, ...paths.map((s) => s.t.at(-1)))];
   }
 
   frame() {
@@ -80,7 +82,7 @@ class PlaneChart extends Chart {
   }
 
   first() {
-    return 0;
+    return this.span[0];
   }
 
   /** Time of the place on a path that is nearest. */
@@ -95,13 +97,14 @@ class PlaneChart extends Chart {
   }
 
   key(event) {
-    const step = ((event.shiftKey ? 5 : 1) * this.duration) / 100;
-    const now = this.reading ?? 0;
+    const [first, last] = this.span;
+    const step = ((event.shiftKey ? 5 : 1) * (last - first)) / 100;
+    const now = this.reading ?? first;
     switch (event.key) {
-      case "ArrowRight": case "ArrowUp": return Math.min(now + step, this.duration);
-      case "ArrowLeft": case "ArrowDown": return Math.max(now - step, 0);
-      case "Home": return 0;
-      case "End": return this.duration;
+      case "ArrowRight": case "ArrowUp": return Math.min(now + step, last);
+      case "ArrowLeft": case "ArrowDown": return Math.max(now - step, first);
+      case "Home": return first;
+      case "End": return last;
       case "Escape": return null;
     }
     return undefined;
@@ -109,7 +112,7 @@ class PlaneChart extends Chart {
 
   /** Where each path is at a time: [series, x, y]; those that are nowhere are missing. */
   where(t) {
-    const found = this.paths().map((s) => [s, ...[s.x, s.y].map((values) => at(s.t, values, Math.min(t, s.t.at(-1))))]);
+    const found = this.paths().map((s) => [s, ...[s.x, s.y].map((values) => at(s.t, values, Math.max(s.t[0], Math.min(t, s.t.at(-1)))))]);
     return found.filter(([, x, y]) => x !== null && y !== null);
   }
 

@@ -7,6 +7,7 @@
   const live = document.getElementById("live");
   const page = {
     plans: data.plans,
+    opening: data.opening,
     length: data.length,
     space: data.space,
     shown: data.plans.map(() => true),

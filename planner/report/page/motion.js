@@ -25,7 +25,7 @@ class Stage {
     });
     this.svg = make("svg", { role: "img" }, this.host);
     this.readout = make("p", { class: "readout" }, this.host);
-    this.t = 0;
+    this.t = plans[chosen].begin;
   }
 
   render() {
@@ -99,7 +99,8 @@ class Player {
     const plans = page.plans.filter((plan) => plan.motion);
     if (!plans.length) return;
     section.hidden = false;
-    Object.assign(this, { page, t: 0, playing: false, longest: Math.max(...plans.map((p) => p.duration)) });
+    const [begin, end] = [Math.min(...plans.map((p) => p.begin)), Math.max(...plans.map((p) => p.end))];
+    Object.assign(this, { page, t: begin, playing: false, begin, end });
     const bounds = this.bounds(plans);
     const [w, h] = [0, 1].map((i) => bounds.high[i] - bounds.low[i]);
     const host = section.querySelector(".stages");
@@ -111,8 +112,9 @@ class Player {
     this.scrub = section.querySelector("#scrub");
     this.clock = section.querySelector("#clock");
     this.speed = section.querySelector("#speed");
-    this.scrub.max = this.longest;
-    this.scrub.step = this.longest / 200;
+    this.scrub.min = begin;
+    this.scrub.max = end;
+    this.scrub.step = (end - begin) / 200;
     this.button.addEventListener("click", () => this.toggle());
     this.scrub.addEventListener("input", () => {
       this.stop();
@@ -139,7 +141,7 @@ class Player {
   }
 
   set(t) {
-    this.t = Math.min(this.longest, Math.max(0, t));
+    this.t = Math.min(this.end, Math.max(this.begin, t));
     for (const stage of this.stages) stage.move(this.t);
     this.scrub.value = this.t;
     const text = `${this.t.toFixed(2)} s`;
@@ -159,7 +161,7 @@ class Player {
   }
 
   start() {
-    if (this.t >= this.longest) this.set(0);
+    if (this.t >= this.end) this.set(this.begin);
     this.playing = true;
     this.show("Pause");
     let last = performance.now();
@@ -171,7 +173,7 @@ class Player {
         this.set(this.t + ((now - last) / 1000) * Number(this.speed.value));
         last = now;
       }
-      if (this.t >= this.longest) this.stop();
+      if (this.t >= this.end) this.stop();
       else requestAnimationFrame(step);
     };
     requestAnimationFrame(step);

@@ -11,7 +11,6 @@ from planner.comparison.comparison import Comparison
 from planner.comparison.headline import recommended
 from planner.plan.measures import effort_unit
 from planner.plan.plan import Plan
-from planner.problem.problem import Problem
 from planner.report.figures.arm import body_points, can_draw, tips_to_pass
 from planner.report.figures.on_the_machine import error_range, needs_log_axis
 from planner.report.figures.style import (
@@ -30,6 +29,7 @@ from planner.report.panels import (
     PlanCurves,
     screen_data,
     shown_coordinates,
+    span,
     to_screen_digits,
 )
 from planner.support.arrays import Array, jsonable
@@ -82,26 +82,27 @@ def _plan(drawn: Curve, replay: Mapping[str, Any] | None) -> dict[str, Any]:
     out = {
         "label": drawn.label,
         "refused": drawn.refused,
-        "duration": plan.duration,
-        "t": to_screen_digits(_times(plan)),
+        **span(plan),
+        "t": to_screen_digits(_times(plan) - plan.lead_s),
     }
     if plan.executable and can_draw(plan.problem.system):
         even = np.linspace(0, plan.duration, MOTION_PICTURES)
-        out["motion"] = _motion(plan.problem, even, plan.q(even))
+        out["motion"] = _motion(plan, even, plan.q(even))
         path = body_points(plan.problem, plan.q(_times(plan)))[:, -1]
         out["path"] = to_screen_digits(path)
         if replay is not None:
             run = replay["median"]
-            out["machine"] = _motion(plan.problem, np.array(run["t"]), np.array(run["q"]))
+            out["machine"] = _motion(plan, np.array(run["t"]), np.array(run["q"]))
     return out
 
 
-def _motion(problem: Problem, t: Array, q: Array) -> dict[str, Any]:
-    """Points of the body, and each angle in words' units, over time."""
+def _motion(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
+    """Points of the body, and each angle in words' units, over time since the plan's start."""
+    problem = plan.problem
     shown, w = shown_coordinates(problem.system), problem.system.user(q)
     values = np.column_stack([to_display(w[:, i], c.unit) for i, c in shown])
     return {
-        "t": to_screen_digits(t),
+        "t": to_screen_digits(t - plan.lead_s),
         "points": np.round(body_points(problem, q), 4),
         "values": np.round(values, 3),
         "names": [readable_name(c.name) for _, c in shown],

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.comparison.headline import headline
+from planner.comparison.headline import headline, recommended
 from planner.comparison.rows import FEEDBACK_NOTE, Row, columns, intervals, verdict
 from planner.errors import InputError
 from planner.machine.machine import Machine
@@ -106,7 +106,12 @@ class Comparison:
     @property
     def headline(self) -> str:
         """Which plan to take, because of what, and at what price, in a few sentences."""
-        return headline(self)
+        return headline(self.rows, self.threshold_deg)
+
+    @property
+    def recommended(self) -> Row | None:
+        """The row of the plan to take without sensors; None where no method has one."""
+        return recommended(self.rows, self.threshold_deg)
 
     @property
     def advice(self) -> Mapping[str, str]:
@@ -329,8 +334,10 @@ def _caption(comparison: Comparison) -> str:
         + (FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "")
         + "".join(f" {row.label}: {row.note}." for row in comparison.rows if row.note)
         + "".join(
-            f" {row.label}: {row.replay.slip_words}."
+            f" {row.label}: {words}."
             for row in comparison.rows
-            if row.replay is not None and row.replay.slip_words
+            if row.replay is not None
+            for words in (row.replay.slip_words, row.replay.limit_words)
+            if words
         )
     )

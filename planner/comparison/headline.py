@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,52 +11,52 @@ from planner.methods.spec import COMPENSATED
 from planner.plan.measures import effort_unit
 from planner.support.tables import number
 
-if TYPE_CHECKING:
-    from planner.comparison.comparison import Comparison
-
 LEAST_SHARE = 1.05
 """A price that is higher by less than this is not worth a word."""
 
 
-def recommended(comparison: Comparison) -> Row | None:
+def recommended(rows: Sequence[Row], threshold_deg: float) -> Row | None:
     """The plan to take without sensors; None where no method has one.
 
     Of the plans whose median E is above the least by no more than what matters, that of the least
     effort; where machines have no E, the least effort decides alone.
+
+    Args:
+        rows: Of a comparison.
+        threshold_deg: A difference of E that does not matter, degrees.
     """
-    solved = [row for row in comparison.rows if row.solved and not row.feedback]
+    solved = [row for row in rows if row.solved and not row.feedback]
     if not solved:
         return None
     known = [row for row in solved if np.isfinite(row.E_median_deg)]
     if known:
         best = min(known, key=lambda row: row.E_median_deg)
-        most = best.E_median_deg + comparison.threshold_deg
+        most = best.E_median_deg + threshold_deg
         solved = [row for row in known if row.E_median_deg <= most]
     return min(solved, key=lambda row: row.effort if np.isfinite(row.effort) else np.inf)
 
 
-def headline(comparison: Comparison) -> str:
+def headline(rows: Sequence[Row], threshold_deg: float) -> str:
     """Which plan to take, because of what, at what price; plain text."""
-    row = recommended(comparison)
+    row = recommended(rows, threshold_deg)
     if row is None:
         return "None of the methods found a plan that keeps every limit."
-    rows = [each for each in comparison.rows if not each.feedback]
-    solved = [each for each in rows if each.solved]
+    solved = [each for each in rows if each.solved and not each.feedback]
     if len(solved) == 1:
         reason = "the only one that reaches the goal and keeps every limit."
-        return f"Take {row.label}: {reason}{_follow_up(comparison, row)}"
-    other = _rival(comparison, row, solved)
+        return f"Take {row.label}: {reason}{_follow_up(rows, row)}"
+    other = _rival(row, solved)
     if not np.isfinite(row.E_median_deg):
         return f"Take {row.label}: of {len(solved)} verified plans it has the least effort."
     reason = f"E {_degrees(row.E_median_deg)} in the median instead of"
     reason += f" {_degrees(other.E_median_deg)} ({other.label}),"
     reason += " but" if row.end_median_deg > other.end_median_deg else ""
     reason += f" {_degrees(row.end_median_deg)} instead of {_degrees(other.end_median_deg)} at the"
-    price = _price(comparison, row, other)
-    return f"Take {row.label}: {reason} end.{price}{_follow_up(comparison, row)}"
+    price = _price(row, other)
+    return f"Take {row.label}: {reason} end.{price}{_follow_up(rows, row)}"
 
 
-def _rival(comparison: Comparison, row: Row, solved: list[Row]) -> Row:
+def _rival(row: Row, solved: list[Row]) -> Row:
     """What the plan is set beside: itself uncompensated, else the least error of the others."""
     plain = row.label.replace(f" {COMPENSATED}", "", 1)
     for each in solved:
@@ -66,9 +66,10 @@ def _rival(comparison: Comparison, row: Row, solved: list[Row]) -> Row:
     return min(others, key=lambda each: np.nan_to_num(each.E_median_deg, nan=np.inf))
 
 
-def _price(comparison: Comparison, row: Row, other: Row) -> str:
+def _price(row: Row, other: Row) -> str:
     """What it takes more of than the other plan, as a sentence."""
-    unit = effort_unit(comparison.problem.system)
+    assert row.plan is not None
+    unit = effort_unit(row.plan.problem.system)
     prices = [
         f"{number(mine)} {unit} instead of {number(theirs)}"
         for mine, theirs, unit in (
@@ -80,9 +81,9 @@ def _price(comparison: Comparison, row: Row, other: Row) -> str:
     return f" The price: {' and '.join(prices)}." if prices else ""
 
 
-def _follow_up(comparison: Comparison, row: Row) -> str:
+def _follow_up(rows: Sequence[Row], row: Row) -> str:
     """What feedback makes of it, if that was asked."""
-    closed = [each for each in comparison.rows if each.label == row.label + FEEDBACK]
+    closed = [each for each in rows if each.label == row.label + FEEDBACK]
     if not closed or not np.isfinite(closed[0].E_median_deg):
         return ""
     return f" With feedback E is {_degrees(closed[0].E_median_deg)}."

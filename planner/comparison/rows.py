@@ -13,7 +13,7 @@ from planner.machine.replay import Replay
 from planner.plan.plan import Plan
 from planner.support.arrays import jsonable
 from planner.support.statistics import percentile_interval
-from planner.support.tables import Column, digits
+from planner.support.tables import Column, digits, number
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.summary import Heading, PlanFigures, figure, figures
 from planner.verification.verify import Check
@@ -56,6 +56,7 @@ class Row(PlanFigures):
         E_p95_deg: Its 95th percentile.
         end_median_deg: Median over machines of the largest error of an angle at the end.
         end_p95_deg: Its 95th percentile.
+        beyond_limits: Percent of the machines that break a limit of joints, obstacles or links.
         E_median_interval_deg: 95 % confidence interval of the median; see `percentile_interval`.
         E_p95_interval_deg: That of the 95th percentile; NaN where there are too few machines.
         took_s: Seconds for planning, verification and proofs; for a refusal including the changes
@@ -83,6 +84,12 @@ class Row(PlanFigures):
     )
     end_p95_deg: float = figure(
         Heading("end 95 %", "deg"), replay=lambda run: float(np.percentile(run.terminal_E_deg, 95))
+    )
+    beyond_limits: float = figure(
+        Heading("beyond limits", "%"),
+        replay=lambda run: 100 * run.limit_share,
+        files=True,
+        sweep=False,
     )
     E_median_interval_deg: tuple[float, float] = _interval("median", 50)
     E_p95_interval_deg: tuple[float, float] = _interval("p95", 95)
@@ -132,7 +139,10 @@ class Row(PlanFigures):
     def remark(self) -> str:
         """Why the plan is refused; for a verified plan a remark, if there is one."""
         leaves = "leaves the chart (allowed)" if self.solved and self.domain_ok is False else ""
-        return "; ".join(filter(None, [self.why, leaves]))
+        beyond = ""
+        if self.solved and self.beyond_limits > 0:
+            beyond = f"{number(self.beyond_limits)} % of machines break a limit"
+        return "; ".join(filter(None, [self.why, leaves, beyond]))
 
     @property
     def status(self) -> str | None:

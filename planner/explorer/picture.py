@@ -94,7 +94,8 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
         "deg",
         [{"plan": 0, "y": middle, "name": "median machine", "t": t}],
         band={"low": low, "high": high, "name": "90 % of the machines"},
-        note=f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg",
+        note=f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg"
+        + "".join(f"; {words}" for words in (run.slip_words, run.limit_words) if words),
         zero=True,
     )
     return screen_data(panel)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, encoder_readings
 from planner.machine.friction.contacts import contact_name
+from planner.machine.limits import MachineLimit, least_margins, limit_words, machine_limits
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
 from planner.machine.simulate import Progress, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
@@ -52,6 +53,9 @@ class Replay:
         slip_begin: When that began, shape (S,), s; NaN where there was none.
         slip_contact: Which contact it was, shape (S,), in the order P1, P2, P3 at joint 1, at joint
             2 and so on, from 0; −1 where there was none.
+        margin: Least distance from each part of the limits that machines are judged by, negative
+            beyond, shape (S, P), in the parts' units; see `limits`. NaN with `record_s=None`.
+        margin_s: When that was, shape (S, P), s.
         terminal_error: True end minus planned end, shape (S, N), in the coordinates' units.
         deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1).
             For a compensated plan both errors refer to the original plan, from its start on.
@@ -72,6 +76,8 @@ class Replay:
     slip_s: Array
     slip_begin: Array
     slip_contact: NDArray[np.int64]
+    margin: Array
+    margin_s: Array
     terminal_error: Array
     deviation: Array
     effort: Array | None
@@ -84,7 +90,7 @@ class Replay:
         return (
             f"Replay({self.plan.method} plan, {count} sample{'s' if count > 1 else ''},"
             f" seed {self.seed}: E median {low:.3g} deg, 95 % {high:.3g} deg"
-            f"{'; ' if self.slip_words else ''}{self.slip_words})"
+            f"{''.join(f'; {words}' for words in (self.slip_words, self.limit_words) if words)})"
         )
 
     @property
@@ -100,6 +106,32 @@ class Replay:
             f" {self.slip_begin[first]:.3g} s: what is behind it stands still for"
             f" {self.slip_s[slips].max():.2g} s at most"
         )
+
+    @cached_property
+    def limits(self) -> tuple[MachineLimit, ...]:
+        """What the machines make of joint limits, obstacles and the links' clearance.
+
+        They are judged at the recorded times; empty with `record_s=None`.
+        """
+        times = self.t[self.t <= self.plan.duration]
+        planned, _ = least_margins(self.plan.problem, self.plan.q(times)[None])
+        return machine_limits(
+            self.plan.problem, planned[0], self.margin, self.margin_s, self.numbers
+        )
+
+    @property
+    def limit_share(self) -> float:
+        """Share of the machines that break any of these limits; NaN where none was judged."""
+        return float(np.mean(self._beyond)) if self.limits else np.nan
+
+    @property
+    def limit_words(self) -> str:
+        """Which limits the machines break, and what would help; "" where none does."""
+        return limit_words(self.limits, int(np.sum(self._beyond)))
+
+    @property
+    def _beyond(self) -> NDArray[np.bool_]:
+        return np.asarray(np.any(self.margin < 0, axis=1))
 
     def percentile(self, percent: float) -> float:
         """Percentile (0 … 100) of E over the samples, degrees; 50 is the median."""
@@ -195,6 +227,8 @@ class Replay:
             "slip_machines": int(np.sum(self.slip_contact >= 0)),
             "slip_s": float(self.slip_s.max()),
             "slip": self.slip_words,
+            "limit_share": self.limit_share,
+            "limits": self.limit_words,
             "fallbacks": int(self.fallbacks.sum()),
         }
 
@@ -271,6 +305,8 @@ def replay(
         slip_s=recording.slip_s,
         slip_begin=recording.slip_begin,
         slip_contact=recording.slip_contact,
+        margin=recording.margin,
+        margin_s=recording.margin_s,
         terminal_error=recording.end - plan.wanted(plan.duration),
         deviation=recording.deviation,
         effort=recording.effort,

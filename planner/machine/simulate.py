@@ -17,6 +17,7 @@ from planner.machine.closed_loop import Feedback, FeedbackCommand, encoder_readi
 from planner.machine.commands import Command, CommandGrid, CommandVariants, merge_times
 from planner.machine.compiled import MOST_PASSIVE, CompiledMotion, library
 from planner.machine.friction.contact_load import refuse_sliding
+from planner.machine.limits import least_margins
 from planner.machine.machine import Draws, Machine, draw
 from planner.machine.stepwise import MachineMotion, StepwiseMotion
 from planner.plan.log import RECORDED
@@ -33,6 +34,9 @@ PROGRESS_PARTS = 1000
 
 MOST_BYTES = 2_000_000_000
 """Of motions, all recorded at a time: half of the memory of the smallest computers in use."""
+
+FEWEST_TIMES = 3
+"""Start, end and rest, which are always recorded, say nothing of limits on the way."""
 
 Progress = Callable[[int, int], None]
 Tell = Callable[[float], None]
@@ -56,6 +60,9 @@ class Recording:
         slip_begin: When that began, (S,), s; NaN where there was none.
         slip_contact: Which contact it was, (S,); see `contacts.contact_name`; −1
             where there was none.
+        margin: Least distance from each limit at the recorded times, negative beyond, (S, P); NaN
+            where no times were recorded; see `machine.limits`.
+        margin_s: When that was, (S, P), s.
         effort: ∫ u₁² + u₂² dt of the controller's commands, (S,); None in open loop.
         fallbacks: Number of control steps in which the controller used a fallback command, (S,).
     """
@@ -70,6 +77,8 @@ class Recording:
     slip_s: Array
     slip_begin: Array
     slip_contact: NDArray[np.int64]
+    margin: Array
+    margin_s: Array
     effort: Array | None
     fallbacks: NDArray[np.int64]
 
@@ -94,8 +103,8 @@ class Recording:
 
 _MOTION_FIELDS = ("q", "speed")
 _SAMPLE_FIELDS = (
-    "end", "peak", "deviation", "saturated_s", "slip_s", "slip_begin", "slip_contact", "effort",
-    "fallbacks",
+    "end", "peak", "deviation", "saturated_s", "slip_s", "slip_begin", "slip_contact", "margin",
+    "margin_s", "effort", "fallbacks",
 )  # fmt: skip
 
 
@@ -237,7 +246,7 @@ def _simulate_open_loop(
     block_draws = draws.part(chosen)
     motion = _motion(plan, machine, block_draws, command.part(chosen), times)
     _advance(motion, len(command.t) - 1, len(command.t) - 1, tell)
-    return _recording(block_draws, times, motion, command.t)
+    return _recording(plan, block_draws, times, motion, command.t)
 
 
 def _simulate_closed_loop(
@@ -261,7 +270,7 @@ def _simulate_closed_loop(
         read = encoder_readings(plan.problem.system, block_draws, motion.coordinates)
         fed.set_command(i, controller(float(fed.readings[i]), read))
     _advance(motion, steps, steps, tell)
-    out = _recording(block_draws, times, motion, fed.t)
+    out = _recording(plan, block_draws, times, motion, fed.t)
     return replace(out, effort=fed.effort, fallbacks=controller.fallbacks)
 
 
@@ -295,9 +304,14 @@ def _tell(progress: Progress, before: int, runs: int, share: float) -> None:
     progress(int(PROGRESS_PARTS * (before + share)), PROGRESS_PARTS * runs)
 
 
-def _recording(draws: Draws, times: Array, motion: MachineMotion, grid: Array) -> Recording:
+def _recording(
+    plan: Plan, draws: Draws, times: Array, motion: MachineMotion, grid: Array
+) -> Recording:
     none = np.zeros(draws.count, dtype=np.int64)
     slip_s, step, contact = motion.slip.T.copy()
+    margin, place = least_margins(plan.problem, motion.q)
+    if len(times) <= FEWEST_TIMES:
+        margin[:] = np.nan
     return Recording(
         t=times,
         q=motion.q,
@@ -310,6 +324,8 @@ def _recording(draws: Draws, times: Array, motion: MachineMotion, grid: Array) -
         slip_s=slip_s,
         slip_begin=np.where(step < 0, np.nan, grid[step.astype(np.int64)]),
         slip_contact=contact.astype(np.int64),
+        margin=margin,
+        margin_s=times[place],
         effort=None,
         fallbacks=none,
     )

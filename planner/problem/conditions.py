@@ -99,7 +99,10 @@ def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle
     """The obstacles of a problem file."""
     links = len(getattr(system, "link_lengths", ()))
     discs = enumerate(tables.discs(), 1)
-    return [Obstacle(k, links, d.centre_m[0], d.centre_m[1], d.radius_m) for k, d in discs]
+    return [
+        Obstacle(k, links, d.centre_m[0], d.centre_m[1], d.radius_m, d.clearance_m)
+        for k, d in discs
+    ]
 
 
 SMALL_UNITS = {100.0: "centimetres", 1000.0: "millimetres"}
@@ -146,9 +149,12 @@ def tip_of(
             f" {least:.4g} m away"
         )
     for disc in discs:
-        if (inside := disc.radius - float(np.hypot(*(tip.place - disc.centre)))) > 0:
+        apart = disc.radius + disc.clearance
+        if (inside := apart - float(np.hypot(*(tip.place - disc.centre)))) > 0:
+            around = " and its clearance" if disc.clearance else ""
             raise InputError(
-                f"{where} lies {inside:.3g} m inside obstacle {disc.number}; move one of them"
+                f"{where} lies {inside:.3g} m inside obstacle {disc.number}{around};"
+                " move one of them"
             )
     return tip
 

@@ -306,7 +306,9 @@ def _(most: LongestDuration, evidence: Evidence) -> Iterable[Proof]:
 @prove.register
 def _(disc: Obstacle, evidence: Evidence) -> Iterable[Proof]:
     centre = [Ball.constant(x) for x in disc.centre]
-    return _clearance_claims(evidence, centre, list(range(disc.links)), disc.parts, disc.radius)
+    return _clearance_claims(
+        evidence, centre, list(range(disc.links)), disc.parts, disc.radius + disc.clearance
+    )
 
 
 @prove.register

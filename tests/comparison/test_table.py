@@ -58,7 +58,7 @@ def test_markdown_has_a_line_a_method_and_the_command() -> None:
     table = [line for line in text.splitlines() if line.startswith("|")]
     assert len(table) == 2 + 3
     cells = {len(line.replace("\\|", "").split("|")) for line in table}
-    assert cells == {18}
+    assert cells == {19}
     assert "5 machines (prototype), seed 1" in text
     assert "planner compare" in text
 
@@ -89,7 +89,7 @@ def test_a_column_is_added_in_one_place(monkeypatch: pytest.MonkeyPatch) -> None
     assert len(heads) == 3
     shown = number(value)
     assert next(x for x in lines if x.startswith("polynomial ")).rstrip().endswith(shown)
-    assert "| mean speed (rad/s) | E 50 % from (deg) |" in found.markdown()
+    assert "| mean speed (rad/s) | beyond limits (%) |" in found.markdown()
     assert f" | {shown} | " in found.markdown()
     cells = next(r for r in csv.DictReader(io.StringIO(csv_text(found))) if r["label"] == row.label)
     assert float(cells["mean_speed_rad_s"]) == value

@@ -263,6 +263,30 @@ def test_a_disc_out_of_reach_is_settled_and_one_in_reach_is_named_by_link() -> N
     assert Obstacle.easing(both) == "leave out [[obstacles]] 1 and 2"
 
 
+def test_a_clearance_is_kept_beyond_the_disc() -> None:
+    """Rows are exact where a link is as far away as it may be, and its distances stay true."""
+    arm = planner.Manipulator([0.9, 0.7], 1.0, [1.0, 1.0, 0.5])
+    disc = Obstacle(1, 3, 0.5, 0.75, 0.5, 0.25)
+    q = np.zeros((4, 1))
+    assert [part.low for part in disc.parts] == [0.25] * 3
+    assert disc.values(MotionPoint(arm, q))[0] == pytest.approx(0.25)
+    assert float(disc.rows(MotionPoint(arm, ca.DM(q)))[0]) == pytest.approx(0.25)
+    q[1] = 1e-4  # the link turns towards it: both change alike
+    values = disc.values(MotionPoint(arm, q))[0], float(disc.rows(MotionPoint(arm, ca.DM(q)))[0])
+    assert values[0] == pytest.approx(0.25 - 0.5e-4, abs=1e-8)
+    assert values[1] == pytest.approx(values[0], abs=1e-8)
+    assert disc.fault(arm) is None
+    far = Obstacle(1, 3, 3.0, 4.0, 1.0, 1.4)
+    assert far.values_out_of_reach(arm) == pytest.approx([1.5] * 3)
+    assert replace(far, clearance=1.6).values_out_of_reach(arm) is None
+    near = _broken(disc, 0.1, 1)
+    said = disc.contradiction_text("goal", replace(near[2], limit=0.25))
+    assert (
+        said == "at the goal link 2 is 0.1 m from obstacle 1, clearance_m = 0.25; move one of them"
+    )
+    assert Obstacle.easing([near]) == "obstacles.clearance_m = 0.0999 or less"
+
+
 @pytest.mark.parametrize("kind", [Obstacle(1, 3, 1.0, 1.0, 0.2), Z2Margin(0.1, 1)])
 def test_what_is_asked_does_not_change(kind: Any) -> None:
     """They are keys of what is kept from one problem to the next."""

@@ -75,6 +75,7 @@ class Obstacle(Requirement):
         x: Of the centre, metres.
         y: Of the centre, metres.
         radius: Metres.
+        clearance: Least distance of the links from the disc, metres.
     """
 
     number: int
@@ -82,9 +83,10 @@ class Obstacle(Requirement):
     x: float
     y: float
     radius: float
+    clearance: float = 0.0
 
     reads = frozenset({"q"})
-    numbers = ("x", "y", "radius")
+    numbers = ("x", "y", "radius", "clearance")
     divides, smooth = True, False
 
     @property
@@ -92,14 +94,17 @@ class Obstacle(Requirement):
         """One part per link."""
         words = f"from obstacle {self.number}"
         return tuple(
-            Part(f"clearance of link {link} {words}", "m", 0.0, np.inf, self.radius)
+            Part(f"clearance of link {link} {words}", "m", self.clearance, np.inf, self.radius)
             for link in range(1, 1 + self.links)
         )
 
     @classmethod
     def easing(cls, broken: Sequence[Breach]) -> str:
-        """Without them."""
-        return _omission("obstacles", broken)
+        """A smaller clearance, or without those that links touch."""
+        touched = [breach for breach in broken if breach[2].value <= 0]
+        if touched:
+            return _omission("obstacles", touched)
+        return f"obstacles.clearance_m = {0.999 * min(v.value for *_, v in broken):.4g} or less"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """Without any."""
@@ -109,12 +114,13 @@ class Obstacle(Requirement):
         """The distance of each link from the disc, to first order near contact.
 
         With a link from P in direction e, length l, and the centre C, the nearest point is at
-        t = clip((C − P)·e, 0, l), and the squared distance |P − C|² + 2t (P − C)·e + t². What is
-        returned, (distance² − radius²)/(2 radius), is smooth where the distance is zero and has
-        the distance's own slope at contact.
+        t = clip((C − P)·e, 0, l), and the squared distance |P − C|² + 2t (P − C)·e + t². With R
+        the radius and the clearance together, (distance² − R²)/(2R) is smooth where the distance
+        is zero and has the distance's own slope where it is R; the clearance is added.
         """
         system: Any = point.system
         offset: list[Any] = [-self.x, -self.y]
+        apart = self.radius + self.clearance
         heading: Any = 0.0
         out = []
         for i, length in enumerate(system.link_lengths, 1):
@@ -123,7 +129,7 @@ class Obstacle(Requirement):
             along = offset[0] * c + offset[1] * s
             t = ca.fmin(ca.fmax(-along, 0.0), length)
             square = offset[0] ** 2 + offset[1] ** 2 + 2 * t * along + t**2
-            out.append((square - self.radius**2) / (2 * self.radius))
+            out.append((square - apart**2) / (2 * apart) + self.clearance)
             offset = [offset[0] + length * c, offset[1] + length * s]
         return out
 
@@ -135,6 +141,9 @@ class Obstacle(Requirement):
     def contradiction_text(self, name: str, v: Violation) -> str:
         """The words of a contradiction."""
         link = next(k for k, part in enumerate(self.parts, 1) if part.label == v.label)
+        if v.value > 0:
+            near = f"is {v.value:.3g} m from obstacle {self.number}"
+            return f"at the {name} link {link} {near}, clearance_m = {v.limit:g}; move one of them"
         into = f"{-v.value:.3g} m into obstacle {self.number}"
         return f"at the {name} link {link} reaches {into}; move one of them"
 
@@ -142,7 +151,8 @@ class Obstacle(Requirement):
         """Of a disc that no link can touch, the clearance of the stretched arm."""
         reach = float(np.sum(system.link_lengths))  # type: ignore[attr-defined]
         near = float(np.hypot(self.x, self.y)) - self.radius
-        return [near - reach] * self.links if near > reach * (1 + 1e-9) else None
+        free = near - self.clearance > reach * (1 + 1e-9)
+        return [near - reach] * self.links if free else None
 
     @property
     def centre(self) -> Array:

@@ -165,6 +165,7 @@ class ArmFile(ProblemFile):
 #   [[obstacles]]
 #   centre_m = [1.0, 2.0]        # in the unit of link_lengths
 #   radius_m = 0.3
+#   clearance_m = 0.02           # for the machine strays from the plan; 0 left out
 """
 
     start: JointStart

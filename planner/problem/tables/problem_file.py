@@ -213,6 +213,11 @@ class ObstacleTable(Table):
         description="Its centre [x, y] in metres (in the unit of system.link_lengths, 1 each)."
     )
     radius_m: Positive = Field(description="Its radius in metres.")
+    clearance_m: Annotated[float, Field(ge=0)] = Field(
+        0.0,
+        description="Least distance in metres that links keep from it: half their width, and what"
+        " the machine's error sweeps.",
+    )
 
 
 Free = Literal["free"]

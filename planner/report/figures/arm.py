@@ -101,7 +101,10 @@ def draw_places(ax: Any, problem: Problem) -> None:
     from matplotlib.patches import Circle
 
     for disc in problem.obstacles:
-        ax.add_patch(Circle(tuple(disc.centre), disc.radius, color="0.55", alpha=0.6, zorder=1))
+        centre, apart = tuple(disc.centre), disc.radius + disc.clearance
+        ax.add_patch(Circle(centre, disc.radius, color="0.55", alpha=0.6, zorder=1))
+        if disc.clearance:
+            ax.add_patch(Circle(centre, apart, fill=False, color="0.55", linestyle=":", zorder=1))
         ax.annotate(f"obstacle {disc.number}", disc.centre, fontsize=8, ha="center", va="center")
     for point in problem.waypoints:
         points = _pose_to_pass(problem, point)

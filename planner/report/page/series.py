@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.headline import recommended
 from planner.plan.measures import effort_unit
 from planner.plan.plan import Plan
 from planner.report.figures.arm import body_points, can_draw, tips_to_pass
@@ -71,7 +70,7 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
 
 def _opening(comparison: Comparison) -> list[str]:
     """Labels of plans that the motion opens on, the most wanted first."""
-    take = recommended(comparison)
+    take = comparison.recommended
     wanted = [] if take is None else [take.label]
     wanted += ["collocation", *(row.label for row in comparison.rows if row.solved)]
     return list(dict.fromkeys([*wanted, *(row.label for row in comparison.rows)]))

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.headline import recommended
 from planner.comparison.rows import Row
 from planner.plan.measures import effort_unit
 from planner.problem.problem import Problem
@@ -49,7 +48,7 @@ def verdict_html(comparison: Comparison) -> str:
     rows = [row for row in comparison.rows if not row.feedback]
     solved = sum(row.solved for row in rows)
     text = html.escape(comparison.headline.replace(" deg", "°"))
-    if take := recommended(comparison):
+    if take := comparison.recommended:
         name = html.escape(take.label)
         text = text.replace(name, f"<b>{name}</b>", 1)
         text += f" {solved} of {len(rows)} plans reach the goal and keep every limit."

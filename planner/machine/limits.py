@@ -1,0 +1,202 @@
+"""What machines break of the limits that the plan keeps: joint limits, obstacles, other links.
+
+A plan may pass a post by nothing and be verified; every machine that strays then hits it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import repeat
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.problem.requirements.limits import JointLimit, Z2Margin
+from planner.problem.requirements.places import Obstacle
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
+from planner.problem.requirements.self_collision import SelfCollision
+from planner.support.arrays import Array
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from planner.problem.problem import Problem
+
+BLOCK_STATES = 20_000
+"""States that are judged at once: their distances stay in the cache."""
+
+KEPT_PERCENT = 95.0
+"""Of the machines, for which the advised clearance is enough."""
+
+
+@dataclass(frozen=True)
+class MachineLimit:
+    """One limit on S machines.
+
+    Attributes:
+        requirement: What it belongs to.
+        part: Its label, unit, least and largest value.
+        broken: Number of machines that break it.
+        samples: Number of machines S.
+        worst: The value that is furthest beyond it, or nearest to it, in the part's unit.
+        sample: On which machine that is.
+        t_s: When, s.
+        sweep: By how much the machine comes nearer to it than the plan, for 95 % of them at most,
+            in the part's unit.
+    """
+
+    requirement: Requirement
+    part: Part
+    broken: int
+    samples: int
+    worst: float
+    sample: int
+    t_s: float
+    sweep: float
+
+    def __str__(self) -> str:
+        angle = self.part.unit == "rad"
+        value = (
+            f"{np.rad2deg(self.worst):.3g} deg" if angle else f"{self.worst:.3g} {self.part.unit}"
+        )
+        return (
+            f"{self.part.label} {value} at worst (at {self.t_s:.3g} s on machine {self.sample}),"
+            f" broken by {self.broken}"
+        )
+
+
+def watched(problem: Problem) -> list[Requirement]:
+    """The limits that a machine may break; z₂ is a quantity of the methods, not of the arm."""
+    return [
+        required
+        for required in problem.requirements
+        if required.reads == {"q"} and not required.final and not isinstance(required, Z2Margin)
+    ]
+
+
+def bounds(required: Requirement) -> tuple[Array, Array]:
+    """Least and largest values for a machine, (R,) each.
+
+    A clearance is there for machines to stray in: one that uses it up without touching breaks
+    nothing.
+    """
+    low, high, _ = required.bounds
+    return low - getattr(required, "clearance", 0.0), high
+
+
+def parts_of(problem: Problem) -> Iterator[tuple[Requirement, Part, float, float]]:
+    """The same by their parts, P of them, with the least and the largest value for a machine."""
+    for required in watched(problem):
+        yield from zip(repeat(required), required.parts, *bounds(required), strict=False)
+
+
+def least_margins(problem: Problem, q: Array) -> tuple[Array, NDArray[np.int64]]:
+    """How near S motions come to each limit.
+
+    Args:
+        problem: Its limits.
+        q: Coordinates, (S, R, N).
+
+    Returns:
+        The least distance from the limits, negative beyond, (S, P), in the parts' units; at which
+        of the R places, (S, P).
+    """
+    required = watched(problem)
+    count = sum(len(each.parts) for each in required)
+    margins = np.empty((len(q), count))
+    places = np.zeros((len(q), count), dtype=np.int64)
+    block = max(1, BLOCK_STATES // max(1, q.shape[1]))
+    for first in range(0, len(q) if count else 0, block):
+        point = MotionPoint.of(problem.system, q[first : first + block])
+        k = 0
+        for each in required:
+            low, high = bounds(each)
+            for value, least, most in zip(each.values(point), low, high, strict=True):
+                margin = np.minimum(value - least, most - value)
+                at = np.argmin(margin, axis=1)
+                places[first : first + block, k] = at
+                margins[first : first + block, k] = np.take_along_axis(margin, at[:, None], 1)[:, 0]
+                k += 1
+    return margins, places
+
+
+def machine_limits(
+    problem: Problem, planned: Array, margins: Array, times: Array, numbers: NDArray[np.int64]
+) -> tuple[MachineLimit, ...]:
+    """What S machines make of each limit.
+
+    Args:
+        problem: Its limits, P parts.
+        planned: The plan's own least distance from each, (P,).
+        margins: Those of the machines, (S, P), NaN where they were not measured.
+        times: When they have it, (S, P), s.
+        numbers: The machines' numbers, (S,).
+    """
+    out = []
+    for k, (required, part, low, high) in enumerate(parts_of(problem)):
+        own = margins[:, k]
+        if np.isnan(own).any():
+            continue
+        worst = int(np.argmin(own))
+        value = high - own[worst] if np.isfinite(high) else low + own[worst]
+        out.append(
+            MachineLimit(
+                required,
+                part,
+                int(np.sum(own < 0)),
+                len(own),
+                float(value),
+                int(numbers[worst]),
+                float(times[worst, k]),
+                float(np.percentile(planned[k] - own, KEPT_PERCENT)),
+            )
+        )
+    return tuple(out)
+
+
+def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
+    """Which limits machines break, and what would keep 95 % of them clear; "" if none does.
+
+    Args:
+        limits: Of `machine_limits`.
+        machines: How many break one.
+    """
+    broken = sorted((each for each in limits if each.broken), key=lambda each: -each.broken)
+    if not broken:
+        return ""
+    first = broken[0]
+    count = f"{machines} of {first.samples} machine{'s' if first.samples > 1 else ''}"
+    more = f", and {len(broken) - 1} limits more" if len(broken) > 1 else ""
+    ways = dict.fromkeys(filter(None, map(_advice, _furthest(broken))))
+    keeps = f"; about {' and '.join(ways)} keeps {KEPT_PERCENT:.0f} % clear" if ways else ""
+    return f"{count} break a limit: {first}{more}{keeps}"
+
+
+def _furthest(broken: Sequence[MachineLimit]) -> list[MachineLimit]:
+    """Of each requirement the limit that machines come nearest to."""
+    found: dict[Requirement, MachineLimit] = {}
+    for each in broken:
+        known = found.get(each.requirement)
+        if known is None or known.sweep < each.sweep:
+            found[each.requirement] = each
+    return list(found.values())
+
+
+def _advice(each: MachineLimit) -> str:
+    """The key that keeps a machine's error clear of the limit; "" for kinds that have none."""
+    required = each.requirement
+    if isinstance(required, Obstacle):
+        return f"clearance_m = {_round_up(each.sweep)} of obstacle {required.number}"
+    if isinstance(required, SelfCollision):
+        return f"limits.{required.key} = {_round_up(each.sweep)}"
+    if type(required) is JointLimit and each.part.unit == "rad":
+        most = np.rad2deg(each.part.high - each.sweep)
+        return f"limits.joint_deg = {np.floor(most):g} for {required.limit_name(each.part)}"
+    return ""
+
+
+def _round_up(value: float) -> str:
+    """To two digits, never less."""
+    step = 10.0 ** (np.floor(np.log10(value)) - 1)
+    return f"{np.ceil(value / step - 1e-9) * step:.2g}"

@@ -1,0 +1,130 @@
+"""What machines break of the limits that the plan keeps."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner
+from planner.comparison.comparison import comparison_csv
+from planner.plan.plan import Plan
+
+ROOT = Path(__file__).parents[2]
+MACHINES = 60
+GAP_M = 2e-6
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    changes = {"machine.step_s": 0.01, "limits.input_rad_s": 0.6}
+    return planner.solve(planner.load_problem(ROOT / "problems/paper.toml", changes), "polynomial")
+
+
+def beside(plan: Plan, t: float) -> Plan:
+    """The same motion with a post that the tip passes at t with next to no distance."""
+    points = plan.problem.system.arm_points(plan.q(np.linspace(0, 10, 4001))[:, 1:])
+    tip = plan.problem.system.arm_points(plan.q(t)[1:])[-1]
+    centre = tip + 0.5 * tip / np.linalg.norm(tip)
+    nearest = np.min([distance(points[:, k], points[:, k + 1], centre).min() for k in range(3)])
+    disc = {"centre_m": centre.tolist(), "radius_m": float(nearest - GAP_M)}
+    return replace(plan, problem=plan.problem.changed({"obstacles": [disc]}))
+
+
+def distance(start: np.ndarray, end: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Of links (R, 2) from a place, by many points on each."""
+    share = np.linspace(0, 1, 401)[:, None, None]
+    return np.linalg.norm(start + share * (end - start) - place, axis=-1).min(axis=0)
+
+
+def test_a_plan_that_grazes_a_post_is_verified_and_every_machine_hits_it(plan: Plan) -> None:
+    grazing = beside(plan, 5.0)
+    assert planner.verify(grazing).ok
+    run = planner.replay(grazing, samples=MACHINES, seed=2)
+    assert run.limit_share == 1
+    assert run.limit_words.startswith(f"{MACHINES} of {MACHINES} machines break a limit: clearance")
+    (worst,) = [each for each in run.limits if each.broken == MACHINES]
+    (disc,) = grazing.problem.obstacles
+    points = grazing.problem.system.arm_points(run.q[..., 1:])
+    link = int(worst.part.label.split()[3])
+    free = np.array(
+        [distance(p[:, link - 1], p[:, link], disc.centre) - disc.radius for p in points]
+    )
+    assert worst.worst == pytest.approx(free.min(), abs=1e-4)
+    sample, at = np.unravel_index(np.argmin(free), free.shape)
+    assert worst.sample == run.numbers[sample]
+    assert worst.t_s == pytest.approx(run.t[at], abs=0.05)
+    assert worst.sweep == pytest.approx(np.percentile(GAP_M - free.min(axis=1), 95), abs=1e-4)
+    assert f"clearance_m = {np.ceil(1000 * worst.sweep) / 1000:g} of obstacle 1" in run.limit_words
+    assert run.limit_words in repr(run)
+    assert run.summary()["limit_share"] == 1
+
+
+def test_a_clearance_is_there_to_stray_in(plan: Plan) -> None:
+    """The plan keeps it; a machine breaks nothing until it touches."""
+    grazing = beside(plan, 5.0)
+    sweep = max(each.sweep for each in planner.replay(grazing, samples=MACHINES, seed=2).limits)
+    (disc,) = grazing.problem.to_dict()["obstacles"]
+    smaller = {**disc, "radius_m": disc["radius_m"] - sweep, "clearance_m": sweep}
+    kept = replace(plan, problem=plan.problem.changed({"obstacles": [smaller]}))
+    assert planner.verify(kept).ok
+    claim = next(c for c in planner.certify(kept).claims if "link 3 from obstacle" in c.label)
+    assert claim.status == "proven"
+    assert 0 < claim.guaranteed <= claim.attained < 2 * GAP_M
+    run = planner.replay(kept, samples=MACHINES, seed=2)
+    assert 0 < run.limit_share <= 0.05 + 1e-9
+    wider = {**smaller, "clearance_m": sweep + 2 * GAP_M}
+    broken = planner.verify(replace(plan, problem=plan.problem.changed({"obstacles": [wider]})))
+    (violation,) = broken.violations
+    assert violation.label == "clearance of link 3 from obstacle 1"
+    assert violation.limit == pytest.approx(sweep + 2 * GAP_M)
+    assert violation.value == pytest.approx(sweep + GAP_M, abs=2e-7)
+
+
+def test_joint_limits_are_judged_and_without_records_nothing_is(plan: Plan) -> None:
+    most = np.rad2deg(np.abs(plan.q(np.linspace(0, 10, 4001))[:, 1:]).max(axis=0)) + 1e-6
+    tight = replace(plan, problem=plan.problem.changed({"limits.joint_deg": most.tolist()}))
+    run = planner.replay(tight, samples=MACHINES, seed=2)
+    reached = np.rad2deg(np.abs(run.q[..., 1:]).max(axis=1))
+    for k, each in enumerate(run.limits):
+        assert each.part.label == f"joint theta{k + 1}"
+        assert each.broken == np.sum(reached[:, k] > most[k])
+        assert np.rad2deg(each.worst) == pytest.approx(reached[:, k].max())
+    assert run.limit_share == np.mean(np.any(reached > most, axis=1)) > 0
+    assert "limits.joint_deg = " in run.limit_words
+    some = planner.replay(tight, samples=MACHINES, seed=2, motions=3)
+    np.testing.assert_array_equal(some.margin, run.margin)  # of all, kept or not
+    bare = planner.replay(tight, samples=3, seed=2, record_s=None)
+    assert bare.limits == ()
+    assert bare.limit_words == ""
+    assert np.isnan(bare.limit_share)
+
+
+def test_links_that_touch_on_the_machine_are_told(plan: Plan) -> None:
+    crossing = planner.load_problem(
+        ROOT / "problems/self-collision.toml",
+        {"machine.step_s": 0.01, "machine.initial_angle_error_deg": 20.0},
+    )
+    run = planner.replay(planner.solve(crossing, "collocation"), samples=20, seed=1)
+    broken = [each for each in run.limits if each.broken and "from link" in each.part.label]
+    assert broken
+    assert all(each.worst < 0 for each in broken)
+    assert "limits.self_clearance_m = " in run.limit_words
+
+
+def test_a_comparison_says_it_in_table_file_and_page(plan: Plan) -> None:
+    problem = beside(plan, 5.0).problem
+    result = planner.compare(problem, ["polynomial"], samples=10, seed=2)
+    (row,) = result.rows
+    assert row.beyond_limits == 100
+    assert row.remark == "100 % of machines break a limit"
+    assert "yes: 100 % of machines break a limit" in result.markdown()
+    assert row.replay is not None
+    assert f"polynomial: {row.replay.limit_words}." in result.markdown()
+    (line,) = csv.DictReader(io.StringIO(comparison_csv(result)))
+    assert float(line["beyond_limits"]) == 100
+    assert result.to_dict()["rows"][0]["replay"]["limits"] == row.replay.limit_words

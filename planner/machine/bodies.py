@@ -13,6 +13,16 @@ the constant gear ratio before it, as that of B1 times the cosines on the way.
 Rows of all arrays of speeds: motors (2), axes (m), disk B1, links (1 + m), stages (m), with m = n−1
 passive joints. So the first 2 + m connect to the next 2 + m through play: two gearheads, m shafts.
 
+The links are a planar chain, so that each feels the acceleration of all joints before it, and they
+the reaction of all after it. With angles ψᵢ = θ₁ + … + θᵢ of the links, their kinetic energy is
+
+    T = ½ Σⱼₖ Aⱼₖ cos(ψⱼ − ψₖ) ψ̇ⱼ ψ̇ₖ,   Aⱼⱼ = Jⱼ,   Aⱼₖ = lⱼ sₖ for j < k
+
+with J = link_inertia_kgm2, s = link_moment_kgm and l = link_length_m, each link with the mass of
+what it carries at its end. For two links these are α, β and δ of R. M. Murray, Z. Li, S. S. Sastry
+(A Mathematical Introduction to Robotic Manipulation, 1994, section 4.2): α = A₁₁ + A₂₂, β = A₁₂,
+δ = A₂₂. The mass matrix of the joints is M = LᵀA L, L the lower triangle of ones.
+
 One implicit stage of the dynamic arm: speeds and torques that agree at its end.
 
 Every connection is a monotone law between one relative speed w and one torque, with three pieces:
@@ -24,6 +34,10 @@ so that the speeds minimise a convex function, and are unique. They are found by
 semi-smooth Newton method): with the piece of every law known, the bodies form a tree of linear
 equations, solved from the links to the motors and back. That ends when the pieces agree with the
 speeds: after one pass in most steps, since pieces seldom change.
+
+The links' mass matrix is its diagonal in the tree, and N besides. With v₀ the speeds that the tree
+gives without N, G those that it gives for a unit torque on each link, and those of the links with
+index l, v = v₀ − G N v_l; so (1 + G_l N) v_l = v₀_l, a system of the size of the arm.
 """
 
 from __future__ import annotations
@@ -34,6 +48,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.errors import InputError
 from planner.machine.friction.contact_load import weights
 from planner.machine.friction.contacts import (
     UNBOUNDED_TORQUE_NM,
@@ -117,6 +132,8 @@ class Masses:
         lateral: Sideways over driving friction of a contact, (1, S).
         weights: Torques of the links' weights about their own joints, (1+m, S), N m; see
             `gravity_torques`.
+        lengths: Of the links, (1+m, S), m.
+        moments: Mass of each link times the distance of its centre from its joint, (1+m, S), kg m.
     """
 
     inertia: Array = field(metadata={"rows": (4, 3)})
@@ -135,6 +152,8 @@ class Masses:
     capacity: Array = field(metadata={"rows": (1, 0)})
     lateral: Array = field(metadata={"rows": (1, 0)})
     weights: Array = field(metadata={"rows": (1, 1)})
+    lengths: Array = field(metadata={"rows": (1, 1)})
+    moments: Array = field(metadata={"rows": (1, 1)})
 
     def part(self, chosen: NDArray[np.intp]) -> Masses:
         """The parameters of some samples."""
@@ -147,6 +166,9 @@ def masses(draws: Draws, k: Array) -> Masses:
     Args:
         draws: The machines.
         k: Gear constants k2 … kn of each, (m, S).
+
+    Raises:
+        InputError: If links of such length and moment have more inertia than given.
     """
     m, count = k.shape
 
@@ -168,8 +190,11 @@ def masses(draws: Draws, k: Array) -> Masses:
         rows("link_inertia_kgm2", 1 + m),
         rows("disk_inertia_kgm2", m) * disk**2,
     ]
+    inertia = np.concatenate(bodies)
+    lengths, moments = rows("link_length_m", 1 + m), rows("link_moment_kgm", 1 + m)
+    _refuse_light_links(inertia[BodyRows(m).links], lengths, moments)
     return Masses(
-        inertia=np.concatenate(bodies),
+        inertia=inertia,
         gain=gain,
         integral=np.where(gain < STICTION_SLOPE, gain / rows("servo_integral_time_s", 2), 0.0),
         limit=rows("torque_limit_nm", 2, UNBOUNDED_TORQUE_NM),
@@ -185,7 +210,74 @@ def masses(draws: Draws, k: Array) -> Masses:
         capacity=np.broadcast_to(friction_capacity(draws), (1, count)),
         lateral=np.broadcast_to(lateral_friction(draws), (1, count)),
         weights=np.zeros((1 + m, count)) if weighed is None else weighed,
+        lengths=lengths,
+        moments=moments,
     )
+
+
+def _refuse_light_links(inertia: Array, lengths: Array, moments: Array) -> None:
+    """Refuse a chain whose kinetic energy could be negative.
+
+    The straight pose decides: in another each A is that times a cosine of a difference of angles,
+    and both are positive semidefinite (the product theorem of Schur).
+    """
+    if not (lengths[:-1] * moments[1:]).any():
+        return
+    straight = chain_inertia(inertia, lengths, moments, np.zeros_like(inertia))
+    least = np.linalg.eigvalsh(np.moveaxis(straight, -1, 0))[:, 0]
+    if np.any(least < -ROUNDING * inertia.max(axis=0)):
+        raise InputError(
+            "machine: links of this link_length_m and link_moment_kgm have more inertia than"
+            " link_inertia_kgm2; raise that (of each link with what it carries at the next joint:"
+            " at least length times moment), or lessen link_length_m"
+        )
+
+
+ROUNDING = 1e-12
+
+
+def chain_inertia(inertia: Array, lengths: Array, moments: Array, angles: Array) -> Array:
+    """A cos(ψⱼ − ψₖ) of the links' kinetic energy, (1+m, 1+m, S), kg m^2.
+
+    Args:
+        inertia: Of the links about their own joints, (1+m, S), kg m^2.
+        lengths, moments: As of `Masses`.
+        angles: ψ of the links, (1+m, S), rad.
+    """
+    out = np.zeros((len(inertia), *inertia.shape))
+    for j in range(len(inertia)):
+        out[j, j] = inertia[j]
+        out[j, j + 1 :] = lengths[j] * moments[j + 1 :] * np.cos(angles[j] - angles[j + 1 :])
+        out[j + 1 :, j] = out[j, j + 1 :]
+    return out
+
+
+def centrifugal_torques(lengths: Array, moments: Array, angles: Array, rates: Array) -> Array:
+    """Torques by which turning links push their own angles ψ back, (1+m, S), N m.
+
+    Σₖ Aⱼₖ sin(ψⱼ − ψₖ) ψ̇ₖ²: what M leaves of Lagrange's equations.
+
+    Args:
+        lengths, moments, angles: As of `chain_inertia`.
+        rates: ψ̇, (1+m, S), rad/s.
+    """
+    out = np.zeros_like(angles)
+    for j in range(len(angles)):
+        for k in range(j + 1, len(angles)):
+            pull = lengths[j] * moments[k] * np.sin(angles[j] - angles[k])
+            out[j] += pull * rates[k] ** 2
+            out[k] -= pull * rates[j] ** 2
+    return out
+
+
+def on_joints(of_links: Array) -> Array:
+    """From torques on the angles ψ of links, (1+m, …), to those on the joints, likewise."""
+    return np.asarray(np.cumsum(of_links[::-1], axis=0)[::-1])
+
+
+def mass_matrix(of_links: Array) -> Array:
+    """M of the joints, (1+m, 1+m, S), from `chain_inertia`."""
+    return on_joints(on_joints(of_links).swapaxes(0, 1))
 
 
 FULL_PASSES = 12
@@ -210,7 +302,8 @@ class StageLaws:
     Attributes:
         rows: Where the bodies are.
         h: Length of the stage, s.
-        drag: Inertia over h, and viscous friction, N m s/rad.
+        drag: Inertia over h, and viscous friction, N m s/rad; of links the diagonal of M over h.
+        coupling: M over h without its diagonal, (1+m, 1+m, S), N m s/rad.
         push: Inertia over h, times the speed that each body would keep, N m.
         reference: Speed that the servos aim at, (2, S), rad/s.
         first: Speed of each stage over that of the disk before, without slip, (m, S).
@@ -226,6 +319,7 @@ class StageLaws:
     rows: BodyRows
     h: float
     drag: Array
+    coupling: Array
     push: Array
     reference: Array
     first: Array
@@ -240,7 +334,7 @@ class StageLaws:
     def part(self, chosen: NDArray[np.intp]) -> StageLaws:
         """The equations of some samples."""
         values: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
-        arrays = {k: v[:, chosen] for k, v in values.items() if isinstance(v, np.ndarray)}
+        arrays = {k: v[..., chosen] for k, v in values.items() if isinstance(v, np.ndarray)}
         return StageLaws(**{**values, **arrays})
 
     def solve(self, pieces: Array) -> tuple[Array, Array]:
@@ -249,7 +343,7 @@ class StageLaws:
         Args:
             pieces: A guess: −1, 0 or 1 for each law, limited ones first, (6+5m, S).
         """
-        v = self._tree(pieces)
+        v = self._speeds(pieces)
         fresh = self._pieces(v, pieces)
         left = np.flatnonzero((fresh != pieces).any(axis=0))
         if not left.size:
@@ -257,7 +351,7 @@ class StageLaws:
         part, before = self.part(left), v[:, left]
         for count in range(MOST_PASSES):
             guess = fresh[:, left]
-            new = part._tree(guess)
+            new = part._speeds(guess)
             if count >= FULL_PASSES:
                 new = part._search(before, new)
             v[:, left] = before = new
@@ -326,24 +420,40 @@ class StageLaws:
 
     # -- the tree ------------------------------------------------------------------------------
 
-    def _tree(self, pieces: Array) -> Array:
+    def _speeds(self, pieces: Array) -> Array:
         """Speeds (rows, S) of all bodies with every law on a known piece."""
+        rows, lines = self.rows, self._lines(pieces)
+        v = self._tree(lines, self.push, self.reference)
+        if not self.coupling.any():
+            return v
+        n, none = 1 + rows.m, np.zeros_like(self.reference)
+        freed = (np.zeros_like(lines[0]), lines[1], np.zeros_like(lines[2]), lines[3])
+        units = np.zeros((n, *self.push.shape))
+        units[np.arange(n), rows.links.start + np.arange(n)] = 1.0
+        answers = np.stack([self._tree(freed, unit, none) for unit in units], axis=1)
+        system = np.einsum("ijs,jks->sik", answers[rows.links], self.coupling) + np.eye(n)
+        own = np.linalg.solve(system, v[rows.links].T[..., None])[..., 0].T
+        pull = np.einsum("jks,ks->js", self.coupling, own)
+        return np.asarray(v - np.einsum("ijs,js->is", answers, pull))
+
+    def _tree(self, lines: tuple[Array, ...], all_push: Array, reference: Array) -> Array:
+        """The same without coupling, for laws on lines; push and reference as of the stage."""
         rows, m = self.rows, self.rows.m
-        c, s, c_play, s_play = self._lines(pieces)
+        c, s, c_play, s_play = lines
         one, two = self.first, self.second
         p23, rub = slice(2 + m, 2 + 2 * m), slice(2 + 2 * m, 3 + 3 * m)
         disk, slid = 3 + 3 * m, slice(4 + 3 * m, None)
 
-        links, links_push = self.drag[rows.links] + s[rub], self.push[rows.links] - c[rub]
+        links, links_push = self.drag[rows.links] + s[rub], all_push[rows.links] - c[rub]
         base, base_push = links[0], links_push[0]
         links, links_push = links[1:], links_push[1:]
         load, more = _reflected_load(c_play[2:], s_play[2:], links, links_push)
-        axes, axes_push = self.drag[rows.axes] + more, self.push[rows.axes] - load
+        axes, axes_push = self.drag[rows.axes] + more, all_push[rows.axes] - load
         load, more = _reflected_load(c[p23], s[p23], axes, axes_push)
         stages = self.drag[rows.stages] + s[slid] + two * two * more
-        stages_push = self.push[rows.stages] - c[slid] - two * load
+        stages_push = all_push[rows.stages] - c[slid] - two * load
         geared = np.stack([self.drag[rows.disk] + s[disk], base])
-        geared_push = np.stack([self.push[rows.disk] - c[disk], base_push])
+        geared_push = np.stack([all_push[rows.disk] - c[disk], base_push])
         for j in range(m - 1, -1, -1):
             load, more = _reflected_load(c[2 + j], s[2 + j], stages[j], stages_push[j])
             body, push = (stages, stages_push) if j else (geared, geared_push)
@@ -352,7 +462,7 @@ class StageLaws:
         load, more = _reflected_load(c_play[:2], s_play[:2], geared, geared_push)
 
         v = np.empty_like(self.drag)
-        servo = self.push[rows.motors] - load + c[:2] + s[:2] * self.reference
+        servo = all_push[rows.motors] - load + c[:2] + s[:2] * reference
         v[rows.motors] = servo / (self.drag[rows.motors] + more + s[:2])
         pull = c_play[:2] + s_play[:2] * v[rows.motors]
         v[rows.geared] = (geared_push + pull) / (geared + s_play[:2])
@@ -383,6 +493,8 @@ class StageLaws:
         limited, play = self.relative(way)
         limited[:2] -= self.reference
         inertial = np.sum(way * (self.drag * v - self.push), axis=0)
+        coupled = np.einsum("jks,ks->js", self.coupling, v[self.rows.links])
+        inertial += np.sum(way[self.rows.links] * coupled, axis=0)
         return np.asarray(
             inertial + np.sum(limited * limited_torque, axis=0) + np.sum(play * pressed, axis=0)
         )

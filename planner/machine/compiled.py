@@ -123,7 +123,7 @@ ROWS: dict[str, Size] = {name: (_NONE[name], _ONE[name] - _NONE[name]) for name 
 DYNAMIC_NUMBERS: dict[str, Size] = {
     "y": ROWS["count"],
     "pieces": (LIMITED_LAWS[0] + PLAY_LAWS[0], LIMITED_LAWS[1] + PLAY_LAWS[1]),
-    "gained": PASSIVE,
+    "gained": (1, 2),
     "energy": (2, 0),
     "slipping": (1, 0),
     "last": (1, 0),

@@ -16,13 +16,21 @@ static const double LEAST_DRAG = 1e-6, LEAST_COSINE = 1e-9, LEAST_TORQUE_NM = 1e
 static const double MOST_SHARE = 0.99, SLIP_SPEED_RAD_S = 1e-3, STICTION_SLOPE = 1e8, EDGE_NM = 1e-8, EDGE_RAD = 1e-16;
 static const int FULL_PASSES = 12, MOST_PASSES = 100, HALVINGS = 40;
 
+#define LINKS (1 + JOINTS)
+
+/* Mass matrices and what comes of them are n x n for n links, row after row; coupled: whether they
+ * have more than a diagonal. */
 typedef struct {
     double first[JOINTS], second[JOINTS], slope[2 * JOINTS], limit[2 * JOINTS];
-    double drag[1 + JOINTS], pull[1 + JOINTS];
+    double drag[1 + JOINTS];
+    double pull[LINKS], mass[LINKS * LINKS];
+    int coupled;
 } Gears;
 
 typedef struct {
     double h, drag[BODIES], push[BODIES], reference[2], first[JOINTS], second[JOINTS];
+    double coupling[LINKS * LINKS];
+    int coupled;
     double offset[LIMITED], slope[LIMITED], limit[LIMITED];
     double ahead[PLAYS], stiff[PLAYS], half_gap[PLAYS];
 } Stage;
@@ -100,19 +108,17 @@ typedef struct {
     double c, s;
 } Line;
 
-static Line line(const Rows *r, const Stage *s, const double *pieces, int i)
+static void lines(const Rows *r, const Stage *s, const double *pieces, Line *law)
 {
-    Line out;
-    if (i < r->limited) {
-        out.c = pieces[i] == 0 ? s->offset[i] : pieces[i] * s->limit[i];
-        out.s = pieces[i] == 0 ? s->slope[i] : 0.0;
-    } else {
-        int l = i - r->limited;
-        double pressed = s->stiff[l] * fabs(pieces[i]);
-        out.c = pressed * (s->ahead[l] - pieces[i] * s->half_gap[l]);
-        out.s = pressed * s->h;
+    for (int i = 0; i < r->limited; i++) {
+        law[i].c = pieces[i] == 0 ? s->offset[i] : pieces[i] * s->limit[i];
+        law[i].s = pieces[i] == 0 ? s->slope[i] : 0.0;
     }
-    return out;
+    for (int l = 0; l < r->plays; l++) {
+        double piece_ = pieces[r->limited + l], pressed = s->stiff[l] * fabs(piece_);
+        law[r->limited + l].c = pressed * (s->ahead[l] - piece_ * s->half_gap[l]);
+        law[r->limited + l].s = pressed * s->h;
+    }
 }
 
 static Line drawn(Line law, double drag, double push)
@@ -122,15 +128,15 @@ static Line drawn(Line law, double drag, double push)
     return out;
 }
 
-static void tree(const Rows *r, const Stage *s, const double *pieces, double *v)
+/* Speeds without coupling, for laws on lines; `all_push` and reference as of the stage. */
+static void tree(const Rows *r, const Stage *s, const Line *law, const double *all_push,
+                 const double *reference, double *v)
 {
     int m = r->m;
     double drag[BODIES], push[BODIES];
-    Line law[LAWS], ask;
+    Line ask;
     memcpy(drag, s->drag, (size_t)r->bodies * sizeof(double));
-    memcpy(push, s->push, (size_t)r->bodies * sizeof(double));
-    for (int i = 0; i < r->limited + r->plays; i++)
-        law[i] = line(r, s, pieces, i);
+    memcpy(push, all_push, (size_t)r->bodies * sizeof(double));
     for (int i = 0; i <= m; i++) {
         drag[r->links + i] += law[2 + 2 * m + i].s;
         push[r->links + i] -= law[2 + 2 * m + i].c;
@@ -152,7 +158,7 @@ static void tree(const Rows *r, const Stage *s, const double *pieces, double *v)
     }
     for (int i = 0; i < 2; i++) {
         ask = drawn(law[r->limited + i], drag[r->disk + i], push[r->disk + i]);
-        v[i] = (push[i] - ask.c + law[i].c + law[i].s * s->reference[i]) /
+        v[i] = (push[i] - ask.c + law[i].c + law[i].s * reference[i]) /
                (drag[i] + ask.s + law[i].s);
         Line play = law[r->limited + i];
         v[r->disk + i] = (push[r->disk + i] + play.c + play.s * v[i]) / (drag[r->disk + i] + play.s);
@@ -163,6 +169,72 @@ static void tree(const Rows *r, const Stage *s, const double *pieces, double *v)
         v[stage] = (push[stage] + p1.c + p1.s * s->first[j] * v[driver(r, j)]) / (drag[stage] + p1.s);
         v[axis] = (push[axis] + p23.c + p23.s * s->second[j] * v[stage]) / (drag[axis] + p23.s);
         v[link] = (push[link] + play.c + play.s * v[axis]) / (drag[link] + play.s);
+    }
+}
+
+/* Solve n equations a x = b, by Gauss with partial pivots; x is b before and the answer after. */
+static void eliminate(int n, double a[LINKS][LINKS], double *x)
+{
+    for (int k = 0; k < n; k++) {
+        int most = k;
+        for (int i = k + 1; i < n; i++)
+            if (fabs(a[i][k]) > fabs(a[most][k]))
+                most = i;
+        for (int j = k; j < n; j++) {
+            double other = a[k][j];
+            a[k][j] = a[most][j];
+            a[most][j] = other;
+        }
+        double right = x[k];
+        x[k] = x[most];
+        x[most] = right;
+        for (int i = k + 1; i < n; i++) {
+            double part = a[i][k] / a[k][k];
+            for (int j = k + 1; j < n; j++)
+                a[i][j] -= part * a[k][j];
+            x[i] -= part * x[k];
+        }
+    }
+    for (int k = n - 1; k >= 0; k--) {
+        for (int j = k + 1; j < n; j++)
+            x[k] -= a[k][j] * x[j];
+        x[k] /= a[k][k];
+    }
+}
+
+/* Speeds of all bodies with every law on a known piece. */
+static void speeds(const Rows *r, const Stage *s, const double *pieces, double *v)
+{
+    static const double none[2] = {0.0, 0.0};
+    int n = r->m + 1;
+    Line law[LAWS];
+    lines(r, s, pieces, law);
+    tree(r, s, law, s->push, s->reference, v);
+    if (!s->coupled)
+        return;
+    double answer[LINKS][BODIES], system[LINKS][LINKS], own[LINKS], unit[BODIES];
+    for (int i = 0; i < r->limited + r->plays; i++)
+        law[i].c = 0.0;
+    for (int i = 0; i < n; i++) {
+        memset(unit, 0, (size_t)r->bodies * sizeof(double));
+        unit[r->links + i] = 1.0;
+        tree(r, s, law, unit, none, answer[i]);
+    }
+    for (int i = 0; i < n; i++) {
+        own[i] = v[r->links + i];
+        for (int k = 0; k < n; k++) {
+            system[i][k] = i == k;
+            for (int j = 0; j < n; j++)
+                system[i][k] += answer[j][r->links + i] * s->coupling[j * n + k];
+        }
+    }
+    eliminate(n, system, own);
+    for (int j = 0; j < n; j++) {
+        double pull = 0.0;
+        for (int k = 0; k < n; k++)
+            pull += s->coupling[j * n + k] * own[k];
+        for (int i = 0; i < r->bodies; i++)
+            v[i] -= answer[j][i] * pull;
     }
 }
 
@@ -177,6 +249,9 @@ static double slope_along(const Rows *r, const Stage *s, const double *v, const 
     relative(r, s, way, none, along);
     for (int i = 0; i < r->bodies; i++)
         sum += way[i] * (s->drag[i] * v[i] - s->push[i]);
+    for (int i = 0, n = r->m + 1; i < n && s->coupled; i++)
+        for (int k = 0; k < n; k++)
+            sum += way[r->links + i] * s->coupling[i * n + k] * v[r->links + k];
     for (int i = 0; i < r->limited + r->plays; i++)
         sum += along[i] * torque[i];
     return sum;
@@ -205,11 +280,11 @@ static void search(const Rows *r, const Stage *s, const double *start, double *e
 
 static void solve(const Rows *r, const Stage *s, double *pieces, double *v)
 {
-    tree(r, s, pieces, v);
+    speeds(r, s, pieces, v);
     for (int count = 0; pieces_at(r, s, v, pieces) && count < MOST_PASSES; count++) {
         double before[BODIES];
         memcpy(before, v, (size_t)r->bodies * sizeof(double));
-        tree(r, s, pieces, v);
+        speeds(r, s, pieces, v);
         if (count >= FULL_PASSES)
             search(r, s, before, v);
     }
@@ -248,6 +323,45 @@ static int friction_left(const Rows *r, const Masses *p, const double *y, const 
             later = p->k[j] / p->k[j - 1] * load;
     }
     return slipping;
+}
+
+/* Mass matrix of the links, see bodies.py, and what turning takes from their pull. */
+static void reaction(const Rows *r, const Masses *p, const double *y, const double *gained, double h,
+                     double lead, Gears *g)
+{
+    int m = r->m, n = m + 1;
+    double angle[LINKS], rate[LINKS], back[LINKS] = {0.0};
+    for (int i = 0; i < n; i++) {
+        double speed = y[r->links + i];
+        angle[i] = y[r->q + 1 + i] + h / 2 * speed + (i ? angle[i - 1] : 0.0);
+        rate[i] = speed + lead * gained[m + i] + (i ? rate[i - 1] : 0.0);
+    }
+    for (int j = 0; j < n; j++) {
+        g->mass[j * n + j] = p->inertia[r->links + j];
+        for (int k = j + 1; k < n; k++) {
+            double arm = p->lengths[j] * p->moments[k], cosine = 0.0;
+            if (arm > 0) {
+                double pull = arm * sin(angle[j] - angle[k]);
+                cosine = arm * cos(angle[j] - angle[k]);
+                back[j] += pull * rate[k] * rate[k];
+                back[k] -= pull * rate[j] * rate[j];
+            }
+            g->mass[j * n + k] = g->mass[k * n + j] = cosine;
+        }
+    }
+    for (int j = m - 1; j >= 0; j--) {
+        back[j] += back[j + 1];
+        for (int k = 0; k < n; k++)
+            g->mass[j * n + k] += g->mass[(j + 1) * n + k];
+    }
+    g->coupled = 0;
+    for (int j = 0; j < n; j++) {
+        g->pull[j] -= back[j];
+        for (int k = m - 1; k >= 0; k--) {
+            g->mass[j * n + k] += g->mass[j * n + k + 1];
+            g->coupled |= j <= k && g->mass[j * n + k + 1] != 0;
+        }
+    }
 }
 
 static int gears(const Rows *r, const Masses *p, const double *y, const double *gained, double h,
@@ -291,6 +405,7 @@ static int gears(const Rows *r, const Masses *p, const double *y, const double *
     }
     for (int i = m; i >= 0; i--)
         g->pull[i] = load -= g->pull[i];
+    reaction(r, p, y, gained, h, lead, g);
     return slipping;
 }
 
@@ -306,6 +421,17 @@ static void stage(const Rows *r, const Masses *p, const Gears *g, const double *
     for (int i = 0; i < r->bodies; i++) {
         s.drag[i] = p->inertia[i] / h + LEAST_DRAG;
         s.push[i] = p->inertia[i] / h * y[i];
+    }
+    s.coupled = g->coupled;
+    for (int i = 0, n = m + 1; i < n; i++) {
+        double push = 0.0;
+        for (int k = 0; k < n; k++) {
+            double heavy = g->mass[i * n + k] / h;
+            s.coupling[i * n + k] = i == k ? 0.0 : heavy;
+            push += heavy * y[r->links + k];
+        }
+        s.drag[r->links + i] = g->mass[i * n + i] / h + LEAST_DRAG;
+        s.push[r->links + i] = push;
     }
     for (int i = 0; i < 2; i++) {
         s.reference[i] = reference[i];
@@ -401,6 +527,8 @@ static void step(const Rows *r, const Masses *p, const double *mean, const doubl
     }
     for (int j = 0; j < r->m; j++)
         gained[j] = two[driver(r, j)] - y[driver(r, j)];
+    for (int i = 0; i <= r->m; i++)
+        gained[r->m + i] = two[r->links + i] - y[r->links + i];
     for (int i = 0; i < 2; i++)
         energy[i] += weight[0] * power[0][i] + weight[1] * power[1][i];
     memcpy(y, two, (size_t)r->count * sizeof(double));
@@ -432,12 +560,12 @@ EXPORT int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, doubl
     Rows r = rows_of((int)m);
     int laws = r.limited + r.plays;
     for (int64_t k = 0; k < samples; k++) {
-        double own[STATE], own_pieces[LAWS], own_gained[JOINTS], own_energy[2];
+        double own[STATE], own_pieces[LAWS], own_gained[2 * JOINTS + 1], own_energy[2];
         double own_mean[2], own_swing[2];
         Masses p = masses_of((int)m, masses + k, samples);
         take(y + k, own, r.count, samples);
         take(pieces + k, own_pieces, laws, samples);
-        take(gained + k, own_gained, r.m, samples);
+        take(gained + k, own_gained, 2 * r.m + 1, samples);
         take(energy + k, own_energy, 2, samples);
         take(mean + k, own_mean, 2, samples);
         take(swing + k, own_swing, 2, samples);
@@ -445,7 +573,7 @@ EXPORT int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, doubl
              slipping + k);
         put(own, y + k, r.count, samples);
         put(own_pieces, pieces + k, laws, samples);
-        put(own_gained, gained + k, r.m, samples);
+        put(own_gained, gained + k, 2 * r.m + 1, samples);
         put(own_energy, energy + k, 2, samples);
     }
     return 0;

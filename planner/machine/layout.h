@@ -16,7 +16,7 @@
 #define INLINE static inline __attribute__((always_inline))
 #endif
 
-#define VERSION 4205215958
+#define VERSION 1139219982
 #define MOTORS 2
 #define JOINTS 16 /* passive ones, at most; of the following as many as then */
 #define BODIES 52
@@ -152,7 +152,7 @@ INLINE Held held(const Model *model, int64_t sample)
 typedef struct {
     double *y; /* 16 + 7 * m */
     double *pieces; /* 6 + 5 * m */
-    double *gained; /* m */
+    double *gained; /* 1 + 2 * m */
     double *energy; /* 2 */
     double *slipping; /* 1 */
     double *last; /* 1 */
@@ -161,14 +161,14 @@ typedef struct {
 INLINE Moving moving(const Model *model, int64_t sample)
 {
     int64_t m = model->joints - 1;
-    double *at = model->moving + sample * (26 + 13 * m);
+    double *at = model->moving + sample * (27 + 14 * m);
     Moving out;
     out.y = at + 0;
     out.pieces = at + 16 + 7 * m;
     out.gained = at + 22 + 12 * m;
-    out.energy = at + 22 + 13 * m;
-    out.slipping = at + 24 + 13 * m;
-    out.last = at + 25 + 13 * m;
+    out.energy = at + 23 + 14 * m;
+    out.slipping = at + 25 + 14 * m;
+    out.last = at + 26 + 14 * m;
     return out;
 }
 
@@ -189,6 +189,8 @@ typedef struct {
     double capacity[1];
     double lateral[1];
     double weights[17];
+    double lengths[17];
+    double moments[17];
 } Masses;
 
 INLINE Masses masses_of(int m, const double *from, int64_t samples)
@@ -226,6 +228,10 @@ INLINE Masses masses_of(int m, const double *from, int64_t samples)
         p.lateral[i] = from[(20 + 10 * m + i) * samples];
     for (int i = 0; i < 1 + m; i++)
         p.weights[i] = from[(21 + 10 * m + i) * samples];
+    for (int i = 0; i < 1 + m; i++)
+        p.lengths[i] = from[(22 + 11 * m + i) * samples];
+    for (int i = 0; i < 1 + m; i++)
+        p.moments[i] = from[(23 + 12 * m + i) * samples];
     return p;
 }
 

@@ -13,7 +13,17 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.bodies import STICTION_SLOPE, Masses, StageLaws, StateRows, masses
+from planner.machine.bodies import (
+    STICTION_SLOPE,
+    Masses,
+    StageLaws,
+    StateRows,
+    centrifugal_torques,
+    chain_inertia,
+    mass_matrix,
+    masses,
+    on_joints,
+)
 from planner.machine.disk_chain import rest_at, rest_range
 from planner.machine.friction.contact_load import gear_constants
 from planner.machine.friction.contacts import SLIP_SPEED_RAD_S, Grip, chain_loads
@@ -32,8 +42,9 @@ LEAST_DRAG = 1e-6
 class _Gears:
     """What is frozen over a step: see `StageLaws.first` and `second`, slope and limit of contacts.
 
-    `drag` limits what contacts that slide sideways ask of disk B1 and of the stages, (1+m, S), and
-    `pull` is the torque of gravity on the links, likewise, N m.
+    `drag` limits what contacts that slide sideways ask of disk B1 and of the stages, (1+m, S), N m;
+    `pull` is the torque of gravity and of turning links on the joints, likewise; `mass` their mass
+    matrix, (1+m, 1+m, S), kg m^2.
     """
 
     first: Array
@@ -42,9 +53,10 @@ class _Gears:
     limit: Array
     drag: Array
     pull: Array
+    mass: Array
 
     def part(self, chosen: NDArray[np.intp]) -> _Gears:
-        return _Gears(*(getattr(self, f.name)[:, chosen] for f in fields(self)))
+        return _Gears(*(getattr(self, f.name)[..., chosen] for f in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +78,7 @@ class March:
         k_g: Drive constant of the disk, as the planner knows it.
         y: State, (rows, S).
         pieces: Of all laws at the end of the last step, (6+5m, S); see `StageLaws`.
-        speed_change: Change of the disks' speeds over the last step, (m, S), rad/s.
+        speed_change: Change of the speeds of disks and links over the last step, (1+2m, S), rad/s.
         energy: Work of the motors so far, and what friction, slip and damping took, (2, S), J.
         slipping: Which contact slips grossly, (1, S); see `contacts.Transmission`.
     """
@@ -112,8 +124,9 @@ class March:
             new[:, some], pieces = two.y, pieces.copy()
             pieces[:, some] = two.pieces
             energy[:, some] = h / 2 * (one.power + two.power)
-        drivers = self.place.bodies.drivers
-        self.speed_change[:] = new[drivers] - y[drivers]
+        rows = self.place.bodies
+        seen = [*rows.drivers, *range(rows.links.start, rows.links.stop)]
+        self.speed_change[:] = new[seen] - y[seen]
         self.y[:], self.pieces[:] = new, pieces
         self.energy[:] += energy
 
@@ -126,7 +139,7 @@ class March:
         data, rows, y = self.data, self.place.bodies, self.y
         angles = y[self.place.q][1:] + h / 2 * y[rows.links]
         c = np.cos(angles[:-1])
-        disk = y[rows.drivers] + lead * self.speed_change
+        disk = y[rows.drivers] + lead * self.speed_change[: rows.m]
         turning, disk = np.sign(disk) * np.sign(c), np.abs(disk)
         torques = y[self.place.torque][2:] * turning
         loads, parts, _ = chain_loads(c, data.k, torques, data.lateral, data.capacity)
@@ -150,8 +163,12 @@ class March:
         slid = np.zeros((len(c) + 1, c.shape[1]))
         slid[:-1] = data.disk * drag[0]
         slid[1:] += data.disk * (drag[1] + grip.cosine * drag[2])
+        of_links = (data.lengths, data.moments, np.cumsum(angles, axis=0))
+        links = np.cumsum(y[rows.links] + lead * self.speed_change[rows.m :], axis=0)
         pull = gravity_torques(data.weights, angles)
-        return _Gears(first, second, 1 / (slip + 1 / STICTION_SLOPE), limit, slid, pull)
+        pull -= on_joints(centrifugal_torques(*of_links, links))
+        mass = mass_matrix(chain_inertia(data.inertia[rows.links], *of_links))
+        return _Gears(first, second, 1 / (slip + 1 / STICTION_SLOPE), limit, slid, pull, mass)
 
     def _stage(
         self, data: Masses, gears: _Gears, y: Array, reference: Array, h: float, pieces: Array
@@ -187,10 +204,14 @@ class March:
         """The laws of a stage of length h from y; `feedforward` is a torque, (2, S), N m."""
         place, rows = self.place, self.place.bodies
         heavy, spring = data.inertia / h, data.stiffness + data.damping / h
+        coupling = gears.mass / h
+        push = heavy * y[place.v]
+        push[rows.links] = gears.pull + np.einsum("jks,ks->js", coupling, y[rows.links])
+        own = np.arange(1 + rows.m)
+        heavy[rows.links] = coupling[own, own]
+        coupling[own, own] = 0.0
         drag = heavy + LEAST_DRAG
         drag[rows.passive] += data.viscous
-        push = heavy * y[place.v]
-        push[rows.links] += gears.pull
         driven = data.integral * y[place.behind] + feedforward
         rubbing = np.concatenate([data.coulomb, gears.drag])
         rough = np.where(rubbing > 0, STICTION_SLOPE, 0.0)
@@ -198,6 +219,7 @@ class March:
             rows=rows,
             h=h,
             drag=drag,
+            coupling=coupling,
             push=push,
             reference=reference,
             first=gears.first,
@@ -219,8 +241,9 @@ def begin_march(system: Manipulator, draws: Draws, q: Array) -> March:
     y[place.q] = q
     y[place.gap][2:] = draws["initial_play"] * data.half_gap[2:]
     _settle(data, place, y, draws.start)
-    pieces, speed_change = np.zeros((6 + 5 * len(k), draws.count)), np.zeros_like(k)
-    energy, slipping = np.zeros((2, draws.count)), np.full((1, draws.count), -1.0)
+    pieces, energy = np.zeros((6 + 5 * len(k), draws.count)), np.zeros((2, draws.count))
+    speed_change = np.zeros((1 + 2 * len(k), draws.count))
+    slipping = np.full((1, draws.count), -1.0)
     return March(data, place, system.k_g, y, pieces, speed_change, energy, slipping)
 
 

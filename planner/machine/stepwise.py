@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine import compiled
+from planner.machine.bodies import chain_inertia
 from planner.machine.commands import CommandGrid, Steps, lengths
 from planner.machine.disk_chain import DiskChain
 from planner.machine.machine import Draws, Machine
@@ -269,11 +270,15 @@ class DynamicChain:
     @property
     def stored_J(self) -> Array:
         """Kinetic energy, that of the shafts, and of the links' height, (S,), J."""
-        v, twist = self._y[self._place.v], self._y[self._place.twist]
-        kinetic = np.sum(self._masses.inertia * v * v, axis=0)
-        elastic = np.sum(self._masses.stiffness * twist * twist, axis=0)
-        height = np.sin(np.cumsum(self.q[1:], axis=0))
-        raised = np.sum(self._masses.weights * height, axis=0)
+        data, links = self._masses, self._place.bodies.links
+        v, twist = self._y[self._place.v].copy(), self._y[self._place.twist]
+        angles, v[links] = np.cumsum(self.q[1:], axis=0), np.cumsum(v[links], axis=0)
+        chain = chain_inertia(data.inertia[links], data.lengths, data.moments, angles)
+        kinetic = np.einsum("js,jks,ks->s", v[links], chain, v[links])
+        v[links] = 0.0
+        kinetic += np.sum(data.inertia * v * v, axis=0)
+        elastic = np.sum(data.stiffness * twist * twist, axis=0)
+        raised = np.sum(data.weights * np.sin(angles), axis=0)
         return np.asarray((kinetic + elastic) / 2 + raised)
 
     @property
@@ -311,7 +316,7 @@ class _CompiledStep:
             march.table, march.y, march.pieces, march.speed_change, march.energy, march.slipping
         )  # fmt: skip
         self._function, self._k_g, self._arrays = function, march.k_g, kept
-        self._size = (len(march.speed_change), len(march.y))
+        self._size = (march.place.bodies.m, len(march.y))
         self._masses, *self._state = (array.ctypes.data for array in kept)
 
     def fits(self) -> bool:

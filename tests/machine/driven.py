@@ -39,7 +39,8 @@ EVENTS: dict[str, dict[str, Any]] = {
     "play": {**SOFT, "backlash_deg": 2.0},
     "coulomb": {**SOFT, "coulomb_friction_nm": 0.05, "base_friction_nm": 0.02},
     "slip": {**SOFT, "creep_per_nm": 0.01, "friction_capacity_nm": 0.05},
-    "torque limit": {**SOFT, "torque_limit_nm": 0.1},
+    "torque limit": {**SOFT, "torque_limit_nm": 0.2},
+    "chain": {**SOFT, "link_length_m": 0.2, "link_moment_kgm": 0.1},
     "inclined": {
         **SOFT,
         "backlash_deg": 2.0,

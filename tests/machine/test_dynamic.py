@@ -169,9 +169,9 @@ def test_the_load_acts_back_on_the_motor() -> None:
     drive(plant, 1000, constant(0.0, 0.5), 1.0)
     assert plant.motor_rates[1, 0] == pytest.approx(0.5 - load / gain, rel=1e-4)
     healed = chain(**effects, servo_integral_time_s=0.05)
-    drive(healed, 1000, constant(0.0, 0.5), 1.0)
+    drive(healed, 1500, constant(0.0, 0.5), 1.5)
     assert healed.motor_rates[1, 0] == pytest.approx(0.5, rel=1e-4)
-    behind = 0.5 - (healed.q[1, 0] - start(3)[1, 0])
+    behind = 0.75 - (healed.q[1, 0] - start(3)[1, 0])
     assert behind == pytest.approx(load * 0.05 / gain, rel=1e-2)
 
 
@@ -234,7 +234,7 @@ def test_a_contact_slips_at_its_capacity_and_the_motor_goes_on() -> None:
 def test_it_steps_under_commands_that_depend_on_what_it_does() -> None:
     """Proportional control of θ₁ from its own reading brings it where it is told."""
     plant, goal = chain(**SOFT, torque_limit_nm=1.0), 0.7
-    for _ in range(200):
+    for _ in range(400):
         u = np.array([0.0, 4.0 * (goal - plant.q[1, 0])])
         for _ in range(10):
             plant.step(np.tile(u[None, :, None], (2, 1, 1)), 1e-3 * u[None, :, None], 1e-3)

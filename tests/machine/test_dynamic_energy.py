@@ -18,7 +18,7 @@ def test_order_of_motion_and_energy(name: str) -> None:
 
     What is put in is stored or lost the better, the shorter the step.
     """
-    steps, fine, smooth = (125, 250, 500, 1000), 4000, name in ("smooth", "creep")
+    steps, fine, smooth = (125, 250, 500, 1000), 4000, name in ("smooth", "creep", "chain")
     exact, *motions = (
         swung(name, count)[0][count // steps[0] - 1 :: count // steps[0]]
         for count in (fine, *steps)
@@ -81,7 +81,8 @@ def test_free_arms_never_gain_energy(name: str) -> None:
         after = plant.stored_J
         assert np.all(after <= before * (1 + 1e-12))
         before = after
-    assert np.all(after < 0.9 * begin)
+    assert np.all(after < 0.99 * begin)  # what turns with joint 1, which rubs nowhere, is kept
+    assert np.median(after / begin) < 0.9
     assert np.all(after > 0) or "coulomb" in EVENTS[name] or name == "all"
 
 

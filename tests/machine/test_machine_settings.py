@@ -17,7 +17,7 @@ from planner.problem.tables.machine_effects import EFFECTS, MachineTable
 def test_ideal_has_no_effect_and_prototype_has_nearly_all() -> None:
     assert not Machine.ideal().effects
     off = set(EFFECTS) - set(Machine.prototype().effects)
-    assert off == {"servo_damping", "incline_deg"}
+    assert off == {"servo_damping", "incline_deg", "link_length_m"}
 
 
 def test_every_effect_tells_its_unit() -> None:
@@ -33,6 +33,7 @@ def test_every_effect_tells_its_unit() -> None:
         "N m s/rad": "N m s/rad",
         "kg m^2": "kg m^2",
         "kg m": "kg m",
+        "m": "metres",
     }
     for name, effect in EFFECTS.items():
         description = MachineTable.model_fields[name].description or ""

@@ -323,8 +323,16 @@ class MachineTable(Table):
         Setting | None, Effect("kg m^2", "joint", low=0, dynamic_only=True)
     ] = Field(
         None,
-        description="Inertia of each link, with all that it carries, about its joint, kg m^2"
-        " (dynamic).",
+        description="Inertia of each link about its joint, with the mass of all that it carries"
+        " at the next joint, kg m^2 (dynamic).",
+    )
+    link_length_m: Annotated[Setting | None, Effect("m", "joint", low=0, dynamic_only=True)] = (
+        Field(
+            None,
+            description="Distance of each joint from the next, metres (dynamic): with"
+            " link_moment_kgm, how links carry each other along; 0: they react by"
+            " link_inertia_kgm2 alone.",
+        )
     )
     base_friction_nm: Annotated[
         Setting | None, Effect("N m", "machine", low=0, dynamic_only=True)
@@ -345,7 +353,8 @@ class MachineTable(Table):
     link_moment_kgm: Annotated[Setting | None, Effect("kg m", "joint", low=0)] = Field(
         None,
         description="Mass of each link, with all that it carries, times the distance of its centre"
-        " of mass from its joint, kg m: what gravity acts on when the plane is inclined.",
+        " of mass from its joint, kg m: what gravity acts on when the plane is inclined, and the"
+        " links' reaction where they have a link_length_m.",
     )
     initial_angle_error_deg: Annotated[Setting | None, Effect("deg", "joint")] = Field(
         None, description="True minus assumed angle of each joint at the start, degrees."

@@ -14,14 +14,7 @@ Rows of all arrays of speeds: motors (2), axes (m), disk B1, links (1 + m), stag
 passive joints. So the first 2 + m connect to the next 2 + m through play: two gearheads, m shafts.
 
 The links are a planar chain, so that each feels the acceleration of all joints before it, and they
-the reaction of all after it. With angles ψᵢ = θ₁ + … + θᵢ of the links, their kinetic energy is
-
-    T = ½ Σⱼₖ Aⱼₖ cos(ψⱼ − ψₖ) ψ̇ⱼ ψ̇ₖ,   Aⱼⱼ = Jⱼ,   Aⱼₖ = lⱼ sₖ for j < k
-
-with J = link_inertia_kgm2, s = link_moment_kgm and l = link_length_m, each link with the mass of
-what it carries at its end. For two links these are α, β and δ of R. M. Murray, Z. Li, S. S. Sastry
-(A Mathematical Introduction to Robotic Manipulation, 1994, section 4.2): α = A₁₁ + A₂₂, β = A₁₂,
-δ = A₂₂. The mass matrix of the joints is M = LᵀA L, L the lower triangle of ones.
+the reaction of all after it; see `chain_inertia`.
 
 One implicit stage of the dynamic arm: speeds and torques that agree at its end.
 
@@ -57,6 +50,7 @@ from planner.machine.friction.contacts import (
 )
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
+from planner.systems.manipulator import chain_inertia
 
 STICTION_SLOPE = 1e8
 """What holds rigidly slips by 1 rad/s for so many N m."""
@@ -234,51 +228,7 @@ def _refuse_light_links(inertia: Array, lengths: Array, moments: Array) -> None:
 
 
 ROUNDING = 1e-12
-
-
-def chain_inertia(inertia: Array, lengths: Array, moments: Array, angles: Array) -> Array:
-    """A cos(ψⱼ − ψₖ) of the links' kinetic energy, (1+m, 1+m, S), kg m^2.
-
-    Args:
-        inertia: Of the links about their own joints, (1+m, S), kg m^2.
-        lengths, moments: As of `Masses`.
-        angles: ψ of the links, (1+m, S), rad.
-    """
-    out = np.zeros((len(inertia), *inertia.shape))
-    for j in range(len(inertia)):
-        out[j, j] = inertia[j]
-        out[j, j + 1 :] = lengths[j] * moments[j + 1 :] * np.cos(angles[j] - angles[j + 1 :])
-        out[j + 1 :, j] = out[j, j + 1 :]
-    return out
-
-
-def centrifugal_torques(lengths: Array, moments: Array, angles: Array, rates: Array) -> Array:
-    """Torques by which turning links push their own angles ψ back, (1+m, S), N m.
-
-    Σₖ Aⱼₖ sin(ψⱼ − ψₖ) ψ̇ₖ²: what M leaves of Lagrange's equations.
-
-    Args:
-        lengths, moments, angles: As of `chain_inertia`.
-        rates: ψ̇, (1+m, S), rad/s.
-    """
-    out = np.zeros_like(angles)
-    for j in range(len(angles)):
-        for k in range(j + 1, len(angles)):
-            pull = lengths[j] * moments[k] * np.sin(angles[j] - angles[k])
-            out[j] += pull * rates[k] ** 2
-            out[k] -= pull * rates[j] ** 2
-    return out
-
-
-def on_joints(of_links: Array) -> Array:
-    """From torques on the angles ψ of links, (1+m, …), to those on the joints, likewise."""
-    return np.asarray(np.cumsum(of_links[::-1], axis=0)[::-1])
-
-
-def mass_matrix(of_links: Array) -> Array:
-    """M of the joints, (1+m, 1+m, S), from `chain_inertia`."""
-    return on_joints(on_joints(of_links).swapaxes(0, 1))
-
+"""Of an eigenvalue, as a part of the largest inertia."""
 
 FULL_PASSES = 12
 """Passes with full steps; after them, each step goes as far as the convex function falls."""

@@ -325,7 +325,7 @@ static int friction_left(const Rows *r, const Masses *p, const double *y, const 
     return slipping;
 }
 
-/* Mass matrix of the links, see bodies.py, and what turning takes from their pull. */
+/* Mass matrix of the links, see `chain_inertia`, and what turning takes from their pull. */
 static void reaction(const Rows *r, const Masses *p, const double *y, const double *gained, double h,
                      double lead, Gears *g)
 {

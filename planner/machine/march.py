@@ -13,23 +13,20 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine.bodies import (
-    STICTION_SLOPE,
-    Masses,
-    StageLaws,
-    StateRows,
-    centrifugal_torques,
-    chain_inertia,
-    mass_matrix,
-    masses,
-    on_joints,
-)
+from planner.machine.bodies import STICTION_SLOPE, Masses, StageLaws, StateRows, masses
 from planner.machine.disk_chain import rest_at, rest_range
 from planner.machine.friction.contact_load import gear_constants
 from planner.machine.friction.contacts import SLIP_SPEED_RAD_S, Grip, chain_loads
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator, gravity_torques
+from planner.systems.manipulator import (
+    Manipulator,
+    centrifugal_torques,
+    chain_inertia,
+    gravity_torques,
+    mass_matrix,
+    on_joints,
+)
 
 GAMMA = 1 - 1 / np.sqrt(2)
 """Length of a stage of SDIRK2 as a part of the step."""

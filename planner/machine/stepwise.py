@@ -26,7 +26,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.machine import compiled
-from planner.machine.bodies import chain_inertia
 from planner.machine.commands import CommandGrid, Steps, lengths
 from planner.machine.disk_chain import DiskChain
 from planner.machine.machine import Draws, Machine
@@ -35,7 +34,7 @@ from planner.machine.servos import Servos
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
 from planner.support.calculus import runge_kutta
-from planner.systems.manipulator import Manipulator
+from planner.systems.manipulator import Manipulator, chain_inertia
 from planner.systems.triangular_system import TriangularSystem
 
 REPORT_EVERY = 250

@@ -259,7 +259,7 @@ FIXED_PARAMETERS: dict[str, str] = {
     "velocity_resolution_rad_s": "one motor rpm behind 1:100",
     "input_gain_error": "drives with encoders hold 0.1 to 0.5 % of speed; mean 0, drawn",
     "input_bias_rad_s": "offset of the command, some 0.03 deg/s at the output; mean 0, drawn",
-    "link_moment_kgm": "0.8 kg at 0.2 m, as the links' inertia; acts on an inclined plane only",
+    "link_moment_kgm": "0.8 kg at 0.2 m, as the links' inertia; acts on a slope or with lengths",
     "velocity_limit_rad_s": "3000 to 4000 rpm behind 1:100; the paper's motion needs a fifth",
     "acceleration_limit_rad_s2": "a tenth of a second to that speed",
     "lateral_friction": "rollers or crowned rims; no statement of the paper fixes it, see above",

@@ -299,8 +299,63 @@ def gravity_torques(weights: Array, theta: Array) -> Array:
     Returns:
         Torques, (n, …), positive where they raise the angle, N m.
     """
-    turning = weights * np.cos(np.cumsum(theta, axis=0))
-    return np.asarray(-np.cumsum(turning[::-1], axis=0)[::-1])
+    return -on_joints(weights * np.cos(np.cumsum(theta, axis=0)))
+
+
+def chain_inertia(inertia: Array, lengths: Array, moments: Array, angles: Array) -> Array:
+    """Kinetic energy of a planar chain of links, as a matrix, (n, n, S), kg m^2.
+
+    With angles ψᵢ = θ₁ + … + θᵢ of the links it is
+
+        T = ½ Σⱼₖ Aⱼₖ cos(ψⱼ − ψₖ) ψ̇ⱼ ψ̇ₖ,   Aⱼⱼ = Jⱼ,   Aⱼₖ = lⱼ sₖ for j < k
+
+    each link with the mass of what it carries at its end. For two links these are α, β and δ of
+    R. M. Murray, Z. Li, S. S. Sastry (A Mathematical Introduction to Robotic Manipulation, 1994,
+    section 4.2): α = A₁₁ + A₂₂, β = A₁₂, δ = A₂₂.
+
+    Args:
+        inertia: J, of the links about their own joints, (n, S), kg m^2.
+        lengths: l, from each joint to the next, (n, S), m.
+        moments: s, mass of each link times the distance of its centre from its joint, (n, S), kg m.
+        angles: ψ of the links, (n, S), rad.
+
+    Returns:
+        Aⱼₖ cos(ψⱼ − ψₖ).
+    """
+    out = np.zeros((len(inertia), *inertia.shape))
+    for j in range(len(inertia)):
+        out[j, j] = inertia[j]
+        out[j, j + 1 :] = lengths[j] * moments[j + 1 :] * np.cos(angles[j] - angles[j + 1 :])
+        out[j + 1 :, j] = out[j, j + 1 :]
+    return out
+
+
+def centrifugal_torques(lengths: Array, moments: Array, angles: Array, rates: Array) -> Array:
+    """Torques by which turning links push their own angles ψ back, (n, S), N m.
+
+    Σₖ Aⱼₖ sin(ψⱼ − ψₖ) ψ̇ₖ²: what M leaves of Lagrange's equations.
+
+    Args:
+        lengths, moments, angles: As of `chain_inertia`.
+        rates: ψ̇, (n, S), rad/s.
+    """
+    out = np.zeros_like(angles)
+    for j in range(len(angles)):
+        for k in range(j + 1, len(angles)):
+            pull = lengths[j] * moments[k] * np.sin(angles[j] - angles[k])
+            out[j] += pull * rates[k] ** 2
+            out[k] -= pull * rates[j] ** 2
+    return out
+
+
+def on_joints(of_links: Array) -> Array:
+    """From torques on the angles ψ of links, (n, …), to those on the joints, likewise."""
+    return np.asarray(np.cumsum(of_links[::-1], axis=0)[::-1])
+
+
+def mass_matrix(of_links: Array) -> Array:
+    """Mass matrix M = LᵀA L of the joints, L the lower triangle of ones, from `chain_inertia`."""
+    return on_joints(on_joints(of_links).swapaxes(0, 1))
 
 
 def stage_gears(system: Manipulator) -> tuple[tuple[Gear, ...], str]:

@@ -12,9 +12,9 @@ from handmade import draws_of
 from scipy.integrate import solve_ivp
 
 from planner import InputError
-from planner.machine.bodies import chain_inertia, mass_matrix
 from planner.machine.march import LEAST_DRAG
 from planner.machine.stepwise import DynamicChain
+from planner.systems.manipulator import chain_inertia, mass_matrix
 
 MASS, LENGTH, CENTRE, OWN = [0.9, 0.7, 0.5], [0.3, 0.25, 0.2], [0.15, 0.1, 0.12], [4e-3, 3e-3, 2e-3]
 """Of three links: kg, m, m from the joint to the centre of mass, kg m^2 about that."""

@@ -251,7 +251,7 @@ def picture(before: Replay, after: Replay) -> Figure:
     planned = np.rad2deg(plain.trajectory.q(t)[:, 3])
     looks = [
         (before, 0.0, colour_of("collocation"), "not compensated"),
-        (after, lead, colour_of("compensated"), "compensated"),
+        (after, lead, colour_of("collocation compensated"), "compensated"),
     ]
     for run, late, colour, words in looks:
         own = run.t - late
@@ -295,7 +295,7 @@ def turn_picture(before: Replay, after: Replay) -> Figure:
     axes[0].plot(after.t - lead, wanted, "k--", linewidth=1.2, label="plan, its clock held")
     looks = [
         (before, 0.0, own, colour_of("collocation"), "not compensated"),
-        (after, lead, wanted, colour_of("compensated"), "compensated"),
+        (after, lead, wanted, colour_of("collocation compensated"), "compensated"),
     ]
     for run, late, target, colour, words in looks:
         angle = np.rad2deg(run.q[:, :, 3])
@@ -303,7 +303,7 @@ def turn_picture(before: Replay, after: Replay) -> Figure:
             low, middle, high = np.percentile(values, [2.5, 50, 97.5], axis=0)
             axis.fill_between(run.t - late, low, high, color=colour, alpha=0.25, linewidth=0)
             axis.plot(run.t - late, middle, color=colour, linewidth=1.8, label=words)
-    axes[2].plot(after.t - lead, plan.clock(after.t), color=colour_of("compensated"))
+    axes[2].plot(after.t - lead, plan.clock(after.t), color=colour_of("collocation compensated"))
     for axis, words in zip(
         axes, ("θ3 (deg)", "error of θ3 (deg)", "plan's clock (s)"), strict=True
     ):

@@ -49,7 +49,8 @@ class Estimate:
     Attributes:
         parameter: The parameter.
         preset, value: Before and after.
-        spread: Standard deviation of the value, by the bootstrap.
+        spread: Standard deviation of the value by the bootstrap, from the readings alone: what the
+            model merges or lacks is not in it.
         told: What the logs tell, 0 … 1: 1 minus the part that is left of the prior's deviation.
         at_edge: Whether it ended at an end of its range.
     """

@@ -202,7 +202,8 @@ class _ComparisonRun:
         row = replace(row, replay=runs)
         if runs.effort is not None:
             first, second = runs.peak_rates.max(axis=0).tolist()
-            row = replace(row, effort=float(np.median(runs.effort)), peak_u=(first, second))
+            effort = float(np.median(runs.effort))
+            row = replace(row, effort=effort, peak_u=(first, second), duration_s=runs.run_s)
         if not runs.angles:
             return row
         return replace(row, **machine_figures(runs))

@@ -294,7 +294,7 @@ def comparison_markdown(comparison: Comparison) -> str:
     heading = f"# Comparison: {markdown(comparison.problem.name)}\n"
     if not comparison.complete:
         heading += "\n**Partial: interrupted before all methods were finished.**\n"
-    heading += f"\n{markdown(comparison.headline)}\n"
+    heading += f"\n{clean_text(comparison.headline)}\n"
     tries = [
         f"- Try, for {markdown_code(k)}: {clean_text(v)}" for k, v in comparison.advice.items()
     ]
@@ -333,6 +333,7 @@ def _caption(comparison: Comparison) -> str:
         " refused plans that can be executed are replayed for study."
         + (FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "")
         + "".join(f" {row.label}: {row.note}." for row in comparison.rows if row.note)
+        + _longer_words(comparison)
         + "".join(
             f" {row.label}: {words}."
             for row in comparison.rows
@@ -341,3 +342,18 @@ def _caption(comparison: Comparison) -> str:
             if words
         )
     )
+
+
+TINY_S = 1e-6
+"""Less is rounding."""
+
+
+def _longer_words(comparison: Comparison) -> str:
+    """Which plans take longer than the goal asks, as a sentence with a space before; or ""."""
+    asked = comparison.problem.duration
+    longer = [
+        f"{row.label} by {number(row.duration_s - asked)} s"
+        for row in comparison.rows
+        if asked is not None and row.duration_s > asked + TINY_S
+    ]
+    return f" Longer than goal.duration: {', '.join(longer)}." if longer else ""

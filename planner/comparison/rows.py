@@ -24,9 +24,6 @@ FEEDBACK = " + feedback"
 OTHER_WAY_DEG = 2.0
 """A nominal machine further from the original path than machines differ is worth a remark."""
 
-TINY_S = 1e-6
-"""Less is rounding."""
-
 
 def _interval(name: str, percent: int) -> Any:
     ends = (
@@ -66,8 +63,8 @@ class Row(PlanFigures):
         replay: The replays on the machines; None for a plan that cannot be executed.
         feedback: Whether they were run with feedback; `effort` is then the median of what was
             commanded, `peak_u` the largest speeds of the motors on any machine.
-        note: Why feedback gains little, how far a compensated plan leaves the original path, how
-            much longer than asked it takes; else empty.
+        note: Why feedback gains little, or how far a compensated plan leaves the original path;
+            else empty.
         advice: For a refused plan, changes that would help, in words; those that were tried are
             marked.
     """
@@ -119,9 +116,6 @@ class Row(PlanFigures):
         if plan.executable and away > OTHER_WAY_DEG:
             more = "" if away < plain else f", no better than uncompensated, {plain:.3g} deg"
             notes.append(f"leaves the original path by up to {away:.3g} deg{more}")
-        asked = plan.problem.duration
-        if plan.compensates and asked is not None and plan.duration > asked + TINY_S:
-            notes.append(f"takes {plan.duration - asked:.3g} s more than goal.duration")
         known["note"] = "; ".join(notes)
         return cls(label, method, plan.verified, why, plan, **known)
 

@@ -61,6 +61,8 @@ class Replay:
             For a compensated plan both errors refer to the original plan, from its start on.
         effort: ∫ u₁² + u₂² dt of the controller's commands, (S,); None in open loop.
         fallbacks: Number of control steps in which the controller used a fallback command, (S,).
+        run_s: From the first command to the end of the last, s: the plan's duration; with feedback
+            also what the controller prepares before and corrects after it.
         again: Replays other samples, by their numbers, in the same way.
     """
 
@@ -82,6 +84,7 @@ class Replay:
     deviation: Array
     effort: Array | None
     fallbacks: NDArray[np.int64]
+    run_s: float
     again: Callable[[Sequence[int]], Replay]
 
     def __repr__(self) -> str:
@@ -311,6 +314,7 @@ def replay(
         deviation=recording.deviation,
         effort=recording.effort,
         fallbacks=recording.fallbacks,
+        run_s=recording.run_s,
         again=again,
     )
 

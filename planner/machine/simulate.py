@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +66,7 @@ class Recording:
         margin_s: When that was, (S, P), s.
         effort: ∫ u₁² + u₂² dt of the controller's commands, (S,); None in open loop.
         fallbacks: Number of control steps in which the controller used a fallback command, (S,).
+        run_s: From the first command to the end of the last, s.
     """
 
     t: Array
@@ -81,11 +83,12 @@ class Recording:
     margin_s: Array
     effort: Array | None
     fallbacks: NDArray[np.int64]
+    run_s: float
 
     def allocate(self, count: int, motions: int) -> Recording:
         """Arrays like these for so many samples, and for the motions of so many, not filled in."""
         rows = dict.fromkeys(_SAMPLE_FIELDS, count) | dict.fromkeys(_MOTION_FIELDS, motions)
-        empty = {
+        empty: dict[str, Any] = {
             name: np.empty((size, *array.shape[1:]), array.dtype)
             for name, size in rows.items()
             if (array := getattr(self, name)) is not None
@@ -271,7 +274,8 @@ def _simulate_closed_loop(
         fed.set_command(i, controller(float(fed.readings[i]), read))
     _advance(motion, steps, steps, tell)
     out = _recording(plan, block_draws, times, motion, fed.t)
-    return replace(out, effort=fed.effort, fallbacks=controller.fallbacks)
+    run_s = controller.lead_s + controller.end_s
+    return replace(out, effort=fed.effort, fallbacks=controller.fallbacks, run_s=run_s)
 
 
 def _motion(
@@ -328,6 +332,7 @@ def _recording(
         margin_s=times[place],
         effort=None,
         fallbacks=none,
+        run_s=plan.duration,
     )
 
 

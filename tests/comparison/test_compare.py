@@ -64,7 +64,8 @@ def test_by_default_every_plan_is_compensated_once_it_is_there() -> None:
     assert better.plan.compensates.q(3.0).tolist() == plain.plan.q(3.0).tolist()
     assert plain.took_s < better.took_s
     assert plain.duration_s == 10 < better.duration_s
-    assert "s more than goal.duration" in better.note
+    said = f"{better.label} by {number(better.duration_s - 10)} s"
+    assert said in result.markdown().split("Longer than goal.duration: ")[1]
     words = result.headline
     near = min(r.E_median_deg for r in result.rows) + result.threshold_deg
     taken = min((r for r in result.rows if r.E_median_deg <= near), key=lambda r: r.effort)

@@ -68,7 +68,18 @@ def test_python_of_the_readme_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     code = re.findall(r"```python\n(.*?)```", README, re.S)[0].replace("1000", "20")
     names: dict[str, object] = {}
     exec(compile(code, "<README>", "exec"), names)
-    assert names["check"].ok  # type: ignore[attr-defined]
+    assert names["plan"].verified  # type: ignore[attr-defined]
+
+
+def test_the_readme_shows_what_its_python_prints() -> None:
+    """Of the machines of the table below it."""
+    (printed,) = re.findall(r"^    (Replay\(.*\))$", README, re.M)
+    row = next(
+        line for line in README.splitlines() if line.startswith("| collocation compensated |")
+    )
+    E = re.search(r"E median ([\d.]+) deg, 95 % ([\d.]+) deg", printed)
+    assert E
+    assert f"| {E[1]}, {E[2]} |" in row
 
 
 # -- CONTRIBUTING ----------------------------------------------------------------------------------

@@ -50,9 +50,12 @@ def write(docs: Path) -> None:
         _put(docs / "notebooks" / path.name, path.read_text(encoding="utf-8"))
     shutil.copytree(ROOT / "problems", docs / "problems", dirs_exist_ok=True)
     pictures = ["explorer/refused", "paper/mechanism", "compensation/compensation"]
-    for picture in [*pictures, "coverage/coverage", "design/design"]:
+    pictures += ["coverage/coverage", "design/design", "compare/effort", "sensitivity/trade-off"]
+    for picture in [*pictures, "identification/identification"]:
         name = picture.rpartition("/")[2].replace("refused", "explorer")
         shutil.copyfile(ROOT / "results" / f"{picture}.png", made / f"{name}.png")
+    coin = planner.solve(planner.load_problem(ROOT / "problems/coin.toml"))
+    planner.report.plot_arm(coin)[0].savefig(made / "coin.png", dpi=80)
 
 
 def formats() -> str:

@@ -45,6 +45,7 @@ def test_the_notebooks_promised_are_there() -> None:
         "tuning-sensitivity",
         "own-mechanism",
         "sweeps",
+        "bring-your-arm",
         "design",
     } <= set(NAMES)
 

@@ -89,11 +89,11 @@ def identification_figure(found: Identification) -> Figure:
     Raises:
         InputError: If it is something else.
     """
-    from matplotlib.figure import Figure
+    from planner.report.figures.notebook_figure import NotebookFigure  # slow to import
 
     expect(Identification, found, "planner.identify(logs, problem) makes one")
     runs = [*found.logs, *([] if found.kept_out is None else [found.kept_out])]
-    figure = Figure(figsize=(10.5, 2.2 * len(runs) + 2.6), layout="constrained")
+    figure = NotebookFigure(figsize=(10.5, 2.2 * len(runs) + 2.6), layout="constrained")
     every: Any = figure.subplots(len(runs) + 1, 1)
     for ax, log in zip(every, runs, strict=False):
         best, before = found.predict(log), found.predict(log, found.preset)

@@ -178,7 +178,7 @@ def identify(plan: Plan, fit: Fit) -> tuple[DataSet, ...]:
     points = difference_points(fit.x)
     machine = nominal_machine(points[0], fidelity="dynamic")
     usual = move(plan, machine, points)
-    words = (central_differences(usual.statements) / TOLERANCES[:, None])[~BOUNDS]
+    words = (central_differences(statement_values(plan, points)) / TOLERANCES[:, None])[~BOUNDS]
     every = [
         _curves(_run(plan, f, usual, machine, points), ENCODER_DEG, TACHO_PERCENT)
         for f in DURATION_RATIOS

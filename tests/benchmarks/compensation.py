@@ -36,7 +36,7 @@ WRONG = {
     "backlash 50 % more": {"backlash_deg": 1.5},
 }
 PLAIN, DEFAULT = "as it is", "correction, forward preparation, backing off (the default)"
-RANDOM = {3: (23, 15.0, 7)}
+RANDOM = {3: (23, 15.0, 7), 4: (7, 35.0, 7)}
 """Random plans whose drive turns back, by the number of joints: how many, seconds, and the seed of
 starts and goals, within 40 degrees. Nothing was chosen with these seeds."""
 METHODS = {"polynomial": {"points": "auto"}, "sinusoid": {}, "collocation": {}}

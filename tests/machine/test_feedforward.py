@@ -147,7 +147,7 @@ def test_commands_keep_every_limit_whatever_the_plan(
     plan = driven(problem, speeds)
     table: dict[str, Any] = {"lag": True, "gearheads": True, "back_off": True, "take_up": True}
     table["preparation"] = "forward" if prepared else False
-    u = shape(plan, planner.Machine.prototype(), **table).commands()
+    u = shape(plan, planner.Machine.prototype(), **table).commands()[:, :, 0]
     assert np.all(np.max(np.abs(u), axis=0) <= np.array([0.5, 0.4]) * (1 + 1e-9))
     jumps = np.abs(np.diff(np.concatenate([np.zeros((1, 2)), u]), axis=0))
     assert np.max(jumps) <= rate * 0.01 * (1 + 1e-6)
@@ -162,7 +162,7 @@ def driven(problem: planner.Problem, speeds: list[float]) -> Plan:
 
 def test_rounding_of_one_tick_is_made_good_in_the_next(plan: Plan) -> None:
     machine = planner.Machine.ideal(velocity_resolution_rad_s=0.05, control_period_s=0.01)
-    turned = np.cumsum(shape(plan, machine).commands() * 0.01, axis=0)
+    turned = np.cumsum(shape(plan, machine).commands()[:, :, 0] * 0.01, axis=0)
     t = np.linspace(0.0, 10.0, 100_001)
     asked = np.cumsum(plan.u((t[:-1] + t[1:]) / 2) * 1e-4, axis=0)[99::100]
     assert np.max(np.abs(turned - asked)) < 0.05 * 0.01

@@ -53,6 +53,27 @@ def test_the_machines_stay_on_the_path_and_end_at_the_goal(turning: Plan, better
     assert said["E_deg"] == pytest.approx(nominal.index_E_deg[0], abs=0.01)
 
 
+def test_the_goal_is_reached_where_motors_do_not_do_what_their_derivatives_say() -> None:
+    """One step of all knots at once gains nothing here: it was refused, 0.3 degrees off."""
+    problem = planner.Problem.manipulator(
+        [-5.7, 1.9, 29.8], [-12.5, 7.2, 14.7], duration=15, input_rad_s=0.5, joint_deg=80
+    )
+    better = planner.compensate(planner.solve(problem))
+    assert np.max(np.abs(planner.verify(better).terminal_error_deg)) < 0.05
+    assert 2 * better.notes["compensation"]["E_deg"] < better.notes["compensation"]["plain_E_deg"]
+
+
+def test_commands_of_limited_rates_are_foretold_as_they_are_held_and_end_at_rest() -> None:
+    """Of a travel that is given, so that the drive does not turn back after the plan."""
+    fig4 = planner.load_problem("problems/paper-fig4.toml")
+    plain = planner.solve(fig4.changed({"limits.input_rate_rad_s2": 2.0}))
+    asked = plain.problem.changed({"goal.travel": float(plain.q(plain.duration)[0])})
+    better = planner.compensate(replace(plain, problem=asked, verified=False))
+    assert np.max(np.abs(planner.verify(better).terminal_error_deg)) < 0.05
+    assert np.array_equal(better.u(better.duration), [0, 0])
+    assert np.array_equal(plain.u(plain.duration), [0, 0])
+
+
 def test_the_clock_is_held_where_the_drive_turns_back(turning: Plan, better: Plan) -> None:
     way, turns = reversals(turning)
     assert len(turns) == len(better.clock.holds) == 1

@@ -20,6 +20,7 @@ import osqp
 import scipy.sparse as sp
 
 from planner.machine.feedback.run_up import REST_S
+from planner.machine.feedforward.legs import stopping_s
 from planner.machine.feedforward.prediction import end_of
 from planner.machine.feedforward.shaping import Shape
 from planner.machine.machine import Machine
@@ -82,8 +83,12 @@ DAMPINGS = (1e-4, 1e3)
 PINNED_DEG = 0.05
 """Miss of the goal or a waypoint that the judge grants."""
 
-END_ROUNDS = 4
-"""Rounds for the goal alone."""
+END_ROUNDS, PIN_GAIN = 10, 0.75
+"""Rounds for the goal alone at most, and what one leaves of the miss for what changes the motion
+least to be preferred; else they take what leaves least."""
+
+SPANS = ((0, 4), (0, 2), (2, 4), (0, 1), (1, 2), (2, 3), (3, 4))
+"""Quarters of the knots, from and to, that are changed for the goal alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +127,7 @@ class Correction:
     def __init__(self, plan: Plan, machine: Machine, shape: Shape) -> None:
         self._plan, self._machine, self._shape = plan, machine.nominal(), shape
         clock = shape.clock
-        self._begin, self._end = clock.lead_s, clock.t[-1]
+        self._begin, self._end = clock.lead_s, clock.t[-1] - stopping_s(plan, machine)
         if any(np.any(leg.angles) for leg in shape.legs if leg.place_s == plan.duration):
             self._end = clock.when(plan.duration)  # the drive turns back after it as it should
         self.knots = self._place_knots()
@@ -174,7 +179,8 @@ class Correction:
             coarse = max(machine.step_s, shape.tick / 2)
             machine = replace(machine.with_(velocity_resolution_rad_s=False), step_s=coarse)
             values = shape.variants(corrections, self.knots)
-        q = simulate_variants(self._plan, machine, shape.t, values, shape.is_linear, self._times)
+        is_linear = shape.is_linear and not machine.effects.get("control_period_s")  # else held
+        q = simulate_variants(self._plan, machine, shape.t, values, is_linear, self._times)
         return self._judge(q)
 
     def _judge(self, q: Array) -> Runs:
@@ -348,32 +354,48 @@ class Correction:
 
     def _pin(self) -> tuple[Array, Runs]:
         """Bring goal and waypoints alone to where they should be: commands, and their motion."""
-        commands = self._shape.commands(self.values, self.knots)
-        now = self.run(self.values[:, :, None], commands[:, :, None])[0]
+        sent, runs = self._send(self.values[:, :, None])
+        commands, now = sent[:, :, 0], runs[0]
         for _ in range(END_ROUNDS):
             missed = float(np.max(np.abs(now.pins)))
             if missed <= np.rad2deg(PIN_TOLERANCE_RAD):
                 break
             deadline.check()
-            slopes = self._slopes(self.run(self.values[:, :, None])[0], PROBES_RAD[-1])
-            step = self._pin_step(now, slopes)
-            tried = [self.values + part * step for part in PARTS]
-            sent = [self._shape.commands(values, self.knots) for values in tried]
-            runs = self.run(np.stack(tried, axis=2), np.stack(sent, axis=2))
-            misses = np.abs(runs.pins).max(axis=1)
-            k = int(np.argmin(misses))
-            if misses[k] >= missed:
+            steps = self._pin_steps(now)
+            tried = self.values[:, :, None] + np.concatenate([p * steps for p in PARTS], axis=2)
+            sent, runs = self._send(tried)
+            kept = np.min(runs.margins, axis=1, initial=0.0)
+            kept = kept >= min(-SAFE, float(np.min(now.margins, initial=0.0)))
+            misses = np.where(kept, np.abs(runs.pins).max(axis=1), np.inf)
+            if np.min(misses) >= missed:
                 break
-            self.values, commands, now = tried[k], sent[k], runs[k]
+            enough = max(PIN_GAIN * missed, float(np.min(misses)))
+            price = np.abs(runs.errors).max(axis=1) + PIN_PRICE * misses
+            k = int(np.argmin(np.where(misses <= enough, price, np.inf)))
+            self.values, commands, now = tried[:, :, k], sent[:, :, k], runs[k]
         return commands, now
 
-    def _pin_step(self, now: Runs, slopes: Runs) -> Array:
-        """The least change of the motion that takes off what is missed, (m, 2), rad."""
-        J, A = slopes.pins.T, slopes.errors.T
-        H = A.T @ A / len(A) + 1e-3 * np.eye(J.shape[1])
-        M = np.linalg.solve(H, J.T)
-        S = J @ M
-        x = -M @ np.linalg.lstsq(S, now.pins, rcond=1e-6)[0]
-        step = np.zeros_like(self.values)
-        step[1:] = np.deg2rad(x).reshape(-1, 2)
-        return step
+    def _send(self, corrections: Array) -> tuple[Array, Runs]:
+        """Commands (K, 2, S) for corrections (m, 2, S) as they are sent, and where they lead."""
+        sent = self._shape.commands(corrections, self.knots)
+        return sent, self.run(corrections, sent)
+
+    def _pin_steps(self, now: Runs) -> Array:
+        """Changes that take off what is missed and change the motion least, (m, 2, S), rad.
+
+        By all knots, and by those of a half or a quarter of the time alone, for each of the probes:
+        where motors turn back or are at their limits, a change is not what one derivative says.
+        """
+        usual, m, out = self.run(self.values[:, :, None])[0], len(self.knots), []
+        cuts = np.linspace(0, 2 * (m - 1), 5).astype(int)
+        for probe in PROBES_RAD:
+            slopes = self._slopes(usual, probe)
+            J, A = slopes.pins.T, slopes.errors.T
+            H = A.T @ A / len(A) + 1e-3 * np.eye(J.shape[1])
+            for first, last in SPANS:
+                part = slice(cuts[first], cuts[last])
+                M = np.linalg.solve(H[part, part], J[:, part].T)
+                step = np.zeros(2 * m)
+                step[2:][part] = -M @ np.linalg.lstsq(J[:, part] @ M, now.pins, rcond=1e-6)[0]
+                out.append(np.deg2rad(step.reshape(m, 2)))
+        return np.stack(out, axis=2)

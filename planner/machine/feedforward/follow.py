@@ -57,10 +57,10 @@ def follow(
             shape = Shape(plan, system, machine, options, rest, most_away)
             correction = Correction(plan, machine, shape)
             try:
-                u = correction.commands() if options.correction else shape.commands()
+                u = correction.commands() if options.correction else shape.commands()[:, :, 0]
             except TimeUpError:
                 was_cut_short = True
-                u = shape.commands(correction.values, correction.knots)
+                u = shape.commands(correction.values[:, :, None], correction.knots)[:, :, 0]
             commands = MotorCommands(shape.t, u, shape.clock, shape.is_linear)
             compensation = Compensation(plan, machine.to_dict(), shape.clock)
             made, prediction = plan_with_commands(compensation, commands)

@@ -16,13 +16,14 @@ After the plan the drive turns back, as far as no joint of the nominal machine f
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from planner.machine.feedback.course import first_motion, turn_angles, turns_back
-from planner.machine.feedback.means import input_scale, lost_motion
+from planner.machine.feedback.means import input_limit, input_scale, lost_motion
 from planner.machine.feedback.run_up import REST_S
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
@@ -55,6 +56,9 @@ that the machine has indeed may make it come a little sooner."""
 
 END_S = 1.0
 """Rest after a plan whose drive turns back: what is corrected till its end needs time to arrive."""
+
+STOPS = 1 + math.sqrt(2)
+"""Of the time from a limit to zero: a motor stops, and goes back by as much as it went too far."""
 
 PLACES = 401
 """Instants that are compared near a reversal, and angles of joint 1."""
@@ -136,10 +140,15 @@ def legs_of(
         out += take_ups(plan, system, machine, way, turns, 2 * lost, tick, most_away)
     if options.back_off and plan.problem.travel is None:
         out.append(return_leg(plan, system, machine, tick))
-    if turns and options.correction:
-        still = np.zeros((1 + round(END_S / tick), 2))
-        out.append(Leg(plan.duration, still))
+    if options.correction:
+        still_s = END_S * bool(turns) + stopping_s(plan, machine)
+        out.append(Leg(plan.duration, np.zeros((1 + int(np.ceil(still_s / tick - 1e-9)), 2))))
     return [leg for leg in out if len(leg.angles) > 1]
+
+
+def stopping_s(plan: Plan, machine: Machine) -> float:
+    """How long motors take from their limits to rest where they should; 0 for any rate."""
+    return float(np.max(STOPS * input_limit(plan, machine) / plan.problem.limits.input_rate))
 
 
 def reversals(plan: Plan) -> tuple[float, list[float]]:

@@ -125,17 +125,18 @@ class Shape:
             earlier += leg.seconds(self.tick)
         return out
 
-    def commands(self, correction: Array | None = None, knots: Array | None = None) -> Array:
-        """What the motors are told in each tick, at the motors' resolution, (K, 2), rad/s.
+    def commands(self, corrections: Array | None = None, knots: Array | None = None) -> Array:
+        """What the motors are told in each tick, at the motors' resolution, (K, 2, S), rad/s.
 
         Args:
-            correction: Of the motors' angles at the knots, shape (m, 2), rad; none when left out.
+            corrections: Of the motors' angles at the knots, shape (m, 2, S), rad; one of none when
+                left out.
             knots: Their times, (m,), s.
         """
         angle = self._angle[:, :, None]
-        if correction is not None and knots is not None:
-            angle = angle + self._added(correction[:, :, None], knots)
-        return self._pursue(angle, self._grain)[:, :, 0]
+        if corrections is not None and knots is not None:
+            angle = angle + self._added(corrections, knots)
+        return self._pursue(angle, self._grain)
 
     def variants(self, corrections: Array, knots: Array) -> Array:
         """The same for corrections (m, 2, S), without rounding: (K, 2, S)."""

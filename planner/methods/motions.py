@@ -99,11 +99,16 @@ SLOW_RAD, SLOW_RAD_S = 0.9, 0.1
 further than twice the largest lost motion of a prototype (2 · 7 degrees); slowly forward so far
 that the encoders have risen on every machine, where the rule ends it earlier.
 
-At the end 0.1 rad/s leaves 0.17 degrees on machines with inertia, 0.3 rad/s 0.97."""
+It counts what they rise in the slow turn alone: joints with inertia run ahead of their axes when
+the quick one stops."""
 USUAL_AXIS = 0.476
 
-LAST_TURN_DEG, LAST_TURN_RAD_S = 2.0, 0.2
+LAST_TURN_DEG, LAST_TURN_RAD_S = 2.0, 0.05
 """Of joint 1: four times the backlash of its gearhead."""
+
+RAMP_S = 0.5
+"""How long slow turns take to their speed and from it. Inertia that overcomes the joints' friction
+turns them ahead of their axes: with ramps of 0.05 s, by 0.9 degrees as joint 1 stops."""
 
 RISE_DEG = 1.5
 """Rise of every passive encoder that proves its axis ahead: seventeen times its resolution."""
@@ -119,8 +124,8 @@ def homing(problem: Problem) -> Plan:
     """A motion after which backlash and torsion are known: every axis is ahead of its joint.
 
     The drive turns back by 0.6 rad, forward by 0.5 at 0.3 rad/s, then slowly until every passive
-    encoder has risen by 1.5 degrees above its least reading; joint 1 turns forward by 2 degrees;
-    the arm rests. The plan turns slowly for the longest time that may be needed. A controller ends
+    encoder has risen by 1.5 degrees above its least reading in that turn; joint 1 turns forward by
+    2 degrees, slowly; the arm rests. The plan turns slowly for the longest time that may be needed. A controller ends
     that part as soon as the encoders have risen, and goes on with the plan after it: in
     `notes["until"]` it may do so from `from_s` on, with the readings since `count_from_s` and the
     rise `rise_deg`, and goes on from `to_s`. Emulated machines do so with
@@ -143,16 +148,16 @@ def homing(problem: Problem) -> Plan:
             " the drive, too little for a homing motion; bring joints 1 to n-1 nearer to 0 degrees"
         )
     turns = [
-        (0, -BACK_RAD * stretch, QUICK_RAD_S),
-        (0, FORWARD_RAD * stretch, QUICK_RAD_S),
-        (0, SLOW_RAD * stretch, SLOW_RAD_S),
-        (1, np.deg2rad(LAST_TURN_DEG), LAST_TURN_RAD_S),
+        (0, -BACK_RAD * stretch, QUICK_RAD_S, 0.0),
+        (0, FORWARD_RAD * stretch, QUICK_RAD_S, 0.0),
+        (0, SLOW_RAD * stretch, SLOW_RAD_S, RAMP_S),
+        (1, np.deg2rad(LAST_TURN_DEG), LAST_TURN_RAD_S, RAMP_S),
     ]
     rate = np.minimum(SHARE * problem.limits.input_rate, USUAL_RATE)
     pieces, ends = [np.zeros((1, 2))], []
-    for motor, angle, speed in turns:
+    for motor, angle, speed, ramp_s in turns:
         speed = min(speed, SHARE * problem.limits.input[motor])
-        pieces.append(_turn(motor, angle, speed, rate[motor]))
+        pieces.append(_turn(motor, angle, speed, max(ramp_s, speed / rate[motor])))
         ends.append(sum(map(len, pieces)) - 1)
     pieces.append(np.zeros((round(REST_S / KNOT_S), 2)))
     u = np.concatenate(pieces)
@@ -161,15 +166,15 @@ def homing(problem: Problem) -> Plan:
     until = {
         "from_s": float(t[slow[0]]),
         "to_s": float(t[slow[-1]]),
-        "count_from_s": float(t[ends[0]]),
+        "count_from_s": float(t[slow[0]]),
         "rise_deg": RISE_DEG,
     }
     return _motion(problem, system, "homing", t, u, {"until": until})
 
 
-def _turn(motor: int, angle: float, speed: float, rate: float) -> Array:
+def _turn(motor: int, angle: float, speed: float, ramp_s: float) -> Array:
     """Inputs at the knots of a turn from rest to rest, without the first knot, and a short rest."""
-    ramp = max(1, int(np.ceil(speed / rate / KNOT_S)))
+    ramp = max(1, int(np.ceil(ramp_s / KNOT_S - 1e-9)))
     whole = max(2 * ramp, int(np.ceil(abs(angle) / speed / KNOT_S)) + ramp)
     shape = np.minimum(1.0, np.minimum(np.arange(1, whole + 1), np.arange(whole, 0, -1) - 1) / ramp)
     out = np.zeros((whole + round(BETWEEN_S / KNOT_S), 2))

@@ -125,10 +125,10 @@ def homing(problem: Problem) -> Plan:
 
     The drive turns back by 0.6 rad, forward by 0.5 at 0.3 rad/s, then slowly until every passive
     encoder has risen by 1.5 degrees above its least reading in that turn; joint 1 turns forward by
-    2 degrees, slowly; the arm rests. The plan turns slowly for the longest time that may be needed. A controller ends
-    that part as soon as the encoders have risen, and goes on with the plan after it: in
-    `notes["until"]` it may do so from `from_s` on, with the readings since `count_from_s` and the
-    rise `rise_deg`, and goes on from `to_s`. Emulated machines do so with
+    2 degrees, slowly; the arm rests. The plan turns slowly for the longest time that may be needed.
+    A controller ends that part as soon as the encoders have risen, and goes on with the plan after
+    it: in `notes["until"]` it may do so from `from_s` on, with the readings since `count_from_s`
+    and the rise `rise_deg`, and goes on from `to_s`. Emulated machines do so with
     `planner.replay(plan, feedback=planner.HomingRule())`.
 
     Args:

@@ -340,6 +340,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             root3=root[2],
             others=study.others(),
             three=study.random(3),
+            four=study.random(4),
             starts=study.starts(),
             widths=study.widths(),
         )

@@ -142,8 +142,8 @@ def promises() -> str:
         what = (kind.__doc__ or "").splitlines()[0].replace("|", "\\|")
         rows.append([what, *(" or ".join(sorted(answers)) for answers in own.values())])
     return (
-        "*Kept*: no motion that the method finds breaks it. *Judged*: the method finds its motion"
-        " without it, or only compares some motions by it, and the judge then decides. *Never*: the"
+        "*Kept*: the method respects it while it plans. *Judged*: the method ignores it while it"
+        " plans, or only compares a few motions by it; the finished plan is checked. *Never*: the"
         " problem is refused before the method begins. Where there are two answers it depends on"
         " the problem; `planner check` says which holds, and `planner/methods/keeping.py` why.\n\n"
         + _table(["what is asked", *planner.METHODS], rows)

@@ -353,7 +353,7 @@ def _compensation_changes(plan: Plan, check: Check) -> list[str]:
     made, out = plan.notes["compensation"], []
     times = [v.time_s for v in check.violations if v.time_s is not None and "goal" not in v.label]
     if plan.lead_s and any(time_s < plan.lead_s for time_s in times):
-        out.append("compensation.preparation = 'jump', for the preparation meets a limit")
+        out.append("compensation.preparation = false, for the preparation meets a limit")
     near = [s for s in times for a, b in plan.clock.holds if a - 1 < s < b + 1]
     uneven = max(made["uneven_deg"], default=0.0)
     if near or uneven > LEAST_UNEVEN_DEG:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +13,8 @@ import pytest
 
 import planner
 from planner import Plan
+from planner.errors import Violation
+from planner.solve import _compensation_changes
 
 ROOT = Path(__file__).parents[1]
 UNTUNED = 31
@@ -144,6 +148,21 @@ def test_what_breaks_a_requirement_on_the_machine_is_refused() -> None:
     assert caught.value.advice is not None
     assert "keeps its direction" in caught.value.advice  # what stands in the way
     assert caught.value.advice.endswith("no compensation (compensation.on = false)")
+
+
+def test_what_it_advises_is_understood(paper: planner.Problem) -> None:
+    """Where the preparation meets a limit it named an option that was gone."""
+    turning = paper.changed({"goal.theta_deg": [25, -20, 10], "limits.z2_margin": None})
+    plan = planner.compensate(turning.changed({"compensation.preparation": "forward"}))
+    assert plan.lead_s > 0
+    times = [0.5 * plan.lead_s, plan.clock.holds[0][0]]
+    found = [Violation("clearance of link 3", time_s, -0.1, 0.0, "m", -1.0) for time_s in times]
+    check = replace(planner.verify(plan), ok=False, violations=tuple(found))
+    advice = "; ".join(_compensation_changes(plan, check))
+    named = re.findall(r"compensation\.(\w+) = (\w+)", advice)
+    assert named == [("preparation", "false"), ("take_up", "false")]
+    options = {key: tomllib.loads(f"x = {value}")["x"] for key, value in named}
+    assert planner.compensate(plan, **options).verified
 
 
 def test_a_plan_by_way_of_points_passes_them_on_the_machine_too() -> None:

@@ -66,7 +66,7 @@ class Manipulator(TriangularSystem):
 
     Args:
         K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers). They alone shape the path.
-        k_g: Drive constant (dimensionless); it only scales u₁.
+        k_g: Turns of the last disk per turn of motor 1; it only scales u₁.
         link_lengths: Lengths of the n links, for drawing and obstacles; by default 1 each.
         k_g_rule: How k_g was determined, for reports.
 
@@ -105,7 +105,7 @@ class Manipulator(TriangularSystem):
         Args:
             n: Number of joints.
             gear: Radii and ratios.
-            k_g: Drive constant; by `rule` when left out.
+            k_g: Turns of the last disk per turn of motor 1; by `rule` when left out.
             rule: "chain" takes k_g = ρ^{n−2}, which n − 2 stages between φ₁ and φₙ₋₁ give.
                 "printed" takes ρ² as the paper has it, a misprint: at n = 2 there is no stage
                 between, and eq. (6) itself says φ̇₁ = u₁, so k_g = 1.

@@ -276,7 +276,9 @@ class BallGearTable(Table):
     kind: Literal["ball-gear"]
     joints: Joints = Field(description=f"Number of joints n, at most {MOST_JOINTS}.")
     K: list[Ratio] = Field(description=f"K2 ... Kn, n-1 numbers, at most {MOST_RATIO:g}.")
-    k_g: Positive = Field(1.0, description="Drive constant; it only scales u1.")
+    k_g: Positive = Field(
+        1.0, description="Turns of the last disk per turn of motor 1; it only scales u1."
+    )
     link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
 
     @model_validator(mode="after")
@@ -317,7 +319,9 @@ class ManipulatorTable(Table):
     )
     gear: GearTable | None = Field(None, description="Gear geometry, instead of K.")
     k_g: Positive | None = Field(
-        None, description="Drive constant; needed with K; with gear it follows from k_g_rule."
+        None,
+        description="Turns of the last disk per turn of motor 1; needed with K; with gear it"
+        " follows from k_g_rule.",
     )
     k_g_rule: Literal["chain", "printed"] = Field(
         "chain",

@@ -150,9 +150,9 @@ class LawOptions(Table):
 
     criterion: Literal["peak", "margin"] = Field(
         "peak",
-        description="What a choice left to the law makes best, among motions inside the chart's"
-        " domain and within limits: the smallest peak input (over its limit where it has one), or"
-        " the largest margin to the domain's edge, ties to the smaller peak.",
+        description="What to minimise where the method has a choice, among motions inside the"
+        " chart's domain and within limits: the peak input (over its limit where it has one); or, with"
+        " 'margin', how near the motion comes to the domain's edge, ties to the smaller peak.",
     )
     allow_singular: Annotated[bool, NO_SLIDER] = Field(
         False,

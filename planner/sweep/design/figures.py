@@ -253,9 +253,8 @@ def _reason(
             f"Take {choice.design.name}, with larger contact forces. It solves {solved}, {count};"
             " all load their contacts beyond capacity."
         ]
-    best = "least total loss, with equal weight for a percent of" if len(front_by) > 1 else "best"
     sentences += [
-        f"Of these it has the {best} {_join_titles(front_by)}: {_values(choice, front_by)}.",
+        f"Of these {_why(front_by)}: {_values(choice, front_by)}.",
         f"Its contacts are loaded to {number(choice[CONTACT_LOAD])} of their capacity on"
         f" {CONTACT_PERCENTILE} % of the machines.",
     ]
@@ -279,6 +278,14 @@ def _reason(
 
 def _values(row: DesignRow, figures: Sequence[Figure]) -> str:
     return ", ".join(f"{f.title} {number(row[f.key])} {f.unit}".rstrip() for f in figures)
+
+
+def _why(figures: Sequence[Figure]) -> str:
+    """Why one design is recommended, as the end of a sentence."""
+    titles = _join_titles(figures)
+    if len(figures) > 1:
+        return f"its {titles} are, added up, the fewest percent worse than the best of each"
+    return f"it has the best {titles}"
 
 
 def _join_titles(figures: Sequence[Figure]) -> str:

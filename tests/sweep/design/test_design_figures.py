@@ -91,8 +91,8 @@ def test_the_one_to_take_solves_most_holds_and_loses_least(known: Known) -> None
     said = study.reason
     assert said.startswith(
         f"Take {GOOD}. It solves 4 of 4 tasks by polynomial, as 3 of 5 designs do whose contacts do"
-        " not slip. Of these it has the least total loss, with equal weight for a percent of effort"
-        " and spread: effort 0.2 rad^2/s, spread 1.1 deg. Its contacts are loaded to 0.5 of their"
+        " not slip. Of these its effort and spread are, added up, the fewest percent worse than the"
+        " best of each: effort 0.2 rad^2/s, spread 1.1 deg. Its contacts are loaded to 0.5 of their"
     )
     assert f"{FAILS} has effort 0.01 rad^2/s, but it solves fewer tasks." in said
     alone = known(DESIGNS, front=["effort"])

@@ -94,7 +94,7 @@ def excitation(problem: Problem) -> Plan:
 # -- homing ---------------------------------------------------------------------------------------
 
 BACK_RAD, FORWARD_RAD, QUICK_RAD_S = 0.6, 0.5, 0.3
-SLOW_RAD, SLOW_RAD_S = 0.9, 0.1
+SLOW_RAD, SLOW_RAD_S = 0.9, 0.075
 """Turns and speeds of the drive on an arm whose last axis turns by `USUAL_AXIS` of it. Backwards
 further than twice the largest lost motion of a prototype (2 · 7 degrees); slowly forward so far
 that the encoders have risen on every machine, where the rule ends it earlier.
@@ -106,7 +106,7 @@ USUAL_AXIS = 0.476
 LAST_TURN_DEG, LAST_TURN_RAD_S = 2.0, 0.05
 """Of joint 1: four times the backlash of its gearhead."""
 
-RAMP_S = 0.5
+RAMP_S = 0.75
 """How long slow turns take to their speed and from it. Inertia that overcomes the joints' friction
 turns them ahead of their axes: with ramps of 0.05 s, by 0.9 degrees as joint 1 stops."""
 

@@ -107,7 +107,7 @@ def test_homing_by_the_encoders_pushes_every_joint_of_every_machine(paper: Probl
     after = run.t > plan.notes["until"]["count_from_s"]
     risen = theta[:, -1, 1:] - theta[:, after, 1:].min(axis=1)
     assert risen.min() > 1.3  # 1.5, less the encoder's resolution twice
-    slowing = np.rad2deg(0.1 * 0.5 / 2) * 0.476  # of the last axis, in its ramp of half a second
+    slowing = np.rad2deg(0.075 * 0.75 / 2) * 0.476  # of the last axis, in its ramp
     assert np.median(risen.min(axis=1)) < 2.0 + slowing  # it ends as soon as all have risen
     # Joint 1 moves last, when the drive stands.
     last = np.argmax(np.abs(theta[:, :, 0] - theta[:, -1:, 0]) < 0.1, axis=1)

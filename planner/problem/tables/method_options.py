@@ -151,8 +151,8 @@ class LawOptions(Table):
     criterion: Literal["peak", "margin"] = Field(
         "peak",
         description="What to minimise where the method has a choice, among motions inside the"
-        " chart's domain and within limits: the peak input (over its limit where it has one); or, with"
-        " 'margin', how near the motion comes to the domain's edge, ties to the smaller peak.",
+        " chart's domain and within limits: the peak input (over its limit where it has one); or,"
+        " with 'margin', how near the motion comes to the domain's edge, ties to the smaller peak.",
     )
     allow_singular: Annotated[bool, NO_SLIDER] = Field(
         False,

@@ -279,7 +279,7 @@ def test_reset_ends_a_search_that_is_under_way(show: Any) -> None:
     choose(page, "collocation")
     busy(page, 1)
     page.locator("[data-button=reset]").click()
-    page.wait_for_selector(".px[data-stage=reset], .px[data-stage=judge]", timeout=15_000)
+    page.wait_for_selector(".px[data-stage=reset], .px[data-stage=judge]", timeout=25_000)  # of 30
 
 
 def test_what_is_asked_comes_first_and_the_solver_is_folded(show: Any) -> None:

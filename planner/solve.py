@@ -366,7 +366,19 @@ def _compensation_changes(plan: Plan, check: Check) -> list[str]:
         out.append("compensation.take_up = false")
     if plan.problem.compensation.preparation != "forward":
         out.append("compensation.preparation = 'forward'")
+    if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # as much as spreads leave
+        less = f"less time (goal.duration), in which the motors' bias adds up to {drifted:.2g} deg"
+        return [*out, f"{less} on one machine in twenty"]
     return [*out, "more time (goal.duration)"]
+
+
+def _drift_deg(plan: Plan) -> float:
+    """By how much the bias of a motor has turned it at the end: twice the standard deviation."""
+    from planner.machine.machine import Machine
+
+    assert plan.compensation is not None
+    bias = Machine.from_table(plan.compensation.machine).effects.get("input_bias_rad_s")
+    return float(np.rad2deg(2 * max(bias.spread) * plan.duration)) if bias else 0.0
 
 
 def _refusal(

@@ -163,6 +163,11 @@ def test_what_it_advises_is_understood(paper: planner.Problem) -> None:
     assert named == [("preparation", "false"), ("take_up", "false")]
     options = {key: tomllib.loads(f"x = {value}")["x"] for key, value in named}
     assert planner.compensate(plan, **options).verified
+    assert advice.endswith("more time (goal.duration)")
+    biased = planner.Machine.prototype(input_bias_rad_s={"value": 0, "spread": 0.002}).to_dict()
+    assert plan.compensation is not None
+    slow = replace(plan, compensation=replace(plan.compensation, machine=biased))
+    assert "less time (goal.duration)" in "; ".join(_compensation_changes(slow, check))
 
 
 def test_a_plan_by_way_of_points_passes_them_on_the_machine_too() -> None:

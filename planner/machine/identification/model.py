@@ -3,7 +3,8 @@
 How the arm stood in its backlash when a log begins is not known. It need not be: once each joint
 has moved by `KNOWN_DEG` its axis lies against the side that it was pushed to, and nothing is left
 of the start but an offset of each angle. So angles count from then on, and the offsets at the start
-are numbers of the log's own.
+are numbers of the log's own. A link with inertia was hit by its axis and swings for seconds, until
+friction holds it where the drive turns back; its angles count once it has been pushed both ways.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ class LogModel:
         assert isinstance(problem.system, Manipulator)
         self.log, self._system, self._parameters = log, problem.system, parameters
         self._plan = log.plan(problem)
-        self.known = known_row(log)
+        self.known = known_row(log, parameters.preset.fidelity == "dynamic")
         self.noise = reading_noise(log)
         hold = log.interval_s if log.is_even else None
         preset = parameters.preset
@@ -98,13 +99,19 @@ class LogModel:
         return offsets
 
 
-READINGS, OFFSET_ROUNDS = 25, 3
-"""Readings whose mean tells where a joint is; rounds after which an offset, which acts on the
-joints behind by cosines, no longer changes (the second changes it by 0.01 degrees)."""
+READINGS, OFFSET_ROUNDS = 100, 3
+"""Readings whose mean tells where a joint is, a second in which a link with inertia swings to and
+fro; rounds after which an offset, which acts on the joints behind by cosines, no longer changes
+(the second changes it by 0.01 degrees)."""
 
 
-def known_row(log: Log) -> int:
+def known_row(log: Log, has_inertia: bool = False) -> int:
     """Index of the row from which on every joint has been pushed by its axis.
+
+    Args:
+        log: The log.
+        has_inertia: Whether joints must have been pushed both ways; those that the log does not
+            push both ways need not.
 
     Raises:
         InputError: If a joint does not move.
@@ -117,7 +124,13 @@ def known_row(log: Log) -> int:
             f"{log.source}: {names} moves by less than {KNOWN_DEG:g} degree; a log must move every"
             " joint (planner.excitation(problem) is a motion that does)"
         )
-    return int(moved.argmax(axis=0).max())
+    row = int(moved.argmax(axis=0).max())
+    if has_inertia:
+        risen = log.theta - np.minimum.accumulate(log.theta) > np.deg2rad(KNOWN_DEG)
+        fallen = np.maximum.accumulate(log.theta) - log.theta > np.deg2rad(KNOWN_DEG)
+        both = np.logical_or.accumulate(risen) & np.logical_or.accumulate(fallen)
+        row = max(row, int(both.argmax(axis=0).max()))
+    return row
 
 
 def reading_noise(log: Log) -> Array:

@@ -5,9 +5,12 @@ A log of commands and joint angles does not tell every effect apart. Merged are
 - backlash, friction and stiffness of a joint, as its lost motion
   w = backlash/2 + friction/stiffness: w shows to some 0.01 degrees, its parts to a degree. Both
   parts keep their share of w, and friction, which also loads the contacts, its value,
-- delay and servo bandwidth, as the time delay + 1/bandwidth by which motors come late,
+- delay and servo bandwidth, as the time delay + 1/bandwidth by which a motor comes late,
 - viscous friction and stiffness of a joint, as its lag friction/stiffness,
 - the gain of motor 1, as a common part of the joints' ratios.
+
+With inertia the parts of w do show: friction decides how far a link coasts, and backlash, unlike
+twist, lets it fly. So a dynamic machine has two parameters more for each joint.
 
 Every parameter has a prior, about the preset: three times the preset's spread from machine to
 machine, since an arm on the bench may be no prototype; where that has none, a usual uncertainty.
@@ -37,6 +40,9 @@ DIGITS = 6
 
 OF_A_RUN = ("initial_angle_error_deg", "initial_play")
 """Effects that are of a run: how the arm stood when it began."""
+
+SHARE_SPREAD = 0.06
+"""Spread of twist's share of the lost motion, with a tenth in backlash, friction and stiffness."""
 
 LEAST_LAG_S = 0.001
 """A servo that follows sooner is as good as direct; the steps of the simulation are longer."""
@@ -134,6 +140,7 @@ class Parameters:
         self._base = draw(self.preset, system.n, np.zeros(1, dtype=np.int64), 0)
         self._lost = lost_motion(system, self.preset)
         self._twist = self._each("coulomb_friction_nm") / self._each("shaft_stiffness_nm_per_rad")
+        self._has_inertia = machine.fidelity == "dynamic" and bool(np.all(self._twist > 0))
         self.rows = tuple(self._rows())
         self._value = np.array([row.value for row in self.rows])
         self._prior = np.array([row.prior for row in self.rows])
@@ -146,6 +153,12 @@ class Parameters:
             np.broadcast_to(self._base[effect][:, 0], EFFECTS[effect].count(self.system.n))
         )
 
+    def _spread(self, effect: str) -> Array:
+        """Spreads of an effect from machine to machine, (c,)."""
+        return np.broadcast_to(
+            self._machine.effects[effect].spread, EFFECTS[effect].count(self.system.n)
+        )
+
     def _rows(self) -> Iterator[Parameter]:
         effects, numbers = self._machine.effects, range(2, self.system.n + 1)
         spreads = np.maximum(
@@ -153,8 +166,10 @@ class Parameters:
         )
         for j, w, spread in zip(numbers, self._lost, spreads, strict=True):
             words, prior = (f"w{j}", f"lost motion of joint {j}", "deg"), PRIOR_SPREADS * spread
-            merged = "backlash, friction and stiffness"
+            merged = "" if self._has_inertia else "backlash, friction and stiffness"
             yield Parameter(*words, DEG, w, prior, 0.02 * w, 5 * w + 10 * DEG, merged)
+        if self._has_inertia:
+            yield from self._parts_of_lost_motion()
         if {"viscous_friction_nms_per_rad", "shaft_stiffness_nm_per_rad"} <= effects.keys():
             lags = self._each("viscous_friction_nms_per_rad") / self._each(
                 "shaft_stiffness_nm_per_rad"
@@ -165,10 +180,10 @@ class Parameters:
                 yield Parameter(*words, 1e-3, lag, prior, 0.0, 20 * lag, merged)
         if "servo_bandwidth_rad_s" in effects:
             delay = float(self._each("delay_s")[0])
-            lag = delay + float(np.mean(1 / self._each("servo_bandwidth_rad_s")))
-            words, prior = ("lag", "lag of both motors", "ms"), PRIOR_SPREADS * 0.2 * lag
-            merged = "delay and servo bandwidth"
-            yield Parameter(*words, 1e-3, lag, prior, delay + LEAST_LAG_S, 0.3, merged)
+            for i, lag in enumerate(delay + 1 / self._each("servo_bandwidth_rad_s"), start=1):
+                words, prior = (f"servo{i}", f"lag of motor {i}", "ms"), PRIOR_SPREADS * 0.2 * lag
+                merged = "delay and servo bandwidth"
+                yield Parameter(*words, 1e-3, lag, prior, delay + LEAST_LAG_S, 0.3, merged)
         for one in DIRECT:
             if one.effect in effects or (one.always and one.effect in EFFECTS):
                 quantity = effects.get(one.effect)
@@ -177,6 +192,17 @@ class Parameters:
                 for i, value in list(enumerate(self._each(one.effect)))[one.fitted :]:
                     words = one.key.format(i + one.first), one.name.format(i + one.first), one.unit
                     yield Parameter(*words, one.scale, value, prior, one.low, one.high, one.merged)
+
+    def _parts_of_lost_motion(self) -> Iterator[Parameter]:
+        numbers = range(2, self.system.n + 1)
+        friction = self._each("coulomb_friction_nm")
+        spreads = np.maximum(self._spread("coulomb_friction_nm"), 0.1 * friction)
+        for j, f, spread in zip(numbers, friction, spreads, strict=True):
+            words, prior = (f"friction{j}", f"friction of joint {j}", "N m"), spread
+            yield Parameter(*words, 1.0, f, PRIOR_SPREADS * prior, 0.1 * f, 10 * f)
+        for j, share in zip(numbers, self._twist / self._lost, strict=True):
+            words, prior = (f"twist{j}", f"twist in w{j}", "%"), PRIOR_SPREADS * SHARE_SPREAD
+            yield Parameter(*words, 0.01, share, prior, 0.05, 0.95)
 
     # -- what they make ------------------------------------------------------------------------
 
@@ -190,17 +216,23 @@ class Parameters:
         numbers = range(2, self.system.n + 1)
         lost = np.stack([found[f"w{j}"] for j in numbers])
         share = (self._twist / np.where(self._lost > 0, self._lost, 1.0))[:, None]
-        out = {"backlash_deg": np.rad2deg(2 * (1 - share) * lost)}
+        friction = self._each("coulomb_friction_nm")[:, None]
+        out = {}
+        if self._has_inertia:
+            share = np.stack([found[f"twist{j}"] for j in numbers])
+            friction = out["coulomb_friction_nm"] = np.stack(
+                [found[f"friction{j}"] for j in numbers]
+            )
+        out["backlash_deg"] = np.rad2deg(2 * (1 - share) * lost)
         stiffness = self._each("shaft_stiffness_nm_per_rad")[:, None]
         if np.any(share > 0):
-            stiffness = out["shaft_stiffness_nm_per_rad"] = self._each("coulomb_friction_nm")[
-                :, None
-            ] / (share * lost)
+            stiffness = out["shaft_stiffness_nm_per_rad"] = friction / (share * lost)
         if "lag2" in found:
             lags = np.stack([found[f"lag{j}"] for j in numbers])
             out["viscous_friction_nms_per_rad"] = lags * stiffness
-        if "lag" in found:
-            out["servo_bandwidth_rad_s"] = 1 / (found["lag"] - self._each("delay_s")[0])[None]
+        if "servo1" in found:
+            lags = np.stack([found["servo1"], found["servo2"]])
+            out["servo_bandwidth_rad_s"] = 1 / (lags - self._each("delay_s")[0])
         for one in DIRECT:
             count = EFFECTS[one.effect].count(self.system.n) if one.effect in EFFECTS else 0
             keys = [one.key.format(i + one.first) for i in range(one.fitted, count)]

@@ -301,6 +301,7 @@ def _fidelities(
     apart = np.max(np.abs(still - moving), axis=0)
     text = f"theta1 / theta2 / theta3. The two differ by at most {_slashed(apart)} deg at any time."
     more = (
+        " The inputs start with a jump, so that with inertia the links behind joint 1 stay back."
         " The contacts of joint 2 are turned further, by theta1, and so lose more. The fit brings"
         " theta2 to 5 degrees by less friction of joint 2 than of joint 3."
     )

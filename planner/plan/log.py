@@ -38,8 +38,10 @@ UNITS: dict[str, dict[str, float]] = {
 }
 """What each kind of column may be measured in, and how much that is in SI units."""
 
-COLUMN = re.compile(r"(t|u[12]|theta[1-9]|motor[12])(?:_|\s*[(\[]?\s*)([a-z_/]*)\s*[)\]]?", re.I)
-"""A column's name with its unit: theta1_deg, "theta1 (deg)", "u1 [rad/s]"."""
+COLUMN = re.compile(
+    r"(t|u[12]|theta[1-9]|motor[12])(?:(?:_|\s*[(\[]\s*|\s+)([a-z_/]*)\s*[)\]]?)?", re.I
+)
+"""A column's name with its unit: theta1_deg, "theta1 (deg)", "u1 [rad/s]"; "temperature" is none."""
 
 LEAST_ROWS = 50
 """Fewer rows are half a second at the usual 100 Hz: no joint has left its backlash by then."""
@@ -60,6 +62,9 @@ UNIT_RATIO = 8.0
 """Joint 1 turns as motor 2 does. A ratio beyond this or below its inverse is a wrong unit (degrees
 for radians are 57), and no error of a gear; with less than `LEAST_TURN_RAD` it says nothing."""
 LEAST_TURN_RAD = np.deg2rad(4.0)
+
+LEAST_LIKENESS = 0.5
+"""Correlation of joint 1 with what motor 2 was asked for; with the right column it is above 0.9."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +252,7 @@ def _columns(
         match = COLUMN.fullmatch(names[column])
         if not match:
             continue
-        name, unit = match[1].lower(), match[2].lower().replace("/", "_")
+        name, unit = match[1].lower(), (match[2] or "").lower().replace("/", "_")
         units = UNITS[name.rstrip("123456789")]
         if unit not in units:
             said = f"has the unit '{unit}'" if unit else "has no unit"
@@ -329,7 +334,15 @@ def _refuse_wrong_units(log: Log) -> None:
     turned = np.concatenate([[0.0], np.cumsum(log.u[:-1, 1] * np.diff(log.t))])
     commanded, read = float(np.ptp(turned)), float(np.ptp(log.theta[:, 0]))
     ratio = read / max(commanded, 1e-9)
-    if max(commanded, read) < LEAST_TURN_RAD or 1 / UNIT_RATIO <= ratio <= UNIT_RATIO:
+    if max(commanded, read) < LEAST_TURN_RAD:
+        return
+    if 1 / UNIT_RATIO <= ratio <= UNIT_RATIO:
+        alike = float(np.corrcoef(turned, log.theta[:, 0])[0, 1])
+        if alike < LEAST_LIKENESS:
+            raise InputError(
+                f"{log.source}: joint 1 does not turn as u2 asks motor 2 to (correlation"
+                f" {alike:.2f}), and both turn alike; check sign and order of the motors' columns"
+            )
         return
     raise InputError(
         f"{log.source}: joint 1 turns by {np.rad2deg(read):.4g} deg while u2 asks motor 2 for"

@@ -58,7 +58,7 @@ def test_units_are_those_of_the_header(tmp_path: Path, header: str, scale: tuple
 def test_columns_of_another_program_are_named_by_a_map(tmp_path: Path) -> None:
     """Epochs in nanoseconds, further columns, and names that mean nothing to us."""
     stamps = 1.7e18 + 1e9 * T
-    header = "stamp,seq,cmd[0],cmd[1],pos[0],pos[1],pos[2]"
+    header = "stamp,temperature,cmd[0],cmd[1],pos[0],pos[1],pos[2]"
     path = write(tmp_path / "bag.csv", header, stamps, 7 * T, *U.T, *THETA.T)
     ours = ["t_ns", "u1_rad_s", "u2_rad_s", "theta1_rad", "theta2_rad", "theta3_rad"]
     theirs = ["stamp", "cmd[0]", "cmd[1]", "pos[0]", "pos[1]", "pos[2]"]
@@ -68,7 +68,7 @@ def test_columns_of_another_program_are_named_by_a_map(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no column 'pos\[3\]' \(for theta1_rad\)"):
         read_log(path, {"theta1_rad": "pos[3]"})
     with pytest.raises(InputError, match="'angle' is no quantity with its unit"):
-        read_log(path, {**dict(zip(ours, theirs, strict=True)), "angle": "seq"})
+        read_log(path, {**dict(zip(ours, theirs, strict=True)), "angle": "temperature"})
 
 
 HEADER = "t_s,u1_rad_s,u2_rad_s,theta1_rad,theta2_rad,theta3_rad"
@@ -99,6 +99,9 @@ def changed(column: int, row: int, value: float) -> list[np.ndarray]:
             "is a unit in the header",
         ),
         (HEADER, [T, U[:, 0], 0 * T, *THETA.T], "or the sign or order of the motors"),
+        (HEADER, [T, U[:, 0], -U[:, 1], *THETA.T], r"does not turn as u2 .* \(correlation -1\.00\)"),
+        (HEADER, [T, *U.T[::-1], *THETA.T], "check sign and order of the motors' columns"),
+        (HEADER.replace("t_s", "time"), [T, *U.T, *THETA.T], r"no column for t; .*'time'"),
         (
             HEADER.replace("theta2_rad", "theta2"),
             [T, *U.T, *THETA.T],

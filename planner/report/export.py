@@ -152,7 +152,7 @@ def export(
     if FORMATS[name].commanded and (moving := moving_inputs(plan, 0.0)):
         warnings.warn(
             f"this {plan.method} plan does not start at rest: {', '.join(moving)} at once;"
-            f" {REST_ADVICE}",
+            f" {HELD_REST_ADVICE if plan.compensates else REST_ADVICE}",
             InputWarning,
             stacklevel=2,
         )
@@ -248,6 +248,11 @@ REST_ADVICE = (
     " with planner.retime(plan, {'input_rate_rad_s2': ...}, rest=True)"
 )
 
+HELD_REST_ADVICE = (
+    "limit the rates of the plan that is compensated (--set limits.input_rate_rad_s2=2.0), which"
+    " its preparation keeps too"
+)
+
 REST_SHARE = 1e-6
 """Largest |u| at an end that counts as rest, relative to the input's peak."""
 
@@ -320,8 +325,16 @@ def input_slopes(plan: Plan, t: Array) -> Array:
 
 
 def moving_inputs(plan: Plan, time: float) -> list[str]:
-    """The inputs that are not zero then, in words; one without a value counts as moving."""
+    """The inputs that are not zero then, in words; one without a value counts as moving.
+
+    A compensated plan holds its commands for a tick: from rest, by a limited rate, the first may
+    differ from zero by what the rate allows in one.
+    """
     u, peaks = np.abs(plan.u(time)), np.maximum(peak_inputs(plan.trajectory), 1e-12)
+    rate = plan.problem.limits.input_rate
+    if plan.compensates:
+        first = rate * (plan.t[1] - plan.t[0]) * (1 + REST_SHARE)
+        u = np.where(np.isfinite(rate) & (u <= first), 0.0, u)
     return [
         f"|{each.name}| = {u[i]:.4g} {each.unit}"
         for i, each in enumerate(plan.problem.system.inputs)
@@ -334,6 +347,11 @@ def _refuse_unfit(plan: Plan) -> None:
     if not check.ok:
         raise InputError(
             f"this {plan.method} plan cannot be sent to a robot: {check.violations[0]}"
+        )
+    if plan.compensates:
+        raise InputError(
+            f"this {plan.method} plan is compensated: its commands are speeds that are each held for"
+            " a tick, and a JointTrajectory is followed smoothly; export csv"
         )
     for time, when in ((0.0, "start"), (plan.duration, "end")):
         if moving := moving_inputs(plan, time):

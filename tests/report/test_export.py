@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -45,6 +46,24 @@ def export_moving(plan: planner.Plan, path: Path, **options: Any) -> Path:
     """Export a plan that does not start at rest, which is said."""
     with pytest.warns(planner.InputWarning, match=r"not start at rest: \|.*\| = .*rest = true"):
         return planner.export(plan, path, **options)
+
+
+def test_a_compensated_plan_with_limited_rates_starts_at_rest(
+    paper: planner.Problem, tmp_path: Path
+) -> None:
+    """Its first command is held for a tick, and what the rate allows in one is no jump."""
+    slow = paper.changed({"limits.input_rate_rad_s2": 2.0})
+    plan = planner.compensate(planner.solve(slow, intervals=20))
+    assert 0 < np.abs(plan.u(0.0)).max() <= 2.0 * 0.01 * (1 + 1e-9)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        samples = planner.load_samples(planner.export(plan, tmp_path / "x.csv"))
+    np.testing.assert_array_equal(samples.u[-1], 0.0)
+    with pytest.raises(planner.InputError, match="is compensated: .* export csv"):
+        planner.export(plan, tmp_path / "x.yaml")
+    free = replace(plan, problem=slow.changed({"limits.input_rate_rad_s2": None}))
+    with pytest.warns(planner.InputWarning, match="start at rest.*limits.input_rate_rad_s2=2"):
+        planner.export(free, tmp_path / "x.csv")
 
 
 def test_samples_are_even_and_end_on_the_end(law: planner.Plan) -> None:

@@ -32,6 +32,8 @@ STIFFNESS = "shaft_stiffness_nm_per_rad"
 ARM = PRESET.nominal().with_(
     backlash_deg=[4.4, 1.9],
     shaft_stiffness_nm_per_rad=[3.9, 2.8],
+    coulomb_friction_nm=[0.18, 0.15],
+    lateral_friction=0.13,
     gear_ratio_error=[0.008, -0.011],
     input_gain_error=[0.002, -0.004],
     input_bias_rad_s=[0.0006, -0.0004],
@@ -67,7 +69,7 @@ def found(paper: Problem, motion: Plan, plan: Plan) -> Identification:
 
 def test_a_known_arm_is_found_from_one_run_of_30_s(found: Identification) -> None:
     np.testing.assert_allclose(lost_deg(found.machine), lost_deg(ARM), atol=0.02)
-    for key, true, allowed in (
+    for key, true, most in (  # how unsure it may be, and it is no surer than it says
         ("gain2", -0.4, 0.03),  # %
         ("bias1", 0.6, 0.05),  # mrad/s
         ("bias2", -0.4, 0.02),
@@ -75,11 +77,14 @@ def test_a_known_arm_is_found_from_one_run_of_30_s(found: Identification) -> Non
         ("gear2", 0.4, 0.03),
         ("servo1", 9.0 + 1e3 / 67.1, 1.0),  # ms: delay and servo together
         ("servo2", 9.0 + 1e3 / 67.1, 1.5),
+        ("lateral", 0.13, 0.002),
+        ("friction2", 0.18, 0.02),  # N m: by what the contacts lose under it
+        ("friction3", 0.15, 0.02),
         ("ratio2", 0.8 + 0.2, 0.3),  # %: with the gain of motor 1
         ("ratio3", -1.1 + 0.2, 0.3),
     ):
-        assert found[key].value == pytest.approx(true, abs=allowed), key
-        assert abs(found[key].value - true) < 6 * found[key].spread + 0.02 * allowed
+        assert found[key].spread < most, key
+        assert abs(found[key].value - true) < 3.5 * found[key].spread + 0.02 * most, key
     assert not found.warnings
     assert not found.untold
     np.testing.assert_allclose(found.residual_deg, found.noise_deg, rtol=0.15)
@@ -155,8 +160,8 @@ def test_machines_of_parameters_have_them(paper: Problem) -> None:
     np.testing.assert_allclose(lost_deg(machine), wanted, rtol=1e-5)
     lags = machine.mean("viscous_friction_nms_per_rad") / machine.mean("shaft_stiffness_nm_per_rad")
     np.testing.assert_allclose(lags, [values["lag2"], values["lag3"]], rtol=1e-5)
-    kept = PRESET.mean("coulomb_friction_nm")
-    np.testing.assert_array_equal(machine.mean("coulomb_friction_nm"), kept)
+    friction = machine.mean("coulomb_friction_nm")  # which loads the contacts
+    np.testing.assert_allclose(friction, [values["friction2"], values["friction3"]], rtol=1e-5)
     rigid = Parameters(PRESET.without("shaft_stiffness_nm_per_rad"), paper.system)  # type: ignore[arg-type]
     keys = [row.key for row in rigid.rows]
     assert "lag2" not in keys

@@ -41,7 +41,7 @@ UNITS: dict[str, dict[str, float]] = {
 COLUMN = re.compile(
     r"(t|u[12]|theta[1-9]|motor[12])(?:(?:_|\s*[(\[]\s*|\s+)([a-z_/]*)\s*[)\]]?)?", re.I
 )
-"""A column's name with its unit: theta1_deg, "theta1 (deg)", "u1 [rad/s]"; "temperature" is none."""
+"""A column's name with its unit: theta1_deg, "theta1 (deg)", "u1 [rad/s]"; "torque" is none."""
 
 LEAST_ROWS = 50
 """Fewer rows are half a second at the usual 100 Hz: no joint has left its backlash by then."""

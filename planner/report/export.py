@@ -350,8 +350,8 @@ def _refuse_unfit(plan: Plan) -> None:
         )
     if plan.compensates:
         raise InputError(
-            f"this {plan.method} plan is compensated: its commands are speeds that are each held for"
-            " a tick, and a JointTrajectory is followed smoothly; export csv"
+            f"this {plan.method} plan is compensated: its commands are speeds held for a tick each,"
+            " and a JointTrajectory is followed smoothly; export csv"
         )
     for time, when in ((0.0, "start"), (plan.duration, "end")):
         if moving := moving_inputs(plan, time):

@@ -1,12 +1,14 @@
 """An arm that obeys: how exactly machines are found from a log, and what that is worth at the end.
 
 python tests/benchmarks/identification.py [--arms 50]      # writes results/identification
+python tests/benchmarks/identification.py --only thousand  # one section anew, the others stay
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -23,9 +25,7 @@ import planner
 from planner import HomingRule, Identification, Log, Machine, Plan, Problem
 from planner.machine.feedback.homing import HomingController
 from planner.machine.machine import draw
-from planner.problem.tables.machine_effects import MachineTable
 from planner.support.arrays import Array
-from planner.support.files import folder
 
 ROOT = Path(__file__).parents[2]
 SEED = 20271
@@ -38,13 +38,6 @@ GOALS = {
     "(20, 25, -15), the drive reverses": (20.0, 25.0, -15.0),
     "(40, -10, -20), the drive reverses": (40.0, -10.0, -20.0),
 }
-HAS_STATE = "start_state" in MachineTable.model_fields
-KNOWN_STATE = "The compensation knows that the arm was homed (`start_state = 'forward'`)."
-ASSUMED_STATE = (
-    "The compensation takes the lost motion for backlash whose axis is ahead, and both gearheads to"
-    " stand in the middle of theirs, since machines cannot say more of their start; that alone"
-    " costs 0.2 to 0.5 degrees, of arms known exactly too."
-)
 
 TURNING_S = 14.0
 """Duration of plans whose drive reverses: from some poses ten seconds are too short."""
@@ -155,11 +148,21 @@ class Study:
         turning = {"goal.theta_deg": [25, -20, 10], "limits.z2_margin": None}
         other = self.problem.changed(turning)
         self.others = [planner.solve(self.problem), planner.solve(other)]
+        self._found: dict[tuple[Machine, int, str], tuple[Identification, float]] = {}
 
     def found(self, arm: Machine, k: int, record: Record = as_it_is) -> Identification:
         """What one run of 30 s tells; of an arm with masses a model that has them, too."""
-        preset = Machine.prototype(fidelity=arm.fidelity)
-        return planner.identify(record(self.motion, arm, k), self.problem, preset)
+        return self._timed(arm, k, record)[0]
+
+    def _timed(self, arm: Machine, k: int, record: Record) -> tuple[Identification, float]:
+        """The same with its CPU seconds; each is made once, for all tables."""
+        key = arm, k, record.__name__
+        if key not in self._found:
+            preset, log = Machine.prototype(fidelity=arm.fidelity), record(self.motion, arm, k)
+            began = time.process_time()
+            found = planner.identify(log, self.problem, preset)
+            self._found[key] = found, time.process_time() - began
+        return self._found[key]
 
     # -- identification ----------------------------------------------------------------------------
 
@@ -183,9 +186,8 @@ class Study:
     def _row(self, every: Sequence[Machine], record: Record) -> list[str]:
         lost, before, ratio, warned, sure, ours, preset, seconds = ([] for _ in range(8))
         for k, arm in enumerate(every):
-            began = time.process_time()
-            found = self.found(arm, k, record)
-            seconds.append(time.process_time() - began)
+            found, took = self._timed(arm, k, record)
+            seconds.append(took)
             miss = np.array([found["w2"].value, found["w3"].value]) - lost_deg(arm)
             lost.append(np.abs(miss))
             before.append(np.abs(lost_deg(found.preset) - lost_deg(arm)))
@@ -194,7 +196,7 @@ class Study:
             warned.append(bool(found.warnings))
             for plan in self.others:
                 silent = record(plan, arm.with_(encoder_resolution_deg=False), 1000 + k)
-                ours.append(max(found.error(silent).largest_deg) - 0.0)
+                ours.append(max(found.error(silent).largest_deg))
                 preset.append(max(found.error(silent, found.preset).largest_deg))
         z = np.sqrt(np.mean(np.square(sure)))
         return [pair(before, 2), pair(lost), f"{z:.1f}", pair(ratio, 2), f"{np.mean(warned):.0%}",
@@ -204,15 +206,52 @@ class Study:
 
     def procedure(self) -> str:
         """Home, read, plan from the pose, compensate, run: errors at the end."""
-        rows = []
-        for fidelity in ("quasi-static", "dynamic"):
-            count = self.count if fidelity == "quasi-static" else max(2, self.count // 3)
-            for words, goal in GOALS.items():
-                if fidelity == "dynamic" and "reverses" in words and goal != (25.0, -20.0, 10.0):
-                    continue
-                several = count if "one way" in words else max(2, count // 4)
-                rows.append(self._runs(fidelity, words, goal, several))
+        return self._procedure("quasi-static", list(GOALS), self.count)
+
+    def inertia(self) -> str:
+        """The same on arms with masses."""
+        return self._procedure("dynamic", list(GOALS)[:2], max(2, self.count // 3))
+
+    def _procedure(self, fidelity: str, goals: Sequence[str], count: int) -> str:
+        several = {words: count if "one way" in words else max(2, count // 4) for words in goals}
+        rows = [self._runs(fidelity, w, GOALS[w], number) for w, number in several.items()]
         return table(["truth", "goal (deg)", "arms", "homing s", *CASES, "refused"], rows)
+
+    def thousand(self) -> str:
+        """The preset's commands from the homed state, on a thousand machines: whose fault it is."""
+        preset = Machine.prototype(**dict.fromkeys(OF_A_RUN, False))
+        machine = preset.with_(start_state="forward")
+        rows = []
+        for words, goal in GOALS.items():
+            plan = homed_compensation(planner.solve(self._task(words, goal)), preset)
+            runs = {"all spreads": machine}
+            if "one way" in words:
+                runs |= {name: _alone(machine, name) for name in _varying(machine)}
+                runs["all but lateral_friction"] = machine.with_(
+                    lateral_friction=machine.effects["lateral_friction"].value[0]
+                )
+            for case, drawn in runs.items():
+                run = planner.replay(plan, drawn, 1000, SEED, record_s=None)
+                rows.append([words, case, pair(run.terminal_E_deg)])
+        return table(["goal (deg)", "what varies", "end"], rows)
+
+    def drift(self) -> str:
+        """The whole procedure with what is known of each arm, with and without the motors' bias."""
+        words, goal = next(iter(GOALS.items()))
+        rows = []
+        for case, changes in {"as drawn": {}, "no bias": {"input_bias_rad_s": False}}.items():
+            ends = []
+            for k, arm in enumerate(arm.with_(**changes) for arm in arms(max(2, self.count // 3))):
+                way = Homed.run(self.problem, arm, k)
+                plan = planner.solve(from_pose(self._task(words, goal), way.pose_deg))
+                end = way.end_after(homed_compensation(plan, arm))
+                ends.append(float(np.abs(end - goal).max()))
+            rows.append([case, str(len(ends)), pair(ends)])
+        return table(["the arm's own machine", "arms", "end"], rows)
+
+    def _task(self, words: str, goal: Sequence[float]) -> Problem:
+        task = self.problem.changed({"limits.z2_margin": None, "goal.theta_deg": list(goal)})
+        return task.changed({"goal.duration": TURNING_S}) if "reverses" in words else task
 
     def _runs(self, fidelity: str, words: str, goal: Sequence[float], count: int) -> list[str]:
         ends: dict[str, list[float]] = {case: [] for case in CASES}
@@ -226,13 +265,7 @@ class Study:
             }
             way = Homed.run(self.problem, arm, k)
             lengths.append(len(way.commands) * TICK_S)
-            task = from_pose(
-                self.problem.changed({"limits.z2_margin": None, "goal.theta_deg": list(goal)}),
-                way.pose_deg,
-            )
-            if "reverses" in words:
-                task = task.changed({"goal.duration": TURNING_S})
-            plan = planner.solve(task)
+            plan = planner.solve(from_pose(self._task(words, goal), way.pose_deg))
             for case, machine in machines.items():
                 try:
                     commands = plan if machine is None else homed_compensation(plan, machine)
@@ -255,6 +288,16 @@ HEAD = [
 CASES = ["not compensated", "preset", "identified", "the arm's own"]
 
 
+def _varying(machine: Machine) -> list[str]:
+    return [name for name, effect in machine.effects.items() if effect.varies]
+
+
+def _alone(machine: Machine, name: str) -> Machine:
+    """The machine that varies in one effect."""
+    nominal = machine.nominal()
+    return nominal.with_(**{name: machine.effects[name].to_setting()})
+
+
 def from_pose(problem: Problem, pose_deg: Array) -> Problem:
     """The task from where the arm stands."""
     with warnings.catch_warnings():
@@ -264,14 +307,8 @@ def from_pose(problem: Problem, pose_deg: Array) -> Problem:
 
 def homed_compensation(plan: Plan, machine: Machine) -> Plan:
     """Commands for a machine whose axes are all ahead of their joints when the plan begins."""
-    if HAS_STATE:
-        known = machine.nominal().with_(start_state="forward")
-        return planner.compensate(plan, known, back_off=False)  # of spreads, which one arm has not
-    # Lost motion as backlash alone, whose place a machine can say; that of the gearheads it cannot.
-    ahead = machine.nominal().with_(
-        backlash_deg=(2 * lost_deg(machine)).tolist(), coulomb_friction_nm=False, initial_play=1.0
-    )
-    return planner.compensate(plan, ahead, preparation=False, back_off=False)
+    known = machine.nominal().with_(start_state="forward")
+    return planner.compensate(plan, known, back_off=False)  # of spreads, which one arm has not
 
 
 class KeptRule(HomingRule):
@@ -379,34 +416,37 @@ def session() -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run everything and write it."""
+    """Run everything, or some sections, and write it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--arms", type=int, default=50)
+    parser.add_argument("--only", nargs="+", choices=SECTIONS, help="Sections to make anew.")
     parser.add_argument("--out", type=Path, default=ROOT / "results/identification")
     options = parser.parse_args(arguments)
-    study = Study(options.arms)
-    parts = dict(_parts(study))
+    study, page = Study(options.arms), options.out / "README.md"
     words = (ROOT / "tests/benchmarks/identification.md").read_text(encoding="utf-8")
-    state = KNOWN_STATE if HAS_STATE else ASSUMED_STATE
-    shown = {"state": state, "version": planner.__version__, "arms": options.arms, "seed": SEED}
-    with folder(options.out) as out:
-        (out / "README.md").write_text(words.format(**shown, **parts), encoding="utf-8")
-        study.found(arms(1)[0], 0).plot().savefig(out / "identification.png", dpi=100)
+    parts = dict.fromkeys(SECTIONS, "")
+    if options.only:
+        parts |= dict(_sections(page.read_text(encoding="utf-8")))
+    options.out.mkdir(parents=True, exist_ok=True)
+    for name in options.only or SECTIONS:
+        began = time.perf_counter()
+        made = session() if name == "session" else str(getattr(study, name)())
+        only = f" --only {name}" if options.only else ""
+        told = f"python tests/benchmarks/identification.py --arms {options.arms}{only}"
+        parts[name] = f"<!-- {name}: {told} -->\n{made}\n<!-- end -->"
+        print(f"{name}: {time.perf_counter() - began:.0f} s\n{made}", flush=True)
+        page.write_text(words.format(seed=SEED, **parts), encoding="utf-8")
+    study.found(arms(1)[0], 0).plot().savefig(options.out / "identification.png", dpi=100)
     return 0
 
 
-def _parts(study: Study) -> Iterator[tuple[str, str]]:
-    makers = {
-        "exactness": study.exactness,
-        "lacking": study.lacking,
-        "procedure": study.procedure,
-        "session": session,
-    }
-    for name, make in makers.items():
-        began = time.perf_counter()
-        text = make()
-        print(f"{name}: {time.perf_counter() - began:.0f} s\n{text}", flush=True)
-        yield name, text
+SECTIONS = ("thousand", "drift", "procedure", "exactness", "lacking", "inertia", "session")
+
+
+def _sections(page: str) -> Iterator[tuple[str, str]]:
+    """The sections of a page, each with the comment that says how it was made."""
+    for found in re.finditer(r"<!-- (\w+): .*? -->\n.*?\n<!-- end -->", page, re.DOTALL):
+        yield found[1], found[0]
 
 
 if __name__ == "__main__":

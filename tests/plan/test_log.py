@@ -99,7 +99,11 @@ def changed(column: int, row: int, value: float) -> list[np.ndarray]:
             "is a unit in the header",
         ),
         (HEADER, [T, U[:, 0], 0 * T, *THETA.T], "or the sign or order of the motors"),
-        (HEADER, [T, U[:, 0], -U[:, 1], *THETA.T], r"does not turn as u2 .* \(correlation -1\.00\)"),
+        (
+            HEADER,
+            [T, U[:, 0], -U[:, 1], *THETA.T],
+            r"not turn as u2 .* \(correlation -1\.00\)",
+        ),
         (HEADER, [T, *U.T[::-1], *THETA.T], "check sign and order of the motors' columns"),
         (HEADER.replace("t_s", "time"), [T, *U.T, *THETA.T], r"no column for t; .*'time'"),
         (

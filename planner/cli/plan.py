@@ -88,6 +88,8 @@ def plan(
       planner plan problems/paper.toml --set method.collocation.intervals=20 --out plan.json
       planner plan problems/paper-fig4.toml --method polynomial \\
         --set method.polynomial.allow_singular=true
+      planner plan arm.toml --machine my-machine.toml --pose-from homed.csv \\
+        --set machine.start_state=forward --set compensation.on=true
     """
     name = find_method(method).name
     task = read_problem(problem, changes, machine)

@@ -406,6 +406,7 @@ def session() -> str:
         Log(TICK_S * np.arange(60), np.zeros((60, 2)), posed).save(place / "homed.csv")
         command("identify", "1.csv", "--problem", problem, "--out", "arm.toml")
         command("plan", problem, "--machine", "arm.toml", "--pose-from", "homed.csv",
+                "--set", "machine.start_state=forward", "--set", "compensation.on=true",
                 "--out", "plan.json")  # fmt: skip
         command("export", "plan.json", "--out", "plan.csv")
         plan = planner.load_plan(place / "plan.json")

@@ -32,10 +32,13 @@ def test_the_way_from_a_motion_to_a_machine(run: Callable, tmp_path: Path) -> No
     assert "w2" in text
     assert "kept out, predicted by the preset machine: largest error" in text
 
-    made = run("plan", PAPER, "--machine", table, "--out", tmp_path / "plan.json")
+    homed = ("--set", "machine.start_state=forward", "--set", "compensation.on=true")
+    made = run("plan", PAPER, "--machine", table, *homed, "--out", tmp_path / "plan.json")
     assert made.status == 0
-    plan = planner.load_plan(tmp_path / "plan.json")
-    assert planner.Machine.from_table(plan.problem.machine) == planner.load_machine(table)
+    plan, arm = planner.load_plan(tmp_path / "plan.json"), arm.with_(start_state="forward")
+    used = planner.load_machine(table).with_(start_state="forward")
+    assert planner.Machine.from_table(plan.problem.machine) == used
+    assert planner.replay(plan, arm).terminal_E_deg[0] < 0.1
 
     planner.emulate_log(plan, arm).save(tmp_path / "2.csv")
     words = ("--problem", PAPER, "--plan", tmp_path / "plan.json", "--machine", table)

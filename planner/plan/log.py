@@ -77,6 +77,9 @@ class Log:
         theta: Readings of the joints' encoders, shape (R, n), rad.
         motors: Angles of both motors, shape (R, 2), rad; None if they were not recorded.
         source: Where it came from, for messages.
+
+    Raises:
+        InputError: If shapes do not fit each other, or a number is NaN or infinite.
     """
 
     t: Array
@@ -84,6 +87,21 @@ class Log:
     theta: Array
     motors: Array | None = None
     source: str = "log"
+
+    def __post_init__(self) -> None:
+        rows = np.shape(self.t)[:1]
+        wanted = {"t": rows, "u": (*rows, 2), "theta": (*rows, *np.shape(self.theta)[1:2])}
+        if self.motors is not None:
+            wanted["motors"] = (*rows, 2)
+        for name, shape in wanted.items():
+            value = np.asarray(getattr(self, name))
+            if value.shape != shape or len(shape) != 1 + (name != "t"):
+                raise InputError(
+                    f"{self.source}: {name} has shape {value.shape}; a log of R rows has t (R,),"
+                    " u (R, 2), theta (R, n) and motors (R, 2)"
+                )
+            if not np.all(np.isfinite(value)):
+                raise InputError(f"{self.source}: {name} has values that are NaN or infinite")
 
     def __repr__(self) -> str:
         return (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -145,6 +146,17 @@ def test_rounded_times_are_even_and_jitter_stays(tmp_path: Path) -> None:
     assert even.is_even
     assert not uneven.is_even
     np.testing.assert_allclose(uneven.t, jitter, atol=1e-12)
+
+
+def test_a_log_made_in_python_has_rows_of_numbers() -> None:
+    for changes, words in (
+        ({"u": U[:, :1]}, r"u has shape \(101, 1\); a log of R rows has"),
+        ({"theta": THETA[:-1]}, r"theta has shape \(100, 3\)"),
+        ({"theta": THETA[:, 0]}, r"theta has shape \(101,\)"),
+        ({"theta": np.where(THETA > 0.09, np.nan, THETA)}, "theta has values that are NaN"),
+    ):
+        with pytest.raises(InputError, match=words):
+            replace(LOG, **changes)
 
 
 def test_a_part_begins_at_zero() -> None:

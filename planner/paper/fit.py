@@ -9,6 +9,10 @@ statements, the most probable x minimises
 counts where it is exceeded. The largest errors of θ₃ and θ₂ come from the quasi-static model, the
 usual one; how well motors follow from the dynamic one, in which the load acts on them.
 
+`planner.identify` has a fit of its own: thousands of readings, a robust loss, offsets of each log
+and a bootstrap, where here are five numbers, two of them bounds. SciPy's `least_squares` is what
+both share; one function for both would save some ten lines.
+
 Which parameters what was measured can tell, and which it cannot.
 
 For observables f(x) with errors of reading σ, at standardised parameters x, the scaled sensitivity

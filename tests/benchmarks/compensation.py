@@ -25,6 +25,7 @@ from planner.problem.tables.machine_effects import StartState
 from planner.report.figures.style import GRID_STYLE, colour_of, shade_holds
 from planner.support.arrays import Array
 from planner.support.files import folder
+from planner.support.package import made_by
 
 ROOT = Path(__file__).parents[2]
 SEED = 2026
@@ -343,6 +344,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             four=study.random(4),
             starts=study.starts(),
             widths=study.widths(),
+            made_by=made_by("make compensation"),
         )
     )
     crossing = planner.solve(planner.load_problem(ROOT / "problems/crossing.toml"))

@@ -44,7 +44,7 @@ def headline(rows: Sequence[Row], threshold_deg: float) -> str:
     solved = [each for each in rows if each.solved and not each.feedback]
     if len(solved) == 1:
         reason = "the only one that reaches the goal and keeps every limit."
-        return f"Take {row.label}: {reason}{_follow_up(rows, row)}"
+        return f"Take {row.label}: {reason}{_caution(row)}{_follow_up(rows, row)}"
     other = _rival(row, solved)
     if not np.isfinite(row.E_median_deg):
         return f"Take {row.label}: of {len(solved)} verified plans it has the least effort."
@@ -53,7 +53,7 @@ def headline(rows: Sequence[Row], threshold_deg: float) -> str:
     reason += " but" if row.end_median_deg > other.end_median_deg else ""
     reason += f" {_degrees(row.end_median_deg)} instead of {_degrees(other.end_median_deg)} at the"
     price = _price(row, other)
-    return f"Take {row.label}: {reason} end.{price}{_follow_up(rows, row)}"
+    return f"Take {row.label}: {reason} end.{price}{_caution(row)}{_follow_up(rows, row)}"
 
 
 def _rival(row: Row, solved: list[Row]) -> Row:
@@ -79,6 +79,13 @@ def _price(row: Row, other: Row) -> str:
         if mine > LEAST_SHARE * theirs
     ]
     return f" The price: {' and '.join(prices)}." if prices else ""
+
+
+def _caution(row: Row) -> str:
+    """That machines break limits which the plan keeps, as a sentence."""
+    if not row.beyond_limits > 0:
+        return ""
+    return f" On {number(row.beyond_limits)} % of the machines it breaks a limit."
 
 
 def _follow_up(rows: Sequence[Row], row: Row) -> str:

@@ -81,6 +81,15 @@ def test_the_suite_shows_every_problem_and_todays_travels() -> None:
         assert rows["paper"][methods.index(name)] == f"travel {plan.travel:.4g}"
 
 
+def test_the_theory_tells_what_the_calibration_found() -> None:
+    page, told = read("results/calibration/README.md"), " ".join(read("docs/theory.md").split())
+    found = re.search(r"\| the paper's words \| \d+ \| 1 of (\d+) \|", page)
+    assert found
+    assert f"of {found[1]} parameters the paper's statements determine one direction" in told
+    sizes = re.findall(r"^\| largest error of theta[32] .* \| ([\d.]+) deg \|$", page, flags=re.M)
+    assert f"theta2 comes to {sizes[1]} and theta3 to {sizes[0]} degrees" in told
+
+
 def test_the_mean_offset_is_as_poor_as_it_is_said_to_be() -> None:
     """Step 4 of the paper, on a unicycle that is to move one metre sideways."""
     problem = planner.Problem.from_dict(

@@ -20,7 +20,7 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem, load_problem
 from planner.support.arrays import Array, jsonable
 from planner.support.files import toml
-from planner.support.package import import_function
+from planner.support.package import import_function, made_by
 from planner.support.statistics import LEAST_DIFFERENCE_DEG, Difference, differences
 from planner.support.tables import (
     Column,
@@ -287,7 +287,7 @@ def comparison_markdown(comparison: Comparison) -> str:
     columns = [*comparison.columns, *intervals(comparison.problem.system)]
     repeat = command(comparison)
     again = (
-        f"Made by:\n\n    {clean_text(repeat)}\n"
+        f"{made_by(clean_text(repeat))}\n"
         if repeat
         else "Made from Python; `comparison.json` holds the problem, the machine and the seed.\n"
     )

@@ -26,6 +26,7 @@ from planner.machine.machine import draw
 from planner.problem.tables.machine_effects import MachineTable
 from planner.support.arrays import Array
 from planner.support.files import folder
+from planner.support.package import release
 
 ROOT = Path(__file__).parents[2]
 SEED = 20271
@@ -388,7 +389,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parts = dict(_parts(study))
     words = (ROOT / "tests/benchmarks/identification.md").read_text(encoding="utf-8")
     state = KNOWN_STATE if HAS_STATE else ASSUMED_STATE
-    shown = {"state": state, "version": planner.__version__, "arms": options.arms, "seed": SEED}
+    shown = {"state": state, "version": release(), "arms": options.arms, "seed": SEED}
     with folder(options.out) as out:
         (out / "README.md").write_text(words.format(**shown, **parts), encoding="utf-8")
         study.found(arms(1)[0], 0).plot().savefig(out / "identification.png", dpi=100)

@@ -73,6 +73,16 @@ def test_by_default_every_plan_is_compensated_once_it_is_there() -> None:
     base = taken.label.replace(" compensated", "")
     assert f"instead of {number(result[base].E_median_deg)} deg ({base})" in words
     assert "The price: " in words
+    now, was = (
+        [r.E_p95_deg for r in result.rows if r.solved and (COMPENSATED.split()[1] in r.label) == it]
+        for it in (True, False)
+    )
+    assert (len(now), len(was)) == (3, 3)
+    assert max(now) < min(was)
+    told = f"E 95 % {number(min(now))} to {number(max(now))} deg, not {number(min(was))} to"
+    assert f"whichever method planned: {told} {number(max(was))} deg." in words
+    efforts = [result[name].effort for name in ("collocation", "sinusoid")]
+    assert f"in effort: {number(efforts[0])} to {number(efforts[1])} rad²/s." in words
     pairs = list(zip(result.differences, result.end_differences, strict=True))
     for E, end in pairs:
         gap = result[end.first].replay.terminal_E_deg - result[end.second].replay.terminal_E_deg

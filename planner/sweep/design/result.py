@@ -16,7 +16,7 @@ from planner.errors import InputError
 from planner.plan.samples import import_library
 from planner.support.arrays import jsonable
 from planner.support.files import make_folder, write_bytes, write_text
-from planner.support.package import import_function, versions
+from planner.support.package import import_function, made_by, versions
 from planner.support.tables import (
     Column,
     csv_table,
@@ -206,7 +206,9 @@ class DesignStudy:
             InputError: If the folder or a file cannot be written.
         """
         place = make_folder(folder)
-        write_text(place / "design.md", self.markdown() + "\n![The study](design.png)\n")
+        again = made_by(f"planner design {self.asked.source} --out {folder}")
+        text = f"{self.markdown()}\n![The study](design.png)\n\n{again}\n"
+        write_text(place / "design.md", text)
         write_text(place / "design.csv", csv_table(self.columns, self.rows))
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False, ensure_ascii=False)
         write_text(place / "design.json", text + "\n")

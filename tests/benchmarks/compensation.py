@@ -167,8 +167,9 @@ class Study:
         return table(COMPARED, cells)
 
     def compared(self, plain: Plan) -> tuple[list[str], list[float]]:
-        """The cells of `COMPARED` of a plan, and E and end, 50 and 95 %, as it is and compensated;
-        and CPU time. Of a refused plan the figures are those of its prediction's commands."""
+        """The cells of `COMPARED` of a plan; E and end, 50 and 95 %, as it is and compensated, E
+        from predicted likewise, and CPU time. Of a refused plan the figures are those of its
+        prediction's commands."""
         began, why = time.process_time(), ""
         try:
             better = planner.compensate(plain)
@@ -184,6 +185,7 @@ class Study:
         cells += [pair(from_predicted(after)), pair(before.terminal_E_deg)]
         cells += [pair(after.terminal_E_deg), f"{better.lead_s:.1f}", f"{held:.1f}", f"{took:.1f}"]
         runs = [v for r in (before, after) for v in (r.index_E_deg, r.terminal_E_deg)]
+        runs.append(from_predicted(after))
         return cells, [*np.concatenate([np.percentile(v, [50, 95]) for v in runs]).tolist(), took]
 
     def starts(self) -> str:
@@ -217,8 +219,8 @@ class Study:
                 figures.append(numbers)
         for name, by in (("median", np.median), ("largest", np.max)):
             f = by(np.array(figures), axis=0)
-            pairs = [f"{f[k]:.2f} / {f[k + 1]:.2f}" for k in (0, 4, 2, 6)]
-            cells.append([name, "", *pairs[:2], "", *pairs[2:], "", "", f"{f[8]:.1f}"])
+            pairs = [f"{f[k]:.2f} / {f[k + 1]:.2f}" for k in (0, 4, 8, 2, 6)]
+            cells.append([name, "", *pairs, "", "", f"{f[10]:.1f}"])
         worse = sum(row[5] > row[1] for row in figures)
         cells.append(["above plain, E 95 %", str(worse), *[""] * 8])
         return table(COMPARED, cells)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 import time
 from collections.abc import Iterator, Sequence
@@ -46,7 +47,7 @@ from planner.errors import NoPlanError
 from planner.methods.registry import find_method
 from planner.plan.log import read_log
 from planner.plan.plan import Plan
-from planner.problem.feasibility import End
+from planner.problem.feasibility import End, why_too_short
 from planner.problem.problem import Problem
 from planner.solve import solve_and_check
 from planner.support.files import refuse_unwritable, toml
@@ -85,7 +86,7 @@ def plan(
     Examples:
       planner plan problems/paper.toml
       planner plan problems/paper.toml --method polynomial --set goal.travel=0.82
-      planner plan problems/paper.toml --set method.collocation.intervals=20 --out plan.json
+      planner plan problems/paper.toml --set goal.duration=8 --out plan.json
       planner plan problems/paper-fig4.toml --method polynomial \\
         --set method.polynomial.allow_singular=true
     """
@@ -374,7 +375,7 @@ def _methods(analysis: Analysis) -> Table:
         Column("answer", "", _answer, left=True),
         Column("travel", "", lambda o: o["travel_rad"], number),
         Column("duration", "", lambda o: o["duration_s"], number),
-        *(Column(f"peak |{c.name}|", "", partial(_peak, i), number) for i, c in inputs),
+        *(Column(f"|{c.name}|", "", partial(_peak, i), number) for i, c in inputs),
         Column("kind", "", _kind, left=True),
     ]
     return terminal_table(columns, analysis.outcomes)
@@ -415,5 +416,9 @@ def _refusals(analysis: Analysis) -> Iterator[str]:
         lines = [reason, *(f"  - {v['text']}" for v in broken)]
         lines += [f"  Try: {o['advice']}"] if o["advice"] else []
         refused.setdefault(tuple(lines), []).append(o["method"])
+    proof = why_too_short(analysis.problem) or ""
     for (reason, *lines), names in refused.items():
-        yield from ("", f"{', '.join(names)}: {reason}", *lines)
+        if proof and analysis.remedy is not None:  # the verdict holds both
+            reason = re.sub(r"^\W*The", "the", reason.removeprefix(proof))
+        if reason:
+            yield from ("", f"{', '.join(names)}: {reason}", *lines)

@@ -46,6 +46,7 @@ from planner.cli.output import (
 from planner.errors import NoPlanError
 from planner.methods.registry import find_method
 from planner.plan.log import read_log
+from planner.plan.measures import effort
 from planner.plan.plan import Plan
 from planner.problem.feasibility import End, why_too_short
 from planner.problem.problem import Problem
@@ -109,7 +110,7 @@ def plan(
     if search_ended_early():
         status = ReportedStatus(INTERRUPT_STATUS)
         say("planner: interrupted: this is the best plan found so far")
-    table = facts(_properties(task, summary, took))
+    table = facts(_properties(task, motion, summary, took))
     parts = (f"{task.name}: {name}", table, "", _verdict(motion))
     return finish(summary, *parts, status=status, where="plan written to {}")
 
@@ -145,7 +146,7 @@ def _verdict(plan: Plan) -> str:
 Rows = Iterator[tuple[str, str]]
 
 
-def _properties(problem: Problem, summary: dict[str, Any], took: float) -> Rows:
+def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: float) -> Rows:
     system, notes = problem.system, summary["notes"]
     path = system.coordinates[0]
     status = summary["status"].replace("_", " ") + (", verified" if summary["verified"] else "")
@@ -153,7 +154,12 @@ def _properties(problem: Problem, summary: dict[str, Any], took: float) -> Rows:
     travel = number(summary["travel_rad"])
     yield f"travel of {path.name}", f"{travel} {path.unit}, {summary['direction']}"
     yield "duration", f"{number(summary['duration_s'])} s"
-    yield "objective", f"{number(summary['objective'])}, {summary['objective_name']}"
+    objective = f"{number(summary['objective'])}, {summary['objective_name']}"
+    if "compensation" in notes:
+        objective += (
+            f"; with the compensated commands the effort is {number(effort(motion.trajectory))}"
+        )
+    yield "objective", objective
     for c, most, peak in zip(
         system.inputs, problem.limits.input, summary["peak_u_rad_s"], strict=True
     ):

@@ -112,6 +112,7 @@ class Chart {
     const entries = [...named, ...key.map(([kind, name]) => [swatch(kind), name])];
     if (band?.name) entries.push([make("span", { class: "swatch area" }), band.name]);
     if (named.length && marks.length) entries.push([make("span", { class: "swatch cross", text: "×" }), "leaves it"]);
+    if (this.holds?.().length) entries.push([make("span", { class: "swatch hold" }), "the plan waits"]);
     this.notes.replaceChildren();
     for (const [swatch, name] of entries) make("span", { class: "entry" }, this.notes).append(swatch, name);
   }

@@ -59,7 +59,7 @@ def test_a_dry_run_counts_and_names_what_cannot_be_built(
     file.write_text(STUDY.replace("kappa = [0.7, 1.5]", "link_lengths = [[1.1, 1], [2, 1]]"))
     result = run("design", file, "--dry-run")
     assert result.status == 0
-    assert "cannot be built: contact P3 of joint 1 cannot meet disk A'" in result.out
+    assert "cannot be built: contact P3 of joint 1 cannot meet disk A'" in result.words
     counted = run("design", file, "--dry-run", "--json").json
     assert (counted["designs"], counted["runs"]) == (2, 1)
     assert [p.name for p in file.parent.iterdir()] == ["small.toml"]

@@ -23,6 +23,7 @@ from planner.machine.feedforward.legs import (
     reversals,
 )
 from planner.problem.tables.problem_file import CompensationTable
+from planner.report.panels import span
 
 UNTUNED = 4711
 """A seed that nothing was chosen with."""
@@ -51,6 +52,14 @@ def test_the_machines_stay_on_the_path_and_end_at_the_goal(turning: Plan, better
     assert said["E_deg"] < 1.3 < 5 < said["plain_E_deg"]
     nominal = planner.replay(better, planner.Machine.prototype().nominal())
     assert said["E_deg"] == pytest.approx(nominal.index_E_deg[0], abs=0.01)
+
+
+def test_a_screen_is_told_when_the_plan_waits(better: Plan) -> None:
+    shown = span(better)
+    assert shown["begin"] == -better.lead_s < 0
+    assert shown["holds"] == [[a - better.lead_s, b - better.lead_s] for a, b in better.clock.holds]
+    assert shown["holds"]
+    assert all(0 < begin < end < shown["end"] for begin, end in shown["holds"])
 
 
 def test_the_goal_is_reached_where_motors_do_not_do_what_their_derivatives_say() -> None:

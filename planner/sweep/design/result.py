@@ -138,14 +138,12 @@ class DesignStudy:
     def table(self) -> Table:
         """For a terminal: `rich.print(study.table())`."""
         narrow = {"design", "front", *(figure.title for figure in self.front_by), *TERMINAL_COLUMNS}
-        shown = dict.fromkeys([*self.asked.methods[:2], self.asked.reaching])
-        narrow |= {f"solved, {method}" for method in shown}
+        narrow.add(f"solved, {self.asked.reaching}")
         return terminal_table(
             [column for column in self.columns if column.title in narrow],
             self.rows,
             caption=self._caption,
             ruled=True,
-            gap=1,
             dim=lambda row: bool(row.design.refused),
         )
 
@@ -218,8 +216,8 @@ class DesignStudy:
         return place
 
 
-TERMINAL_COLUMNS = ("effort", "one-way", "contacts", "error at the end")
-"""Columns of a terminal, beside those of the figures traded."""
+TERMINAL_COLUMNS = ("contacts", "error at the end")
+"""Columns that a terminal has room for, beside those of the figures traded."""
 
 
 def _columns(study: DesignStudy) -> list[Column[DesignRow]]:

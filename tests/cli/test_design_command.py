@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -87,6 +88,7 @@ def test_ctrl_c_keeps_what_is_done(file: Path) -> None:
     while process.poll() is None and kept < 2:
         with suppress(planner.InputError):  # not there yet
             kept = len(planner.load_sweep("small/cases.sqlite"))
+        time.sleep(0.1)
     os.kill(process.pid, signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from planner.comparison.rows import FEEDBACK
+from planner.comparison.rows import FEEDBACK, plain_label
 from planner.errors import InputError
-from planner.methods.spec import COMPENSATED
 from planner.plan.log import RECORDED
 from planner.plan.plan import Plan, expect_plan
 from planner.support.arrays import Array
@@ -159,8 +158,7 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
 def followed(labels: Iterable[str]) -> set[str]:
     """The labels of plans whose compensated plan is among them too: both run along one path."""
     known = {label for label in labels if not label.endswith(FEEDBACK)}
-    plain = {label.replace(f" {COMPENSATED}", "", 1) for label in known if COMPENSATED in label}
-    return plain & known
+    return {plain_label(label) for label in known if plain_label(label) != label} & known
 
 
 def colours(labels: Sequence[str]) -> dict[str, str]:

@@ -27,6 +27,7 @@ from planner.problem.feasibility import (
     chart_ends_report,
     least_duration,
     travel_window,
+    why_too_short,
 )
 from planner.problem.nonholonomy import Nonholonomy, nonholonomy
 from planner.problem.problem import Problem, expect_problem
@@ -118,8 +119,7 @@ class Analysis:
     @property
     def proven_impossible(self) -> bool:
         """Whether it is proven that no plan of any kind exists."""
-        duration = self.problem.duration
-        return duration is not None and duration < self.duration_bound.seconds * (1 - 1e-9)
+        return why_too_short(self.problem) is not None
 
     @property
     def verdict(self) -> str:
@@ -127,8 +127,8 @@ class Analysis:
         if self.has_plan:
             kinds = [_kind(o) for o in self.outcomes if o["verified"]]
             return f"There is a plan: {'; '.join(kinds)}."
-        if self.proven_impossible:
-            text = f"No plan of any kind exists: {self.duration_bound.reason}."
+        if proof := why_too_short(self.problem):
+            text = f"{proof[0].upper()}{proof[1:]}."
         else:
             text = "No plan was found; this alone does not show that none exists."
         if self.ended_early and not self.proven_impossible:

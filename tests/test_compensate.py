@@ -47,7 +47,6 @@ def test_it_is_a_plan_that_knows_what_it_was_made_from(plain: Plan, better: Plan
     assert better.duration == pytest.approx(better.lead_s + plain.duration + better.tail_s)
     assert "compensated" in repr(better)
     assert "nominal machine" in repr(better)
-    assert better.solve_time_s < 4  # 0.6 s on a free computer
     u = better.u(np.linspace(0.0, better.duration, 20_001))
     assert np.max(np.abs(u)) <= 0.5 * (1 + 1e-9)
     near = plain.problem.changed({"goal.theta_deg": [30, 31, 30]})

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import planner
+from planner.cli.app import COMMANDS
 from planner.paper.reproduce import MISPRINTS
 from planner.plan.measures import peak_inputs
+from planner.support.package import made_by
 
 ROOT = Path(__file__).parents[1]
 
@@ -25,6 +28,28 @@ def table(page: str, head: str) -> list[list[str]]:
     return [
         [cell.strip() for cell in line.strip("| ").split("|")] for line in text.splitlines()[2:]
     ]
+
+
+@pytest.mark.parametrize("folder", sorted(p.name for p in (ROOT / "results").iterdir()))
+def test_a_page_names_its_command_and_version(folder: str) -> None:
+    """In the folder's README, or in the table beside it that the command writes."""
+    text = "\n".join(p.read_text("utf-8") for p in (ROOT / "results" / folder).glob("*.md"))
+    commands = re.findall(r"(?:^    |`)(planner|make|python) ([\w/.]+)", text, flags=re.M)
+    known = {"make": re.findall(r"^(\w+): ", read("Makefile"), flags=re.M), "planner": COMMANDS}
+    assert any(
+        (ROOT / what).is_file() if program == "python" else what in known[program]
+        for program, what in commands
+    )
+    assert re.search(r"(?:commit|[Vv]ersions?:?) [0-9a-f]{7}\b", text)
+
+
+def test_a_page_is_signed_with_the_commit_that_changed_the_package() -> None:
+    """And, outside a checkout under git, with the version alone."""
+    asked = ["git", "log", "-1", "--format=%h", "--abbrev=7", "--", "planner"]
+    found = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=False)
+    commit = found.stdout.strip()
+    signed = f"planner {planner.__version__}" + (f", commit {commit}" if commit else "")
+    assert made_by("make suite") == f"Made with {signed} by\n\n    make suite"
 
 
 def test_the_readme_counts_the_random_problems_as_their_page_does() -> None:
@@ -54,6 +79,15 @@ def test_the_suite_shows_every_problem_and_todays_travels() -> None:
     for name in ("collocation", "convex"):
         plan = planner.solve(problem, name)
         assert rows["paper"][methods.index(name)] == f"travel {plan.travel:.4g}"
+
+
+def test_the_theory_tells_what_the_calibration_found() -> None:
+    page, told = read("results/calibration/README.md"), " ".join(read("docs/theory.md").split())
+    found = re.search(r"\| the paper's words \| \d+ \| 1 of (\d+) \|", page)
+    assert found
+    assert f"of {found[1]} parameters the paper's statements determine one direction" in told
+    sizes = re.findall(r"^\| largest error of theta[32] .* \| ([\d.]+) deg \|$", page, flags=re.M)
+    assert f"theta2 comes to {sizes[1]} and theta3 to {sizes[0]} degrees" in told
 
 
 def test_the_mean_offset_is_as_poor_as_it_is_said_to_be() -> None:

@@ -113,8 +113,8 @@ def log(
 
     \b
     Examples:
-      planner log runs/1.csv --problem problems/paper.toml
-      planner log runs/1.csv --problem problems/paper.toml --plan plan.json --out run.png
+      planner log runs/1.csv --problem arm.toml
+      planner log runs/1.csv --problem arm.toml --plan plan.json --out run.png
     """
     task = read_problem(problem, None)
     if out is not None and plan is None:
@@ -185,8 +185,8 @@ def identify(
 
     \b
     Examples:
-      planner identify runs/*.csv --problem problems/paper.toml --out my-machine.toml
-      planner compare problems/paper.toml --machine my-machine.toml
+      planner identify runs/*.csv --problem arm.toml --out my-machine.toml
+      planner compare arm.toml --machine my-machine.toml
     """
     task = read_problem(problem, None)
     for path in (figure, out):

@@ -113,10 +113,10 @@ def compare(
     Examples:
       planner compare problems/paper.toml --out out/paper
       planner compare problems/paper.toml --out out/paper --report
-      planner compare problems/paper.toml --methods polynomial,collocation --samples 200
-      planner compare problems/paper.toml --methods collocation,"collocation compensated"
+      planner compare problems/paper.toml --methods sinusoid,collocation -n 200
+      planner compare problems/paper.toml --methods "collocation compensated"
       planner compare problems/paper.toml --methods all --feedback --budget
-      planner compare problems/paper.toml --methods collocation:intervals=20,collocation
+      planner compare problems/paper.toml --methods collocation:intervals=20
     """
     task = read_problem(problem, changes, machine)
     _refuse_early(out, budget, report)
@@ -250,7 +250,7 @@ def budget(
 
     \b
     Examples:
-      planner budget problems/paper.toml --methods polynomial,collocation --out out/budget
+      planner budget problems/paper.toml --methods sinusoid,collocation -o budget
       planner budget plan.json --samples 500 --base 512
     """
     refuse_without_salib()

@@ -65,8 +65,8 @@ def export(
     Examples:
       planner export plan.json --out plan.csv
       planner export plan.json --format mat --out plan.mat
-      planner plan problems/paper.toml --set limits.input_rate_rad_s2=2.0 --out rest.json
-      planner export rest.json --format ros2 --joints disk,joint1 --out trajectory.yaml
+      planner plan arm.toml --set limits.input_rate_rad_s2=2.0 --out rest.json
+      planner export rest.json --format ros2 --joints disk,joint1 --out ros.yaml
       planner export rest.json --format c --real float --out controller
     """
     name = find_format(out, format)

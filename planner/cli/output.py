@@ -42,10 +42,9 @@ from planner.support.arrays import jsonable
 from planner.support.interrupts import Terminated, signal_listener
 from planner.support.package import versions
 from planner.support.progress import Progress, progress_listener
-from planner.support.tables import Column, clean_text, terminal_table
+from planner.support.tables import TABLE_WIDTH, Column, clean_text, terminal_table
 
 INTERRUPT_STATUS = 130
-WIDTH_WITHOUT_TERMINAL = 160
 PROGRESS_DELAY_S = 2.0
 """How long a job may take before its progress is shown."""
 
@@ -71,13 +70,17 @@ def print_json(data: Mapping[str, Any]) -> None:
 def print_text(*parts: str | Text | Table) -> None:
     """Lines and tables on standard output, coloured only on a terminal.
 
+    A terminal gets sentences broken at words; a line that holds a command stays whole, so that it
+    can be copied, and so does every line in a pipe.
+
     Raises:
         InputError: As for `print_json`.
     """
     console = _console(stderr=False)
     with translate_output_errors(), console.capture() as capture:
         for part in parts:
-            console.print(part, highlight=False, markup=False, soft_wrap=isinstance(part, str))
+            whole = isinstance(part, str) and (not console.is_terminal or "planner " in part)
+            console.print(part, highlight=False, markup=False, soft_wrap=whole)
     write_result("\n".join(line.rstrip() for line in capture.get().splitlines()) + "\n")
 
 
@@ -114,7 +117,8 @@ def detail(text: str) -> None:
 def say(text: str, style: str = "") -> None:
     """A message for people, on standard error."""
     console = _console(stderr=True)
-    console.print(Text(text, style=style), highlight=False, soft_wrap=True)
+    whole = not console.is_terminal or "planner " in text
+    console.print(Text(text, style=style), highlight=False, soft_wrap=whole)
 
 
 def facts(rows: Iterable[tuple[str, str]]) -> Table:
@@ -287,9 +291,8 @@ class _CleanConsole(Console):
 
 def _console(stderr: bool) -> Console:
     stream = sys.stderr if stderr else sys.stdout
-    return _CleanConsole(
-        stderr=stderr, width=None if stream.isatty() else WIDTH_WITHOUT_TERMINAL, emoji=False
-    )
+    width = None if stream.isatty() else TABLE_WIDTH
+    return _CleanConsole(stderr=stderr, width=width, emoji=False)
 
 
 Command = Callable[..., int]

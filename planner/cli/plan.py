@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 import time
 from collections.abc import Iterator, Sequence
@@ -45,8 +46,9 @@ from planner.cli.output import (
 from planner.errors import NoPlanError
 from planner.methods.registry import find_method
 from planner.plan.log import read_log
+from planner.plan.measures import effort
 from planner.plan.plan import Plan
-from planner.problem.feasibility import End
+from planner.problem.feasibility import End, why_too_short
 from planner.problem.problem import Problem
 from planner.solve import solve_and_check
 from planner.support.files import refuse_unwritable, toml
@@ -85,7 +87,7 @@ def plan(
     Examples:
       planner plan problems/paper.toml
       planner plan problems/paper.toml --method polynomial --set goal.travel=0.82
-      planner plan problems/paper.toml --set method.collocation.intervals=20 --out plan.json
+      planner plan problems/paper.toml --set goal.duration=8 --out plan.json
       planner plan problems/paper-fig4.toml --method polynomial \\
         --set method.polynomial.allow_singular=true
       planner plan arm.toml --machine my-machine.toml --pose-from homed.csv \\
@@ -110,7 +112,7 @@ def plan(
     if search_ended_early():
         status = ReportedStatus(INTERRUPT_STATUS)
         say("planner: interrupted: this is the best plan found so far")
-    table = facts(_properties(task, summary, took))
+    table = facts(_properties(task, motion, summary, took))
     parts = (f"{task.name}: {name}", table, "", _verdict(motion))
     return finish(summary, *parts, status=status, where="plan written to {}")
 
@@ -146,7 +148,7 @@ def _verdict(plan: Plan) -> str:
 Rows = Iterator[tuple[str, str]]
 
 
-def _properties(problem: Problem, summary: dict[str, Any], took: float) -> Rows:
+def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: float) -> Rows:
     system, notes = problem.system, summary["notes"]
     path = system.coordinates[0]
     status = summary["status"].replace("_", " ") + (", verified" if summary["verified"] else "")
@@ -154,7 +156,12 @@ def _properties(problem: Problem, summary: dict[str, Any], took: float) -> Rows:
     travel = number(summary["travel_rad"])
     yield f"travel of {path.name}", f"{travel} {path.unit}, {summary['direction']}"
     yield "duration", f"{number(summary['duration_s'])} s"
-    yield "objective", f"{number(summary['objective'])}, {summary['objective_name']}"
+    objective = f"{number(summary['objective'])}, {summary['objective_name']}"
+    if "compensation" in notes:
+        objective += (
+            f"; with the compensated commands the effort is {number(effort(motion.trajectory))}"
+        )
+    yield "objective", objective
     for c, most, peak in zip(
         system.inputs, problem.limits.input, summary["peak_u_rad_s"], strict=True
     ):
@@ -376,7 +383,7 @@ def _methods(analysis: Analysis) -> Table:
         Column("answer", "", _answer, left=True),
         Column("travel", "", lambda o: o["travel_rad"], number),
         Column("duration", "", lambda o: o["duration_s"], number),
-        *(Column(f"peak |{c.name}|", "", partial(_peak, i), number) for i, c in inputs),
+        *(Column(f"|{c.name}|", "", partial(_peak, i), number) for i, c in inputs),
         Column("kind", "", _kind, left=True),
     ]
     return terminal_table(columns, analysis.outcomes)
@@ -417,5 +424,9 @@ def _refusals(analysis: Analysis) -> Iterator[str]:
         lines = [reason, *(f"  - {v['text']}" for v in broken)]
         lines += [f"  Try: {o['advice']}"] if o["advice"] else []
         refused.setdefault(tuple(lines), []).append(o["method"])
+    proof = why_too_short(analysis.problem) or ""
     for (reason, *lines), names in refused.items():
-        yield from ("", f"{', '.join(names)}: {reason}", *lines)
+        if proof and analysis.remedy is not None:  # the verdict holds both
+            reason = re.sub(r"^\W*The", "the", reason.removeprefix(proof))
+        if reason:
+            yield from ("", f"{', '.join(names)}: {reason}", *lines)

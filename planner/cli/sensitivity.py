@@ -98,8 +98,8 @@ def sensitivity(
     \b
     Examples:
       planner sensitivity problems/paper.toml
-      planner sensitivity problems/paper.toml --method desensitised --out out/sensitivity
-      planner sensitivity problems/paper.toml --methods polynomial,sinusoid,collocation
+      planner sensitivity problems/paper.toml --method desensitised --out out/s
+      planner sensitivity problems/paper.toml --methods sinusoid,collocation
       planner sensitivity plan.json --json
       planner sensitivity problems/paper.toml --pareto effort --out out/trade-off
     """
@@ -212,7 +212,7 @@ def _response_table(responses: Sensitivity, spread: dict[str, float]) -> Table:
         Column(coordinates[i].name, "deg", partial(cell, k)) for k, i in enumerate(responses.angles)
     ]
     loud = [p for p in range(len(sizes)) if any(angle.text(p) for angle in angles)]
-    return terminal_table([*columns, *angles], loud)
+    return terminal_table([*columns, *angles], loud, ruled=True, gap=1)
 
 
 def _sum_text(responses: Sensitivity, spread: dict[str, float]) -> str:
@@ -230,14 +230,12 @@ def _sum_text(responses: Sensitivity, spread: dict[str, float]) -> str:
 def _machine_table(responses: MachineSensitivity) -> Table:
     columns: list[Column[MachineEntry]] = [
         Column("machine", "", entry_name, left=True),
-        Column("value", "", lambda e: e.value, number),
-        Column("change", "", lambda e: e.reference, number),
-        Column("", "", lambda e: e.unit, left=True),
+        Column("change", "", lambda e: f"{number(e.reference)} {e.unit}".rstrip()),
     ]
     columns += [
         Column(name, "deg", partial(_contribution, k)) for k, name in enumerate(responses.angles)
     ]
-    return terminal_table(columns, responses.loudest[:MAX_PARAMETERS])
+    return terminal_table(columns, responses.loudest[:MAX_PARAMETERS], ruled=True, gap=1)
 
 
 def _contribution(angle: int, entry: MachineEntry) -> str:

@@ -58,8 +58,8 @@ def sweep(
     \b
     Examples:
       planner sweep problems/sweeps/paper-travel.toml
-      planner sweep problems/sweeps/paper-travel.toml --db travel.sqlite --export travel.csv
-      planner sweep problems/sweeps/paper-travel.toml --cluster tcp://127.0.0.1:8786
+      planner sweep problems/sweeps/paper-travel.toml --export travel.csv
+      planner sweep problems/sweeps/paper-travel.toml --cluster tcp://host:8786
     """
     task = Sweep.load(file)
     if dry_run:
@@ -127,7 +127,7 @@ def design(
     \b
     Examples:
       planner design problems/designs/gear-ratios.toml
-      planner design problems/designs/gear-ratios.toml --out out/gear-ratios --workers 2
+      planner design problems/designs/gear-ratios.toml --out out/gears -j 2
       planner design problems/designs/gear-ratios.toml --dry-run
     """
     if dry_run:

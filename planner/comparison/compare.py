@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import FEEDBACK, Row, machine_figures
+from planner.comparison.rows import FEEDBACK, Row, machine_figures, plain_label
 from planner.errors import (
     InfeasibleError,
     InputError,
@@ -158,7 +158,7 @@ class _ComparisonRun:
 
     def _plain(self, spec: Spec) -> Row | None:
         """The row of the plan that this one compensates, if it is there and solved."""
-        label = spec.label.replace(f" {COMPENSATED}", "", 1)
+        label = plain_label(spec.label)
         return next((row for row in self.rows if row.label == label and row.solved), None)
 
     def _plan(self, spec: Spec, plain: Row | None) -> Row:

@@ -20,7 +20,7 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem, load_problem
 from planner.support.arrays import Array, jsonable
 from planner.support.files import toml
-from planner.support.package import import_function
+from planner.support.package import import_function, made_by
 from planner.support.statistics import LEAST_DIFFERENCE_DEG, Difference, differences
 from planner.support.tables import (
     Column,
@@ -156,11 +156,18 @@ class Comparison:
         return {**row.to_dict(), "worst_command": worst_command(self, row)}
 
     def table(self) -> Table:
-        """The table for a terminal, at most 100 columns wide: `rich.print(comparison.table())`."""
+        """The table for a terminal, at most 80 columns wide: `rich.print(comparison.table())`.
+
+        It leaves out what files have room for; what is to say of a plan stands below.
+        """
         return terminal_table(
-            self._advised_columns(),
+            [
+                replace(c, shown=_yes_or_no) if c.value is verdict else c
+                for c in self.columns
+                if c.title not in NOT_IN_TERMINALS
+            ],
             self.rows,
-            caption=_caption(self),
+            caption="\n".join([*self._remarks(), _caption(self, terminal=True)]),
             ruled=True,
             dim=lambda row: not row.solved,
         )
@@ -169,6 +176,16 @@ class Comparison:
         """The table, as a notebook shows it."""
         table = html_table(self._advised_columns(), self.rows, self.problem.name)
         return f"{table}<p><small>{escape(_caption(self))}</small></p>"
+
+    def _remarks(self) -> list[str]:
+        """Why plans are refused and what would help, or what is to say of a verified one."""
+        return [
+            f"{row.label}: {row.remark}. Try: {self.advice[row.label]}"
+            if row.label in self.advice
+            else f"{row.label}: {row.remark}."
+            for row in self.rows
+            if row.remark
+        ]
 
     def _advised_columns(self) -> list[Column[Row]]:
         """The columns, with what would help under each verdict."""
@@ -287,7 +304,7 @@ def comparison_markdown(comparison: Comparison) -> str:
     columns = [*comparison.columns, *intervals(comparison.problem.system)]
     repeat = command(comparison)
     again = (
-        f"Made by:\n\n    {clean_text(repeat)}\n"
+        f"{made_by(clean_text(repeat))}\n"
         if repeat
         else "Made from Python; `comparison.json` holds the problem, the machine and the seed.\n"
     )
@@ -323,13 +340,14 @@ def comparison_csv(comparison: Comparison) -> str:
     return csv_table([*columns, *intervals(comparison.problem.system)], comparison.rows)
 
 
-def _caption(comparison: Comparison) -> str:
+def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
+    took = "" if terminal else " took: planning and verification;"
     return (
         "time: all that is run, with preparation and holds; effort: integral of u1^2 + u2^2 dt;"
         " E: largest joint error on the machine at any time"
         " (eq. 29), end: at the end; median and 95th"
         f" percentile over {comparison.samples} machines ({comparison.machine.preset}), seed"
-        f" {comparison.seed}, the same machines for every plan; took: planning and verification;"
+        f" {comparison.seed}, the same machines for every plan;{took}"
         " refused plans that can be executed are replayed for study."
         + (FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "")
         + "".join(f" {row.label}: {row.note}." for row in comparison.rows if row.note)
@@ -342,6 +360,14 @@ def _caption(comparison: Comparison) -> str:
             if words
         )
     )
+
+
+NOT_IN_TERMINALS = ("travel", "took")
+"""Columns that a terminal of 80 characters has no room for."""
+
+
+def _yes_or_no(verdict: str) -> str:
+    return verdict.partition(":")[0]
 
 
 TINY_S = 1e-6

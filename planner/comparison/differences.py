@@ -26,6 +26,10 @@ def _signed_number(value: float) -> str:
     return f"{value:+.3g}" if np.isfinite(value) else "-"
 
 
+def _signed_hundredths(value: float) -> str:
+    return f"{value:+.2f}" if np.isfinite(value) else "-"
+
+
 def _percent(share: float) -> str:
     return f"{100 * share:.0f} %"
 
@@ -88,13 +92,20 @@ def rich_differences(comparison: Comparison) -> Table | None:
     if not pairs:
         return None
     return terminal_table(
-        [c for c in COLUMNS if c.key in TERMINAL_KEYS or c.title == "verdict"],
+        [_narrow(c) for c in COLUMNS if c.key in TERMINAL_KEYS or c.title == "verdict"],
         pairs,
         ruled=True,
         title=f"{best} against the others, machine by machine",
         caption="E, end: median over the machines of its error minus the other plan's, with the"
         " 95 % interval; verdict: by the sign test, corrected for all pairs.",
     )
+
+
+def _narrow(column: Column[Pair]) -> Column[Pair]:
+    """The column as a terminal of 80 characters has room for it."""
+    if column.left:
+        return replace(column, width=14 if column.title == "verdict" else 20)
+    return replace(column, shown=_signed_hundredths)
 
 
 def _pairs(comparison: Comparison) -> list[Pair]:

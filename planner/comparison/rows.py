@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from planner.machine.replay import Replay
+from planner.methods.spec import COMPENSATED
 from planner.plan.plan import Plan
 from planner.support.arrays import jsonable
 from planner.support.statistics import percentile_interval
@@ -20,6 +21,12 @@ from planner.verification.verify import Check
 
 FEEDBACK = " + feedback"
 """Ends the label of a row with feedback."""
+
+
+def plain_label(label: str) -> str:
+    """The label of the plan that a compensated one follows; of others it is their own."""
+    return label.replace(f" {COMPENSATED}", "", 1)
+
 
 OTHER_WAY_DEG = 2.0
 """A nominal machine further from the original path than machines differ is worth a remark."""

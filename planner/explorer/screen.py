@@ -24,7 +24,7 @@ from planner.explorer.controls import (
 from planner.explorer.outcome import ScreenOutcome, errors, judge, path
 from planner.explorer.picture import error_panel, picture
 from planner.explorer.state import State, code, problem_file
-from planner.plan.measures import effort_unit
+from planner.plan.measures import effort, effort_unit
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.figures.mechanism import mechanism_svg
@@ -173,8 +173,9 @@ def path_line(outcome: ScreenOutcome, took_s: float) -> str:
         return ""
     unit = plan.problem.system.coordinates[0].unit
     parts = [f"travel {plan.travel:.5g} {unit}", f"duration {plan.duration:.4g} s"]
-    if plan.objective_name.startswith("effort") and np.isfinite(plan.objective):
-        parts.append(f"effort {plan.objective:.4g} {effort_unit(plan.problem.system)}")
+    spent = effort(plan.trajectory) if plan.compensates is not None else plan.objective
+    if plan.objective_name.startswith("effort") and np.isfinite(spent):
+        parts.append(f"effort {spent:.4g} {effort_unit(plan.problem.system)}")
     if plan.verified and not plan.domain.ok:
         parts.append("leaves the chart (allowed)")
     parts.append(f"planned in {took_s:.2g} s")

@@ -47,6 +47,7 @@ from planner.plan.plan import Plan
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.report.figures.style import COLOURS, GRID_STYLE
 from planner.support.files import folder
+from planner.support.package import made_by
 from planner.support.progress import expect_listener
 from planner.support.tables import Column, Markup, markdown_table
 
@@ -183,9 +184,9 @@ The paper gives no data sheet of its prototype. It says that the error of theta3
 controlled precisely (Fig. 10). It names as causes the backlash of the bevel gears, the low
 stiffness of the long shaft, transmission parts of low resolution and a lack of drive torque.
 `Machine.prototype()` has the most probable parameters, given these statements and the ranges of
-typical parts. Made by
+typical parts.
 
-    planner calibrate --out results/calibration
+{made_by}
 
 The paper does not print the travel and the inputs of its experiment. Instead we use its polynomial
 method, at the travel of least peak input that stays inside the chart's domain.
@@ -216,7 +217,7 @@ def page(
     """
     return "\n".join(
         [
-            _HEAD,
+            _HEAD.format(made_by=made_by("planner calibrate --out results/calibration")),
             "## The paper's statements and the preset\n",
             _statements(fit),
             "## Friction sideways is not in the paper\n",

@@ -20,6 +20,7 @@ from planner.report.figures.style import COLOURS, grid, heading
 from planner.report.film import animate
 from planner.report.panels import z2_band
 from planner.support.files import folder
+from planner.support.package import made_by
 from planner.support.progress import expect_listener
 from planner.support.tables import Column, Markup, markdown_table
 
@@ -288,7 +289,8 @@ FINDING_COLUMNS: list[Column[PaperNumber]] = [
 
 def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
     """The page as Markdown text."""
-    parts = [_HEAD.format(samples=samples, seed=seed), "## Numbers and claims\n"]
+    command = f"planner reproduce --out results/paper --samples {samples} --seed {seed}"
+    parts = [_HEAD.format(made_by=made_by(command)), "## Numbers and claims\n"]
     parts.append(markdown_table(FINDING_COLUMNS, findings) + "\n")
     parts.append("\n## Misprints\n")
     heads = ("where", "printed", "corrected")
@@ -308,9 +310,9 @@ def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
 _HEAD = """# The paper, reproduced and corrected
 
 *Chained-Form Design and Motion Planning for a Nonholonomic Manipulator*: what it prints, what we
-find, and where the two differ. Made by
+find, and where the two differ.
 
-    planner reproduce --out results/paper --samples {samples} --seed {seed}
+{made_by}
 
 The travel of the disk, its start and the duration are not printed. The constraint point (5, -0.2)
 suggests T = 10 s, and at a travel of pi/4 the story of Figs 4 and 5 appears as told. Gear constants

@@ -22,13 +22,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import InputError
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
+from planner.support.casadi import ca
 from planner.systems.controllability import Controllability, controllability, lie_bracket
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem

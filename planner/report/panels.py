@@ -391,9 +391,14 @@ def merge(panels: Sequence[Panel]) -> Iterator[Panel]:
         yield one
 
 
-def span(plan: Plan) -> dict[str, float]:
-    """When a plan begins and ends on a screen's axis of time, whose 0 is where its path starts."""
-    return {"begin": -plan.lead_s, "end": plan.duration - plan.lead_s}
+def span(plan: Plan) -> dict[str, Any]:
+    """When a plan begins and ends on a screen's axis of time, whose 0 is where its path starts.
+
+    And when the clock of a compensated plan is held, while its commands take up lost motion.
+    """
+    lead = plan.lead_s
+    holds = [[begin - lead, end - lead] for begin, end in plan.clock.holds]
+    return {"begin": -lead, "end": plan.duration - lead, "holds": holds}
 
 
 # -- for a browser ------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ alone does nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from planner.machine.machine import Draws, Machine, draw, machine_for, sample_nu
 from planner.machine.replay import SETTLE_S
 from planner.machine.simulate import simulate_draws
 from planner.plan.plan import Plan, refuse_inexecutable
-from planner.problem.tables.machine_effects import EFFECTS
+from planner.problem.tables.machine_effects import EFFECTS, effect_words
 from planner.robustness.sobol import (
     Index,
     check,
@@ -29,7 +29,7 @@ from planner.robustness.sobol import (
     switches_per_sample,
 )
 from planner.support.arrays import Array, jsonable
-from planner.support.package import import_function
+from planner.support.package import import_function, made_by
 from planner.support.progress import expect_listener
 from planner.support.statistics import percentile_interval
 from planner.support.tables import (
@@ -135,8 +135,9 @@ class Budget:
 
     def table(self) -> Table:
         """For a terminal: `rich.print(budget.table())`; without indices of first order."""
+        shown = [column for column in COLUMNS if not column.title.endswith(", first")]
         return terminal_table(
-            [column for column in COLUMNS if not column.title.endswith(", first")],
+            [replace(c, value=_words) if c.title == "effect" else c for c in shown],
             [("", cost) for cost in self.costs],
             title=f"Error budget of {self.plan.method}: {total(self)}",
             caption=f"{CAPTION} {_idle_text(self)}",
@@ -348,6 +349,10 @@ def _sobol(kind: str, part: str) -> Iterator[Column[Labelled]]:
     yield Column(f"{kind}_{part}_half", "", lambda row: pair(row)[1], shown=None)
 
 
+def _words(row: Labelled) -> str:
+    return effect_words(row[1].name)
+
+
 COLUMNS: list[Column[Labelled]] = [
     Column("plan", "", lambda row: row[0], shown=None),
     Column("effect", "", lambda row: row[1].name, left=True),
@@ -381,7 +386,7 @@ def budget_markdown(budgets: Mapping[str, Budget], command: str | None = None) -
         CAPTION[0].upper() + CAPTION[1:],
     ]
     if command:
-        lines += ["", f"Made by:\n\n    {clean_text(command)}"]
+        lines += ["", made_by(clean_text(command))]
     return "\n".join(lines) + "\n"
 
 

@@ -2,5 +2,5 @@
 
 Read first: `arrays`, `package`. The rest when something asks for it: `files`, `tables` and
 `user_tables` (what users wrote, checked and shown), `deadline`, `progress`, `interrupts` (while a
-search runs), `calculus`, `statistics`, `compiled_calls`.
+search runs), `calculus`, `statistics`, `casadi`, `compiled_calls`, `solver_calls`.
 """

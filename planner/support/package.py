@@ -1,5 +1,7 @@
 """The package as it was installed: its name on the index, its version, how to add an extra.
 
+Which version made a page.
+
 What results hand themselves to: functions that are imported when they are used.
 """
 
@@ -8,6 +10,7 @@ from __future__ import annotations
 import importlib
 import platform
 import shlex
+import subprocess
 import tomllib
 from collections.abc import Callable
 from functools import cache
@@ -45,6 +48,31 @@ def version() -> str:
         return metadata.version(NAME)
     except metadata.PackageNotFoundError:  # copied, not installed
         return "unknown"
+
+
+@cache
+def release() -> str:
+    """What figures on a page are made with: "planner 0.1.0, commit 25f0839".
+
+    The commit is the last that changed the package; without a checkout under git the version alone.
+    """
+    asked = ["git", "log", "-1", "--format=%h", "--abbrev=7", "--", "."]
+    where = ROOT / "planner"
+    try:
+        found = subprocess.run(asked, cwd=where, capture_output=True, text=True, check=False)
+        commit = found.stdout.strip()
+    except OSError:  # no git
+        commit = ""
+    return f"planner {version()}" + (f", commit {commit}" if commit else "")
+
+
+def made_by(*commands: str) -> str:
+    """The lines of a page that say which version made it, by which commands.
+
+    Returns:
+        Markdown without a line's end after it.
+    """
+    return "\n".join([f"Made with {release()} by", "", *(f"    {command}" for command in commands)])
 
 
 def how_to_install(extra: str) -> str:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -27,8 +28,9 @@ if TYPE_CHECKING:
 
 R = TypeVar("R")
 
-TABLE_WIDTH, LEAST_TEXT_WIDTH = 100, 10
-"""Characters of a ruled table in a terminal, and the fewest that its text is given."""
+TABLE_WIDTH, LEAST_TEXT_WIDTH, HEAD_WIDTH = 80, 10, 11
+"""Characters of a table in a terminal, the fewest that the text of a ruled one is given, and those
+of a line of its heads."""
 
 
 def short_number(value: Any) -> str:
@@ -111,7 +113,7 @@ def terminal_table(
         rows: Its rows.
         title: A line over it.
         caption: Text under it.
-        ruled: Whether it has heads of several lines over a rule and is made to fit 100 columns;
+        ruled: Whether it has heads of several lines over a rule and is made to fit 80 columns;
             otherwise heads have one line.
         gap: Further spaces between columns of a ruled one.
         dim: Which rows are shown weakly.
@@ -134,7 +136,7 @@ def terminal_table(
     )
     heads = [c.head for c in shown]
     if ruled:
-        heads = [c.title.replace(" ", "\n", 1) + (f"\n{c.unit}" if c.unit else "") for c in shown]
+        heads = [_break_head(c.title) + (f"\n{c.unit}" if c.unit else "") for c in shown]
     cells = [[_break_lines(c.text(row), c.width) for c in shown] for row in rows]
     widths = []
     for column, *texts in zip(shown, heads, *cells, strict=True):
@@ -156,6 +158,13 @@ def terminal_table(
     for row, texts in zip(rows, cells, strict=True):
         table.add_row(*map(Text, texts), style="dim" if dim(row) else "")
     return table
+
+
+def _break_head(title: str) -> str:
+    """A head in two lines, or as many as a longer one needs."""
+    if len(title) <= HEAD_WIDTH + 1:
+        return title.replace(" ", "\n", 1)
+    return textwrap.fill(title, HEAD_WIDTH, break_long_words=False)
 
 
 def _break_lines(text: str, width: int | None) -> str:

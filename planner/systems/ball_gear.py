@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from math import prod
 from typing import Any, ClassVar
 
-import casadi as ca
 import numpy as np
 
 from planner.support.arrays import Array
+from planner.support.casadi import ca
 from planner.systems.triangular_system import (
     Coordinate,
     TangentSystem,

@@ -14,10 +14,10 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from planner.support.arrays import Array
+from planner.support.casadi import ca
 from planner.support.compiled_calls import Pointwise
 from planner.systems.triangular_system import TriangularSystem, expect_system
 

@@ -21,10 +21,10 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-import casadi as ca
 import numpy as np
 
 from planner.support.arrays import Array
+from planner.support.casadi import ca
 from planner.systems.triangular_system import Coordinate, TriangularSystem, positive
 
 _CONTACT = (Coordinate("x", "m"), Coordinate("y", "m"))

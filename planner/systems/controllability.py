@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import InputError
 from planner.support.arrays import Array
+from planner.support.casadi import ca
 from planner.support.compiled_calls import Pointwise
 from planner.systems.triangular_system import TriangularSystem, expect_system
 

@@ -10,13 +10,13 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, ClassVar
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.support.arrays import Array
 from planner.support.calculus.inverse import Preimage, inverse
+from planner.support.casadi import ca
 from planner.support.compiled_calls import Pointwise
 from planner.systems.expressions import FUNCTIONS, parse_expression, write_expression
 from planner.systems.triangular_system import Coordinate, TriangularSystem

@@ -8,18 +8,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from planner.errors import InputError
+from planner.support.casadi import ca
 from planner.support.tables import shorten
 
-_NAMES = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh")
-
-FUNCTIONS: dict[str, Callable[..., Any]] = {
-    name: getattr(ca, name) for name in (*_NAMES, "exp", "log", "sqrt", "fabs")
-}
-"""Functions an expression may call."""
+FUNCTIONS = (
+    *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh"),
+    *("exp", "log", "sqrt", "fabs"),
+)
+"""Functions of CasADi that an expression may call."""
 
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -103,35 +102,29 @@ def _call(name: str, args: list[Any], where: str) -> Any:
     wanted = 2 if name == "atan2" else 1
     if len(args) != wanted:
         raise InputError(f"{where}: {name} takes {wanted} argument{'s' if wanted > 1 else ''}")
-    return FUNCTIONS[name](*args)
+    return getattr(ca, name)(*args)
 
 
-OPERATORS = {
-    ca.OP_ADD: "({} + {})",
-    ca.OP_SUB: "({} - {})",
-    ca.OP_MUL: "({} * {})",
-    ca.OP_DIV: "({} / {})",
-    ca.OP_POW: "({} ** {})",
-    ca.OP_CONSTPOW: "({} ** {})",
-    ca.OP_NEG: "(-{})",
-    ca.OP_SQ: "({} ** 2)",
-    ca.OP_TWICE: "(2 * {})",
-    ca.OP_INV: "(1 / {})",
-    ca.OP_SQRT: "sqrt({})",
-    ca.OP_EXP: "exp({})",
-    ca.OP_LOG: "log({})",
-    ca.OP_SIN: "sin({})",
-    ca.OP_COS: "cos({})",
-    ca.OP_TAN: "tan({})",
-    ca.OP_ASIN: "asin({})",
-    ca.OP_ACOS: "acos({})",
-    ca.OP_ATAN: "atan({})",
-    ca.OP_ATAN2: "atan2({}, {})",
-    ca.OP_SINH: "sinh({})",
-    ca.OP_COSH: "cosh({})",
-    ca.OP_TANH: "tanh({})",
-    ca.OP_FABS: "fabs({})",
+_TEMPLATES = {
+    "ADD": "({} + {})",
+    "SUB": "({} - {})",
+    "MUL": "({} * {})",
+    "DIV": "({} / {})",
+    "POW": "({} ** {})",
+    "CONSTPOW": "({} ** {})",
+    "NEG": "(-{})",
+    "SQ": "({} ** 2)",
+    "TWICE": "(2 * {})",
+    "INV": "(1 / {})",
+    **{name.upper(): f"{name}({{}})" for name in FUNCTIONS},
+    "ATAN2": "atan2({}, {})",
 }
+"""How an operation is written, by the name that follows `OP_` in CasADi."""
+
+
+def operator_templates() -> dict[int, str]:
+    """How each operation is written, by CasADi's number of it."""
+    return {getattr(ca, f"OP_{name}"): template for name, template in _TEMPLATES.items()}
 
 
 def write_expression(expression: Any, where: str = "expression") -> str:
@@ -146,14 +139,16 @@ def write_expression(expression: Any, where: str = "expression") -> str:
     if scalar.nnz() == 0:
         return "0.0"
 
+    templates = operator_templates()
+
     def text(node: Any) -> str:
         if node.is_constant():
             return repr(float(node))
         if node.is_symbolic():
             return str(node.name())
-        if node.op() not in OPERATORS:
+        if node.op() not in templates:
             allowed = f"+ - * / ** and {', '.join(FUNCTIONS)}"
             raise InputError(f"{where}: {node} cannot be written in a file; use {allowed}")
-        return OPERATORS[node.op()].format(*(text(node.dep(k)) for k in range(node.n_dep())))
+        return templates[node.op()].format(*(text(node.dep(k)) for k in range(node.n_dep())))
 
     return text(scalar)

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from planner.support.arrays import Array
+from planner.support.casadi import ca
 from planner.systems.ball_gear import BallGear
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem

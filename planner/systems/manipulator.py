@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from math import prod
 from typing import Any, ClassVar
 
-import casadi as ca
 import numpy as np
 
 from planner.errors import InputError
 from planner.support.arrays import Array
+from planner.support.casadi import ca
 from planner.systems.triangular_system import (
     Coordinate,
     TriangularSystem,

@@ -22,11 +22,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
-import casadi as ca
 import numpy as np
 
 from planner.errors import InputError, expect
 from planner.support.arrays import Array
+from planner.support.casadi import ca
 from planner.support.compiled_calls import Pointwise
 
 

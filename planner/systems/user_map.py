@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from planner.errors import InputError
 from planner.support.arrays import Array
+from planner.support.casadi import ca
 from planner.support.compiled_calls import Pointwise
 from planner.systems.expressions import parse_expression
 from planner.systems.triangular_system import Coordinate

@@ -81,7 +81,7 @@ def certify(plan: Plan) -> Certificate:
 def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     problem, trajectory = plan.problem, plan.trajectory
     nothing = np.full(problem.system.size, np.inf)
-    why = trajectory.flaw
+    why = trajectory.flaw or (plan.clock.flaw if plan.compensation is not None else "")
     if not why and trajectory.system != problem.system:
         why = "the trajectory belongs to another system than the problem"
     if not why and not plan.executable:  # one sample outside proves that

@@ -22,11 +22,11 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
 
     A plan that was verified comes back with `verified` True only if `verify` still says so and its
     certificate, proven anew, does not say otherwise; a compensated one only with the plan that it
-    compensates. Its objective is computed, if it is one of duration and efforts; where the file
-    says another, that of the motion is taken, with a warning. What is not a plan any more has
-    `verified` False, the status "verification_failed", no certificate, and says in `why` what it
-    breaks. A file that never claimed to hold a verified plan (a refused one, kept for study) keeps
-    its own status.
+    compensates, which solves the same problem. Its objective is computed, if it is one of duration
+    and efforts; where the file says another, that of the motion is taken, with a warning. What is
+    not a plan any more has `verified` False, the status "verification_failed", no certificate, and
+    says in `why` what it breaks. A file that never claimed to hold a verified plan (a refused one,
+    kept for study) keeps its own status.
 
     Args:
         path: The file.
@@ -83,6 +83,8 @@ def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:
         unknown = replace(unknown, compensation=replace(said.compensation, plan=inside))
         if broken:
             return unknown, f"of the plan that it compensates, {broken}"
+        if inside.problem != said.problem:
+            return unknown, "the plan that it compensates solves another problem"
     with np.errstate(all="ignore"):  # what was changed may be anything
         try:
             plan, check = judge(unknown)

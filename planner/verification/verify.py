@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from planner.errors import Violation
 from planner.plan.curves import Cells
-from planner.plan.plan import Plan, expect_plan
+from planner.plan.plan import ROUNDING, Plan, expect_plan
 from planner.plan.quadrature import (
     CONTROL_POINTS,
     POINTS,
@@ -138,6 +138,9 @@ def verify(plan: Plan) -> Check:
     expect_plan(plan)
     if not (plan.t[0] == 0 and np.isfinite(plan.t[-1]) and np.all(np.diff(plan.t) >= 0)):
         return _failed_check(plan, Violation(_TIME_ORDER, None, np.nan, 0.0, "s", np.inf))
+    if plan.compensation is not None and (flaw := plan.clock.flaw):
+        label = f"clock of the plan that is compensated: {flaw}; it"
+        return _failed_check(plan, Violation(label, None, np.nan, 0.0, "s", np.inf))
     if not plan.executable:
         (outside,) = (v for f in _chart_findings(plan) if (v := f.violation()))
         return _failed_check(plan, outside)
@@ -161,7 +164,7 @@ def verify(plan: Plan) -> Check:
             motion = integrate(plan.trajectory, problem.start, INTEGRATION_TOLERANCE, *resolved)
             end, tolerance = motion.q[-1, -1], GOAL_TOLERANCE
         else:
-            motion, end = _motion_on_machine(plan)
+            motion, end, error_deg = _motion_on_machine(plan)
             tolerance = ON_MACHINE_TOLERANCE
         goal = problem.target
         error = np.asarray(end - np.where(np.isnan(goal), end, goal))
@@ -172,6 +175,8 @@ def verify(plan: Plan) -> Check:
             *_waypoint_distances(plan, motion, tolerance),
             *_corner_findings(plan, motion),
         ]
+        if plan.compensation is not None:
+            findings += _claimed_findings(plan, error_deg)
     broken = sorted(
         (v for f in findings if (v := f.violation())),
         key=lambda v: np.nan_to_num(-v.scaled, nan=-np.inf),
@@ -191,10 +196,11 @@ def verify(plan: Plan) -> Check:
 
 
 _TIME_ORDER = "times of the plan, which begin at 0 and increase,"
+_SAID_ERROR = "largest error on the nominal machine, which the plan gives,"
 
 
-def _motion_on_machine(plan: Plan) -> tuple[Motion, Array]:
-    """What the nominal machine makes of a compensated plan, and where it rests at last, (N,).
+def _motion_on_machine(plan: Plan) -> tuple[Motion, Array, float]:
+    """What the nominal machine makes of a compensated plan, where it rests at last, (N,), and E.
 
     The inputs of such a plan allow for lost motion and lag, so that by the kinematics alone they
     lead elsewhere. Its own q(t) goes straight from where the machine is at one break to where it is
@@ -234,7 +240,23 @@ def _motion_on_machine(plan: Plan) -> tuple[Motion, Array]:
     cells = cells.split(np.where(kinked, _parts(cells.width, machine.step_s), 1))[0]
     _, u = plan.trajectory.piece_values(cells.piece, cells.fractions(points(POINTS)))
     q = q_in(cells, POINTS)
-    return Motion(cells, q, u, 0.0, gap), prediction.end
+    return Motion(cells, q, u, 0.0, gap), prediction.end, prediction.error_deg
+
+
+def _claimed_findings(plan: Plan, error_deg: float) -> Iterator[_Finding]:
+    """What a compensated plan says of itself that its users believe: its clock, and E by it.
+
+    Whatever is wrong with the clock shows in E: errors are measured where it says that the plan is.
+    """
+    part = Part("end of the clock of the plan that is compensated", "s", 0.0, 0.0, 1.0)
+    takes, ends = plan.duration, plan.clock.t[-1]
+    yield _Finding(part, ends, takes, None, ROUNDING * max(1.0, takes), ends > takes)
+    said = plan.notes.get("compensation")
+    said = said.get("E_deg") if isinstance(said, Mapping) else None
+    if isinstance(said, int | float):
+        part = Part(_SAID_ERROR, "deg", 0.0, 0.0, float(np.rad2deg(1.0)))
+        slack = float(np.rad2deg(ON_MACHINE_TOLERANCE))
+        yield _Finding(part, error_deg, said, None, slack, error_deg > said)
 
 
 def _parts(width: Array, longest: float) -> NDArray[np.int_]:

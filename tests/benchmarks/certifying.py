@@ -69,6 +69,8 @@ def serve() -> None:
 
 def compare(other: Path, out: Path) -> None:
     """Measure and write the table."""
+    from planner.support.package import made_by
+
     here, script = Path(__file__).parents[2], Path(__file__).resolve()
     with tempfile.TemporaryDirectory() as folder:
         python = [str(where / ".venv/bin/python") for where in (other, here)]
@@ -110,10 +112,12 @@ def compare(other: Path, out: Path) -> None:
     out.write_text(
         "# The certificate, before and after\n\n"
         f"Median CPU time of {REPEATS} runs, in turn, on one machine; "
-        f"median ratio {statistics.median(ratios):.1f}. Made by `tests/benchmarks/certifying.py`.\n"
+        f"median ratio {statistics.median(ratios):.1f}.\n"
         "Weaker: guaranteed margins that are smaller by more than 1e-8 of them or one.\n\n"
         "| plan | ms | cells | statuses changed | weaker | claims |\n|---|---|---|---|---|---|\n"
         + "\n".join(rows)
+        + "\n\n"
+        + made_by("python tests/benchmarks/certifying.py OTHER")
         + "\n"
     )
 

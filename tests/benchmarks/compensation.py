@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 import planner
 from planner.machine.feedforward.legs import reversals
+from planner.machine.friction.contact_load import contact_load
 from planner.machine.machine import Machine
 from planner.machine.replay import Replay
 from planner.plan.measures import peak_inputs
@@ -25,6 +26,7 @@ from planner.problem.tables.machine_effects import StartState
 from planner.report.figures.style import GRID_STYLE, colour_of, shade_holds
 from planner.support.arrays import Array
 from planner.support.files import folder
+from planner.support.package import made_by
 
 ROOT = Path(__file__).parents[2]
 SEED = 2026
@@ -40,6 +42,8 @@ RANDOM = {3: (23, 15.0, 7), 4: (7, 35.0, 7)}
 """Random plans whose drive turns back, by the number of joints: how many, seconds, and the seed of
 starts and goals, within 40 degrees. Nothing was chosen with these seeds."""
 METHODS = {"polynomial": {"points": "auto"}, "sinusoid": {}, "collocation": {}}
+CAPACITIES_NM = (0.5, 1.0, 2.5, 5.0)
+"""Beside that of the preset: over the range of typical parts, see results/calibration."""
 OTHERS = ("crossing", "parking", "four-joint", "paper-fig4")
 
 
@@ -132,6 +136,25 @@ class Study:
             cells.append([f"times {factor:g}", pair(run.index_E_deg), pair(run.terminal_E_deg)])
         return table(["all spreads", "E", "end"], cells)
 
+    def capacities(self) -> str:
+        """Contacts that transmit less or more than the prototype's, and what that costs motor 1."""
+        known = self.machine.effects["friction_capacity_nm"]
+        preset = float(known.value[0])
+        share = float(known.spread[0]) / preset
+        cells = []
+        for capacity in sorted([*CAPACITIES_NM, preset]):
+            setting = {"value": capacity, "spread": share * capacity}
+            machine = self.machine.with_(friction_capacity_nm=setting)
+            load = contact_load(self.plain, machine, self.samples, SEED)
+            before = self.run(self.plain, machine)
+            after = self.run(planner.compensate(self.plain, machine), machine)
+            slip = int(np.sum(before.slip_s > 0))
+            used, motor = (np.percentile(v, 99) for v in (load.share, load.motor_nm))
+            runs = [pair(v) for r in (before, after) for v in (r.index_E_deg, r.terminal_E_deg)]
+            cells.append([f"{capacity:.3g}", f"{used:.2f}", str(slip), f"{motor:.2f}", *runs])
+        head = ["capacity, N m", "load over that of gross slip", "slip", "torque of motor 1, N m"]
+        return table([*head, "E as it is", "end as it is", "E", "end"], cells)
+
     def others(self) -> str:
         """Other problems and other methods."""
         cells = []
@@ -144,8 +167,9 @@ class Study:
         return table(COMPARED, cells)
 
     def compared(self, plain: Plan) -> tuple[list[str], list[float]]:
-        """The cells of `COMPARED` of a plan, and E and end, 50 and 95 %, as it is and compensated;
-        and CPU time. Of a refused plan the figures are those of its prediction's commands."""
+        """The cells of `COMPARED` of a plan; E and end, 50 and 95 %, as it is and compensated, E
+        from predicted likewise, and CPU time. Of a refused plan the figures are those of its
+        prediction's commands."""
         began, why = time.process_time(), ""
         try:
             better = planner.compensate(plain)
@@ -161,6 +185,7 @@ class Study:
         cells += [pair(from_predicted(after)), pair(before.terminal_E_deg)]
         cells += [pair(after.terminal_E_deg), f"{better.lead_s:.1f}", f"{held:.1f}", f"{took:.1f}"]
         runs = [v for r in (before, after) for v in (r.index_E_deg, r.terminal_E_deg)]
+        runs.append(from_predicted(after))
         return cells, [*np.concatenate([np.percentile(v, [50, 95]) for v in runs]).tolist(), took]
 
     def starts(self) -> str:
@@ -194,8 +219,8 @@ class Study:
                 figures.append(numbers)
         for name, by in (("median", np.median), ("largest", np.max)):
             f = by(np.array(figures), axis=0)
-            pairs = [f"{f[k]:.2f} / {f[k + 1]:.2f}" for k in (0, 4, 2, 6)]
-            cells.append([name, "", *pairs[:2], "", *pairs[2:], "", "", f"{f[8]:.1f}"])
+            pairs = [f"{f[k]:.2f} / {f[k + 1]:.2f}" for k in (0, 4, 8, 2, 6)]
+            cells.append([name, "", *pairs, "", "", f"{f[10]:.1f}"])
         worse = sum(row[5] > row[1] for row in figures)
         cells.append(["above plain, E 95 %", str(worse), *[""] * 8])
         return table(COMPARED, cells)
@@ -343,6 +368,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             four=study.random(4),
             starts=study.starts(),
             widths=study.widths(),
+            capacities=study.capacities(),
+            made_by=made_by("make compensation"),
         )
     )
     crossing = planner.solve(planner.load_problem(ROOT / "problems/crossing.toml"))

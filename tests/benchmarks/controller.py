@@ -27,6 +27,7 @@ from planner.machine.machine import Machine
 from planner.machine.replay import Replay
 from planner.plan.plan import Plan
 from planner.support.files import folder
+from planner.support.package import made_by
 
 sys.path.append(str(Path(__file__).parents[1]))
 
@@ -154,8 +155,13 @@ def page(rows: Sequence[Measured], samples: int) -> str:
         counts = ["", ""] if row.instructions is None else [f"{n:,}" for n in row.instructions]
         costs.append(f"| {row.name} | {' | '.join([row.way, *kb, *steps, *counts])} |")
     text = (HERE / "controller.md").read_text(encoding="utf-8")
-    tables = {"SAMPLES": str(samples), "ERRORS": "\n".join(errors), "COSTS": "\n".join(costs)}
-    for name, value in tables.items():
+    parts = {
+        "SAMPLES": str(samples),
+        "ERRORS": "\n".join(errors),
+        "COSTS": "\n".join(costs),
+        "MADE_BY": made_by("make controller"),
+    }
+    for name, value in parts.items():
         text = text.replace(f"<{name}>", value)
     return text
 

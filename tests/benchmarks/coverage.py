@@ -20,6 +20,7 @@ from rich.progress import Progress
 from stress_problems import INPUT, WIDE, arm
 
 from planner.report.figures.style import colours
+from planner.support.package import made_by
 from planner.support.tables import Column, markdown_table
 from planner.sweep.results import read
 from planner.sweep.run import run_sweep
@@ -198,9 +199,9 @@ Random pairs of start and goal, every joint uniform in the given range; inputs u
 {INPUT:g} rad/s, joints within {WIDE:g} degrees, {SECONDS[3]:g} s for three joints and
 {SECONDS[4]:g} s for four, travel free. The arm has the prototype's proportions. "Solved" are plans
 that are verified. Effort is relative to that of collocation, where both have a plan. Times are
-those of a busy computer: compare them with each other only. Made by
+those of a busy computer: compare them with each other only.
 
-    python tests/benchmarks/coverage.py
+{made_by("python tests/benchmarks/coverage.py")}
 
 ![Share of the pairs that each method solves](coverage.png)
 

@@ -26,6 +26,7 @@ from planner import HomingRule, Identification, Log, Machine, Plan, Problem
 from planner.machine.feedback.homing import HomingController
 from planner.machine.machine import draw
 from planner.support.arrays import Array
+from planner.support.package import release
 
 ROOT = Path(__file__).parents[2]
 SEED = 20271
@@ -436,7 +437,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         made = session() if name == "session" else str(getattr(study, name)())
         only = f" --only {name}" if options.only else ""
         told = f"python tests/benchmarks/identification.py --arms {options.arms}{only}"
-        parts[name] = f"<!-- {name}: {told} -->\n{made}\n<!-- end -->"
+        signed = f"Made by `{told}` with {release()}."
+        parts[name] = f"<!-- {name} -->\n{made}\n\n{signed}\n<!-- end -->"
         print(f"{name}: {time.perf_counter() - began:.0f} s\n{made}", flush=True)
         page.write_text(words.format(seed=SEED, **parts), encoding="utf-8")
     study.found(arms(1)[0], 0).plot().savefig(options.out / "identification.png", dpi=100)
@@ -447,8 +449,8 @@ SECTIONS = ("thousand", "drift", "procedure", "exactness", "lacking", "inertia",
 
 
 def _sections(page: str) -> Iterator[tuple[str, str]]:
-    """The sections of a page, each with the comment that says how it was made."""
-    for found in re.finditer(r"<!-- (\w+): .*? -->\n.*?\n<!-- end -->", page, re.DOTALL):
+    """The sections of a page, each with the words that say how it was made."""
+    for found in re.finditer(r"<!-- (\w+) -->\n.*?\n<!-- end -->", page, re.DOTALL):
         yield found[1], found[0]
 
 

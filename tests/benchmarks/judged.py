@@ -14,6 +14,8 @@ from pathlib import Path
 
 from outside_judge import OUTCOMES, campaign
 
+from planner.support.package import made_by
+
 ROOT = Path(__file__).parents[2]
 
 HEAD = """# Plans judged from outside
@@ -22,8 +24,9 @@ HEAD = """# Plans judged from outside
 convex; three in ten retimed) and {damages} damaged files, by little or much, seed {seed}. Each was
 judged by `load_plan` and by DOP853 with samples of everything that is limited; both read the
 plan's u(t) and the system's NumPy kinematics, and share nothing else. *No form*: refused before
-there was a motion to judge, with the reason. *Too close*: within a fifth of a tolerance. Made by
-`python tests/benchmarks/judged.py`.
+there was a motion to judge, with the reason. *Too close*: within a fifth of a tolerance.
+
+{made_by}
 
 """
 
@@ -42,7 +45,8 @@ def main() -> int:
     rows += [[name, *(str(tally[name, each]) for each in OUTCOMES)] for name in names]
     sums = [sum(tally[name, each] for name in names) for each in OUTCOMES]
     rows.append(["**all**", *(f"**{each}**" for each in sums)])
-    text = HEAD.format(**vars(given)) + "\n".join("| " + " | ".join(row) + " |" for row in rows)
+    head = HEAD.format(**vars(given), made_by=made_by("python tests/benchmarks/judged.py"))
+    text = head + "\n".join("| " + " | ".join(row) + " |" for row in rows)
     text += "\n" + "".join(f"\n- {line}" for line in told) + "\n" * bool(told)
     (ROOT / "results" / "judging" / "outside.md").write_text(text, encoding="utf-8")
     print(text)

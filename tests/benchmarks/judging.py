@@ -22,6 +22,7 @@ from statistics import median
 from typing import Any
 
 import planner
+from planner.support.package import made_by
 
 ROOT = Path(__file__).parents[2]
 
@@ -204,7 +205,8 @@ def report(files: dict[str, Path], other: str | None, rounds: int) -> str:
             f" {ratio:.1f} | {'–' if error is None else f'{error:.1g}'} | {gap:.1g} |"
         )
         print(lines[-1], file=sys.stderr, flush=True)
-    lines += ["", "What it was shown, and what it said: [attacks.md](attacks.md)."]
+    lines += ["", "What it was shown, and what it said: [attacks.md](attacks.md).", ""]
+    lines.append(made_by("python tests/benchmarks/judging.py --python INTERPRETER --out FOLDER"))
     return "\n".join(lines) + "\n"
 
 

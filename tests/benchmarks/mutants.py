@@ -53,9 +53,15 @@ EQUIVALENT = "core/ReplaceBinaryOperator_BitOr_"
 
 GROUPS = {
     "judge": (
-        ["verification/verify.py", "plan/quadrature.py"],
+        [
+            "verification/verify.py",
+            "verification/verdict.py",
+            "verification/load_plan.py",
+            "plan/quadrature.py",
+        ],
         "tests/verification/test_verify.py tests/plan/test_quadrature.py"
-        " tests/verification/test_judging.py tests/verification/test_certificate_attacks.py",
+        " tests/verification/test_judging.py tests/verification/test_certificate_attacks.py"
+        " tests/verification/test_verdict.py tests/verification/test_loading.py",
     ),
     "certificate": (
         [
@@ -113,6 +119,23 @@ GROUPS = {
         " tests/machine/test_kernel.py tests/machine/test_replay.py"
         " tests/machine/test_dynamic_energy.py tests/machine/test_memory.py"
         " tests/machine/test_dynamic_kernel.py",
+    ),
+    "compensation": (
+        [
+            "plan/clock.py",
+            *(
+                f"machine/feedforward/{name}.py"
+                for name in ["correction", "follow", "legs", "prediction", "shaping"]
+            ),
+        ],
+        "tests/plan/test_clock.py tests/verification/test_verdict.py"
+        " tests/machine/test_feedforward.py tests/machine/test_take_ups.py",
+    ),
+    "search": (
+        [f"methods/collocation/{name}.py" for name in ["path", "pipeline", "route_paths"]],
+        "tests/methods/collocation/test_path_search.py tests/methods/collocation/test_curve.py"
+        " tests/methods/collocation/test_slower_motions.py"
+        " tests/methods/collocation/test_collocation.py",
     ),
 }
 """For each part its files, and the tests that are to see a mutant of them, the quickest first."""

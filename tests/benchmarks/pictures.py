@@ -16,6 +16,7 @@ from playwright.sync_api import sync_playwright
 
 import planner
 from planner.support.files import folder, write_bytes, write_text
+from planner.support.package import made_by
 
 ROOT = Path(__file__).parents[2]
 sys.path.append(str(ROOT / "tests" / "browser"))
@@ -30,10 +31,10 @@ VIEWS: dict[str, tuple[int, str, float]] = {
 }
 HEAD = """# The report's page
 
-`planner compare problems/paper.toml --feedback --out out/paper --report` writes it; these pictures
-are made by
+`planner compare problems/paper.toml --feedback --out out/paper --report` writes it; these are its
+pictures.
 
-    make report
+{made_by}
 
 | light | dark | phone |
 | --- | --- | --- |
@@ -56,7 +57,7 @@ def main() -> int:
         for name, view in VIEWS.items():
             write_bytes(target / f"{name}.png", picture(browser, page, *view))
         browser.close()
-        write_text(target / "README.md", HEAD)
+        write_text(target / "README.md", HEAD.format(made_by=made_by("make report")))
     return 0
 
 

@@ -38,6 +38,7 @@ from planner.machine.commands import Command, lengths
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
 from planner.support.files import write_text
+from planner.support.package import made_by
 
 ROOT, HERE = Path(__file__).parents[2], Path(__file__).parent
 SOURCE = HERE / "replay.c"
@@ -270,9 +271,7 @@ def page(rows: list[tuple[str, Best, float]], samples: int) -> str:
 the fastest of {SCIPY_SAMPLES} machines times {samples}; its difference is that at the motion's end.
 Times are the best of some runs in turns; "against ours" compares processor time.
 
-Made by:
-
-    python tests/benchmarks/replay.py --out results/benchmarks
+{made_by("python tests/benchmarks/replay.py --out results/benchmarks")}
 """
 
 

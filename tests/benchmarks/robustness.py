@@ -28,6 +28,7 @@ from planner.problem.problem import Problem
 from planner.report.figures.style import COLOURS, GRID_STYLE
 from planner.support.arrays import Array
 from planner.support.files import folder
+from planner.support.package import made_by
 
 ROOT = Path(__file__).parents[2]
 SEED = 0
@@ -357,6 +358,7 @@ def main() -> int:
     rows = study.main_rows()
     lead = study.tracker.design(study.plan, study.machine).ref.timing.begin
     parts = {
+        "MADE_BY": made_by("make robustness"),
         "MAIN": table(rows),
         "GAIN": gain(rows),
         "LEAD": f"{-lead:.0f}",

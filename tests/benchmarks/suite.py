@@ -12,14 +12,13 @@ from pathlib import Path
 import planner
 from planner.errors import InputError, NoPlanError
 from planner.support.files import folder
+from planner.support.package import made_by
 
 ROOT = Path(__file__).parents[2]
 HEAD = """# Every method on every problem
 
 Each cell is a verified plan (its travel, and whether it turns back), or the kind of refusal; the
-reasons follow below. Made by
-
-    make suite
+reasons follow below.
 
 """
 
@@ -42,7 +41,8 @@ def main() -> int:
                 reasons.append(f"- **{path.stem}, {name}**: {reason}")
         rows.append([f"{path.stem} ({problem.system.kind})", *cells])
     table = [["problem", *names], ["---"] * (len(names) + 1), *rows]
-    text = HEAD + "\n".join("| " + " | ".join(row) + " |" for row in table)
+    lines = ["| " + " | ".join(row) + " |" for row in table]
+    text = HEAD + "\n".join([made_by("make suite"), "", *lines])
     text += "\n\n## Why not\n\n" + "\n".join(reasons) + "\n"
     with folder(ROOT / "results" / "suite") as place:
         (place / "README.md").write_text(text, encoding="utf-8")

@@ -25,6 +25,11 @@ class Result:
     err: str
 
     @property
+    def words(self) -> str:
+        """Standard output as one line: tables fold their text."""
+        return " ".join(self.out.split())
+
+    @property
     def json(self) -> dict[str, Any]:
         """Standard output, which must be exactly one JSON object without NaN."""
 

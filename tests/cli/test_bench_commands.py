@@ -50,7 +50,7 @@ def test_the_way_from_a_motion_to_a_machine(run: Callable, tmp_path: Path) -> No
 
 def test_homing_says_when_it_may_go_on(run: Callable, tmp_path: Path) -> None:
     result = run("motion", "homing", PAPER, "--out", tmp_path / "homing.json")
-    assert "once every passive encoder is 1.5 deg above its least reading" in result.out
+    assert "once every passive encoder is 1.5 deg above its least reading" in result.words
 
 
 def test_wrong_words_are_bad_input(run: Callable, tmp_path: Path) -> None:

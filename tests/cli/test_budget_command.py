@@ -46,8 +46,8 @@ def test_of_a_plan_file_with_another_machine(
     changes = ("--set", "machine.preset=ideal", "--set", "machine.backlash_deg=3")
     result = run("budget", tmp_path / "plan.json", *SMALL, *changes)
     assert result.status == 0
-    assert max(len(line) for line in result.out.splitlines()) <= 100
-    lines = [line for line in result.out.splitlines() if line.startswith("backlash_deg")]
+    assert max(len(line) for line in result.out.splitlines()) <= 80
+    lines = [line for line in result.out.splitlines() if line.startswith("backlash ")]
     assert len(lines) == 1
 
 

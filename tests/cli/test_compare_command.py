@@ -117,4 +117,4 @@ def test_pairs_and_worst_machines_are_printed(run: Callable) -> None:
     result = run(*words, "--set", "machine.step_s=0.01")
     assert "polynomial against the others, machine by machine" in result.out
     assert result.out.count("--sample ") == 2
-    assert max(len(line) for line in result.out.splitlines() if "--sample" not in line) <= 100
+    assert max(len(line) for line in result.out.splitlines() if "--sample" not in line) <= 80

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -59,7 +60,7 @@ def test_a_dry_run_counts_and_names_what_cannot_be_built(
     file.write_text(STUDY.replace("kappa = [0.7, 1.5]", "link_lengths = [[1.1, 1], [2, 1]]"))
     result = run("design", file, "--dry-run")
     assert result.status == 0
-    assert "cannot be built: contact P3 of joint 1 cannot meet disk A'" in result.out
+    assert "cannot be built: contact P3 of joint 1 cannot meet disk A'" in result.words
     counted = run("design", file, "--dry-run", "--json").json
     assert (counted["designs"], counted["runs"]) == (2, 1)
     assert [p.name for p in file.parent.iterdir()] == ["small.toml"]
@@ -87,6 +88,7 @@ def test_ctrl_c_keeps_what_is_done(file: Path) -> None:
     while process.poll() is None and kept < 2:
         with suppress(planner.InputError):  # not there yet
             kept = len(planner.load_sweep("small/cases.sqlite"))
+        time.sleep(0.1)
     os.kill(process.pid, signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130

@@ -27,6 +27,7 @@ def test_help_of_every_command(command: str, run: Callable) -> None:
     assert "Example" in text
     assert f"  planner {command}" in text
     assert text.isascii()
+    assert max(map(len, text.splitlines())) <= 80
     assert command in run("--help").out
 
 

@@ -21,7 +21,6 @@ from planner.comparison.compare import default_methods
 from planner.comparison.differences import markdown_differences
 from planner.plan.measures import effort
 from planner.report.folders import replay_data
-from planner.report.folders import save as save_comparison
 from planner.solve import solve_and_check
 from planner.support.arrays import jsonable
 from planner.support.tables import number
@@ -73,6 +72,16 @@ def test_by_default_every_plan_is_compensated_once_it_is_there() -> None:
     base = taken.label.replace(" compensated", "")
     assert f"instead of {number(result[base].E_median_deg)} deg ({base})" in words
     assert "The price: " in words
+    now, was = (
+        [r.E_p95_deg for r in result.rows if r.solved and (COMPENSATED.split()[1] in r.label) == it]
+        for it in (True, False)
+    )
+    assert (len(now), len(was)) == (3, 3)
+    assert max(now) < min(was)
+    told = f"E 95 % {number(min(now))} to {number(max(now))} deg, not {number(min(was))} to"
+    assert f"whichever method planned: {told} {number(max(was))} deg." in words
+    efforts = [result[name].effort for name in ("collocation", "sinusoid")]
+    assert f"in effort: {number(efforts[0])} to {number(efforts[1])} rad²/s." in words
     pairs = list(zip(result.differences, result.end_differences, strict=True))
     for E, end in pairs:
         gap = result[end.first].replay.terminal_E_deg - result[end.second].replay.terminal_E_deg
@@ -145,14 +154,15 @@ def test_small_differences_are_neither_better_nor_worse(compensated: planner.Com
 
 
 def test_feedback_closes_the_last_plan_which_is_compensated(
-    quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     module = sys.modules["planner.machine.replay"]
     monkeypatch.setattr(module, "_feedback", lambda on, plan: _Held() if on else None)
-    labels = [row.label for row in planner.compare(quick, samples=1, feedback=True).rows]
-    assert [label for label in labels if "feedback" in label] == [
-        "collocation compensated + feedback"
-    ]
+    monkeypatch.setattr(compare_module, "default_methods", lambda problem: [OPTIMAL, COMPENSATED])
+    problem = planner.load_problem(ROOT / "problems/paper.toml", {"machine.step_s": 0.01})
+    result = planner.compare(problem, samples=1, feedback=True)
+    labels = [row.label for row in result.rows]
+    assert labels == [OPTIMAL, COMPENSATED, "collocation compensated + feedback"]
 
 
 def test_polynomials_are_refused_with_the_reason_and_collocation_is_solved() -> None:
@@ -490,11 +500,12 @@ def test_a_reason_that_ends_in_a_list_stops_before_it(
 
 
 def test_of_many_machines_a_comparison_keeps_the_errors_and_some_motions(
-    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = planner.compare(paper, [OPTIMAL], samples=9, feedback=True)
+    problem = paper.changed({"machine.step_s": 0.01, "feedback.run_up": False})
+    whole = planner.compare(problem, [OPTIMAL], samples=9, feedback=True)
     monkeypatch.setattr(compare_module, "KEPT_MOTIONS", 2)
-    some = planner.compare(paper, [OPTIMAL], samples=9, feedback=True)
+    some = planner.compare(problem, [OPTIMAL], samples=9, feedback=True)
     for one, other in zip(whole.rows, some.rows, strict=True):
         assert one.replay is not None
         assert other.replay is not None
@@ -502,4 +513,4 @@ def test_of_many_machines_a_comparison_keeps_the_errors_and_some_motions(
         assert other.replay.summary() == one.replay.summary()
         assert (other.peak_u, other.E_p95_deg) == (one.peak_u, one.E_p95_deg)
     assert replay_data(some) == replay_data(whole)
-    assert save_comparison(some, tmp_path / "there").is_dir()
+    assert "replay" in some.figures()

@@ -323,6 +323,7 @@ def test_plans_are_compensated_for_the_machine_where_that_is_on() -> None:
     assert shown.outcome.kind == "verified"
     assert shown.outcome.plan is not None
     assert shown.outcome.plan.compensation is not None
+    assert "effort 1.0" in shown.words()["facts"], "that of the commands, as comparisons have it"
     less = shown.errors()
     assert error is not None
     assert less is not None

@@ -121,7 +121,7 @@ def test_stop_ends_the_verification_and_the_path_stays(
     began = time.monotonic()
     widget._hear(widget, {"ask": "stop", "number": 3, "at_once": False}, [])
     done()
-    assert time.monotonic() - began < 1.0
+    assert time.monotonic() - began < 20  # they would go on for ever
     assert (messages[-1]["number"], messages[-1]["kind"]) == (3, "stopped")
     assert "the Stop button ended the verification" in messages[-1]["text"]
     assert widget._screen.outcome.plan is not None

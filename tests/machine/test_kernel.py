@@ -72,7 +72,7 @@ def agree(plan: Plan, machine: Machine, library: Any, use: Any) -> Replay:
     runs = []
     for found in (library, None):
         use(found)
-        runs.append(replay(plan, machine, samples=3, seed=1))
+        runs.append(replay(plan, machine, samples=3, seed=1, settle_s=0.1))
     for name in ("q", "motor_rates", "saturated_s", "slip_s", "deviation", "terminal_error"):
         assert np.max(np.abs(getattr(runs[0], name) - getattr(runs[1], name))) < 1e-12, name
     return runs[0]
@@ -80,11 +80,14 @@ def agree(plan: Plan, machine: Machine, library: Any, use: Any) -> Replay:
 
 @pytest.mark.parametrize("name", PROTOTYPE)
 def test_kernel_and_numpy_agree_to_rounding(plan: Plan, library: Any, use: Any, name: str) -> None:
-    machine = Machine.prototype(step_s=0.004, backlash_deg=0.5, **PROTOTYPE[name])
+    step_s = 0.01 if "rigid" in name else 0.004  # rigid shafts take NumPy ten times as long
+    machine = Machine.prototype(step_s=step_s, backlash_deg=0.5, **PROTOTYPE[name])
     run = agree(plan, machine, library, use)
     if "slipping" in name and "inclined" not in name:  # and they do slip
         use(library)
-        firm = replay(plan, machine.with_(friction_capacity_nm=50.0), samples=3, seed=1)
+        firm = replay(
+            plan, machine.with_(friction_capacity_nm=50.0), samples=3, seed=1, settle_s=0.1
+        )
         assert np.max(np.abs(run.q[:, -1, 3] - firm.q[:, -1, 3])) > np.deg2rad(1)
 
 

@@ -122,6 +122,7 @@ def test_a_comparison_says_it_in_table_file_and_page(plan: Plan) -> None:
     (row,) = result.rows
     assert row.beyond_limits == 100
     assert row.remark == "100 % of machines break a limit"
+    assert result.headline.endswith("limit. On 100 % of the machines it breaks a limit.")
     assert "yes: 100 % of machines break a limit" in result.markdown()
     assert row.replay is not None
     assert f"polynomial: {row.replay.limit_words}." in result.markdown()

@@ -23,6 +23,7 @@ from planner.machine.feedforward.legs import (
     reversals,
 )
 from planner.problem.tables.problem_file import CompensationTable
+from planner.report.panels import span
 
 UNTUNED = 4711
 """A seed that nothing was chosen with."""
@@ -53,6 +54,14 @@ def test_the_machines_stay_on_the_path_and_end_at_the_goal(turning: Plan, better
     assert said["E_deg"] == pytest.approx(nominal.index_E_deg[0], abs=0.01)
 
 
+def test_a_screen_is_told_when_the_plan_waits(better: Plan) -> None:
+    shown = span(better)
+    assert shown["begin"] == -better.lead_s < 0
+    assert shown["holds"] == [[a - better.lead_s, b - better.lead_s] for a, b in better.clock.holds]
+    assert shown["holds"]
+    assert all(0 < begin < end < shown["end"] for begin, end in shown["holds"])
+
+
 def test_the_goal_is_reached_where_motors_do_not_do_what_their_derivatives_say() -> None:
     """One step of all knots at once gains nothing here: it was refused, 0.3 degrees off."""
     problem = planner.Problem.manipulator(
@@ -61,6 +70,17 @@ def test_the_goal_is_reached_where_motors_do_not_do_what_their_derivatives_say()
     better = planner.compensate(planner.solve(problem))
     assert np.max(np.abs(planner.verify(better).terminal_error_deg)) < 0.05
     assert 2 * better.notes["compensation"]["E_deg"] < better.notes["compensation"]["plain_E_deg"]
+
+
+def test_the_goal_costs_the_way_little() -> None:
+    """Where joint 3 comes to rest either turn of the drive moves it one way: steps by derivatives
+    alone brought the goal nearer by leaving the way, by 3.3 degrees for 1.5."""
+    problem = planner.Problem.manipulator(
+        [9.8, 39.1, -22.8], [-27.2, 9.0, -36.5], duration=15, input_rad_s=0.5, joint_deg=80
+    )
+    better = planner.compensate(planner.solve(problem))
+    assert np.max(np.abs(planner.verify(better).terminal_error_deg)) < 0.05
+    assert better.notes["compensation"]["E_deg"] < 2.2
 
 
 def test_commands_of_limited_rates_are_foretold_as_they_are_held_and_end_at_rest() -> None:

@@ -39,10 +39,16 @@ def test_every_script_is_in_the_page_and_in_the_explorer() -> None:
         assert line in widget.Explorer._css
 
 
+DEFAULT_LABELS = (
+    "polynomial:points=auto",
+    *(f"{name} compensated" for name in ("polynomial", "sinusoid", "collocation")),
+)
+
+
 def test_a_method_has_one_colour_in_pictures_on_the_page_and_in_the_explorer() -> None:
     widget = pytest.importorskip("planner.explorer.widget", reason="needs the extra 'notebook'")
-    assert set(METHOD_COLOURS) == {*planner.METHODS, "collocation compensated"}
-    assert len(set(METHOD_COLOURS.values())) == len(METHOD_COLOURS) < len(PALETTE)
+    assert set(METHOD_COLOURS) == {*planner.METHODS, *DEFAULT_LABELS}
+    assert len(set(METHOD_COLOURS.values())) == len(METHOD_COLOURS) == len(PALETTE)
     found = quick_comparison()
     numbers = {plan["label"]: plan["colour"] for plan in page_data(found, {})["plans"]}
     assert {k: COLOURS[n] for k, n in numbers.items()} == {
@@ -68,6 +74,15 @@ def test_colours_of_what_is_drawn_together_differ_and_feedback_keeps_its_plans()
     assert numbers["polynomial + feedback"] == numbers["polynomial"]
     assert len(set(numbers.values())) == len(labels) - 1
     assert len(colour_numbers([str(k) for k in range(12)])) == 12
+
+
+def test_a_plan_that_its_compensated_one_follows_is_drawn_wide_and_pale() -> None:
+    plan = next(iter(quick_comparison().plans.values()))
+    under, over, alone = curves({"a:b=1": plan, "a compensated:b=1": plan, "c": plan})
+    assert (under.followed, over.followed, alone.followed) == (True, False, False)
+    assert under.look["linewidth"] > 2 * over.look["linewidth"]
+    assert under.look["alpha"] < 0.5
+    assert over.look == {**alone.look, "color": over.colour}
 
 
 def test_no_name_is_defined_twice_where_scripts_are_joined() -> None:

@@ -14,9 +14,9 @@ import pytest
 
 from planner import InputError
 from planner.support import deadline
-from planner.support.compiled_calls import IpoptCall, call_within
 from planner.support.deadline import TimeUpError, time_limit, time_share
 from planner.support.interrupts import heed_interrupts
+from planner.support.solver_calls import IpoptCall, call_within
 
 
 def rosenbrock(size: int, iterations: int) -> IpoptCall:

@@ -44,10 +44,10 @@ def test_a_terminal_shows_titles_over_units_and_foreign_text_as_it_is() -> None:
     assert lines[-1] == "[i]y[/i]"
 
 
-def test_the_longest_text_gives_way_to_a_hundred_columns() -> None:
+def test_the_longest_text_gives_way_to_eighty_columns() -> None:
     rows = [("z" * 30, 1.0), (" word" * 60, -2.0)]
     lines = printed(terminal_table(COLUMNS, rows, ruled=True))
-    assert max(map(len, lines)) == 100
+    assert max(map(len, lines)) == 80
     assert sum(line.count("word") for line in lines) == 2 * 60
     assert "".join(lines).count("z") == 2 * 30
 

@@ -14,6 +14,7 @@ import pytest
 from registered import Bump, restored
 
 import planner
+from planner.plan.clock import Clock
 from planner.plan.quadrature import CONTROL_POINTS, POINTS
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.support.calculus.chebyshev import points
@@ -230,7 +231,28 @@ def _inner_claim(data: dict[str, Any]) -> None:
     data["compensation"]["plan"]["verified"] = False
 
 
+def _inner_problem(data: dict[str, Any]) -> None:
+    """That of the plan inside allows more; the plan keeps both."""
+    data["compensation"]["plan"]["problem"]["limits"] = {"input_rad_s": 9.0}
+
+
+def _earlier(data: dict[str, Any]) -> None:
+    """The plan's clock starts a second before it does: errors would be measured elsewhere."""
+    clock = data["compensation"]["clock"]
+    clock["t"] = [clock["t"][0], *(t - 1.0 for t in clock["t"][1:-1]), clock["t"][-1]]
+
+
+def _beyond(data: dict[str, Any]) -> None:
+    """The clock goes on after the commands' end, which a free duration does not tell."""
+    for problem in (data["problem"], data["compensation"]["plan"]["problem"]):
+        problem["goal"]["duration"] = "free"
+    data["compensation"]["clock"]["t"][-1] += 1.0
+
+
 EDITS = [
+    (_inner_problem, "the plan that it compensates solves another problem"),
+    (_earlier, "largest error on the nominal machine, which the plan gives, is "),
+    (_beyond, "end of the clock of the plan that is compensated is 16.46 s, must be 15.46 s"),
     (_bent, "plan's q(t) against the nominal machine's motion"),
     (_inner_limit, "of the plan that it compensates, input u"),
     (_inner_motion, "of the plan that it compensates, "),
@@ -252,6 +274,15 @@ def test_a_compensated_plan_is_judged_between_its_breaks_and_inside(
     back = planner.load_plan(path)
     assert not back.verified
     assert says in back.why
+
+
+def test_a_clock_that_is_none_is_refused_by_all(compensated: planner.Plan) -> None:
+    made = compensated.compensation
+    assert made is not None
+    for t, s in ([(0.0, 1.0), (0.0,)], [(), ()], [(0.0, np.nan), (0.0, 10.0)]):
+        broken = replace(compensated, compensation=replace(made, clock=Clock(t, s)))
+        assert not planner.verify(broken).ok
+        assert not planner.certify(broken).ok
 
 
 @dataclass(frozen=True)

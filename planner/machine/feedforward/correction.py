@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from operator import itemgetter
 
 import numpy as np
 import osqp
@@ -59,7 +60,8 @@ PARTS = (1.0, 0.5, 0.2)
 """Parts of a step that are tried."""
 
 GOOD_DEG = 0.4
-"""Largest error of the motion that is good enough: a fifth of the median that spreads leave."""
+"""Largest error of the motion that is good enough: a fifth of the median that spreads leave.
+And how near the goal must be for single knots to be tried."""
 
 PIN_WEIGHT = 30.0
 """Weight of goal and waypoints, against one error."""
@@ -86,6 +88,11 @@ PINNED_DEG = 0.05
 END_ROUNDS, PIN_GAIN = 10, 0.75
 """Rounds for the goal alone at most, and what one leaves of the miss for what changes the motion
 least to be preferred; else they take what leaves least."""
+
+KNOT_STEP, KNOT_GAIN, LAST_KNOTS = 2.0, 0.8, 5
+"""Where those cost the motion more than the goal gains: turn of one motor alone, times what is
+missed, for a joint follows by half of it; what it leaves at most to be preferred; and in which part
+of the knots, the last fifth."""
 
 SPANS = ((0, 4), (0, 2), (2, 4), (0, 1), (1, 2), (2, 3), (3, 4))
 """Quarters of the knots, from and to, that are changed for the goal alone."""
@@ -361,19 +368,57 @@ class Correction:
             if missed <= np.rad2deg(PIN_TOLERANCE_RAD):
                 break
             deadline.check()
-            steps = self._pin_steps(now)
-            tried = self.values[:, :, None] + np.concatenate([p * steps for p in PARTS], axis=2)
-            sent, runs = self._send(tried)
-            kept = np.min(runs.margins, axis=1, initial=0.0)
-            kept = kept >= min(-SAFE, float(np.min(now.margins, initial=0.0)))
-            misses = np.where(kept, np.abs(runs.pins).max(axis=1), np.inf)
-            if np.min(misses) >= missed:
+            found = self._best_of(self._pin_steps(now), now, PIN_GAIN)
+            is_dear = not found or found[0] >= 0
+            if is_dear and missed <= GOOD_DEG:
+                more = self._best_of(self._knot_steps(missed), now, KNOT_GAIN)
+                both = [each for each in (found, more) if each]
+                found = min(both, default=None, key=itemgetter(0))
+            if not found or (found[0] >= 0 and missed <= np.rad2deg(PIN_SLACK_RAD)):
                 break
-            enough = max(PIN_GAIN * missed, float(np.min(misses)))
-            price = np.abs(runs.errors).max(axis=1) + PIN_PRICE * misses
-            k = int(np.argmin(np.where(misses <= enough, price, np.inf)))
-            self.values, commands, now = tried[:, :, k], sent[:, :, k], runs[k]
+            _, self.values, commands, now = found
         return commands, now
+
+    def _best_of(
+        self, steps: Array, now: Runs, gain: float
+    ) -> tuple[float, Array, Array, Runs] | None:
+        """The step (m, 2, S) that costs least of those that leave little of a miss.
+
+        Args:
+            steps: What is tried, and parts of it.
+            now: What there is.
+            gain: What is little, as a part of it; where none leaves that, the least.
+
+        Returns:
+            By how much it is worse, degrees, the correction, its commands and its motion; None
+            where none leaves less.
+        """
+        missed = float(np.max(np.abs(now.pins)))
+        tried = self.values[:, :, None] + np.concatenate([p * steps for p in PARTS], axis=2)
+        sent, runs = self._send(tried)
+        kept = np.min(runs.margins, axis=1, initial=0.0)
+        kept = kept >= min(-SAFE, float(np.min(now.margins, initial=0.0)))
+        misses = np.where(kept, np.abs(runs.pins).max(axis=1), np.inf)
+        if np.min(misses) >= missed:
+            return None
+        enough = max(gain * missed, float(np.min(misses)))
+        price = np.abs(runs.errors).max(axis=1) + PIN_PRICE * misses
+        k = int(np.argmin(np.where(misses <= enough, price, np.inf)))
+        worse = float(price[k] - np.abs(now.errors).max() - PIN_PRICE * missed)
+        return worse, tried[:, :, k], sent[:, :, k], runs[k]
+
+    def _knot_steps(self, missed: float) -> Array:
+        """Changes of one motor from a knot on, as large as a miss asks for, (m, 2, S), rad.
+
+        They need no derivative: where a joint comes to rest, both directions may move it one way.
+        """
+        m, out = len(self.knots), []
+        for k in range(m - m // LAST_KNOTS, m):
+            for i in range(2):
+                step = np.zeros((m, 2))
+                step[k:, i] = np.deg2rad(KNOT_STEP * missed)
+                out += [step, -step]
+        return np.stack(out, axis=2)
 
     def _send(self, corrections: Array) -> tuple[Array, Runs]:
         """Commands (K, 2, S) for corrections (m, 2, S) as they are sent, and where they lead."""

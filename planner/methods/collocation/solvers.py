@@ -18,7 +18,7 @@ from planner.methods.collocation.transcription.form import TERMS
 from planner.methods.collocation.transcription.transcription import Program, Transcription
 from planner.problem.tables.method_options import SolverName
 from planner.support.arrays import Array
-from planner.support.compiled_calls import IpoptCall, call_within
+from planner.support.solver_calls import IpoptCall, call_within
 
 NEAR_DISTANCE = 1e-4
 """Distance to the bounds to begin with when the start is near the answer."""

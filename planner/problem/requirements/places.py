@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from planner.errors import Violation
 from planner.problem.requirements.requirement import Breach, Demand, MotionPoint, Part, Requirement
 from planner.support.arrays import Array
+from planner.support.casadi import ca
 from planner.systems.triangular_system import TriangularSystem
 
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
-import casadi as ca
 import numpy as np
 
 from planner.errors import Violation
 from planner.support.arrays import Array
+from planner.support.casadi import ca
 from planner.systems.triangular_system import TriangularSystem
 
 

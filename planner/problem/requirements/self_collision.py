@@ -14,13 +14,13 @@ from functools import cached_property
 from itertools import product
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import Violation
 from planner.problem.requirements.requirement import Breach, MotionPoint, Part, Requirement
 from planner.support.arrays import Array
+from planner.support.casadi import ca
 from planner.systems.triangular_system import TriangularSystem, arm_points_expr
 
 Pair = tuple[int, int]

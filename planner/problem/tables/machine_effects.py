@@ -6,6 +6,7 @@ What a setting of the `[machine]` table may be: its unit, range, and who has one
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
@@ -147,6 +148,12 @@ _OWNER_WORDS = {
 
 def _as_list(numbers: Numbers) -> list[float]:
     return numbers if isinstance(numbers, list) else [numbers]
+
+
+def effect_words(name: str) -> str:
+    """An effect in words, without the unit that its key ends in."""
+    unit = r"(?<!_per)_(deg|nm|s|rad_s2?|nm_per_rad|nms_per_rad|kgm2)$"
+    return re.sub(unit, "", name).replace("_nm", "_torque").replace("_", " ")
 
 
 def _is_number(value: Any) -> bool:

@@ -112,6 +112,7 @@ class Chart {
     const entries = [...named, ...key.map(([kind, name]) => [swatch(kind), name])];
     if (band?.name) entries.push([make("span", { class: "swatch area" }), band.name]);
     if (named.length && marks.length) entries.push([make("span", { class: "swatch cross", text: "×" }), "leaves it"]);
+    if (this.holds?.().length) entries.push([make("span", { class: "swatch hold" }), "the plan waits"]);
     this.notes.replaceChildren();
     for (const [swatch, name] of entries) make("span", { class: "entry" }, this.notes).append(swatch, name);
   }
@@ -159,6 +160,11 @@ class Chart {
     this.clock = t;
   }
 
+  /** Whether curves of several plans may cover each other. */
+  get overlaps() {
+    return ["time", "plane"].includes(this.panel.kind) && new Set(this.panel.series.map((s) => s.plan)).size > 1;
+  }
+
   /** What an item (a series, a point, a row of values) is called. */
   named(item) {
     return item.name ?? this.page.plans[item.plan].label;
@@ -166,7 +172,8 @@ class Chart {
 
   classes(item, name) {
     const plan = this.page.plans[item.plan];
-    return `${name} plan-${item.colour ?? plan.colour} ${item.machine ? "machine" : ""} ${styleOf(plan)}`;
+    const alone = !this.overlaps && styleOf(plan) === "followed";
+    return `${name} plan-${item.colour ?? plan.colour} ${item.machine ? "machine" : ""} ${alone ? "" : styleOf(plan)}`;
   }
 
   swatch(item) {
@@ -193,9 +200,9 @@ function axes(svg, x, y, box, { across, percent = false, square = false }) {
   make("text", { class: "across", x: right, y: bottom + 33, "text-anchor": "end", text }, svg);
 }
 
-/** How a plan's lines are drawn: with feedback dotted, refused dashed. */
+/** How a plan's lines are drawn: with feedback dotted, refused dashed, under its compensated one wide. */
 function styleOf(plan) {
-  return plan.closed ? "closed" : plan.refused ? "dashed" : "";
+  return plan.closed ? "closed" : plan.refused ? "dashed" : plan.followed ? "followed" : "";
 }
 
 /** Least and greatest of finite numbers, a little apart from the frame. */

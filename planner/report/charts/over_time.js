@@ -39,6 +39,10 @@ class TimeChart extends Chart {
   draw() {
     const { panel, inside, over } = this;
     const { right } = this.size;
+    for (const [begin, end] of this.holds()) {
+      const height = this.size.bottom - EDGE.top;
+      make("rect", { class: "hold", x: this.x(begin), y: EDGE.top, width: this.x(end) - this.x(begin), height }, inside);
+    }
     if (panel.band) this.drawBand();
     if (panel.floor !== undefined) {
       const top = this.y(panel.floor);
@@ -67,6 +71,12 @@ class TimeChart extends Chart {
     for (const { at: [t, value], names } of panel.handles ?? [])
       make("circle", { class: names ? "handle" : "handle fixed", cx: this.x(t), cy: this.y(value), r: 6 }, over);
     this.drawNotes();
+  }
+
+  /** When the clock of a compensated plan is held, where the panel shows that plan alone. */
+  holds() {
+    const plans = new Set(this.panel.series.filter((s) => this.shown(s)).map((s) => s.plan));
+    return plans.size === 1 ? (this.page.plans[[...plans][0]].holds ?? []) : [];
   }
 
   drawBand() {

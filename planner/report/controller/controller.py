@@ -25,7 +25,7 @@ from planner.machine.replay import replay
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.report.charts.scripts import source
 from planner.support.arrays import Array
-from planner.systems.expressions import OPERATORS
+from planner.systems.expressions import operator_templates
 from planner.systems.triangular_system import TriangularSystem
 
 PACKAGE = "planner.report.controller"
@@ -257,7 +257,7 @@ def _rates_in_c(system: TriangularSystem, write: Callable[[float], str]) -> list
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = ca.Function("rates", [q, u], [ca.cse(ca.densify(ca.vertcat(*system.rates_expr(q, u))))])
     own = {ca.OP_POW: "pow({}, {})", ca.OP_CONSTPOW: "pow({}, {})", ca.OP_SQ: "({0} * {0})"}
-    signs = OPERATORS | own | {ca.OP_ASSIGN: "{}"}
+    signs = operator_templates() | own | {ca.OP_ASSIGN: "{}"}
     lines = []
     for k in range(rates.n_instructions()):
         operation, inputs = rates.instruction_id(k), rates.instruction_input(k)

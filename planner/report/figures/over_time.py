@@ -208,7 +208,7 @@ def _draw(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
     for series in panel["series"]:
         curve = drawn[series["plan"]]
         xs = series["x"] if panel["kind"] == "plane" else _times(curve)
-        ax.plot(xs, series["y"], color=curve.colour, linestyle=curve.dashes, linewidth=1.6)
+        ax.plot(xs, series["y"], **curve.look)
     if "notes" in panel:
         _view(ax, panel, drawn)
 

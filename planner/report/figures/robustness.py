@@ -7,7 +7,6 @@ A trade-off curve as one picture: what is bought, what the machine makes of it, 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from planner.errors import expect
 from planner.plan.measures import effort_unit
+from planner.problem.tables.machine_effects import effect_words
 from planner.report.figures.style import COLOURS, colour_of, grid, heading, legend, symbol
 from planner.robustness.budget import Budget, Cost, total
 from planner.robustness.machine_sensitivity import MachineEntry, MachineSensitivity
@@ -160,13 +160,7 @@ def _box_passive(ax: Any, responses: Sensitivity, columns: Sequence[int]) -> Non
 
 def entry_name(entry: MachineEntry) -> str:
     """A machine's parameter in words."""
-    return f"{_effect_name(entry.effect)} {entry.element}".strip()
-
-
-def _effect_name(effect: str) -> str:
-    """An effect in words, without the unit that its key ends in."""
-    unit = r"(?<!_per)_(deg|nm|s|rad_s2?|nm_per_rad|nms_per_rad|kgm2)$"
-    return re.sub(unit, "", effect).replace("_nm", "_torque").replace("_", " ")
+    return f"{effect_words(entry.effect)} {entry.element}".strip()
 
 
 def parameter_symbol(parameter: str) -> str:
@@ -212,7 +206,7 @@ def plot_budget(budget: Budget, *, axes: Any = None) -> tuple[Figure, Any]:
         _bars(right, places + (k - 0.5) * 0.4, values, np.stack([half, half]), 2 + k, label)
     right.set_xlabel("total Sobol index: share of the variance of E")
     right.set_xlim(left=min(0.0, right.get_xlim()[0]), right=min(1.2, right.get_xlim()[1]))
-    left.set_yticks(places, [_effect_name(c.name) for c in costs])
+    left.set_yticks(places, [effect_words(c.name) for c in costs])
     left.set_ylim(len(costs) - 0.4, -0.6)
     if ours:
         figure.suptitle(f"Error budget of {budget.plan.method}: {total(budget)}", fontsize=11)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from planner.comparison.rows import FEEDBACK
+from planner.comparison.rows import FEEDBACK, plain_label
 from planner.errors import InputError
 from planner.plan.log import RECORDED
 from planner.plan.plan import Plan, expect_plan
@@ -36,6 +36,8 @@ PALETTE = (
     ("#000000", "#1b1e22", "#e5e6e3"),
     ("#882255", "#882255", "#d97fab"),
     ("#999933", "#7d7d1f", "#c6c65a"),
+    ("#332288", "#332288", "#a79be8"),
+    ("#117733", "#0f6a2e", "#a9e5a0"),
 )
 """Each colour in pictures, and as text of a browser on a light and on a dark ground.
 
@@ -45,7 +47,10 @@ COLOURS = tuple(picture for picture, _, _ in PALETTE)
 
 METHOD_COLOURS = {
     "polynomial": 0,
+    "polynomial:points=auto": 1,
+    "polynomial compensated": 9,
     "sinusoid": 2,
+    "sinusoid compensated": 10,
     "collocation": 3,
     "collocation compensated": 4,
     "convex": 5,
@@ -53,7 +58,7 @@ METHOD_COLOURS = {
     "desensitised": 7,
     "sinusoid_steps": 8,
 }
-"""The colour that a method has wherever its plans are drawn. A second plan of a method in the same
+"""The colour that a method has wherever its plans are drawn. A further plan of a method in the same
 picture, and what is none of these, takes one that no method there has."""
 
 DOMAIN_COLOUR = "#DCEBF5"
@@ -81,11 +86,19 @@ class Curve:
         label: Its name in legends and titles.
         plan: The plan.
         colour: The same in all figures.
+        followed: Whether its compensated plan is drawn too, on the same path.
     """
 
     label: str
     plan: Plan
     colour: str
+    followed: bool = False
+
+    @property
+    def look(self) -> dict[str, Any]:
+        """Colour, dashes and width: one that its compensated plan covers is wide and pale."""
+        wide = {"linewidth": 4.5, "alpha": 0.45} if self.followed else {"linewidth": 1.6}
+        return {"color": self.colour, "linestyle": self.dashes, **wide}
 
     @property
     def refused(self) -> bool:
@@ -129,15 +142,23 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
             expect_plan(plan)
     if not isinstance(plans, Mapping):
         plans = {f"{k + 1}: {plan.method}": plan for k, plan in enumerate(listed)}
-    colour = colours(list(plans))
+    colour, covered = colours(list(plans)), followed(plans)
     drawn_curves = [
-        Curve(label, plan, colour[label]) for label, plan in plans.items() if plan is not None
+        Curve(label, plan, colour[label], label in covered)
+        for label, plan in plans.items()
+        if plan is not None
     ]
     drawn_curves = [c for c in drawn_curves if c.plan.executable or not executable]
     if not drawn_curves:
         kind = "executable plan" if executable else "plan"
         raise InputError(f"there is no {kind} to draw")
     return drawn_curves
+
+
+def followed(labels: Iterable[str]) -> set[str]:
+    """The labels of plans whose compensated plan is among them too: both run along one path."""
+    known = {label for label in labels if not label.endswith(FEEDBACK)}
+    return {plain_label(label) for label in known if plain_label(label) != label} & known
 
 
 def colours(labels: Sequence[str]) -> dict[str, str]:
@@ -148,7 +169,7 @@ def colours(labels: Sequence[str]) -> dict[str, str]:
 def colour_numbers(labels: Sequence[str]) -> dict[str, int]:
     """The place in `PALETTE` of each plan's colour: its method's, as far as its label names one."""
     plans = list(dict.fromkeys(label.removesuffix(FEEDBACK) for label in labels))
-    usual = {plan: METHOD_COLOURS.get(_method(plan)) for plan in plans}
+    usual = {plan: METHOD_COLOURS.get(plan, METHOD_COLOURS.get(_method(plan))) for plan in plans}
     spare = [k for k in range(len(PALETTE)) if k not in usual.values()]
     number: dict[str, int] = {}
     for k, (plan, one) in enumerate(usual.items()):
@@ -292,9 +313,7 @@ def line(curve: Curve) -> Any:
     """A legend entry for a curve."""
     from matplotlib.lines import Line2D
 
-    return Line2D(
-        [], [], color=curve.colour, linestyle=curve.dashes, linewidth=1.8, label=curve.name
-    )
+    return Line2D([], [], label=curve.name, **curve.look)
 
 
 def legend(

@@ -33,6 +33,7 @@
     make("span", { class: `swatch plan-${plan.colour} ${styleOf(plan)}` }, label);
     make("span", { text: plan.label + (plan.refused ? " (refused)" : "") }, label);
   });
+  document.getElementById("followed").hidden = !data.plans.some((plan) => plan.followed);
   legend.hidden = data.plans.length < 2 && !data.plans.some((plan) => plan.refused);
 
   for (const { id, panels } of data.figures) {

@@ -81,6 +81,7 @@ def _plan(drawn: Curve, replay: Mapping[str, Any] | None) -> dict[str, Any]:
     out = {
         "label": drawn.label,
         "refused": drawn.refused,
+        "followed": drawn.followed,
         **span(plan),
         "t": to_screen_digits(_times(plan) - plan.lead_s),
     }

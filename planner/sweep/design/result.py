@@ -16,7 +16,7 @@ from planner.errors import InputError
 from planner.plan.samples import import_library
 from planner.support.arrays import jsonable
 from planner.support.files import make_folder, write_bytes, write_text
-from planner.support.package import import_function, versions
+from planner.support.package import import_function, made_by, versions
 from planner.support.tables import (
     Column,
     csv_table,
@@ -138,14 +138,12 @@ class DesignStudy:
     def table(self) -> Table:
         """For a terminal: `rich.print(study.table())`."""
         narrow = {"design", "front", *(figure.title for figure in self.front_by), *TERMINAL_COLUMNS}
-        shown = dict.fromkeys([*self.asked.methods[:2], self.asked.reaching])
-        narrow |= {f"solved, {method}" for method in shown}
+        narrow.add(f"solved, {self.asked.reaching}")
         return terminal_table(
             [column for column in self.columns if column.title in narrow],
             self.rows,
             caption=self._caption,
             ruled=True,
-            gap=1,
             dim=lambda row: bool(row.design.refused),
         )
 
@@ -206,7 +204,9 @@ class DesignStudy:
             InputError: If the folder or a file cannot be written.
         """
         place = make_folder(folder)
-        write_text(place / "design.md", self.markdown() + "\n![The study](design.png)\n")
+        again = made_by(f"planner design {self.asked.source} --out {folder}")
+        text = f"{self.markdown()}\n![The study](design.png)\n\n{again}\n"
+        write_text(place / "design.md", text)
         write_text(place / "design.csv", csv_table(self.columns, self.rows))
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False, ensure_ascii=False)
         write_text(place / "design.json", text + "\n")
@@ -216,8 +216,8 @@ class DesignStudy:
         return place
 
 
-TERMINAL_COLUMNS = ("effort", "one-way", "contacts", "error at the end")
-"""Columns of a terminal, beside those of the figures traded."""
+TERMINAL_COLUMNS = ("contacts", "error at the end")
+"""Columns that a terminal has room for, beside those of the figures traded."""
 
 
 def _columns(study: DesignStudy) -> list[Column[DesignRow]]:

@@ -81,6 +81,22 @@ def test_a_compensated_plan_that_turns_back_ends_five_times_closer(
     assert parked.lead_s - tracker.design(parked, machine).ref.timing.begin < 9.0
 
 
+def test_the_model_of_a_turn_is_that_of_the_play(parked: Plan, machine: Machine) -> None:
+    """At a turn of the drive a joint is pushed to 2w elsewhere, and by 2δw more where more is
+    lost; what a machine loses beyond the push that follows changes nothing."""
+    ref = Tracker().design(parked, machine).ref
+    turns = np.flatnonzero(np.any(np.diff(ref.way, axis=0) != 0, axis=1))
+    assert len(turns) >= 3
+    for k in turns:
+        change = ref.way[k + 1] - ref.way[k]
+        assert ref.E[k, [2, 3], [2, 3]] == pytest.approx(-change)
+        jump = ref.q[k + 1, 2:] - ref.q[k, 2:]
+        assert jump == pytest.approx(-change * ref.lost_motion[:, 0], abs=np.deg2rad(2.5))
+    pushing = np.abs(ref.q[:, 2:] - ref.joints) < 1e-9
+    assert 0.4 < pushing.mean() < 0.95
+    assert np.all(ref.push[~pushing] > -2 * ref.lost_motion.max())
+
+
 def test_a_compensated_plan_is_followed_along_the_path_it_compensates(
     smooth: Plan, machine: Machine, closed: Replay
 ) -> None:

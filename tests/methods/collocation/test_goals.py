@@ -244,7 +244,7 @@ def test_on_the_machine_tracked_and_compensated(
     problem: planner.Problem, plan: planner.Plan
 ) -> None:
     """The goal that was found is then fixed: what is tracked and aimed at is the plan's end."""
-    run = planner.replay(plan, Machine.prototype(), samples=3, feedback=True)
+    run = planner.replay(plan, Machine.prototype(step_s=0.005), samples=3, feedback=True)
     assert np.max(run.terminal_E_deg) < 0.5
     better = planner.compensate(plan)
     assert better.verified

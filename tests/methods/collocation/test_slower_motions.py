@@ -38,7 +38,14 @@ def test_the_same_guesses_find_the_same_paths_whatever_the_duration_is() -> None
     assert logs[0] == logs[1] == logs[2]
 
 
-@pytest.mark.parametrize("share", [1.0, 1.02, 3.0])
+@pytest.mark.parametrize(
+    "share",
+    [
+        pytest.param(1.0, marks=pytest.mark.campaign),
+        1.02,
+        pytest.param(3.0, marks=pytest.mark.campaign),
+    ],
+)
 def test_a_duration_that_the_fastest_motion_keeps_has_a_plan(
     fastest: planner.Plan, share: float
 ) -> None:

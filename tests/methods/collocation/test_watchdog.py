@@ -13,7 +13,7 @@ import planner
 from planner.methods.collocation import solvers
 from planner.methods.collocation.method import plan_collocation
 from planner.problem.tables.method_options import CollocationOptions
-from planner.support.compiled_calls import call_within
+from planner.support.solver_calls import call_within
 
 
 def _busy(until: threading.Event) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
 from planner.support.calculus import runge_kutta
-from planner.support.compiled_calls import IpoptCall
+from planner.support.solver_calls import IpoptCall
 from planner.systems.triangular_system import TriangularSystem
 
 Index = NDArray[np.int64]

@@ -322,7 +322,7 @@ def _times(t: Array, path: str | Path) -> Array:
         raise InputError(
             f"{path}, row {k + 3}: a gap of {steps[k]:.4g} s after t = {t[k]:.6g} s, in rows that"
             f" follow each other every {usual:.4g} s; what the motors were told meanwhile is not"
-            " known, so record again, or use the longer part alone (Log.part)"
+            " known, so record again, or keep the rows on one side of it alone"
         )
     even = float(f"{t[-1] / len(steps):.9g}") * np.arange(len(t))
     return np.asarray(even if np.max(np.abs(t - even)) < EVEN_SHARE * usual else t)

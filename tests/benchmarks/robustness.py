@@ -324,7 +324,12 @@ def turns(machine: Machine, samples: int) -> str:
     found = []
     for name in TURNING:
         problem = planner.load_problem(ROOT / f"problems/{name}.toml")
-        plan = planner.compensate(planner.solve(problem, "collocation"), machine)
+        plain = planner.solve(problem, "collocation")
+        try:
+            plan = planner.compensate(plain, machine)
+        except planner.NoPlanError:
+            found.append(f"{name} none, for its compensation is refused")
+            continue
         ends = [
             np.percentile(
                 replay(plan, machine, samples, SEED, closed, record_s=None).terminal_E_deg, [50, 95]

@@ -81,6 +81,23 @@ def test_the_suite_shows_every_problem_and_todays_travels() -> None:
         assert rows["paper"][methods.index(name)] == f"travel {plan.travel:.4g}"
 
 
+def test_the_readme_has_the_table_of_the_comparison() -> None:
+    """Row by row, to the digits that it shows; a refused plan by its reason."""
+    told = table(read("README.md"), "method | solved")
+    page = table(read("results/compare/README.md").replace("\\|", ""), "method | solved")
+    assert len(told) == len(page) == 8
+    for mine, row in zip(told, page, strict=True):
+        assert mine[0].split(",")[0].split()[0] == row[0].strip("`").split(":")[0].split()[0]
+        assert ("compensated" in mine[0], "feedback" in mine[0]) == (
+            "compensated" in row[0],
+            "feedback" in row[0],
+        )
+        assert mine[1] == row[1]
+        shown = [cell for cells in mine[2:] for cell in cells.split(", ")]
+        for short, full in zip(shown, [row[3], row[4], *row[7:11]], strict=True):
+            assert f"{float(full):.{len(short.partition('.')[2])}f}" == short
+
+
 def test_the_theory_tells_what_the_calibration_found() -> None:
     page, told = read("results/calibration/README.md"), " ".join(read("docs/theory.md").split())
     found = re.search(r"\| the paper's words \| \d+ \| 1 of (\d+) \|", page)

@@ -14,6 +14,7 @@ import numpy as np
 from planner.comparison.headline import headline, recommended
 from planner.comparison.rows import FEEDBACK_NOTE, Row, columns, intervals, verdict
 from planner.errors import InputError
+from planner.machine.feedforward.legs import compensable
 from planner.machine.machine import Machine
 from planner.machine.replay import Replay
 from planner.plan.plan import Plan
@@ -340,13 +341,20 @@ def comparison_csv(comparison: Comparison) -> str:
     return csv_table([*columns, *intervals(comparison.problem.system)], comparison.rows)
 
 
+def _kind(comparison: Comparison) -> str:
+    """The machines' preset, and how an arm with shafts stood before the start."""
+    if not compensable(comparison.problem.system):
+        return comparison.machine.preset
+    return f"{comparison.machine.preset}, {', '.join(comparison.machine.start_state)} at the start"
+
+
 def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
     took = "" if terminal else " took: planning and verification;"
     return (
         "time: all that is run, with preparation and holds; effort: integral of u1^2 + u2^2 dt;"
         " E: largest joint error on the machine at any time"
         " (eq. 29), end: at the end; median and 95th"
-        f" percentile over {comparison.samples} machines ({comparison.machine.preset}), seed"
+        f" percentile over {comparison.samples} machines ({_kind(comparison)}), seed"
         f" {comparison.seed}, the same machines for every plan;{took}"
         " refused plans that can be executed are replayed for study."
         + (FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 import planner
+from planner.machine.feedback.reference import Reference
 from planner.machine.feedback.tracker import Tracker, TrackerControl
 from planner.machine.machine import Machine, draw
 from planner.machine.replay import Replay, replay
@@ -157,6 +158,7 @@ class Study:
         self.machine = Machine.prototype()
         self.fine = Machine.prototype(encoder_resolution_deg=FINE)
         self.tracker = Tracker()
+        self.late: dict[float, float] = {}
 
     def closed(
         self,
@@ -241,6 +243,8 @@ class Study:
             runs = [self._changed(f"{label} = {x:g}", change(x), samples) for x in values]
             ways = [run.percentile(95) for run in runs]
             ends = [np.percentile(run.terminal_E_deg, 95) for run in runs]
+            if "delay" in label:
+                self.late = dict(zip(values, ways, strict=True))
             axis.plot(values, ways, "o-", color=COLOURS[0], label="at any time")
             axis.plot(values, ends, "s--", color=COLOURS[1], label="at the end")
             axis.set_xlabel(label)
@@ -268,6 +272,30 @@ class Believing(Tracker):
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> TrackerControl:
         """See `Tracker`."""
         return super().start(plan, self._known, numbers)
+
+
+def preparation(study: Study) -> dict[str, str]:
+    """How long the arm prepares, and how far joints go; with doubled spreads; swinging."""
+
+    def reference(machine: Machine) -> Reference:
+        return study.tracker.design(study.plan, machine).ref
+
+    ref = reference(study.machine)
+    q = np.rad2deg(ref.q[ref.s <= 0])
+    slow = Machine.prototype(fidelity="dynamic")
+    return {
+        "LEAD": f"{-ref.timing.begin:.0f}",
+        "UP": f"{q[:, 1].max():.0f}",
+        "BACK": f"{np.max(q[-1, 2:] - q[:, 2:].min(axis=0)):.0f}",
+        "WIDE": f"{-reference(spread(study.machine, 2)).timing.begin:.0f}",
+        "SLOW": f"{-reference(slow).timing.begin:.0f}",
+    }
+
+
+def listed(words: Iterable[str]) -> str:
+    """In one sentence."""
+    *most, last = words
+    return f"{', '.join(most)} and {last}"
 
 
 def objections(study: Study, samples: int) -> str:
@@ -324,7 +352,12 @@ def turns(machine: Machine, samples: int) -> str:
     found = []
     for name in TURNING:
         problem = planner.load_problem(ROOT / f"problems/{name}.toml")
-        plan = planner.compensate(planner.solve(problem, "collocation"), machine)
+        plain = planner.solve(problem, "collocation")
+        try:
+            plan = planner.compensate(plain, machine)
+        except planner.NoPlanError:
+            found.append(f"{name} none, for its compensation is refused")
+            continue
         ends = [
             np.percentile(
                 replay(plan, machine, samples, SEED, closed, record_s=None).terminal_E_deg, [50, 95]
@@ -356,12 +389,15 @@ def main() -> int:
     study = Study(samples)
     fewer = max(1, samples // 5)
     rows = study.main_rows()
-    lead = study.tracker.design(study.plan, study.machine).ref.timing.begin
+    figure = study.sweeps(max(1, samples // 20))
     parts = {
         "MADE_BY": made_by("make robustness"),
         "MAIN": table(rows),
         "GAIN": gain(rows),
-        "LEAD": f"{-lead:.0f}",
+        "LATE": f"{rows[6][1].percentile(50):.1f}",
+        **preparation(study),
+        "DELAYS": listed(f"{value:g}" for value in study.late),
+        "LATES": listed(f"{error:.2g}" for error in study.late.values()),
         "FLAWED": table(study.flawed_rows(fewer)),
         "TURNS": turns(study.fine, fewer),
         "FEWER": str(fewer),
@@ -370,7 +406,6 @@ def main() -> int:
         "STEPS": step_times(study),
         "LEAST": least_possible(study, min(fewer, 100)),
     }
-    figure = study.sweeps(max(1, samples // 20))
     text = (Path(__file__).parent / "robustness.md").read_text(encoding="utf-8")
     for key, value in parts.items():
         text = text.replace(f"<{key}>", value)

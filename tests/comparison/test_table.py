@@ -58,7 +58,7 @@ def test_markdown_has_a_line_a_method_and_the_command() -> None:
     assert len(table) == 2 + 3
     cells = {len(line.replace("\\|", "").split("|")) for line in table}
     assert cells == {19}
-    assert "5 machines (prototype), seed 1" in text
+    assert "5 machines (prototype, unwound at the start), seed 1" in text
     assert "planner compare" in text
 
 

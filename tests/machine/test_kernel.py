@@ -53,6 +53,7 @@ PROTOTYPE: dict[str, dict[str, Any]] = {
     },
     "one dry joint": {"viscous_friction_nms_per_rad": [0.0, 0.05]},
     "no gearheads": {"gearhead_backlash_deg": [0.5, 0.0]},
+    "pushed, each joint otherwise": {"start_state": ["unknown", "forward", "backward"]},
 }
 
 

@@ -85,6 +85,16 @@ def test_a_clearance_is_there_to_stray_in(plan: Plan) -> None:
     assert violation.value == pytest.approx(sweep + GAP_M, abs=2e-7)
 
 
+@pytest.mark.campaign
+def test_every_machine_hits_the_shipped_post_and_few_with_the_clearance_told() -> None:
+    """As docs/howto/compare.md says of problems/obstacle.toml."""
+    grazing = planner.load_problem(ROOT / "problems/obstacle.toml")
+    (disc,) = grazing.to_dict()["obstacles"]
+    wider = grazing.changed({"obstacles": [{**disc, "clearance_m": 0.15}]})
+    shares = [planner.replay(planner.solve(p), samples=300).limit_share for p in (grazing, wider)]
+    assert shares == pytest.approx([1, 1 / 30], abs=1 / 60)
+
+
 def test_joint_limits_are_judged_and_without_records_nothing_is(plan: Plan) -> None:
     most = np.rad2deg(np.abs(plan.q(np.linspace(0, 10, 4001))[:, 1:]).max(axis=0)) + 1e-6
     tight = replace(plan, problem=plan.problem.changed({"limits.joint_deg": most.tolist()}))

@@ -261,12 +261,11 @@ def compensate_plan(
         ) from None
     compensated, check = judge(compensated)
     compensated = replace(compensated, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
+    ways = "; or ".join([*_compensation_changes(compensated, check, options), NO_COMPENSATION])
     if not check.ok:
-        advice = "; or ".join([*_compensation_changes(compensated, check), NO_COMPENSATION])
-        raise _refusal(compensated, check, " on the nominal machine", advice)
+        raise _refusal(compensated, check, " on the nominal machine", ways)
     said = compensated.notes["compensation"]
     if not said["E_deg"] < said["plain_E_deg"]:
-        ways = "; or ".join([*_compensation_changes(compensated, check), NO_COMPENSATION])
         warnings.warn(
             f"{problem.source}: compensated, the nominal machine leaves the path by"
             f" {said['E_deg']:.3g} deg, as it is by {said['plain_E_deg']:.3g} deg; {ways}",
@@ -348,8 +347,9 @@ LEAST_UNEVEN_DEG = 1.0
 """What an axis may lack after a take-up before that is named: half of what spreads leave."""
 
 
-def _compensation_changes(plan: Plan, check: Check) -> list[str]:
-    """What would help a compensated plan, in words: what stands in the way, and more time."""
+def _compensation_changes(plan: Plan, check: Check, options: CompensationTable) -> list[str]:
+    """What would help a compensated plan, in words: what stands in the way, what was left out, and
+    time."""
     made, out = plan.notes["compensation"], []
     times = [v.time_s for v in check.violations if v.time_s is not None and "goal" not in v.label]
     if plan.lead_s and any(time_s < plan.lead_s for time_s in times):
@@ -364,8 +364,10 @@ def _compensation_changes(plan: Plan, check: Check) -> list[str]:
         )
     if near:
         out.append("compensation.take_up = false")
-    if plan.problem.compensation.preparation != "forward":
+    if options.preparation != "forward":
         out.append("compensation.preparation = 'forward'")
+    helpful = ("take_up", "correction")
+    out += [f"compensation.{key} = true" for key in helpful if not getattr(options, key)]
     if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # as much as spreads leave
         less = f"less time (goal.duration), in which the motors' bias adds up to {drifted:.2g} deg"
         return [*out, f"{less} on one machine in twenty"]

@@ -178,5 +178,10 @@ def path_line(outcome: ScreenOutcome, took_s: float) -> str:
         parts.append(f"effort {spent:.4g} {effort_unit(plan.problem.system)}")
     if plan.verified and not plan.domain.ok:
         parts.append("leaves the chart (allowed)")
+    if plan.compensates is not None:
+        made = plan.notes["compensation"]
+        now, plain = (f"{made[key]:.3g} deg" for key in ("E_deg", "plain_E_deg"))
+        if not made["E_deg"] < made["plain_E_deg"]:
+            parts.append(f"{now} off the path, no better than {plain} uncompensated")
     parts.append(f"planned in {took_s:.2g} s")
     return ", ".join(parts)

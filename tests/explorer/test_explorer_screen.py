@@ -15,7 +15,7 @@ import pytest
 import planner
 from planner.errors import InputError
 from planner.explorer.outcome import judge, path
-from planner.explorer.screen import Screen
+from planner.explorer.screen import Screen, path_line
 from planner.explorer.state import State
 from planner.report.panels import to_screen_digits
 from planner.support.package import how_to_install
@@ -323,6 +323,11 @@ def test_plans_are_compensated_for_the_machine_where_that_is_on() -> None:
     assert shown.outcome.kind == "verified"
     assert shown.outcome.plan is not None
     assert shown.outcome.plan.compensation is not None
+    assert "no better" not in shown.words()["facts"]
+    said = {**shown.outcome.plan.notes["compensation"], "plain_E_deg": 0.0}
+    worse = replace(shown.outcome.plan, notes={"compensation": said})
+    line = path_line(replace(shown.outcome, plan=worse), 1.0)
+    assert "no better than 0 deg uncompensated" in line
     assert "effort 1.0" in shown.words()["facts"], "that of the commands, as comparisons have it"
     less = shown.errors()
     assert error is not None

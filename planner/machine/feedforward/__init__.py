@@ -1,4 +1,5 @@
-"""Commands that allow for the machine: `legs`, `shaping`, `prediction`, `correction`, `follow`.
+"""Commands that allow for the machine: `legs`, `shaping`, `prediction`, `variants`, `correction`,
+`follow`.
 
 The counterpart of `planner.machine.feedback` without sensors. Nothing here plans: what goes in is a
 plan and a machine, what comes out are commands, and the motion that they make.

@@ -11,8 +11,6 @@ on the machine with its own step and the motors' resolution.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import pairwise
 from operator import itemgetter
 
@@ -20,24 +18,13 @@ import numpy as np
 import osqp
 import scipy.sparse as sp
 
-from planner.machine.feedback.run_up import REST_S
-from planner.machine.feedforward.legs import stopping_s
-from planner.machine.feedforward.prediction import end_of
 from planner.machine.feedforward.shaping import Shape
+from planner.machine.feedforward.variants import SAFE, Runs, Variants
 from planner.machine.machine import Machine
-from planner.machine.replay import SETTLE_S
-from planner.machine.simulate import simulate_variants
 from planner.plan.plan import Plan
-from planner.problem.requirements.requirement import MotionPoint
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.support.interrupts import osqp_result
-
-KNOTS, HOLD_KNOT_S = 20, 0.4
-"""Parts of the plan that a correction is straight on, and how long one is at most in a hold, s."""
-
-ROWS = 150
-"""Instants at which errors count, over the plan and its holds."""
 
 PROBES_RAD = np.deg2rad([0.3, 0.05])
 """Changes of one knot by which derivatives are taken: a fifteenth of the joints' lost motion, to
@@ -69,9 +56,8 @@ PIN_WEIGHT = 30.0
 PIN_TOLERANCE_RAD = np.deg2rad(0.01)
 """Error of goal and waypoints that is good enough: a fifth of what the judge grants."""
 
-NEAR, SAFE = 0.05, 0.01
-"""Margin of a requirement, in its scale, below which it bounds the programmes, and what they leave:
-it is looked at a few times a second only, and the nearest place lies between."""
+NEAR = 0.05
+"""Margin of a requirement, in its scale, below which it bounds the programmes."""
 
 PIN_SLACK_RAD = np.deg2rad(0.03)
 """Error of goal and waypoints that costs nothing yet."""
@@ -98,24 +84,6 @@ SPANS = ((0, 4), (0, 2), (2, 4), (0, 1), (1, 2), (2, 3), (3, 4))
 """Quarters of the knots, from and to, that are changed for the goal alone."""
 
 
-@dataclass(frozen=True, eq=False)
-class Runs:
-    """Motions of S variants.
-
-    Attributes:
-        errors: Of the joints, shape (S, E), degrees.
-        pins: By how much goal and waypoints are missed, (S, P), degrees.
-        margins: Of requirements on coordinates beyond what is safe, (S, B), in their scales.
-    """
-
-    errors: Array
-    pins: Array
-    margins: Array
-
-    def __getitem__(self, k: int) -> Runs:
-        return Runs(self.errors[k], self.pins[k], self.margins[k])
-
-
 class Correction:
     """The correction of a plan's commands.
 
@@ -132,93 +100,10 @@ class Correction:
     """
 
     def __init__(self, plan: Plan, machine: Machine, shape: Shape) -> None:
-        self._plan, self._machine, self._shape = plan, machine.nominal(), shape
-        clock = shape.clock
-        self._begin, self._end = clock.lead_s, clock.t[-1] - stopping_s(plan, machine)
-        if any(np.any(leg.angles) for leg in shape.legs if leg.place_s == plan.duration):
-            self._end = clock.when(plan.duration)  # the drive turns back after it as it should
-        self.knots = self._place_knots()
+        self._variants, self._shape = Variants(plan, machine, shape), shape
+        self.knots = self._variants.knots
         self.values = np.zeros((len(self.knots), 2))
         self.rounds, self.keeps_all = 0, False
-        marks = [0.0, self._begin, self._end, *np.ravel(clock.holds), clock.t[-1] + SETTLE_S]
-        marks += [clock.when(time_s) for _, time_s in self._pinned]
-        rows = np.linspace(self._begin, clock.t[-1], ROWS)
-        self._times = np.unique(np.round(np.concatenate([marks, rows]), 9))
-        self._counted = self._times >= self._begin - 1e-9
-        wanted = plan.trajectory.q(clock(self._times))
-        self._wanted = wanted[self._counted, 1:]
-
-    def _place_knots(self) -> Array:
-        """Even on the plan, closer in the holds."""
-        clock, spacing = self._shape.clock, self._plan.duration / KNOTS
-        held = set(clock.holds)
-        held |= {(clock.when(clock.seconds), self._end)}
-        cuts = sorted({self._begin, self._end, *np.ravel(list(held)).tolist()})
-        knots = [] if self._begin == 0 else [max(0.0, self._begin - REST_S)]
-        for a, b in pairwise(cuts):
-            longest = min(spacing, HOLD_KNOT_S) if (a, b) in held else spacing
-            parts = int(np.ceil((b - a) / longest - 1e-9))
-            knots += (a + (b - a) * np.arange(parts) / parts).tolist()
-        return np.array([*knots, self._end])
-
-    @cached_property
-    def _pinned(self) -> list[tuple[Array, float]]:
-        """Coordinates (N,), NaN where free, that are to be passed through, and the plan's time."""
-        problem, out = self._plan.problem, []
-        for point in problem.waypoints:
-            when = point.time_s
-            if when is None:
-                t = np.linspace(0.0, self._plan.duration, 2001)
-                when = float(t[np.argmin(point.distance(self._plan.trajectory.q(t)))])
-            out.append((point.q, when))
-        return out
-
-    def run(self, corrections: Array, values: Array | None = None) -> Runs:
-        """What variants of the correction lead to.
-
-        Args:
-            corrections: At the knots, (m, 2, S).
-            values: Their commands (K, 2, S), where these are to be simulated as they will be sent,
-                and on the machine as it is; else a smoother and quicker one serves.
-        """
-        shape, machine = self._shape, self._machine
-        if values is None:
-            coarse = max(machine.step_s, shape.tick / 2)
-            machine = replace(machine.with_(velocity_resolution_rad_s=False), step_s=coarse)
-            values = shape.variants(corrections, self.knots)
-        is_linear = shape.is_linear and not machine.effects.get("control_period_s")  # else held
-        q = simulate_variants(self._plan, machine, shape.t, values, is_linear, self._times)
-        return self._judge(q)
-
-    def _judge(self, q: Array) -> Runs:
-        problem, count = self._plan.problem, len(q)
-        errors = q[:, self._counted, 1:] - self._wanted
-        end = end_of(self._times, q, self._shape.clock) - self._goal
-        first = 0 if problem.travel is not None else 1
-        pins = [end[:, first:]]
-        for place, time_s in self._pinned:
-            there = np.searchsorted(self._times, self._shape.clock.when(time_s) - 1e-9)
-            pins.append((q[:, there] - place)[:, ~np.isnan(place)])
-        margins = [np.empty((count, 0))]
-        for required in problem.requirements:
-            if required.reads == {"q"} and not required.final:
-                values = required.values(MotionPoint.of(problem.system, q))
-                for part, value in zip(required.parts, values, strict=True):
-                    if np.isfinite(part.low):
-                        margins.append((value - part.low) / part.scale - SAFE)
-                    if np.isfinite(part.high):
-                        margins.append((part.high - value) / part.scale - SAFE)
-        return Runs(
-            np.rad2deg(errors.reshape(count, -1)),
-            np.rad2deg(np.concatenate(pins, axis=1)),
-            np.concatenate(margins, axis=1),
-        )
-
-    @cached_property
-    def _goal(self) -> Array:
-        """q(T), shape (N,): the goal, and where it leaves coordinates free what the plan chose."""
-        goal = self._plan.problem.target
-        return np.where(np.isnan(goal), self._plan.trajectory.q(self._plan.duration), goal)
 
     def _measure(self, runs: Runs, values: Array, power: int) -> float:
         """What is to be least: a norm of the errors of the motion, degrees."""
@@ -238,7 +123,7 @@ class Correction:
         Raises:
             TimeUpError: If there is no time left; what was found till then is kept.
         """
-        now = self.run(self.values[:, :, None])[0]
+        now = self._variants.run(self.values[:, :, None])[0]
         for power in POWERS:
             now = self._go_on(now, power)
         commands, now = self._pin()
@@ -258,7 +143,7 @@ class Correction:
             found = self._candidates(now, damping, power, probes[0])
             if not found:
                 break
-            runs = self.run(np.stack([values for _, values in found], axis=2))
+            runs = self._variants.run(np.stack([values for _, values in found], axis=2))
             measures = [self._measure(runs[k], v, power) for k, (_, v) in enumerate(found)]
             k = int(np.argmin(measures))
             gain = best - measures[k]
@@ -285,25 +170,12 @@ class Correction:
         self, now: Runs, damping: float, power: int, probe: float
     ) -> list[tuple[float, Array]]:
         """Corrections to try, each with the weight of its programme."""
-        slopes, out = self._slopes(now, probe), []
+        slopes, out = self._variants.slopes(self.values, now, probe), []
         for weight in (damping * step for step in STEPS):
             step = self._step(now, slopes, weight, power)
             if step is not None:
                 out += [(weight, self.values + part * step) for part in PARTS]
         return out
-
-    def _slopes(self, now: Runs, probe: float) -> Runs:
-        """Derivatives by the corrections at the knots after the first: (2(m−1), …), by degrees."""
-        m = len(self.knots)
-        probes = np.repeat(self.values[:, :, None], 2 * (m - 1), axis=2)
-        k = np.arange(2 * (m - 1))
-        probes[1 + k // 2, k % 2, k] += probe
-        runs, by = self.run(probes), np.rad2deg(probe)
-        return Runs(
-            (runs.errors - now.errors) / by,
-            (runs.pins - now.pins) / by,
-            (runs.margins - now.margins) / by,
-        )
 
     def _step(self, now: Runs, slopes: Runs, damping: float, power: int) -> Array | None:
         """A change of the correction, (m, 2), rad; None where the programme has no solution."""
@@ -361,7 +233,7 @@ class Correction:
 
     def _pin(self) -> tuple[Array, Runs]:
         """Bring goal and waypoints alone to where they should be: commands, and their motion."""
-        sent, runs = self._send(self.values[:, :, None])
+        sent, runs = self._variants.send(self.values[:, :, None])
         commands, now = sent[:, :, 0], runs[0]
         for _ in range(END_ROUNDS):
             missed = float(np.max(np.abs(now.pins)))
@@ -395,7 +267,7 @@ class Correction:
         """
         missed = float(np.max(np.abs(now.pins)))
         tried = self.values[:, :, None] + np.concatenate([p * steps for p in PARTS], axis=2)
-        sent, runs = self._send(tried)
+        sent, runs = self._variants.send(tried)
         kept = np.min(runs.margins, axis=1, initial=0.0)
         kept = kept >= min(-SAFE, float(np.min(now.margins, initial=0.0)))
         misses = np.where(kept, np.abs(runs.pins).max(axis=1), np.inf)
@@ -420,21 +292,16 @@ class Correction:
                 out += [step, -step]
         return np.stack(out, axis=2)
 
-    def _send(self, corrections: Array) -> tuple[Array, Runs]:
-        """Commands (K, 2, S) for corrections (m, 2, S) as they are sent, and where they lead."""
-        sent = self._shape.commands(corrections, self.knots)
-        return sent, self.run(corrections, sent)
-
     def _pin_steps(self, now: Runs) -> Array:
         """Changes that take off what is missed and change the motion least, (m, 2, S), rad.
 
         By all knots, and by those of a half or a quarter of the time alone, for each of the probes:
         where motors turn back or are at their limits, a change is not what one derivative says.
         """
-        usual, m, out = self.run(self.values[:, :, None])[0], len(self.knots), []
+        usual, m, out = self._variants.run(self.values[:, :, None])[0], len(self.knots), []
         cuts = np.linspace(0, 2 * (m - 1), 5).astype(int)
         for probe in PROBES_RAD:
-            slopes = self._slopes(usual, probe)
+            slopes = self._variants.slopes(self.values, usual, probe)
             J, A = slopes.pins.T, slopes.errors.T
             H = A.T @ A / len(A) + 1e-3 * np.eye(J.shape[1])
             for first, last in SPANS:

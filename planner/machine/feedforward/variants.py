@@ -1,0 +1,177 @@
+"""What corrections of the motors' angles at knots lead to on the nominal machine.
+
+Corrections are straight between knots, and variants of them run in one simulation. Read of each are
+errors of joints over time, misses of goal and waypoints, and the room to what is required.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from planner.machine.feedback.run_up import REST_S
+from planner.machine.feedforward.legs import stopping_s
+from planner.machine.feedforward.prediction import end_of
+from planner.machine.feedforward.shaping import Shape
+from planner.machine.machine import Machine
+from planner.machine.replay import SETTLE_S
+from planner.machine.simulate import simulate_variants
+from planner.plan.plan import Plan
+from planner.problem.requirements.requirement import MotionPoint
+from planner.support.arrays import Array
+
+KNOTS, HOLD_KNOT_S = 20, 0.4
+"""Parts of the plan that a correction is straight on, and how long one is at most in a hold, s."""
+
+ROWS = 150
+"""Instants at which errors count, over the plan and its holds."""
+
+SAFE = 0.01
+"""Margin of a requirement, in its scale, that must be left: it is looked at a few times a second
+only, and the nearest place lies between."""
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Motions of S variants.
+
+    Attributes:
+        errors: Of the joints, shape (S, E), degrees.
+        pins: By how much goal and waypoints are missed, (S, P), degrees.
+        margins: Of requirements on coordinates beyond what is safe, (S, B), in their scales.
+    """
+
+    errors: Array
+    pins: Array
+    margins: Array
+
+    def __getitem__(self, k: int) -> Runs:
+        return Runs(self.errors[k], self.pins[k], self.margins[k])
+
+
+class Variants:
+    """Motions of the nominal machine under variants of a correction of a plan's commands.
+
+    Args:
+        plan: The plan whose motion is wanted.
+        machine: The machine that is allowed for.
+        shape: Its commands without a correction.
+
+    Attributes:
+        shape: As given.
+        knots: Times of the knots, (m,), s; nothing is corrected at the first.
+    """
+
+    def __init__(self, plan: Plan, machine: Machine, shape: Shape) -> None:
+        self._plan, self._machine, self.shape = plan, machine.nominal(), shape
+        clock = shape.clock
+        self._begin, self._end = clock.lead_s, clock.t[-1] - stopping_s(plan, machine)
+        if any(np.any(leg.angles) for leg in shape.legs if leg.place_s == plan.duration):
+            self._end = clock.when(plan.duration)  # the drive turns back after it as it should
+        self.knots = self._place_knots()
+        marks = [0.0, self._begin, self._end, *np.ravel(clock.holds), clock.t[-1] + SETTLE_S]
+        marks += [clock.when(time_s) for _, time_s in self._pinned]
+        rows = np.linspace(self._begin, clock.t[-1], ROWS)
+        self._times = np.unique(np.round(np.concatenate([marks, rows]), 9))
+        self._counted = self._times >= self._begin - 1e-9
+        wanted = plan.trajectory.q(clock(self._times))
+        self._wanted = wanted[self._counted, 1:]
+
+    def _place_knots(self) -> Array:
+        """Even on the plan, closer in the holds."""
+        clock, spacing = self.shape.clock, self._plan.duration / KNOTS
+        held = set(clock.holds)
+        held |= {(clock.when(clock.seconds), self._end)}
+        cuts = sorted({self._begin, self._end, *np.ravel(list(held)).tolist()})
+        knots = [] if self._begin == 0 else [max(0.0, self._begin - REST_S)]
+        for a, b in pairwise(cuts):
+            longest = min(spacing, HOLD_KNOT_S) if (a, b) in held else spacing
+            parts = int(np.ceil((b - a) / longest - 1e-9))
+            knots += (a + (b - a) * np.arange(parts) / parts).tolist()
+        return np.array([*knots, self._end])
+
+    @cached_property
+    def _pinned(self) -> list[tuple[Array, float]]:
+        """Coordinates (N,), NaN where free, that are to be passed through, and the plan's time."""
+        problem, out = self._plan.problem, []
+        for point in problem.waypoints:
+            when = point.time_s
+            if when is None:
+                t = np.linspace(0.0, self._plan.duration, 2001)
+                when = float(t[np.argmin(point.distance(self._plan.trajectory.q(t)))])
+            out.append((point.q, when))
+        return out
+
+    def run(self, corrections: Array, values: Array | None = None) -> Runs:
+        """What variants of the correction lead to.
+
+        Args:
+            corrections: At the knots, (m, 2, S).
+            values: Their commands (K, 2, S), where these are to be simulated as they will be sent,
+                and on the machine as it is; else a smoother and quicker one serves.
+        """
+        shape, machine = self.shape, self._machine
+        if values is None:
+            coarse = max(machine.step_s, shape.tick / 2)
+            machine = replace(machine.with_(velocity_resolution_rad_s=False), step_s=coarse)
+            values = shape.variants(corrections, self.knots)
+        is_linear = shape.is_linear and not machine.effects.get("control_period_s")  # else held
+        q = simulate_variants(self._plan, machine, shape.t, values, is_linear, self._times)
+        return self._judge(q)
+
+    def _judge(self, q: Array) -> Runs:
+        problem, count = self._plan.problem, len(q)
+        errors = q[:, self._counted, 1:] - self._wanted
+        end = end_of(self._times, q, self.shape.clock) - self._goal
+        first = 0 if problem.travel is not None else 1
+        pins = [end[:, first:]]
+        for place, time_s in self._pinned:
+            there = np.searchsorted(self._times, self.shape.clock.when(time_s) - 1e-9)
+            pins.append((q[:, there] - place)[:, ~np.isnan(place)])
+        margins = [np.empty((count, 0))]
+        for required in problem.requirements:
+            if required.reads == {"q"} and not required.final:
+                values = required.values(MotionPoint.of(problem.system, q))
+                for part, value in zip(required.parts, values, strict=True):
+                    if np.isfinite(part.low):
+                        margins.append((value - part.low) / part.scale - SAFE)
+                    if np.isfinite(part.high):
+                        margins.append((part.high - value) / part.scale - SAFE)
+        return Runs(
+            np.rad2deg(errors.reshape(count, -1)),
+            np.rad2deg(np.concatenate(pins, axis=1)),
+            np.concatenate(margins, axis=1),
+        )
+
+    @cached_property
+    def _goal(self) -> Array:
+        """q(T), shape (N,): the goal, and where it leaves coordinates free what the plan chose."""
+        goal = self._plan.problem.target
+        return np.where(np.isnan(goal), self._plan.trajectory.q(self._plan.duration), goal)
+
+    def send(self, corrections: Array) -> tuple[Array, Runs]:
+        """Commands (K, 2, S) for corrections (m, 2, S) as they are sent, and where they lead."""
+        sent = self.shape.commands(corrections, self.knots)
+        return sent, self.run(corrections, sent)
+
+    def slopes(self, values: Array, now: Runs, probe: float) -> Runs:
+        """Derivatives by the corrections at the knots after the first: (2(m−1), …), by degrees.
+
+        Args:
+            values: The corrections, (m, 2), rad.
+            now: What they lead to.
+            probe: The change of one knot, rad.
+        """
+        m = len(self.knots)
+        probes = np.repeat(values[:, :, None], 2 * (m - 1), axis=2)
+        k = np.arange(2 * (m - 1))
+        probes[1 + k // 2, k % 2, k] += probe
+        runs, by = self.run(probes), np.rad2deg(probe)
+        return Runs(
+            (runs.errors - now.errors) / by,
+            (runs.pins - now.pins) / by,
+            (runs.margins - now.margins) / by,
+        )

@@ -340,7 +340,7 @@ def test_samples_go_through_the_chart_a_part_at_a_time(
 ) -> None:
     from planner.methods.laws import scores
 
-    plan = planner.solve(paper, "polynomial", points="auto")
+    plan = planner.solve(paper.changed({"limits": {}}), "polynomial", points=[])
     whole = score(paper, [plan.trajectory, None, plan.trajectory])
     monkeypatch.setattr(scores, "MOST_SAMPLES", 1)
     parts = score(paper, [plan.trajectory, None, plan.trajectory])

@@ -102,12 +102,12 @@ def test_a_coarse_motion_is_made_a_plan(
 
 @pytest.mark.parametrize("limit", [0.05, 0.3])
 def test_there_is_an_answer_in_time(hard: planner.Problem, limit: float) -> None:
-    began = time.perf_counter()
+    began = time.process_time()  # so that a busy machine does not count
     with pytest.raises(planner.TimeLimitError) as caught:
         planner.solve(hard, time_limit_s=limit)
     assert f"the time limit of {limit:g} s ended the search" in caught.value.reason
     assert caught.value.advice == deadline.time_advice()
-    assert time.perf_counter() - began < 1.2 * limit + 2 + 15  # for a busy machine
+    assert time.process_time() - began < 1.2 * limit + 2
 
 
 @pytest.mark.parametrize("method", planner.METHODS)

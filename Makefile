@@ -98,6 +98,8 @@ docs: $(VENV)/.docs
 
 # The tests start many processes, each of which would compile the package anew without its caches.
 test: export PYTHONDONTWRITEBYTECODE :=
+# Two workers compute at a time: threads of their linear algebra would wait for each other.
+test: export OPENBLAS_NUM_THREADS := 1
 
 test: check
 	@$(BIN)/python -m pytest $(PYTEST_FLAGS)

@@ -200,7 +200,9 @@ def test_what_needs_the_kinematics_says_so(better: Plan) -> None:
             use(better)
 
 
-@pytest.mark.parametrize("method", ["polynomial", "collocation", "convex"])
+@pytest.mark.parametrize(
+    "method", [pytest.param("polynomial", marks=pytest.mark.campaign), "collocation", "convex"]
+)
 def test_a_problem_can_ask_every_method_for_it(paper: planner.Problem, method: str) -> None:
     wide = {"limits": {"input_rad_s": 5, "joint_deg": 89}} if method == "polynomial" else {}
     asked = paper.changed({"compensation": {"on": True, "preparation": False}, **wide})

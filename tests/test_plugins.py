@@ -127,8 +127,15 @@ def product(plan: planner.Plan) -> float:
     return float(np.max(np.abs(u[:, 0] * u[:, 1])))
 
 
-@pytest.mark.parametrize("duration", [10.0, "free"])
-@pytest.mark.parametrize("name", ["paper", "tricycle"])
+@pytest.mark.parametrize(
+    ("name", "duration"),
+    [
+        ("paper", 10.0),
+        ("tricycle", "free"),
+        pytest.param("paper", "free", marks=pytest.mark.campaign),
+        pytest.param("tricycle", 10.0, marks=pytest.mark.campaign),
+    ],
+)
 def test_its_limit_is_kept_between_the_nodes_and_proven(
     problem_file: Path, name: str, duration: float | str
 ) -> None:

@@ -138,10 +138,12 @@ def calibrate(progress: Progress | None = None, seed: int = 0) -> Calibration:
     plan = calibration_plan()
     say("fitting", 0.05)
     result = fit(plan)
-    sideways = {}
+    usual = Machine.prototype().nominal().to_dict()["lateral_friction"]
+    sideways = {usual: result}
     for i, ratio in enumerate(LATERAL_FRICTIONS):
         say(f"fitting with lateral_friction = {ratio:g}", 0.15 + 0.05 * i)
-        sideways[ratio] = fit(plan, lateral_friction=ratio)
+        sideways[ratio] = sideways.get(ratio) or fit(plan, lateral_friction=ratio)
+    sideways = dict(sorted(sideways.items()))
     say("identifiability", 0.5)
     data = identify(plan, result)
     say("replaying in both fidelities", 0.75)

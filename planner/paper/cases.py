@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,7 @@ class Cases:
     replay: Replay
 
 
+@cache
 def paper_problem(**goal: Any) -> Problem:
     """The paper's example without limits; keywords change its `[goal]` table."""
     return Problem.from_dict({**DATA, "goal": {**DATA["goal"], **goal}}, "the paper's example")

@@ -367,7 +367,7 @@ def scan() -> Scan:
 
 
 def _curve(travel: float, points: list[Point]) -> ChainedTrajectory:
-    problem = paper_problem(travel=travel)
+    problem = paper_problem()  # the travel of its goal is free
     goal = problem.goal.copy()
     goal[0] = travel
     form = chained_form(problem.system)

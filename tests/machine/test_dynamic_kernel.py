@@ -19,7 +19,7 @@ def jumps(t: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", EVENTS)
-@pytest.mark.parametrize("n", [2, 4])
+@pytest.mark.parametrize("n", [pytest.param(2, marks=pytest.mark.campaign), 4])
 def test_both_give_the_same(library: Any, use: Any, name: str, n: int) -> None:
     spread = {"value": 0.05, "spread": 0.01}
     effects = {**EVENTS[name], "link_inertia_kgm2": spread, "gearhead_backlash_deg": 0.3}
@@ -59,7 +59,7 @@ WHOLE: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("name", WHOLE)
-@pytest.mark.parametrize("n", [2, 3])
+@pytest.mark.parametrize("n", [pytest.param(2, marks=pytest.mark.campaign), 3])
 def test_whole_replays_are_the_same(library: Any, use: Any, name: str, n: int) -> None:
     """In the compiled loop, with compiled steps in Python's, and in NumPy alone."""
     u = inputs(([1.2], [0.5, 0.1]), ([-0.8], [0.3]), breaks=[0.0, 0.3, 0.6])

@@ -28,7 +28,15 @@ PROBLEMS = Path(__file__).parents[2] / "problems"
 
 
 @pytest.mark.parametrize("make", [excitation, homing])
-@pytest.mark.parametrize("name", ["paper", "four-joint", "crossing", "obstacle"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "paper",
+        "obstacle",
+        pytest.param("four-joint", marks=pytest.mark.campaign),
+        pytest.param("crossing", marks=pytest.mark.campaign),
+    ],
+)
 def test_a_motion_is_a_verified_plan_from_the_start(
     name: str, make: object, tmp_path: Path
 ) -> None:

@@ -18,13 +18,19 @@ SMALLER = {
     "design": {
         '"rho": [0.8, 1.0, 1.6], "kappa": [0.7, 1.5]': '"rho": [1.0, 1.6], "kappa": [0.7]',
         '"count": 2': '"count": 1',
+        '"methods": ["collocation", "convex"]': '"methods": ["collocation"]',
         '"samples": 50': '"samples": 5',
     },
     "polynomial-against-optimal": {
         "compare(problem, samples=60": "compare(problem, SOME, samples=20",
         "import planner\n": f"import planner\nSOME = {SOME!r}\n",
     },
-    "tuning-sensitivity": {"samples=60, record_s=None": "samples=20, record_s=None"},
+    "tuning-sensitivity": {
+        "samples=60, record_s=None": "samples=20, record_s=None",
+        "(0.6, 1.0, 3.5)": "(3.5,)",
+    },
+    "bring-your-arm": {"identify(log, problem)": "identify(log, problem, starts=1)"},
+    "sweeps": {'"count": 4': '"count": 2', '"count": 5': '"count": 2'},
 }
 
 

@@ -94,6 +94,8 @@ def test_it_passes_its_own_test_and_a_wrong_tracker_does_not(
     done = subprocess.run([folder / "selftest"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     assert "fallbacks: 0" in done.stdout
+    if real == "float":  # the same code
+        return
     for file in folder.glob("*.[ch]"):
         text = file.read_text().replace("correction[m] -= GAIN", "correction[m] += GAIN")
         (tmp_path / file.name).write_text(text)

@@ -58,7 +58,13 @@ class Drawn:
         return float(box[axis + 2] - box[axis]) / 2
 
 
-@pytest.fixture(scope="module", params=ARMS)
+FURTHER = ("gear, 3 joints", "K of 2 joints", "K of uneven stages")
+CASES = [
+    pytest.param(name, marks=pytest.mark.campaign) if name in FURTHER else name for name in ARMS
+]
+
+
+@pytest.fixture(scope="module", params=CASES)
 def drawn(request: pytest.FixtureRequest) -> tuple[Manipulator, Drawn]:
     return ARMS[request.param], Drawn(ARMS[request.param])
 

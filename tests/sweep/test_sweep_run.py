@@ -356,7 +356,7 @@ def test_impossible_numbers_of_workers_are_refused(tables: Tables, db: Path, wor
 def test_how_the_arm_stood_before_can_be_varied(unlimited: planner.Problem, db: Path) -> None:
     tables = {
         "problem": unlimited,
-        "methods": ["sinusoid"],
+        "methods": ["collocation"],
         "grid": {"machine.start_state": ["forward", "backward"]},
         "replay": {"samples": 3},
     }

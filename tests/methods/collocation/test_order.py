@@ -126,7 +126,9 @@ RESPONSE: dict[str, Any] = {"passive": 2.0, "terminal": 1.0, "path": 0.5, "backo
 
 
 @pytest.mark.parametrize("input_kind", ["constant", "linear"])
-@pytest.mark.parametrize("name", ["four-joint", "trailers"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("four-joint", marks=pytest.mark.campaign), "trailers"]
+)
 @pytest.mark.parametrize("errors", [(), ("gain u1", "stretch u2", "start theta1")])
 def test_derivatives_agree_with_casadi_on_the_whole_graph(
     name: str, input_kind: Any, errors: tuple[str, ...]

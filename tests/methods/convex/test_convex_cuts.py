@@ -126,7 +126,13 @@ def test_a_travel_theory_calls_infeasible_has_a_path(printed: planner.Problem) -
 
 
 @pytest.mark.parametrize(
-    ("travel", "kind"), [(0.79, "smooth"), (0.83, "smooth"), (0.88, "smooth"), (0.79, "peak")]
+    ("travel", "kind"),
+    [
+        pytest.param(0.79, "smooth", marks=pytest.mark.campaign),
+        (0.83, "smooth"),
+        pytest.param(0.88, "smooth", marks=pytest.mark.campaign),
+        (0.79, "peak"),
+    ],
 )
 def test_optimum_agrees_with_ipopt(
     printed: planner.Problem, frame_at: Frames, travel: float, kind: str

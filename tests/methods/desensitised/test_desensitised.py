@@ -165,7 +165,7 @@ def test_input_rates_rest_and_a_free_duration(paper: planner.Problem) -> None:
     [
         pytest.param("crossing", 16, marks=pytest.mark.campaign),
         pytest.param("parking", 24, marks=pytest.mark.campaign),
-        ("four-joint", 16),
+        pytest.param("four-joint", 16, marks=pytest.mark.campaign),
         ("ball-gear", 16),
     ],
 )

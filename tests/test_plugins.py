@@ -589,6 +589,10 @@ def leaves() -> None:
     raise SystemExit(3)
 
 
+def says_nothing() -> None:
+    raise Mute
+
+
 def test_a_plugin_is_called_once(entries: Callable[..., None]) -> None:
     entries(one=f"{__name__}:reads_a_problem")
     calls.clear()
@@ -600,14 +604,20 @@ def test_a_plugin_is_called_once(entries: Callable[..., None]) -> None:
 def test_a_plugin_that_fails_is_named_each_time(
     entries: Callable[..., None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    entries(b=f"{__name__}:fails", a="nowhere_to_be_found:x", c=f"{__name__}:leaves")
+    entries(
+        b=f"{__name__}:fails",
+        a="nowhere_to_be_found:x",
+        c=f"{__name__}:leaves",
+        d=f"{__name__}:says_nothing",
+    )
     for _ in range(2):
         with pytest.raises(InputError) as refused:
             planner.load_problem(ROOT / "problems/car.toml")
-        first, second, third = str(refused.value).splitlines()
+        first, second, third, fourth = str(refused.value).splitlines()
         assert first.startswith("plugin 'a' of a package (nowhere_to_be_found:x) failed: ModuleNot")
         assert f"'b' of a package ({__name__}:fails) failed: RuntimeError: no licence;" in second
         assert third.startswith("plugin 'c'")
+        assert f"'d' of a package ({__name__}:says_nothing) failed: Mute;" in fourth
     assert main(["methods"]) == 2
     assert "plugin 'b'" in capsys.readouterr().err
 
@@ -626,6 +636,17 @@ def refuses_input(problem: planner.Problem, options: Options) -> planner.Plan:
 
 def exits(problem: planner.Problem, options: Options) -> planner.Plan:
     sys.exit(0)
+
+
+class Mute(BaseException):
+    """One that says nothing, and that few catch."""
+
+    def __str__(self) -> str:
+        raise ValueError("no words")
+
+
+def drops_out(problem: planner.Problem, options: Options) -> planner.Plan:
+    raise Mute
 
 
 def plans_nothing(problem: planner.Problem, options: Options) -> Any:
@@ -658,6 +679,7 @@ BREAKDOWNS: list[tuple[Any, str]] = [
     (breaks_down, "failed: ZeroDivisionError: no way"),
     (refuses_input, "failed: InputError: 'goal.duration' = 20: too long for mine"),
     (exits, "failed: SystemExit: 0"),
+    (drops_out, "failed: Mute"),
     (plans_nothing, "returned None, which is no plan"),
     (plans_another, "returned a plan of another problem"),
     (junk(objective="high"), "returned what no plan file can hold"),

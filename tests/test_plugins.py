@@ -441,7 +441,9 @@ class Faulty(TurnRate):
     def of(cls, value: Any, system: Any) -> Faulty:
         if value > 3:
             raise ValueError("at most 3 turns")
-        how = ("unnamed", "rows", "parts", "list")[int(10 * value) - 1]
+        if value == 2:
+            raise KeyError("two")
+        how = ("unnamed", "rows", "parts", "list", "raises", "one", "none")[int(10 * value) - 1]
         return cls(float(value), how, [] if how == "list" else ())
 
     @property
@@ -453,12 +455,21 @@ class Faulty(TurnRate):
             return []
         return [point.u[1] - (self.most if self.how == "unnamed" else 0)] * len(self.parts)
 
+    def values(self, point: MotionPoint) -> Sequence[Any]:
+        if self.how == "raises":
+            raise ZeroDivisionError("no\x07 way")
+        return {"one": [0.1], "none": [None]}.get(self.how) or super().values(point)
+
 
 FAULTS = [
     (0.1, "its class Faulty has rows that read a float which numbers does not name"),
     (0.2, "has 1 parts and 0 rows"),
     (0.3, "has 2 parts and 2 rows, or others without numbers"),
     (0.4, "has fields that are no texts"),
+    (0.5, "its class Faulty failed: ZeroDivisionError: no way"),
+    (0.6, "has 1 parts, but values that are no real array for each"),
+    (0.7, "has 1 parts, but values that are no real array for each"),
+    (2.0, "its class Faulty failed: KeyError: 'two'"),
     (4.0, "'limits.turn_rate': at most 3 turns"),
 ]
 

@@ -7,6 +7,8 @@ all from `OLDEST` on.
 
 from __future__ import annotations
 
+import zlib
+from pathlib import Path
 from typing import Any
 
 from setuptools import Extension, setup
@@ -31,10 +33,15 @@ class Build(build_ext):
         return ext.export_symbols
 
 
+SOURCES = ["planner/machine/kernel.c", "planner/machine/dynamic.c"]
+HEADER = "planner/machine/layout.h"
+CHECKSUM = zlib.crc32(b"".join(Path(name).read_bytes() for name in [*SOURCES, HEADER]))
+
 KERNEL = Extension(
     "planner.machine._kernel",
-    ["planner/machine/kernel.c", "planner/machine/dynamic.c"],
-    depends=["planner/machine/layout.h"],
+    SOURCES,
+    depends=[HEADER],
+    define_macros=[("SOURCE", str(CHECKSUM))],
     py_limited_api=True,
     optional=True,
 )

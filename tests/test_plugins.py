@@ -448,7 +448,9 @@ class Faulty(TurnRate):
     def of(cls, value: Any, system: Any) -> Faulty:
         if value > 3:
             raise ValueError("at most 3 turns")
-        how = ("unnamed", "rows", "parts", "list")[int(10 * value) - 1]
+        if value == 2:
+            raise KeyError("two")
+        how = ("unnamed", "rows", "parts", "list", "raises", "one", "none")[int(10 * value) - 1]
         return cls(float(value), how, [] if how == "list" else ())
 
     @property
@@ -460,12 +462,21 @@ class Faulty(TurnRate):
             return []
         return [point.u[1] - (self.most if self.how == "unnamed" else 0)] * len(self.parts)
 
+    def values(self, point: MotionPoint) -> Sequence[Any]:
+        if self.how == "raises":
+            raise ZeroDivisionError("no\x07 way")
+        return {"one": [0.1], "none": [None]}.get(self.how) or super().values(point)
+
 
 FAULTS = [
     (0.1, "its class Faulty has rows that read a float which numbers does not name"),
     (0.2, "has 1 parts and 0 rows"),
     (0.3, "has 2 parts and 2 rows, or others without numbers"),
     (0.4, "has fields that are no texts"),
+    (0.5, "its class Faulty failed: ZeroDivisionError: no way"),
+    (0.6, "has 1 parts, but values that are no real array for each"),
+    (0.7, "has 1 parts, but values that are no real array for each"),
+    (2.0, "its class Faulty failed: KeyError: 'two'"),
     (4.0, "'limits.turn_rate': at most 3 turns"),
 ]
 
@@ -596,6 +607,10 @@ def leaves() -> None:
     raise SystemExit(3)
 
 
+def says_nothing() -> None:
+    raise Mute
+
+
 def test_a_plugin_is_called_once(entries: Callable[..., None]) -> None:
     entries(one=f"{__name__}:reads_a_problem")
     calls.clear()
@@ -607,14 +622,20 @@ def test_a_plugin_is_called_once(entries: Callable[..., None]) -> None:
 def test_a_plugin_that_fails_is_named_each_time(
     entries: Callable[..., None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    entries(b=f"{__name__}:fails", a="nowhere_to_be_found:x", c=f"{__name__}:leaves")
+    entries(
+        b=f"{__name__}:fails",
+        a="nowhere_to_be_found:x",
+        c=f"{__name__}:leaves",
+        d=f"{__name__}:says_nothing",
+    )
     for _ in range(2):
         with pytest.raises(InputError) as refused:
             planner.load_problem(ROOT / "problems/car.toml")
-        first, second, third = str(refused.value).splitlines()
+        first, second, third, fourth = str(refused.value).splitlines()
         assert first.startswith("plugin 'a' of a package (nowhere_to_be_found:x) failed: ModuleNot")
         assert f"'b' of a package ({__name__}:fails) failed: RuntimeError: no licence;" in second
         assert third.startswith("plugin 'c'")
+        assert f"'d' of a package ({__name__}:says_nothing) failed: Mute;" in fourth
     assert main(["methods"]) == 2
     assert "plugin 'b'" in capsys.readouterr().err
 
@@ -633,6 +654,17 @@ def refuses_input(problem: planner.Problem, options: Options) -> planner.Plan:
 
 def exits(problem: planner.Problem, options: Options) -> planner.Plan:
     sys.exit(0)
+
+
+class Mute(BaseException):
+    """One that says nothing, and that few catch."""
+
+    def __str__(self) -> str:
+        raise ValueError("no words")
+
+
+def drops_out(problem: planner.Problem, options: Options) -> planner.Plan:
+    raise Mute
 
 
 def plans_nothing(problem: planner.Problem, options: Options) -> Any:
@@ -665,6 +697,7 @@ BREAKDOWNS: list[tuple[Any, str]] = [
     (breaks_down, "failed: ZeroDivisionError: no way"),
     (refuses_input, "failed: InputError: 'goal.duration' = 20: too long for mine"),
     (exits, "failed: SystemExit: 0"),
+    (drops_out, "failed: Mute"),
     (plans_nothing, "returned None, which is no plan"),
     (plans_another, "returned a plan of another problem"),
     (junk(objective="high"), "returned what no plan file can hold"),

@@ -192,8 +192,10 @@ def library() -> Any | None:
         if path.exists():
             try:
                 kernel = open_library(path)
-            except (OSError, AttributeError):  # built for another computer, or not whole
+            except OSError:  # built for another computer, or not whole
                 continue
+            except AttributeError:  # one that does not say what it was built from
+                kernel = None
             if kernel is not None:
                 return kernel
             why = VERSION_WARNING
@@ -201,11 +203,23 @@ def library() -> Any | None:
     return None
 
 
+def source_checksum(unknown: int) -> int:
+    """That of the C files beside this one, as setup.py takes it; where a wheel left them out, the
+    kernel in it can only be theirs, and `unknown` is returned."""
+    files = [Path(__file__).with_name(n) for n in ("kernel.c", "dynamic.c", "layout.h")]
+    if not all(file.exists() for file in files):
+        return unknown
+    return zlib.crc32(b"".join(file.read_bytes() for file in files))
+
+
 def open_library(path: Path) -> Any | None:
     """The kernel in a file, or None if it is of another version; see `library`."""
     kernel = ctypes.CDLL(str(path))
-    kernel.planner_kernel_version.restype = ctypes.c_int64
-    if kernel.planner_kernel_version() != VERSION:
+    versions = kernel.planner_kernel_version, kernel.planner_kernel_source
+    for function in versions:
+        function.restype = ctypes.c_int64
+    layout, source = (function() for function in versions)
+    if layout != VERSION or source != source_checksum(source):
         return None
     kernel.planner_advance.argtypes = [
         ctypes.POINTER(_KernelModel),

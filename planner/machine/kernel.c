@@ -499,6 +499,9 @@ INLINE void run(const Model *m, const Commands *u, int64_t sample, int64_t first
 
 EXPORT int64_t planner_kernel_version(void) { return VERSION; }
 
+/* Of kernel.c, dynamic.c and layout.h, by setup.py: an older one may have the same layout. */
+EXPORT int64_t planner_kernel_source(void) { return SOURCE; }
+
 /* For the paper's arm under held commands: with these numbers known, the loops unroll. */
 static void run_three(const Model *m, const Commands *u, int64_t sample, int64_t first,
                       int64_t last, Factors *kept_, Contacts *c)

@@ -15,7 +15,8 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Demand, Part
 from planner.support.arrays import jsonable
 from planner.support.deadline import TimeUpError
-from planner.support.tables import line, shorten
+from planner.support.interrupts import Terminated
+from planner.support.tables import error_words, line, shorten
 from planner.support.user_tables import parse
 from planner.verification.verify import verify
 
@@ -47,10 +48,10 @@ class MethodOwner:
         """
         try:
             return function(*given)
-        except (NoPlanError, TimeUpError):
+        except (NoPlanError, TimeUpError, KeyboardInterrupt, Terminated):
             raise
-        except (Exception, SystemExit) as error:
-            why = line(f"{type(error).__name__}: {error}", LONGEST_MESSAGE)
+        except BaseException as error:
+            why = line(error_words(error), LONGEST_MESSAGE)
             raise self.error(f"failed: {why}", traceback.format_exc()) from error
 
 

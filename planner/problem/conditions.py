@@ -17,6 +17,7 @@ from planner.problem.requirements.self_collision import SelfCollision
 from planner.problem.tables.kinds import REQUIREMENTS
 from planner.problem.tables.problem_file import ProblemFile
 from planner.support.arrays import Array
+from planner.support.tables import error_words, line
 from planner.systems.triangular_system import TriangularSystem
 
 
@@ -193,10 +194,22 @@ def further_requirements(
             required = kind.of(value, system)
         except ValueError as error:
             raise InputError(f"{source}: 'limits.{key}': {error}") from None
-        if why := required.fault(system):
+        except Exception as error:
+            why: str | None = f"failed: {line(error_words(error))}"
+        else:
+            why = _fault(required, system)
+        if why:
             raise InputError(f"{source}: 'limits.{key}': its class {kind.__name__} {why}")
         out.append(required)
     return out
+
+
+def _fault(required: Requirement, system: TriangularSystem) -> str | None:
+    """How a class contradicts itself, or breaks down when it is tried; None where it does not."""
+    try:
+        return required.fault(system)
+    except Exception as error:  # it may be anybody's
+        return f"failed: {line(error_words(error))}"
 
 
 def contradiction(

@@ -257,6 +257,14 @@ def line(text: str, longest: int = LONGEST_LINE) -> str:
     return shorten(" ".join(clean_text(text).split()), longest)
 
 
+def error_words(error: BaseException) -> str:
+    """Type and message of any exception, whose own code may fail."""
+    try:
+        return f"{type(error).__name__}: {error}"
+    except Exception:
+        return type(error).__name__
+
+
 def shorten(text: str, longest: int = 60) -> str:
     """Text cut to `longest` characters."""
     return text if len(text) <= longest else text[: longest - 3] + "..."

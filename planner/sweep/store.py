@@ -31,6 +31,9 @@ SCHEMA_VERSION = 1
 LOCK_WAIT_S = 30.0
 """How long to wait for another process that writes to the same file."""
 
+ONE_PAGE = 4096
+"""Bytes of SQLite's first page: a file with tables has more, each its own."""
+
 _TABLES = f"""
 CREATE TABLE schema_version (version INTEGER NOT NULL, format TEXT NOT NULL);
 CREATE TABLE cases (
@@ -140,8 +143,12 @@ class Database:
         """Whether nothing has been kept in it, by another process either."""
         try:
             return self.db.execute("SELECT 1 FROM sqlite_master").fetchone() is None
-        except sqlite3.Error:
-            return os.path.exists(self.path) and not os.path.getsize(self.path)
+        except sqlite3.Error:  # not even room to look
+            sizes = [
+                p.stat().st_size if (p := Path(f"{self.path}{end}")).exists() else 0
+                for end in ("", "-wal")
+            ]
+            return sizes[0] <= ONE_PAGE and not sizes[1]
 
     def _has_version(self) -> bool:
         return bool(

@@ -164,7 +164,7 @@ def verify(plan: Plan) -> Check:
             motion = integrate(plan.trajectory, problem.start, INTEGRATION_TOLERANCE, *resolved)
             end, tolerance = motion.q[-1, -1], GOAL_TOLERANCE
         else:
-            motion, end, error_deg = _motion_on_machine(plan)
+            motion, end, machine_error = _motion_on_machine(plan)
             tolerance = ON_MACHINE_TOLERANCE
         goal = problem.target
         error = np.asarray(end - np.where(np.isnan(goal), end, goal))
@@ -176,18 +176,19 @@ def verify(plan: Plan) -> Check:
             *_corner_findings(plan, motion),
         ]
         if plan.compensation is not None:
-            findings += _claimed_findings(plan, error_deg)
-    broken = sorted(
-        (v for f in findings if (v := f.violation())),
-        key=lambda v: np.nan_to_num(-v.scaled, nan=-np.inf),
-    )
-    if problem.system.has_user_coordinates:
-        reached, wanted = problem.system.user(end), problem.user_goal
-        error = np.asarray(reached - np.where(np.isnan(wanted), reached, wanted))
+            findings += _claimed_findings(plan, machine_error)
+        broken = sorted(
+            (v for f in findings if (v := f.violation())),
+            key=lambda v: np.nan_to_num(-v.scaled, nan=-np.inf),
+        )
+        if problem.system.has_user_coordinates:
+            reached, wanted = problem.system.user(end), problem.user_goal
+            error = np.asarray(reached - np.where(np.isnan(wanted), reached, wanted))
+        error_deg = np.rad2deg(error[_angular(plan)])
     return Check(
         ok=not broken,
         terminal_error=error,
-        terminal_error_deg=np.rad2deg(error[_angular(plan)]),
+        terminal_error_deg=error_deg,
         margins={f.part.label: f.margin for f in findings},
         violations=tuple(broken),
         interpolant_error=motion.gap[0],

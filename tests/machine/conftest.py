@@ -37,6 +37,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Any:
         pytest.skip("no C compiler")
     target = tmp_path_factory.mktemp("kernel") / "kernel.so"
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
+    flags.append(f"-DSOURCE={compiled.source_checksum(0)}")
     words = [compiler, *flags, "-ffp-contract=off", *SOURCES, "-o", str(target), "-lm"]
     subprocess.run(words, check=True)
     found = compiled.open_library(target)

@@ -14,7 +14,7 @@ import planner
 from planner import Plan
 from planner.machine.feedforward.follow import follow
 from planner.machine.feedforward.legs import preparation
-from planner.machine.feedforward.shaping import Shape
+from planner.machine.feedforward.shaping import Shape, _on_grid
 from planner.problem.tables.problem_file import CompensationTable
 
 NONE: dict[str, Any] = {
@@ -171,3 +171,12 @@ def test_rounding_of_one_tick_is_made_good_in_the_next(plan: Plan) -> None:
     t = np.linspace(0.0, 10.0, 100_001)
     asked = np.cumsum(plan.u((t[:-1] + t[1:]) / 2) * 1e-4, axis=0)[99::100]
     assert np.max(np.abs(turned - asked)) < 0.05 * 0.01
+
+
+def test_speeds_keep_their_limits_where_the_motors_resolution_is_coarser() -> None:
+    """The multiple of 1 next to a value that lies between the limits, or else the value itself."""
+    value = np.array([0.4, 0.6, 0.5, 2.5])
+    low, high = np.array([0.0, 0.0, 0.45, 2.2]), np.array([0.9, 0.9, 0.55, 2.6])
+    found = _on_grid(value, low, high, np.ones(4))
+    assert found.tolist() == [0.0, 0.0, 0.5, 2.5]
+    assert _on_grid(value, low, high, np.zeros(4)).tolist() == value.tolist()

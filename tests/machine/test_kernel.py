@@ -135,3 +135,18 @@ def test_without_a_kernel_or_with_an_old_one_there_is_none_and_a_warning_says_wh
     assert find() is None
     assert "of another version, so replays are about ten times slower" in caplog.messages[2]
     assert "run make in the project's folder" in caplog.messages[2]
+
+
+def test_a_kernel_of_older_source_with_the_same_layout_is_none(
+    library: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    folder = Path(compiled.__file__).parent
+    for name in ("kernel.c", "dynamic.c", "layout.h"):
+        shutil.copy(folder / name, tmp_path)
+    monkeypatch.setattr(compiled, "__file__", str(tmp_path / "compiled.py"))
+    assert compiled.open_library(Path(library._name)) is not None
+    with (tmp_path / "dynamic.c").open("a", encoding="utf-8") as file:
+        file.write("/* another law */\n")
+    assert compiled.open_library(Path(library._name)) is None
+    (tmp_path / "dynamic.c").unlink()  # as in a wheel
+    assert compiled.open_library(Path(library._name)) is not None

@@ -103,20 +103,24 @@ def test_a_full_disk_is_told_and_loses_nothing(
     assert planner.run_sweep({**tables, "grid": grid}, db, workers=0).statuses == {"infeasible": 50}
 
 
+@pytest.mark.parametrize("says", ["database or disk is full", "disk I/O error"])
 def test_a_full_disk_leaves_no_stub(
-    tables: Tables, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tables: Tables, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, says: str
 ) -> None:
-    """The first page is written, and then there is no room for the tables."""
+    """The first page is written, and then there is no room for the tables, or for the log."""
 
     class Full(sqlite3.Connection):
         def execute(self, statement: str, *values: Any) -> sqlite3.Cursor:
-            super().execute("PRAGMA max_page_count = 1")
+            if "I/O" not in says:
+                super().execute("PRAGMA max_page_count = 1")
+            elif Path(tmp_path / "new.sqlite").stat().st_size:
+                raise sqlite3.OperationalError(says)
             return super().execute(statement, *values)
 
     real = sqlite3.connect
     monkeypatch.setattr(
         sqlite3, "connect", lambda *words, **options: real(*words, **options, factory=Full)
     )
-    with pytest.raises(planner.InputError, match=r"new\.sqlite: database or disk is full"):
+    with pytest.raises(planner.InputError, match=rf"new\.sqlite: {says}"):
         planner.run_sweep(tables, tmp_path / "new.sqlite", workers=0)
     assert list(tmp_path.iterdir()) == []

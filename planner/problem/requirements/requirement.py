@@ -248,8 +248,15 @@ class Requirement(Demand):
         )
         if not len(whole) == len(self.parts) == len(self.template.parts):
             return f"has {len(self.parts)} parts and {len(whole)} rows, or others without numbers"
-        same = whole == rebuilt
-        return None if same else "has rows that read a float which numbers does not name"
+        if whole != rebuilt:
+            return "has rows that read a float which numbers does not name"
+        many = [np.broadcast_to(np.asarray(x).ravel(), (2, 3, x.numel())) for x in places]
+        values = [np.asarray(value) for value in self.values(MotionPoint.of(system, *many))]
+        if [value.shape for value in values] != [(2, 3)] * len(self.parts) or any(
+            value.dtype.kind not in "fiu" for value in values
+        ):
+            return f"has {len(self.parts)} parts, but values that are no real array for each"
+        return None
 
     def with_numbers(self, values: Sequence[Any]) -> Self:
         """The same with other numbers, or symbols in their place."""

@@ -29,7 +29,8 @@ from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables import arms, custom, vehicles
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import BaseLimits, GoalTable, ProblemFile
-from planner.support.tables import line, shorten
+from planner.support.interrupts import Terminated
+from planner.support.tables import error_words, line, shorten
 from planner.support.user_tables import Table, allowed_hint, parse
 from planner.systems.triangular_system import TriangularSystem
 
@@ -77,10 +78,12 @@ def _call(entry: EntryPoint, failures: list[str]) -> None:
     _plugins.caller = line(package)
     try:
         entry.load()()
-    except (Exception, SystemExit) as error:
+    except (KeyboardInterrupt, Terminated):
+        raise
+    except BaseException as error:
         failures.append(
             f"plugin '{line(entry.name)}' of {line(package)} ({line(entry.value)}) failed:"
-            f" {type(error).__name__}: {line(str(error))}; fix or uninstall that package"
+            f" {line(error_words(error))}; fix or uninstall that package"
         )
     finally:
         _plugins.caller = ""

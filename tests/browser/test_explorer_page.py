@@ -219,6 +219,10 @@ def test_where_a_compensated_plan_waits_is_shaded_on_light_and_on_dark(
     assert paper < 200 < 500 < ink
     page.wait_for_timeout(300)  # the theme fades in
     picture(page, "dark", tmp_path)
+    page.evaluate(
+        "jupyterapp.commands.execute('apputils:change-theme', {theme: 'JupyterLab Light'})"
+    )
+    page.wait_for_selector("[data-jp-theme-light=true]", state="attached")
 
 
 def test_keys_belong_to_the_explorer_and_not_to_the_notebook(show: Any) -> None:
@@ -259,6 +263,9 @@ def test_on_a_phone_the_verdict_comes_before_the_sliders(show: Any, tmp_path: Pa
     verdict = page.locator(".px-verdict").bounding_box()
     side, chart = (page.locator(f".px-{part}").bounding_box() for part in ("side", "grid"))
     assert verdict["y"] < side["y"] < chart["y"]
+    words = page.locator(".px-words")
+    assert words.evaluate("(e) => e.scrollHeight <= e.clientHeight + 1"), "read in full"
+    page.set_viewport_size({"width": 420, "height": 2900})  # all of it in one picture
     picture(page, "phone", tmp_path)
 
 

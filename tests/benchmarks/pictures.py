@@ -72,7 +72,7 @@ def picture(browser: Any, path: Path, width: int, scheme: str, t: float) -> byte
     )
     shot = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert("RGB")
     context.close()
-    small = shot.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    small = shot.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     stream = io.BytesIO()
     small.save(stream, "PNG", optimize=True)
     return stream.getvalue()

@@ -28,6 +28,9 @@ from planner.sweep.design.design_file import (
 )
 from planner.sweep.sweep_file import SweepFile
 
+KEEPING = {"kept": "kept", "judged": "checked", "never": "refused"}
+"""What a method does about a requirement, in a reader's words."""
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -140,12 +143,13 @@ def promises() -> str:
     rows = []
     for kind, own in found.items():
         what = (kind.__doc__ or "").splitlines()[0].replace("|", "\\|")
-        rows.append([what, *(" or ".join(sorted(answers)) for answers in own.values())])
+        words = ({KEEPING[answer] for answer in answers} for answers in own.values())
+        rows.append([what, *(" or ".join(sorted(each, reverse=True)) for each in words)])
     return (
-        "*Kept*: the method respects it while it plans. *Judged*: the method ignores it while it"
-        " plans, or only compares a few motions by it; the finished plan is checked. *Never*: the"
-        " problem is refused before the method begins. Where there are two answers it depends on"
-        " the problem; `planner check` says which holds, and `planner/methods/keeping.py` why.\n\n"
+        "*kept*: the method keeps it during planning. *checked*: the finished plan is checked, and"
+        " refused if it breaks it. *refused*: the problem is refused before the method begins."
+        " Where there are two answers it depends on the problem; `planner check --verbose` says"
+        " which holds, and `planner/methods/keeping.py` why.\n\n"
         + _table(["what is asked", *planner.METHODS], rows)
     )
 

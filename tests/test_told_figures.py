@@ -102,7 +102,7 @@ def test_the_theory_tells_what_the_calibration_found() -> None:
     page, told = read("results/calibration/README.md"), " ".join(read("docs/theory.md").split())
     found = re.search(r"\| the paper's words \| \d+ \| 1 of (\d+) \|", page)
     assert found
-    assert f"of {found[1]} parameters the paper's statements determine one direction" in told
+    assert f"three statements fix one combination of the {found[1]} parameters" in told
     sizes = re.findall(r"^\| largest error of theta[32] .* \| ([\d.]+) deg \|$", page, flags=re.M)
     assert f"theta2 comes to {sizes[1]} and theta3 to {sizes[0]} degrees" in told
 

@@ -415,18 +415,21 @@ def _unpromised_limits(analysis: Analysis) -> list[str]:
 
 def _refusals(analysis: Analysis) -> Iterator[str]:
     """Why and what to try, methods with the same refusal together."""
-    refused: dict[tuple[str, ...], list[str]] = {}
+    refused: dict[tuple[str, ...], tuple[list[str], list[str]]] = {}
     for o in analysis.outcomes:
         if o["verified"] or o["reason"] is None:
             continue
         reason = str(o["reason"]).removeprefix(f"{analysis.problem.source}: ")
         broken = [] if o["status"] == "singular" else o["violations"][:4]  # the reason says it
-        lines = [reason, *(f"  - {v['text']}" for v in broken)]
-        lines += [f"  Try: {o['advice']}"] if o["advice"] else []
-        refused.setdefault(tuple(lines), []).append(o["method"])
+        refusal = (reason, *(f"  - {v['text']}" for v in broken))
+        names, advice = refused.setdefault(refusal, ([], []))
+        names.append(o["method"])
+        if o["advice"] and not any(o["advice"] in known for known in advice):
+            advice.append(o["advice"])
     proof = why_too_short(analysis.problem) or ""
-    for (reason, *lines), names in refused.items():
+    for (reason, *lines), (names, advice) in refused.items():
         if proof and analysis.remedy is not None:  # the verdict holds both
             reason = re.sub(r"^\W*The", "the", reason.removeprefix(proof))
         if reason:
-            yield from ("", f"{', '.join(names)}: {reason}", *lines)
+            tries = [f"  Try: {each}" for each in advice]
+            yield from ("", f"{', '.join(names)}: {reason}", *lines, *tries)

@@ -61,6 +61,9 @@ class Screen:
             if control.part and isinstance(now, type(control.whole)):
                 control = replace(control, whole=now)
             self.state = self.state.with_value(control.key, control.new_value(value))
+            # What makes the problem impossible is shown too: `_rebuild` does nothing then.
+            known = {"on": False} if value is None else {"on": True, "shown": value}
+            self.controls = {**self.controls, name: replace(self.controls[name], **known)}
         before = list(self.controls)
         with suppress(InputError):
             self._rebuild(self.state.problem(), None)

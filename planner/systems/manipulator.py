@@ -66,7 +66,7 @@ class Manipulator(TriangularSystem):
 
     Args:
         K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers). They alone shape the path.
-        k_g: Turns of the last disk per turn of motor 1; it only scales u₁.
+        k_g: Turns of the last disk per turn of motor 1; u₁ and its limit are the motor's.
         link_lengths: Lengths of the n links, for drawing and obstacles; by default 1 each.
         k_g_rule: How k_g was determined, for reports.
 

@@ -23,6 +23,9 @@ SLOW = """import planner
 search = {"start": "wander", "starts": 50, "attempts": 50}
 problem = planner.load_problem("obstacle.toml", {"method.collocation": search})
 planner.explore(problem, samples=2)"""
+TURNING = """import planner
+problem = planner.load_problem("crossing.toml", {"compensation.on": True})
+planner.explore(problem, samples=20)"""
 
 READY = """() => {
     const kernel = window.jupyterapp?.shell.currentWidget?.sessionContext?.session?.kernel;
@@ -42,10 +45,10 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     pytest.importorskip("anywidget", reason="needs the extra 'notebook'")
     pytest.importorskip("jupyterlab", reason="needs the extra 'notebook'")
     folder = tmp_path_factory.mktemp("jupyter")
-    for name in ("paper", "obstacle"):
+    for name in ("paper", "obstacle", "crossing"):
         shutil.copy(ROOT / "problems" / f"{name}.toml", folder)
     kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
-    for name, source in {"try": SOURCE, "slow": SLOW}.items():
+    for name, source in {"try": SOURCE, "slow": SLOW, "turning": TURNING}.items():
         cells = [nbformat.v4.new_code_cell(source)]
         whole = nbformat.v4.new_notebook(cells=cells, metadata=kernel)
         nbformat.write(whole, folder / f"{name}.ipynb")
@@ -185,6 +188,43 @@ def test_the_explorer_follows_sliders_pointer_and_buttons(show: Any, tmp_path: P
     print(f"slider to picture: {polynomial:.0f} ms polynomial, {collocation:.0f} ms collocation")
 
 
+def test_where_a_compensated_plan_waits_is_shaded_on_light_and_on_dark(
+    loaded: Any, tmp_path: Path
+) -> None:
+    page = loaded("turning")
+    page.set_viewport_size({"width": 1500, "height": 1500})
+    choose(page, "collocation")
+    page.wait_for_selector(".px[data-kind=verified]")
+    settled(page)
+    held = page.locator(".px [data-panel=inputs] rect.hold")
+    assert held.count() > 0
+    assert held.first.bounding_box()["width"] > 10
+    assert "the plan waits" in page.locator(".px [data-panel=inputs] .notes").text_content()
+    picture(page, "compensated", tmp_path)
+    page.evaluate(
+        "jupyterapp.commands.execute('apputils:change-theme', {theme: 'JupyterLab Dark'})"
+    )
+    page.wait_for_selector("[data-jp-theme-light=false]", state="attached")
+    paper, ink = (
+        sum(
+            map(
+                int,
+                re.findall(
+                    r"\d+", page.locator(".px").evaluate(f"(e) => getComputedStyle(e).{name}")
+                )[:3],
+            )
+        )
+        for name in ("backgroundColor", "color")
+    )
+    assert paper < 200 < 500 < ink
+    page.wait_for_timeout(300)  # the theme fades in
+    picture(page, "dark", tmp_path)
+    page.evaluate(
+        "jupyterapp.commands.execute('apputils:change-theme', {theme: 'JupyterLab Light'})"
+    )
+    page.wait_for_selector("[data-jp-theme-light=true]", state="attached")
+
+
 def test_keys_belong_to_the_explorer_and_not_to_the_notebook(show: Any) -> None:
     page = show("try")
     slider = page.locator("[data-control='start.theta_deg:1']")
@@ -223,6 +263,9 @@ def test_on_a_phone_the_verdict_comes_before_the_sliders(show: Any, tmp_path: Pa
     verdict = page.locator(".px-verdict").bounding_box()
     side, chart = (page.locator(f".px-{part}").bounding_box() for part in ("side", "grid"))
     assert verdict["y"] < side["y"] < chart["y"]
+    words = page.locator(".px-words")
+    assert words.evaluate("(e) => e.scrollHeight <= e.clientHeight + 1"), "read in full"
+    page.set_viewport_size({"width": 420, "height": 2900})  # all of it in one picture
     picture(page, "phone", tmp_path)
 
 

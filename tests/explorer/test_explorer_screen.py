@@ -59,6 +59,16 @@ def test_a_free_slider_shows_what_the_method_chose() -> None:
     assert not shown.controls["goal.travel"].on
 
 
+def test_a_slider_stays_where_it_makes_the_problem_impossible() -> None:
+    shown = screen("paper")
+    shown.change([("start.theta_deg:1", 89.0)])
+    assert shown.outcome.kind == "bad input"
+    assert "start theta2 = 89 deg" in str(shown.outcome.error)
+    assert shown.controls["start.theta_deg:1"].shown == 89.0
+    shown.change([("start.theta_deg:1", 1.0)])
+    assert shown.outcome.kind != "bad input"
+
+
 def test_a_goal_of_the_tip_moves_with_its_sliders() -> None:
     shown = screen("tip", "collocation")
     assert [shown.controls[f"goal.tip_m:{k}"].label for k in (0, 1)] == ["tip x", "tip y"]

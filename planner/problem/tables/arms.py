@@ -277,7 +277,8 @@ class BallGearTable(Table):
     joints: Joints = Field(description=f"Number of joints n, at most {MOST_JOINTS}.")
     K: list[Ratio] = Field(description=f"K2 ... Kn, n-1 numbers, at most {MOST_RATIO:g}.")
     k_g: Positive = Field(
-        1.0, description="Turns of the last disk per turn of motor 1; it only scales u1."
+        1.0,
+        description="Turns of the last disk per turn of motor 1; u1 and its limit are the motor's.",
     )
     link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
 

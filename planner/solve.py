@@ -296,33 +296,42 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
     """
     from planner.machine.feedforward.follow import follow
 
-    made, most = follow(plan, machine, options), plan.problem.duration_max
+    problem, most, why = plan.problem, plan.problem.duration_max, ""
+    made = follow(plan, machine, options)
+    least = made.duration
+    if most is None:
+        return made
     for _ in range(MOST_SHORTER):
-        if most is None or made.duration <= most:
+        if made.duration <= most:
             return made
         added = made.duration - plan.duration
-        seconds, least = most - added, made.duration
+        seconds = float(f"{most - added:.6g}") - 1e-5
         try:
-            shorter = plan.problem.changed({"goal.duration": float(f"{seconds:.6g}") - 1e-5})
-            plan = _plan_near(shorter, plan)
+            plan = _plan_near(problem.changed({"goal.duration": seconds}), plan)
         except (NoPlanError, InputError) as error:
-            fastest = _fastest(plan)
-            least = min(least, added + (np.inf if fastest is None else fastest.duration))
-            why = str(error).splitlines()[0].removeprefix(f"{plan.problem.source}: ")
-            raise NoPlanError(
-                f"{plan.problem.source}: goal.duration_max = {most:g} s is too short: compensation"
-                f" adds {added:.4g} s, and there is no plan of {seconds:.4g} s: {why}",
-                advice=f"goal.duration_max = {np.ceil(100 * least) / 100:g}; or {NO_COMPENSATION}",
-            ) from error
+            said = str(error).splitlines()[0].removeprefix(f"{problem.source}: ")
+            why = f", and there is no plan of {seconds:.4g} s: {said}"
+            break
         made = follow(plan, machine, options)
-    return made
+    if made.duration > most and (fastest := _fastest(plan)) is not None:
+        made = follow(fastest, machine, options)
+    if made.duration <= most:
+        return made
+    least = min(least, made.duration)
+    raise NoPlanError(
+        f"{problem.source}: goal.duration_max = {most:g} s is too short: compensation adds"
+        f" {added:.4g} s{why}",
+        advice=f"goal.duration_max = {np.ceil(100 * least) / 100:g}; or {NO_COMPENSATION}",
+    )
 
 
 def _fastest(plan: Plan) -> Plan | None:
     """The plan of the same problem in the least time, where one is found."""
     free = {"goal.duration": "free", "goal.duration_max": None}
     try:
-        return _plan_near(plan.problem.changed(free), plan)
+        found = _plan_near(plan.problem.changed(free), plan)
+        seconds = float(f"{1.0001 * found.duration:.6g}")
+        return _plan_near(plan.problem.changed({"goal.duration": seconds}), found)
     except (NoPlanError, InputError):
         return None
 

@@ -212,6 +212,8 @@ def test_all_that_is_run_fits_in_its_duration(paper: planner.Problem) -> None:
     assert caught.value.advice is not None
     least = float(caught.value.advice.split("duration_max = ")[1].split(";")[0])
     assert 6.5 < least < 9
+    given = asked.changed({"goal.duration": 5, "goal.duration_max": least})
+    assert planner.solve(given).duration <= least  # what is advised does
     with pytest.raises(planner.InputError, match=r"more than goal\.duration_max"):
         paper.changed({"goal.duration_max": 5})
 

@@ -81,7 +81,7 @@ def calibrate(
     ]
     return finish(
         {**calibration.to_dict(), "written": out},
-        terminal_table(columns, FITTED_PARAMETERS),
+        terminal_table(columns, FITTED_PARAMETERS, ruled=True),
         *met,
         "last columns: share of the range that remains, given that statement; 1 = not identifiable",
     )

@@ -226,7 +226,7 @@ def plot_errors(
     ax.set_ylim(0, 1.02)
     ax.set_xlabel("error index E (deg): largest joint error during the motion, eq. (29)")
     _scale(ax.xaxis, needs_log_axis(error_range(list(known.values()))))
-    ax.set_ylabel("share of machines with a smaller error")
+    ax.set_ylabel("share of machines")
     count = max(len(e) for e in known.values())
     ax.set_title(f"Error on {count} emulated machines", fontsize=11)
     legend(figure, ax, ax.get_legend_handles_labels()[0], ours=ours, abreast=1)

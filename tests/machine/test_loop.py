@@ -65,8 +65,7 @@ def plan() -> Plan:
 @pytest.fixture(params=["compiled", "numpy"], autouse=True)
 def _both_ways(request: pytest.FixtureRequest, use: Any) -> None:
     """To replay a manipulator."""
-    if request.param == "numpy":
-        use(None)
+    use(request.getfixturevalue("library") if request.param == "compiled" else None)
 
 
 def turned(run: Replay) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from planner.machine.closed_loop import encoder_readings
 from planner.machine.feedback.course import DEFAULT_TICK_S
 from planner.machine.machine import Machine, machine_for
 from planner.machine.replay import replay
@@ -47,16 +48,12 @@ def emulate_log(
     t: Array = tick * np.arange(int(np.floor(run.t[-1] / tick + 1e-9)) + 1, dtype=np.float64)
     rows = np.searchsorted(run.t, t - 1e-9)
     noise = np.random.default_rng([seed, sample]).normal(size=(len(t), run.q.shape[2] - 1))
-    read = run.q[0, rows, 1:] + np.deg2rad(noise_deg) * noise
+    q = run.q[0, rows]
+    q[:, 1:] += np.deg2rad(noise_deg) * noise
+    read = encoder_readings(plan.problem.system, run.draws, q.T[:, :, None])
     return Log(
         t=t,
         u=np.where((t < plan.duration - 1e-9)[:, None], plan.trajectory.u(t), 0.0),
-        theta=_rounded(read, np.broadcast_to(used.mean("encoder_resolution_deg"), read.shape[1])),
+        theta=read[1:, :, 0].T,
         source=f"{plan.method} on emulated machine {sample}",
     )
-
-
-def _rounded(theta: Array, resolution_deg: Array) -> Array:
-    """Angles (R, n) at the encoders' resolution (n,)."""
-    step = np.deg2rad(np.where(resolution_deg > 0, resolution_deg, 1e-9))
-    return np.asarray(np.round(theta / step) * step)

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner.comparison.rows import FEEDBACK, Row
-from planner.methods.spec import COMPENSATED
+from planner.comparison.rows import FEEDBACK, Row, plain_label
 from planner.plan.measures import effort_unit
 from planner.support.tables import number
 
@@ -59,15 +58,10 @@ def headline(rows: Sequence[Row], threshold_deg: float) -> str:
 def _rival(row: Row, solved: list[Row]) -> Row:
     """What the plan is set beside: itself uncompensated, else the least error of the others."""
     for each in solved:
-        if each.label == _plain(row) and each is not row:
+        if each.label == plain_label(row.label) and each is not row:
             return each
     others = [each for each in solved if each is not row]
     return min(others, key=lambda each: np.nan_to_num(each.E_median_deg, nan=np.inf))
-
-
-def _plain(row: Row) -> str:
-    """The label of the row without compensation."""
-    return row.label.replace(f" {COMPENSATED}", "", 1)
 
 
 def _what_decides(solved: Sequence[Row]) -> str:
@@ -75,9 +69,9 @@ def _what_decides(solved: Sequence[Row]) -> str:
 
     With it every plan has to be nearer, at 95 %, than every plan is without.
     """
-    plain = {row.label: row for row in solved if row.label == _plain(row)}
-    better = [row for row in solved if row.label != _plain(row) and _plain(row) in plain]
-    before = [plain[_plain(row)] for row in better]
+    rows = {row.label: row for row in solved}
+    pairs = [(rows[was], row) for row in solved if (was := plain_label(row.label)) in rows]
+    before, better = ([pair[k] for pair in pairs if pair[0] is not pair[1]] for k in (0, 1))
     errors = [[row.E_p95_deg for row in group] for group in (before, better)]
     if len(better) < 2 or not max(errors[1]) < min(errors[0]):
         return ""

@@ -297,7 +297,9 @@ def refine_times(
 
 def lengths(times: Array) -> list[float]:
     """Lengths of the steps, equal where they differ by rounding alone (their factors are kept)."""
-    return [float(f"{h:.11g}") for h in np.diff(times)]
+    steps, which = np.unique(np.diff(times), return_inverse=True)
+    rounded = np.array([float(f"{h:.11g}") for h in steps])
+    return np.asarray(rounded[which], dtype=float).tolist()
 
 
 def snap_times(times: Array, marks: Array) -> Array:

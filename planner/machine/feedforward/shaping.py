@@ -162,14 +162,9 @@ class Shape:
         if np.any(self._half):
             angle = angle + _ahead_of_play(angle, self._half, self._rest.gearheads)
         tick, limit, rate = self.tick, self.limit[:, None], self._rate[:, None]
+        if not np.any(np.isfinite(rate)):
+            return self._pursue_by_speed(angle, grain[:, None])
         place = np.zeros(angle.shape[1:])
-        if not np.any(grain) and not np.any(np.isfinite(rate)):
-            places, most = np.empty_like(angle), limit * tick
-            places[0] = place
-            for k, then in enumerate(angle[1:], start=1):
-                place = np.minimum(np.maximum(then, place - most), place + most)
-                places[k] = place
-            return np.diff(places, axis=0) / tick
         step, room, grain = rate * tick, 8 * rate, grain[:, None]
         rounded = bool(np.any(grain))
         out = np.empty((len(angle) - 1, *place.shape))
@@ -186,6 +181,27 @@ class Shape:
             place = place + speed * tick
             out[k] = speed
         return out
+
+    def _pursue_by_speed(self, angle: Array, grain: Array) -> Array:
+        """The same where nothing limits how fast speeds change; grain (2, 1)."""
+        tick, limit = self.tick, self.limit[:, None]
+        place = np.zeros(angle.shape[1:])
+        if np.any(grain):
+            safe, most = np.where(grain > 0, grain, 1.0), _on_grid(limit, -limit, limit, grain)
+            out = np.empty((len(angle) - 1, *place.shape))
+            for k, then in enumerate(angle[1:]):
+                speed = (then - place) / tick
+                speed = np.where(grain > 0, safe * np.round(speed / safe), speed)
+                out[k] = np.minimum(np.maximum(speed, -most), most)
+                place = place + out[k] * tick
+            return out
+        places, most = np.empty_like(angle), np.broadcast_to(limit * tick, place.shape).copy()
+        places[0], low, high = place, np.empty_like(place), np.empty_like(place)
+        for before, then, place in zip(places, angle[1:], places[1:], strict=False):
+            np.subtract(before, most, out=low)
+            np.add(before, most, out=high)
+            np.minimum(np.maximum(then, low, out=low), high, out=place)
+        return np.diff(places, axis=0) / tick
 
 
 def _stopping_speed(far: Array, step: Array, room: Array) -> Array:

@@ -30,9 +30,13 @@ PROBES_RAD = np.deg2rad([0.3, 0.05])
 """Changes of one knot by which derivatives are taken: a fifteenth of the joints' lost motion, to
 see beyond what the next steps meet; and less where that leads no farther."""
 
-POWERS = (2, 8)
+POWERS = (2, 8, 32)
 """Of the norm of the errors: first their mean square, which leads from afar, then near the largest,
 which is what is judged."""
+
+PIN_PRICES = {2: 4.0, 8: 1.5, 32: 4.0}
+"""What a degree that goal and waypoints are missed by costs, against each of them: less in the
+middle, so that the way that their mean square left to reach the goal is found again."""
 
 MOST_ROUNDS, LEAST_GAIN = 8, 0.02
 """Rounds for each of them at most, and what one must gain for another, as a part of the measure."""
@@ -63,7 +67,7 @@ PIN_SLACK_RAD = np.deg2rad(0.03)
 """Error of goal and waypoints that costs nothing yet."""
 
 PIN_PRICE = 4.0
-"""What more of it costs, against the norm of the errors."""
+"""What a degree of it costs at last, against the largest error."""
 
 DAMPINGS = (1e-4, 1e3)
 """Least and largest weight of the Levenberg kind that a round begins with."""
@@ -115,7 +119,7 @@ class Correction:
             np.linalg.norm(np.maximum(np.abs(runs.pins) - np.rad2deg(PIN_SLACK_RAD), 0.0))
         )
         broken = float(np.max(np.maximum(-runs.margins, 0.0), initial=0.0))
-        return float(np.hypot(norm, rough)) + PIN_PRICE * missed + 100.0 * broken
+        return float(np.hypot(norm, rough)) + PIN_PRICES[power] * missed + 100.0 * broken
 
     def commands(self) -> Array:
         """The corrected commands, (K, 2), rad/s.
@@ -171,14 +175,17 @@ class Correction:
     ) -> list[tuple[float, Array]]:
         """Corrections to try, each with the weight of its programme."""
         slopes, out = self._variants.slopes(self.values, now, probe), []
-        for weight in (damping * step for step in STEPS):
-            step = self._step(now, slopes, weight, power)
+        weights = [damping * step for step in STEPS]
+        for weight, step in zip(weights, self._steps(now, slopes, weights, power), strict=True):
             if step is not None:
                 out += [(weight, self.values + part * step) for part in PARTS]
         return out
 
-    def _step(self, now: Runs, slopes: Runs, damping: float, power: int) -> Array | None:
-        """A change of the correction, (m, 2), rad; None where the programme has no solution."""
+    def _steps(
+        self, now: Runs, slopes: Runs, weights: list[float], power: int
+    ) -> list[Array | None]:
+        """Changes of the correction, (m, 2), rad, for Levenberg's weights; None where the programme
+        has no solution."""
         size = np.abs(now.errors)
         weight = np.maximum(size / max(float(size.max()), 1e-9), 0.1) ** (power / 2 - 1)
         weight = weight / np.sqrt(np.sum(weight**2))
@@ -188,7 +195,7 @@ class Correction:
         m = len(self.knots)
         D = np.kron(np.diff(np.eye(m), axis=0)[:, 1:], np.eye(2))
         R, r = RIDGE * D, RIDGE * D @ np.rad2deg(self.values[1:]).ravel()
-        H = A.T @ A + B.T @ B + R.T @ R + damping * np.eye(A.shape[1])
+        H = A.T @ A + B.T @ B + R.T @ R
         g = A.T @ e + B.T @ b + R.T @ r
         near = now.margins < NEAR
         rows = [D, slopes.margins.T[near]]
@@ -196,24 +203,26 @@ class Correction:
         free = np.full(int(near.sum()), np.inf)
         low = np.concatenate([low_input, -np.minimum(now.margins[near], np.inf)])
         high = np.concatenate([high_input, free])
-        solver = osqp.OSQP()
-        solver.setup(
-            sp.csc_matrix(np.triu(H)),
-            g,
-            sp.csc_matrix(np.concatenate(rows)),
-            low,
-            high,
-            verbose=False,
-            eps_abs=1e-5,
-            eps_rel=1e-5,
-            max_iter=4000,
-        )
-        x = osqp_result(solver).x
-        if x is None or not np.all(np.isfinite(np.asarray(x, dtype=float))):
-            return None
-        step = np.zeros((m, 2))
-        step[1:] = np.deg2rad(np.asarray(x, dtype=float)).reshape(-1, 2)
-        return step
+        bounds, out = sp.csc_matrix(np.concatenate(rows)), []
+        for damping in weights:
+            solver = osqp.OSQP()
+            solver.setup(
+                sp.csc_matrix(np.triu(H + damping * np.eye(len(H)))),
+                g,
+                bounds,
+                low,
+                high,
+                verbose=False,
+                eps_abs=1e-5,
+                eps_rel=1e-5,
+                max_iter=4000,
+            )
+            x = np.asarray(osqp_result(solver).x, dtype=float)
+            step = np.zeros((m, 2))
+            if is_found := x.shape == g.shape and bool(np.all(np.isfinite(x))):
+                step[1:] = np.deg2rad(x).reshape(-1, 2)
+            out.append(step if is_found else None)
+        return out
 
     def _input_room(self) -> tuple[Array, Array]:
         """How much the correction may change between knots, (2(m−1),) each, degrees: the inputs'
@@ -242,11 +251,13 @@ class Correction:
             deadline.check()
             found = self._best_of(self._pin_steps(now), now, PIN_GAIN)
             is_dear = not found or found[0] >= 0
+            if is_dear and missed < PINNED_DEG:
+                break
             if is_dear and missed <= GOOD_DEG:
                 more = self._best_of(self._knot_steps(missed), now, KNOT_GAIN)
                 both = [each for each in (found, more) if each]
                 found = min(both, default=None, key=itemgetter(0))
-            if not found or (found[0] >= 0 and missed <= np.rad2deg(PIN_SLACK_RAD)):
+            if not found:
                 break
             _, self.values, commands, now = found
         return commands, now

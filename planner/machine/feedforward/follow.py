@@ -51,27 +51,31 @@ def follow(
             " compensate"
         )
     tried: list[tuple[tuple[bool, float], Correction, Shape, Plan, float]] = []
-    was_cut_short = False
+    was_cut_short, plain_E_deg = False, predict(plan, machine).error_deg
+    without = options.model_copy(update={"take_up": False})
+    ways = [(options, most_away) for most_away in MOST_AWAYS_DEG] + [(without, MOST_AWAYS_DEG[0])]
     with time_limit(None) as span:
-        for most_away in MOST_AWAYS_DEG:
-            shape = Shape(plan, system, machine, options, rest, most_away)
+        for done, most_away in ways:
+            shape = Shape(plan, system, machine, done, rest, most_away)
             correction = Correction(plan, machine, shape)
             try:
-                u = correction.commands() if options.correction else shape.commands()[:, :, 0]
+                u = correction.commands() if done.correction else shape.commands()[:, :, 0]
             except TimeUpError:
                 was_cut_short = True
                 u = shape.commands(correction.values[:, :, None], correction.knots)[:, :, 0]
             commands = MotorCommands(shape.t, u, shape.clock, shape.is_linear)
             compensation = Compensation(plan, machine.to_dict(), shape.clock)
             made, prediction = plan_with_commands(compensation, commands)
-            rank = (not correction.keeps_all, prediction.error_deg)
-            tried.append((rank, correction, shape, made, prediction.error_deg))
-            if was_cut_short or correction.keeps_all or not shape.clock.holds:
+            error_deg = prediction.error_deg
+            rank = (not correction.keeps_all, error_deg)
+            tried.append((rank, correction, shape, made, error_deg))
+            is_better = correction.keeps_all and error_deg < plain_E_deg
+            if was_cut_short or is_better or not shape.clock.holds:
                 break
     _, correction, shape, made, error_deg = min(tried, key=lambda each: each[0])
     notes = {
         "E_deg": error_deg,
-        "plain_E_deg": predict(plan, machine).error_deg,
+        "plain_E_deg": plain_E_deg,
         "lead_s": made.lead_s,
         "tail_s": made.tail_s,
         "holds_s": [[begin, end] for begin, end in made.clock.holds],

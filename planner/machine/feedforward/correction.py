@@ -39,7 +39,8 @@ PIN_PRICES = {2: 4.0, 8: 1.5, 32: 4.0}
 middle, so that the way that their mean square left to reach the goal is found again."""
 
 MOST_ROUNDS, LEAST_GAIN = 8, 0.02
-"""Rounds for each of them at most, and what one must gain for another, as a part of the measure."""
+"""Rounds for each of them at most, and what one must gain for another, as a part of the measure;
+or the step of a single knot, of what is missed."""
 
 RIDGE = 0.05
 """Weight of a correction's changes from knot to knot, against as large an error of every joint."""
@@ -255,6 +256,8 @@ class Correction:
                 break
             if is_dear and missed <= GOOD_DEG:
                 more = self._best_of(self._knot_steps(missed), now, KNOT_GAIN)
+                if more and np.max(np.abs(more[3].pins)) > (1 - LEAST_GAIN) * missed:
+                    more = None  # else it is tried again and again
                 both = [each for each in (found, more) if each]
                 found = min(both, default=None, key=itemgetter(0))
             if not found:

@@ -299,7 +299,7 @@ def lengths(times: Array) -> list[float]:
     """Lengths of the steps, equal where they differ by rounding alone (their factors are kept)."""
     steps, which = np.unique(np.diff(times), return_inverse=True)
     rounded = np.array([float(f"{h:.11g}") for h in steps])
-    return np.asarray(rounded[which], dtype=float).tolist()
+    return [float(h) for h in rounded[which]]
 
 
 def snap_times(times: Array, marks: Array) -> Array:

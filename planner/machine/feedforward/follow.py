@@ -50,7 +50,7 @@ def follow(
             f" 'manipulator'); a {system.kind} has no mechanism between motors and motion to"
             " compensate"
         )
-    tried: list[tuple[tuple[bool, float], Correction, Shape, Plan, float]] = []
+    tried: list[tuple[tuple[bool, bool, float], Correction, Shape, Plan, float]] = []
     was_cut_short, plain_E_deg = False, predict(plan, machine).error_deg
     without = options.model_copy(update={"take_up": False})
     ways = [(options, most_away) for most_away in MOST_AWAYS_DEG] + [(without, MOST_AWAYS_DEG[0])]
@@ -67,9 +67,11 @@ def follow(
             compensation = Compensation(plan, machine.to_dict(), shape.clock)
             made, prediction = plan_with_commands(compensation, commands)
             error_deg = prediction.error_deg
-            rank = (not correction.keeps_all, error_deg)
-            tried.append((rank, correction, shape, made, error_deg))
             is_better = correction.keeps_all and error_deg < plain_E_deg
+            # Unless it helps, what is told is of the plan with what was asked for.
+            in_vain = done is without and not is_better
+            rank = (in_vain or not correction.keeps_all, in_vain, error_deg)
+            tried.append((rank, correction, shape, made, error_deg))
             if was_cut_short or is_better or not shape.clock.holds:
                 break
     _, correction, shape, made, error_deg = min(tried, key=lambda each: each[0])

@@ -145,7 +145,7 @@ def test_what_breaks_a_requirement_on_the_machine_is_refused() -> None:
     problem = planner.load_problem(ROOT / "problems/obstacle.toml")
     with pytest.raises(planner.VerificationError, match="on the nominal machine") as caught:
         planner.compensate(problem)
-    assert "goal theta3" in [v.label for v in caught.value.violations]
+    assert "clearance of link 3 from obstacle 1" in [v.label for v in caught.value.violations]
     assert caught.value.advice is not None
     assert "keeps its direction" in caught.value.advice  # what stands in the way
     assert caught.value.advice.endswith("no compensation (compensation.on = false)")

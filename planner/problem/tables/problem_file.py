@@ -144,7 +144,7 @@ class FeedbackTable(Table):
     correction_step: Annotated[float, Field(gt=0)] = Field(
         0.05,
         description="Unit of its change from one period to the next, likewise. A smaller value"
-        " excites the joints' shafts less.",
+        " excites the joints' shafts less; where links have inertia it is less by itself.",
     )
     least_speed: Annotated[float, Field(ge=0, le=1)] = Field(
         0.5,

@@ -140,7 +140,7 @@ def _arrays(design: TrackerDesign) -> dict[str, Array]:
     arrays = {
         "SHIFT_TICKS": clock.shift / clock.tick,
         "HALF_STEP": np.minimum(design.resolution[:, 0] / 2, FREE),
-        "READING_VARIANCE": estimate.reading_variance(design.resolution)[:, 0],
+        "READING_VARIANCE": design.variance[:, 0],
         "MEAN_LOST_MOTION": design.lost_motion[:, 0],
         "COURSE_LOST_MOTION": ref.lost_motion[:, 0],
         "PASSING": design.passing,

@@ -12,7 +12,6 @@ import scipy.sparse as sp
 
 import planner
 from planner import Machine, Plan
-from planner.machine.feedback.means import input_scale
 from planner.machine.feedback.programme import TrackingProgramme, change_range
 from planner.machine.feedback.reference import Reference, regulator
 from planner.machine.feedback.tracker import TrackerDesign, _weights, design
@@ -22,7 +21,7 @@ OPTIONS = FeedbackTable(run_up=False)
 
 
 def weights(plan: Plan, ref: Reference, machine: Machine) -> Any:
-    return _weights(plan, ref, input_scale(plan, machine), OPTIONS)
+    return _weights(plan, machine, ref, OPTIONS)
 
 
 def programme(

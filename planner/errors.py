@@ -257,7 +257,7 @@ class InfeasibleError(NoPlanError):
 
 
 class MethodError(NoPlanError):
-    """A method of another package failed, or returned no plan. Names the method and the package.
+    """A method or a limit of another package failed, or a method returned no plan. Names both.
 
     Attributes:
         traceback: Where it failed, for the author of that package, or "".

@@ -514,6 +514,40 @@ def test_a_limit_registered_by_hand_is_known_here_alone(tmp_path: Path) -> None:
 
 
 @dataclass(frozen=True)
+class Picky(Requirement):
+    """θ₁ ≤ 90°, by a formula that fails beyond `fails`."""
+
+    fails: float
+    key, reads, table = "picky", frozenset({"q"}), (Positive, "Where its formula fails.")
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (Part("picky", "rad", -np.inf, np.pi / 2, 1.0, 1),)
+
+    def values(self, point: MotionPoint) -> Sequence[Any]:
+        return [1 / 0 if np.any(point.q[1] > self.fails) else point.q[1]]
+
+
+@pytest.mark.usefixtures("clean")
+def test_a_limit_that_breaks_down_on_the_way_names_its_package(
+    paper: planner.Problem, tmp_path: Path
+) -> None:
+    planner.register_requirement(Picky)
+    named = f"limit 'picky' of module {__name__} failed: ZeroDivisionError: division by zero"
+    problem = paper.changed({"limits.picky": 0.53, "goal.duration": 20})
+    with pytest.raises(planner.MethodError, match=re.escape(named)) as refusal:
+        planner.solve(problem, "collocation")
+    assert "in values" in refusal.value.traceback
+    assert planner.compare(problem, "polynomial", samples=2).rows[0].why == named
+    sweep = {"problem": problem.to_dict(), "methods": ["polynomial"]}
+    sweep["grid"] = {"goal.duration": [20]}
+    outcome = planner.run_sweep(sweep, tmp_path / "x.sqlite", workers=0)
+    assert (outcome.statuses, outcome.bugs) == ({"method_failed": 1}, 0)
+    with pytest.raises(InputError, match=re.escape(f"the goal cannot be judged: {named}")):
+        paper.changed({"limits.picky": 0.5})
+
+
+@dataclass(frozen=True)
 class Folded(Requirement):
     """cos(θ₁ + θ₂) ≥ least: the second link does not turn too far from the base."""
 

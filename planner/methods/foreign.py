@@ -2,64 +2,28 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, cast, get_args
 
-from planner.errors import InputError, MethodError, NoPlanError
+from planner.errors import InputError
 from planner.methods.keeping import Keeping, Keeps
 from planner.plan.plan import Plan
 from planner.plan.plan_file import PlanFile
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Demand, Part
+from planner.problem.tables.kinds import Owner
 from planner.support.arrays import jsonable
-from planner.support.deadline import TimeUpError
-from planner.support.interrupts import Terminated
-from planner.support.tables import error_words, line, shorten
+from planner.support.tables import line, shorten
 from planner.support.user_tables import parse
 from planner.verification.verify import verify
-
-LONGEST_MESSAGE = 300
-"""Characters of a foreign error's message."""
-
-
-@dataclass(frozen=True)
-class MethodOwner:
-    """Who brings a method.
-
-    Attributes:
-        method: Its name.
-        package: Name and version of the package, or the module where it was registered by hand.
-    """
-
-    method: str
-    package: str
-
-    def error(self, what: str, trace: str = "") -> MethodError:
-        """The refusal that names both."""
-        return MethodError(f"method '{self.method}' of {self.package} {what}", traceback=trace)
-
-    def call(self, function: Callable[..., Any], *given: Any) -> Any:
-        """What a function of the package returns.
-
-        Raises:
-            MethodError: If it raises anything but a refusal.
-        """
-        try:
-            return function(*given)
-        except (NoPlanError, TimeUpError, KeyboardInterrupt, Terminated):
-            raise
-        except BaseException as error:
-            why = line(error_words(error), LONGEST_MESSAGE)
-            raise self.error(f"failed: {why}", traceback.format_exc()) from error
 
 
 @dataclass(frozen=True)
 class ForeignPlans:
     """Makes plans by a function of another package: plans that can be judged, replayed and kept."""
 
-    owner: MethodOwner
+    owner: Owner
     function: Callable[..., Any]
 
     def __call__(self, problem: Problem, options: Any, *near: Plan) -> Plan:
@@ -92,7 +56,7 @@ class ForeignPlans:
 class ForeignKeeps:
     """What a method of another package says that it keeps."""
 
-    owner: MethodOwner
+    owner: Owner
     keeps: Keeps
 
     def __call__(self, problem: Problem, demand: Demand, part: Part) -> Keeping:

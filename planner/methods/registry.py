@@ -9,15 +9,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 from planner.errors import InputError
 from planner.methods import keeping
-from planner.methods.foreign import ForeignKeeps, ForeignPlans, MethodOwner
+from planner.methods.foreign import ForeignKeeps, ForeignPlans
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.problem.tables.kinds import (
-    add_method_table,
-    load_plugins,
-    plugin_called,
-    remember,
-)
+from planner.problem.tables.kinds import Owner, add_method_table, load_plugins, remember
 from planner.problem.tables.method_options import (
     CollocationOptions,
     ConvexOptions,
@@ -214,7 +209,7 @@ def register_method(
     if why := next(_faults(entry), None):
         raise InputError(f"method '{name}' cannot be registered: {why}")
     add_method_table(name, options)
-    owner = MethodOwner(name, plugin_called() or f"module {line(str(plan.__module__))}")
+    owner = Owner.of(f"method '{name}'", plan)
     METHODS[name] = replace(
         entry,
         made_by=ForeignPlans(owner, plan),

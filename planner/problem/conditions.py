@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import InputError, expect
+from planner.errors import InputError, MethodError, expect
 from planner.problem.requirements.ends import TipGoal
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Requirement
@@ -208,8 +208,8 @@ def _fault(required: Requirement, system: TriangularSystem) -> str | None:
     """How a class contradicts itself, or breaks down when it is tried; None where it does not."""
     try:
         return required.fault(system)
-    except Exception as error:  # it may be anybody's
-        return f"failed: {line(error_words(error))}"
+    except Exception as error:  # it may be anybody's; a registered one says so, for this reason
+        return f"failed: {line(error_words(error.__cause__ or error))}"
 
 
 def contradiction(
@@ -218,7 +218,11 @@ def contradiction(
     """Which of these states (N,), by name, no plan can pass through; empty if it can pass all."""
     for name, q in states.items():
         for required in requirements:
-            if why := required.contradiction(name, q, system):
+            try:
+                why = required.contradiction(name, q, system)
+            except MethodError as error:
+                return f"the {name} cannot be judged: {error}"
+            if why:
                 return f"contradiction: {why}"
     return ""
 

@@ -15,8 +15,11 @@ import inspect
 import math
 import re
 import threading
-from collections.abc import Iterator
+import traceback
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import wraps
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Optional, Union, cast, get_args
@@ -24,11 +27,12 @@ from typing import Any, Optional, Union, cast, get_args
 from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 
-from planner.errors import InputError
+from planner.errors import InputError, MethodError, NoPlanError
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables import arms, custom, vehicles
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import BaseLimits, GoalTable, ProblemFile
+from planner.support.deadline import TimeUpError
 from planner.support.interrupts import Terminated
 from planner.support.tables import error_words, line, shorten
 from planner.support.user_tables import Table, allowed_hint, parse
@@ -89,9 +93,54 @@ def _call(entry: EntryPoint, failures: list[str]) -> None:
         _plugins.caller = ""
 
 
-def plugin_called() -> str:
-    """Name and version of the package whose plugin is being called; "" where none is."""
-    return _plugins.caller
+LONGEST_MESSAGE = 300
+"""Characters of a foreign error's message."""
+
+
+@dataclass(frozen=True)
+class Owner:
+    """Who brings a method or a limit.
+
+    Attributes:
+        what: What is brought, as in "method 'mine'".
+        package: Name and version of the package, or the module where it was registered by hand.
+    """
+
+    what: str
+    package: str
+
+    @classmethod
+    def of(cls, what: str, brought: Any) -> Owner:
+        """Of what is being registered, a function or a class."""
+        return cls(what, _plugins.caller or f"module {line(str(brought.__module__))}")
+
+    def error(self, what: str, trace: str = "") -> MethodError:
+        """The refusal that names both."""
+        return MethodError(f"{self.what} of {self.package} {what}", traceback=trace)
+
+    def call(self, function: Callable[..., Any], *given: Any) -> Any:
+        """What a function of the package returns.
+
+        Raises:
+            MethodError: If it raises anything but a refusal.
+        """
+        try:
+            return function(*given)
+        except (NoPlanError, TimeUpError, KeyboardInterrupt, Terminated):
+            raise
+        except BaseException as error:
+            why = line(error_words(error), LONGEST_MESSAGE)
+            raise self.error(f"failed: {why}", traceback.format_exc()) from error
+
+    def named(self, method: Callable[..., Any]) -> Callable[..., Any]:
+        """A method of its class, which says whose it is if it fails."""
+        method = inspect.unwrap(method)  # a class may be registered again
+
+        @wraps(method)
+        def call(*given: Any) -> Any:
+            return self.call(method, *given)
+
+        return call
 
 
 def remember(what: str) -> None:
@@ -171,7 +220,8 @@ def register_requirement(kind: type[Requirement]) -> None:
     Args:
         kind: A frozen dataclass, subclass of `planner.problem.requirements.requirement.Requirement`
             with `key` (name of the key in files: a-z, 0-9 and _) and `table` (type and description
-            of the key's value, and an example of it if you like).
+            of the key's value, and an example of it if you like). Where its `rows` or `values` fail
+            at a state, the problem is refused with a `MethodError`, which names the package.
 
     Raises:
         InputError: If the key is taken or invalid, or `kind` is not such a class.
@@ -181,6 +231,10 @@ def register_requirement(kind: type[Requirement]) -> None:
         why = "that key is taken, by a kind of system or by another requirement"
     if why:
         raise InputError(f"requirement '{line(str(key))}' cannot be registered: {why}")
+    owner = Owner.of(f"limit '{key}'", kind)
+    for name in ("rows", "values"):  # they may fail at some states only, in the middle of a search
+        if (method := getattr(kind, name)) is not getattr(Requirement, name):
+            setattr(kind, name, owner.named(method))
     REQUIREMENTS[key] = kind
     _add_requirement_keys()
     remember(f"requirement '{key}'")

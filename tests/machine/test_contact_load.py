@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from handmade import arm_problem, inputs, plan_from
@@ -53,6 +55,20 @@ def test_a_slope_loads_what_goes_up_and_relieves_what_goes_down(plan: Plan) -> N
     back = inputs(([-0.4], [0.1]), breaks=[0.0, 2.0])
     down = plan_from(arm_problem([20.0, 15.0, 10.0, 5.0], 2.0), back, pieces=20)
     assert contact_load(down, slope).torque_nm[0] < level < up
+
+
+def test_many_pieces_take_neither_memory_nor_other_loads(plan: Plan) -> None:
+    speeds = inputs(([0.4], [0.1]), breaks=[0.0, 2.0])
+    many = plan_from(plan.problem, speeds, pieces=200)
+    tracemalloc.start()
+    found = contact_load(many, "prototype", samples=300)
+    top = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert top < 20e6  # 100 MB and more, all instants at a time
+    few = contact_load(plan, "prototype", samples=300)
+    for ours, theirs in zip(vars(found).values(), vars(few).values(), strict=True):
+        assert np.array_equal(np.isfinite(ours), np.isfinite(theirs))
+        assert ours == pytest.approx(theirs, rel=1e-4)
 
 
 def test_its_machines_are_those_of_a_replay(plan: Plan) -> None:

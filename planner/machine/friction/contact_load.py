@@ -27,7 +27,11 @@ from planner.support.calculus.extremes import sample_times
 from planner.systems.manipulator import Manipulator, gravity_torques
 
 LEAST_INSTANTS = 100
-"""Least number of sample times; the torque is smooth, and its maxima are flat."""
+"""Least number of sample times; the torque is smooth, and its maxima are flat. The pieces of a plan
+that has more of them, such as a compensated one, are asked at their ends alone."""
+
+BLOCK = 64
+"""Instants at a time: what a thousand machines need for them fits into the processor's cache."""
 
 GRAVITY_M_S2 = 9.80665
 """Standard acceleration of free fall."""
@@ -96,7 +100,7 @@ def contact_load(
     if not samples:
         used = used.nominal()
     draws = draw(used, system.n, sample_numbers(samples or 1), seed)
-    times = sample_times(plan.t, LEAST_INSTANTS)
+    times = sample_times(plan.t, LEAST_INSTANTS, 2 if len(plan.t) > LEAST_INSTANTS else 9)
     q = plan.trajectory.q(times)
     return largest_load(system, draws, q, system.rates(q, plan.trajectory.u(times)))
 
@@ -135,6 +139,18 @@ def largest_load(system: Manipulator, draws: Draws, q: Array, rates: Array) -> C
         q: Coordinates.
         rates: Their rates.
     """
+    capacity = np.broadcast_to(draws["friction_capacity_nm"][0], draws.count)
+    begins = range(0, len(q), BLOCK)
+    blocks = [_loads(system, draws, q[k : k + BLOCK], rates[k : k + BLOCK]) for k in begins]
+    torque, share, motor = np.max(blocks, axis=0)
+    return ContactLoad(torque, capacity, np.where(np.isfinite(capacity), share, 0.0), motor)
+
+
+def _loads(system: Manipulator, draws: Draws, q: Array, rates: Array) -> tuple[Array, Array, Array]:
+    """Largest load of any contact, the same over that at which it slips, and motor 1's, (S,) each.
+
+    Args: see `largest_load`.
+    """
     friction = [draws[name] for name in ("coulomb_friction_nm", "viscous_friction_nms_per_rad")]
     coulomb, viscous = (values[:, None, :] for values in friction)
     turning = rates[:, 2:].T[..., None]
@@ -157,6 +173,4 @@ def largest_load(system: Manipulator, draws: Draws, q: Array, rates: Array) -> C
     first = Grip(cosines[0], (lateral_friction(draws) * driven), friction_capacity(draws))
     motor = np.abs(first.driver_torque(loads[0, 0])).max(axis=0)
     loads = np.abs(loads)
-    capacity = np.broadcast_to(draws["friction_capacity_nm"][0], draws.count)
-    share = np.where(np.isfinite(capacity), (loads / most).max(axis=(0, 1, 2)), 0.0)
-    return ContactLoad(loads.max(axis=(0, 1, 2)), capacity, share, motor)
+    return loads.max(axis=(0, 1, 2)), (loads / most).max(axis=(0, 1, 2)), motor

@@ -13,13 +13,15 @@ from planner.support.calculus.chebyshev import points
 Function = Callable[[Array], Array]
 
 
-def sample_times(breaks: Array, count: int = 2000) -> Array:
+def sample_times(breaks: Array, count: int = 2000, least: int = 9) -> Array:
     """About `count` times over the pieces between `breaks`, crowded towards each piece's ends.
+
+    On each piece there are `least` or more, two of them its ends.
 
     The crowding (Chebyshev–Lobatto) finds the short, steep starts that plans have close to a
     singularity. Interior breaks appear from both sides.
     """
-    per_piece = max(9, count // (len(breaks) - 1))
+    per_piece = max(least, count // (len(breaks) - 1))
     left, right = breaks[:-1, None], np.nextafter(breaks[1:, None], -np.inf)
     times = np.minimum(left + (breaks[1:, None] - left) * points(per_piece), right).ravel()
     times[-1] = breaks[-1]

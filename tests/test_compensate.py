@@ -91,7 +91,7 @@ def test_without_preparation_no_time_is_taken(plain: Plan) -> None:
 
 
 def test_with_inertia_too(plain: Plan) -> None:
-    machine = planner.Machine.prototype(fidelity="dynamic")
+    machine = planner.Machine.prototype(fidelity="dynamic", step_s=0.01)
     plan = planner.compensate(plain, machine)
     run = planner.replay(plan, machine, samples=20, seed=UNTUNED)
     before = planner.replay(plain, machine, samples=20, seed=UNTUNED)
@@ -142,10 +142,10 @@ def test_a_motion_that_the_machine_does_not_make_is_seen(better: Plan) -> None:
 
 
 def test_what_breaks_a_requirement_on_the_machine_is_refused() -> None:
-    problem = planner.load_problem(ROOT / "problems/obstacle.toml")
+    problem = planner.load_problem(ROOT / "problems/waypoint.toml")
     with pytest.raises(planner.VerificationError, match="on the nominal machine") as caught:
-        planner.compensate(problem)
-    assert "clearance of link 3 from obstacle 1" in [v.label for v in caught.value.violations]
+        planner.compensate(problem, correction=False)
+    assert "goal theta2" in [v.label for v in caught.value.violations]
     assert caught.value.advice is not None
     assert "keeps its direction" in caught.value.advice  # what stands in the way
     assert caught.value.advice.endswith("no compensation (compensation.on = false)")
@@ -154,6 +154,7 @@ def test_what_breaks_a_requirement_on_the_machine_is_refused() -> None:
 def test_what_it_advises_is_understood(paper: planner.Problem) -> None:
     """Where the preparation meets a limit it named an option that was gone."""
     turning = paper.changed({"goal.theta_deg": [25, -20, 10], "limits.z2_margin": None})
+    turning = turning.changed({"machine.step_s": 0.005})
     plan = planner.compensate(turning.changed({"compensation.preparation": "forward"}))
     assert plan.lead_s > 0
     times = [0.5 * plan.lead_s, plan.clock.holds[0][0]]

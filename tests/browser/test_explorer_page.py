@@ -24,7 +24,7 @@ search = {"start": "wander", "starts": 50, "attempts": 50}
 problem = planner.load_problem("obstacle.toml", {"method.collocation": search})
 planner.explore(problem, samples=2)"""
 TURNING = """import planner
-problem = planner.load_problem("crossing.toml", {"compensation.on": True})
+problem = planner.load_problem("crossing.toml", {"compensation.on": True, "machine.step_s": 0.01})
 planner.explore(problem, samples=20)"""
 
 READY = """() => {

@@ -63,15 +63,23 @@ def test_a_screen_is_told_when_the_plan_waits(better: Plan) -> None:
 
 
 def test_the_goal_is_reached_where_motors_do_not_do_what_their_derivatives_say() -> None:
-    """One step of all knots at once gains nothing here: it was refused, 0.3 degrees off."""
+    """One step of all knots at once gains nothing here: it was refused, 0.1 degrees off. Steps of
+    single knots leave 1.8 degrees on the way, where steps by derivatives alone left 2.4."""
+    machine = planner.Machine.prototype(step_s=0.005)
     problem = planner.Problem.manipulator(
         [-5.7, 1.9, 29.8], [-12.5, 7.2, 14.7], duration=15, input_rad_s=0.5, joint_deg=80
     )
-    better = planner.compensate(planner.solve(problem))
+    better = planner.compensate(planner.solve(problem), machine)
     assert np.max(np.abs(planner.verify(better).terminal_error_deg)) < 0.05
-    assert 2 * better.notes["compensation"]["E_deg"] < better.notes["compensation"]["plain_E_deg"]
+    assert (
+        better.notes["compensation"]["E_deg"]
+        < 2.1
+        < 6
+        < better.notes["compensation"]["plain_E_deg"]
+    )
 
 
+@pytest.mark.campaign
 def test_the_goal_costs_the_way_little() -> None:
     """Where joint 3 comes to rest either turn of the drive moves it one way: steps by derivatives
     alone brought the goal nearer by leaving the way, by 3.3 degrees for 1.5."""
@@ -105,7 +113,7 @@ def test_where_no_turn_of_the_drive_suits_all_axes_none_is_taken_up() -> None:
 
 def test_commands_of_limited_rates_are_foretold_as_they_are_held_and_end_at_rest() -> None:
     """Of a travel that is given, so that the drive does not turn back after the plan."""
-    fig4 = planner.load_problem("problems/paper-fig4.toml")
+    fig4 = planner.load_problem("problems/paper-fig4.toml", {"machine.step_s": 0.005})
     plain = planner.solve(fig4.changed({"limits.input_rate_rad_s2": 2.0}))
     asked = plain.problem.changed({"goal.travel": float(plain.q(plain.duration)[0])})
     better = planner.compensate(replace(plain, problem=asked, verified=False))
@@ -221,6 +229,7 @@ def test_no_better_than_the_plan_as_it_is_says_so(
 
 
 def test_all_that_is_run_fits_in_its_duration(paper: planner.Problem) -> None:
+    paper = paper.changed({"machine.step_s": 0.005})
     asked = paper.changed({"compensation.on": True, "goal.duration_max": 12})
     made = planner.solve(asked)
     assert made.verified
@@ -239,7 +248,7 @@ def test_all_that_is_run_fits_in_its_duration(paper: planner.Problem) -> None:
 
 
 def test_of_several_paths_the_machines_choose() -> None:
-    problem = planner.load_problem("problems/crossing.toml")
+    problem = planner.load_problem("problems/crossing.toml", {"machine.step_s": 0.01})
     plan = planner.solve(problem, criterion="machine")
     errors = plan.notes["criterion"]
     assert len(errors) > 1

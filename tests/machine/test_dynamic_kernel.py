@@ -19,7 +19,7 @@ def jumps(t: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", EVENTS)
-@pytest.mark.parametrize("n", [pytest.param(2, marks=pytest.mark.campaign), 4])
+@pytest.mark.parametrize("n", [*(pytest.param(n, marks=pytest.mark.campaign) for n in (2, 4)), 3])
 def test_both_give_the_same(library: Any, use: Any, name: str, n: int) -> None:
     spread = {"value": 0.05, "spread": 0.01}
     effects = {**EVENTS[name], "link_inertia_kgm2": spread, "gearhead_backlash_deg": 0.3}

@@ -114,18 +114,6 @@ def test_joint_limits_are_judged_and_without_records_nothing_is(plan: Plan) -> N
     assert np.isnan(bare.limit_share)
 
 
-def test_links_that_touch_on_the_machine_are_told(plan: Plan) -> None:
-    crossing = planner.load_problem(
-        ROOT / "problems/self-collision.toml",
-        {"machine.step_s": 0.01, "machine.initial_angle_error_deg": 20.0},
-    )
-    run = planner.replay(planner.solve(crossing, "collocation"), samples=20, seed=1)
-    broken = [each for each in run.limits if each.broken and "from link" in each.part.label]
-    assert broken
-    assert all(each.worst < 0 for each in broken)
-    assert "limits.self_clearance_m = " in run.limit_words
-
-
 def test_a_comparison_says_it_in_table_file_and_page(plan: Plan) -> None:
     problem = beside(plan, 5.0).problem
     result = planner.compare(problem, ["polynomial"], samples=10, seed=2)

@@ -13,6 +13,9 @@ NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 NAMES = [path.stem for path in NOTEBOOKS]
 
 # What takes long is made smaller here; `make docs` runs the notebooks as they are.
+# In `make test` run those that take little; CI and `pytest -m campaign` run the dear ones too.
+DEAR = ("bring-your-arm", "polynomial-against-optimal", "tuning-sensitivity")
+
 SOME = ["polynomial:travel=middle", "polynomial:points=auto", "collocation"]
 SMALLER = {
     "design": {
@@ -81,7 +84,13 @@ def kernel() -> Iterator[Any]:
     manager.shutdown_kernel(now=True)
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, id=path.stem, marks=[pytest.mark.campaign] * (path.stem in DEAR))
+        for path in NOTEBOOKS
+    ],
+)
 @pytest.mark.filterwarnings("default")  # of the client, not of the notebook, whose own fail below
 def test_runs_from_top_to_bottom(path: Path, kernel: Any) -> None:
     nbclient = pytest.importorskip("nbclient", reason="needs the extra 'dev'")

@@ -81,8 +81,15 @@ def compiled(name: str, folder: Path) -> CompiledTracker:
     return CompiledTracker(folder, TRACKER.design(plan_of(name), MACHINE))
 
 
-@pytest.mark.parametrize("name", ["lost", "vehicle"])
-@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize(
+    ("name", "real"),
+    [
+        ("lost", "double"),
+        ("vehicle", "float"),
+        pytest.param("lost", "float", marks=pytest.mark.campaign),
+        pytest.param("vehicle", "double", marks=pytest.mark.campaign),
+    ],
+)
 def test_it_passes_its_own_test_and_a_wrong_tracker_does_not(
     name: str, real: str, made: Made, tmp_path: Path
 ) -> None:

@@ -244,12 +244,12 @@ def test_on_the_machine_tracked_and_compensated(
     problem: planner.Problem, plan: planner.Plan
 ) -> None:
     """The goal that was found is then fixed: what is tracked and aimed at is the plan's end."""
-    run = planner.replay(plan, Machine.prototype(step_s=0.005), samples=3, feedback=True)
+    machine = Machine.prototype(step_s=0.005)
+    run = planner.replay(plan, machine, samples=3, feedback=True)
     assert np.max(run.terminal_E_deg) < 0.5
-    better = planner.compensate(plan)
+    better = planner.compensate(plan, machine)
     assert better.verified
-    loose = planner.replay(plan, Machine.prototype().nominal(), samples=1)
-    aimed = planner.replay(better, Machine.prototype().nominal(), samples=1)
+    loose, aimed = (planner.replay(each, machine.nominal(), samples=1) for each in (plan, better))
     assert np.max(aimed.terminal_E_deg) < 0.02 < np.max(loose.terminal_E_deg)
     assert better.problem == problem
     np.testing.assert_allclose(tip(plan, aimed.q[0, -1]), [0.4964, 0.6598], atol=5e-4)

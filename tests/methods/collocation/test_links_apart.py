@@ -27,6 +27,11 @@ def crossing(problem: planner.Problem) -> planner.Plan:
     return planner.solve(problem.changed({"limits.self_clearance_m": None}), start="straight")
 
 
+@pytest.fixture(scope="module")
+def plan(problem: planner.Problem) -> planner.Plan:
+    return planner.solve(problem)
+
+
 def clearance_of(problem: planner.Problem) -> SelfCollision:
     assert problem.self_collision is not None
     return problem.self_collision
@@ -52,9 +57,8 @@ def test_the_least_effort_crosses_and_is_refused(
 
 
 def test_the_plan_keeps_clear_at_all_times_and_that_is_proven(
-    problem: planner.Problem, crossing: planner.Plan
+    problem: planner.Problem, crossing: planner.Plan, plan: planner.Plan
 ) -> None:
-    plan = planner.solve(problem)
     least = np.min(distances(plan))
     assert least >= 0.03
     assert plan.certificate is not None
@@ -65,6 +69,15 @@ def test_the_plan_keeps_clear_at_all_times_and_that_is_proven(
     system: Any = problem.system
     np.testing.assert_allclose(system.arm_points(plan.q(40.0)[1:])[-1], [0.0, -0.04], atol=1e-6)
     assert np.sign(plan.q(40.0)[3]) != np.sign(crossing.q(40.0)[3])  # it folds the other way
+
+
+def test_links_that_touch_on_the_machine_are_told(plan: planner.Plan) -> None:
+    machine = planner.Machine.prototype(step_s=0.01, initial_angle_error_deg=20.0)
+    run = planner.replay(plan, machine, samples=20, seed=1)
+    broken = [each for each in run.limits if each.broken and "from link" in each.part.label]
+    assert broken
+    assert all(each.worst < 0 for each in broken)
+    assert "limits.self_clearance_m = " in run.limit_words
 
 
 def test_goals_that_would_cross_are_not_expected(problem: planner.Problem) -> None:

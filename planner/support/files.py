@@ -30,14 +30,14 @@ written_paths: list[Path] = []
 
 
 def write_text(path: str | Path, text: str) -> Path:
-    """Write a text file whole or not at all (temporary file, then rename).
+    """Write a text file whole or not at all (temporary file, then rename); its folder is made.
 
     Halves of surrogate pairs (bytes of a file's name that are not UTF-8) are written as \\udc80,
     which is their escape in JSON. A link is followed; a device or pipe (/dev/stdout) is written to
     as it is.
 
     Raises:
-        InputError: If the folder does not exist or cannot be written, or the disk is full.
+        InputError: If the folder cannot be made or written, or the disk is full.
     """
     return write_bytes(path, text.encode("utf-8", "backslashreplace"))
 
@@ -51,6 +51,7 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
             target.write_bytes(content)
             return target
         with hold_signals() as disturbed:
+            target.parent.mkdir(parents=True, exist_ok=True)
             handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=_STAGING)
             try:
                 with os.fdopen(handle, "wb") as stream:
@@ -70,18 +71,24 @@ def refuse_unwritable(path: str | Path) -> None:
     """Refuse a file that `write_text` could not write, before the work that fills it.
 
     Raises:
-        InputError: If the path is a folder, or its folder is missing, a file, or read-only.
+        InputError: If the path is a folder, or its folder is a file, read-only, or cannot be made.
     """
     target = _possible_path(path)
-    parent = target.resolve().parent
     if target.is_dir():
         raise InputError(f"cannot write {target}: it is a folder; name a file in it")
-    if not parent.exists():
-        raise InputError(f"cannot write {target}: there is no folder {parent}; make it first")
-    if not parent.is_dir():
-        raise InputError(f"cannot write {target}: {parent} is a file, not a folder")
-    if not os.access(target if target.exists() else parent, os.W_OK):
+    if not target.exists():
+        _refuse_ground(target)
+    elif not os.access(target, os.W_OK):
         raise InputError(f"cannot write {target}: no permission to write there")
+
+
+def _refuse_ground(target: Path) -> None:
+    """Refuse a path where nothing can be made: the part of it that exists is a file, or closed."""
+    ground = next(p for p in target.resolve().parents if p.exists())
+    if not ground.is_dir():
+        raise InputError(f"cannot write {target}: {ground} is a file, not a folder")
+    if not os.access(ground, os.W_OK):
+        raise InputError(f"cannot write {target}: no permission to write in {ground}")
 
 
 def expect_path(path: object) -> Path:
@@ -129,11 +136,7 @@ def refuse_unwritable_folder(path: str | Path) -> None:
             )
     elif target.exists():
         raise InputError(f"{target} is a file; name a folder")
-    ground = next(p for p in target.resolve().parents if p.exists())
-    if not ground.is_dir():
-        raise InputError(f"cannot write {target}: {ground} is a file, not a folder")
-    if not os.access(ground, os.W_OK):
-        raise InputError(f"cannot write {target}: no permission to write in {ground}")
+    _refuse_ground(target)
 
 
 def make_folder(path: str | Path) -> Path:

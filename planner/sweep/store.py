@@ -82,6 +82,8 @@ class Database:
         if new and not create:
             raise InputError(f"cannot read {path}: no such file; `planner sweep` makes it")
         with self.explain_errors():
+            if create:
+                self.path.parent.mkdir(parents=True, exist_ok=True)
             self.db = sqlite3.connect(self.path, timeout=LOCK_WAIT_S, isolation_level=None)
             file = os.stat(self.path)
             self._file = (file.st_dev, file.st_ino)

@@ -42,7 +42,7 @@ def keys(model: Any) -> set[str]:
 
 @pytest.mark.parametrize("kind", FILES)
 def test_a_new_file_solves_and_names_every_key(kind: str, run: Callable, tmp_path: Path) -> None:
-    path = tmp_path / "mine.toml"
+    path = tmp_path / "new folder" / "mine.toml"
     result = run("new", path, "--system", kind, "--full")
     assert result.status == 0
     assert result.out == ""

@@ -66,13 +66,18 @@ def test_a_full_disk_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Mon
 def test_places_no_file_can_be_written(check: Any, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     before = listing(tmp_path)
-    with pytest.raises(InputError, match=r"there is no folder .*missing; make it first"):
-        check(tmp_path / "missing/a.json")
     with pytest.raises(InputError, match=r"file is a file, not a folder"):
         check(tmp_path / "file/a.json")
     with pytest.raises(InputError, match=r"it is a folder; name a file in it"):
         check(tmp_path)
     assert listing(tmp_path) == before
+
+
+def test_a_file_brings_its_folder(tmp_path: Path) -> None:
+    target = tmp_path / "new/run/a.json"
+    refuse_unwritable(target)
+    assert listing(tmp_path) == set()
+    assert write_text(target, "x").read_text(encoding="utf-8") == "x"
 
 
 def test_folder_appears_only_when_complete(tmp_path: Path) -> None:

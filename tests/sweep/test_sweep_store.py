@@ -61,8 +61,10 @@ def test_what_is_no_database_is_refused_and_left_alone(tables: Tables, tmp_path:
     assert text.read_text().startswith("this is not")
     with pytest.raises(planner.InputError, match="it is a folder"):
         planner.run_sweep(tables, tmp_path, workers=0)
-    with pytest.raises(planner.InputError, match="there is no folder"):
-        planner.run_sweep(tables, tmp_path / "none" / "x.sqlite", workers=0)
+    with pytest.raises(planner.InputError, match="is a file, not a folder"):
+        planner.run_sweep(tables, text / "x.sqlite", workers=0)
+    planner.run_sweep(tables, tmp_path / "new" / "x.sqlite", workers=0)
+    assert (tmp_path / "new" / "x.sqlite").is_file()
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")

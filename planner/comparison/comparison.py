@@ -345,7 +345,7 @@ def _kind(comparison: Comparison) -> str:
     """The machines' preset, and how an arm with shafts stood before the start."""
     if not compensable(comparison.problem.system):
         return comparison.machine.preset
-    return f"{comparison.machine.preset}, {', '.join(comparison.machine.start_state)} at the start"
+    return f"{comparison.machine.preset}, {comparison.machine.start_words}"
 
 
 def _caption(comparison: Comparison, *, terminal: bool = False) -> str:

@@ -181,6 +181,11 @@ class Machine:
 
     # -- looking -------------------------------------------------------------------------------
 
+    @property
+    def start_words(self) -> str:
+        """How the arm stood before the start, in words."""
+        return f"{', '.join(self.start_state)} at the start"
+
     def to_dict(self) -> dict[str, Any]:
         """The complete `[machine]` table with every effect, independent of later changes of
         presets."""

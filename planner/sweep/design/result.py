@@ -167,7 +167,7 @@ class DesignStudy:
     @property
     def _caption(self) -> str:
         replay = self.asked.table.replay
-        before = ", ".join(Machine.from_table(self.asked.base.machine).start_state)
+        before = Machine.from_table(self.asked.base.machine).start_words
         return (
             f"{self.tasks} tasks; figures are of the plans by {self.asked.methods[0]}: effort,"
             " chart margin, errors and spread in the median over the tasks, peaks and contacts the"
@@ -175,7 +175,7 @@ class DesignStudy:
             " 1, on 99 % of the machines; motor power: that times the largest speed. E:"
             " largest joint error at any time, in the median; error at the end: of 95 % of them"
             "; spread: largest standard deviation of a joint at the end"
-            f" ({replay.samples} machines, {before} at the start, seed {replay.seed}). Least link:"
+            f" ({replay.samples} machines, {before}, seed {replay.seed}). Least link:"
             " the length that the parts need to clear each other. Front: no other design beats it"
             f" in {' and '.join(figure.title for figure in self.front_by)}.{self._price}"
         )

@@ -16,9 +16,9 @@ from rich.table import Table
 
 from planner.cli.arguments import (
     Changes,
-    PlannedMethods,
     PlanOrProblemPath,
     Seed,
+    complete_methods,
     is_plan,
     method_option,
     out_option,
@@ -60,7 +60,15 @@ def sensitivity(
     method: Annotated[
         str, method_option("Method that makes the plan, if a problem is given.")
     ] = "collocation",
-    methods: PlannedMethods = None,
+    methods: Annotated[
+        str | None,
+        typer.Option(
+            "--methods",
+            metavar="A,B,C",
+            autocompletion=complete_methods,
+            help="Methods, each with options if needed (polynomial:travel=middle); or all.",
+        ),
+    ] = None,
     machine: Annotated[
         bool, typer.Option(help="Also show the parameters of the emulated machine.")
     ] = True,

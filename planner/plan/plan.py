@@ -318,6 +318,8 @@ def expect_plan(value: object) -> None:
         InputError: If it is none; the message says how to get one.
     """
     how = "planner.solve(problem, method) makes one and planner.load_plan(path) reads one"
+    if callable(getattr(value, "plan", None)):  # a recorded run
+        how = f"its plan(problem) is one, as in planner.replay(log.plan(problem)); {how}"
     expect(Plan, value, how)
 
 

@@ -14,6 +14,12 @@ PROBLEMS = Path(__file__).parents[2] / "problems"
 PAPER = PROBLEMS / "paper.toml"
 
 
+def test_its_help_offers_only_what_it_takes(run: Callable[..., Any]) -> None:
+    assert "polynomial:travel=middle" in run("sensitivity", "--help").words
+    assert "compensated" not in run("sensitivity", "--help").words
+    assert "word compensated" in run("compare", "--help").words
+
+
 def test_table_and_sums(run: Callable[..., Any]) -> None:
     result = run("sensitivity", PAPER, "--no-machine")
     assert result.status == 0

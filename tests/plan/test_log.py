@@ -168,6 +168,11 @@ def test_a_part_begins_at_zero() -> None:
         LOG.part(0.8)
 
 
+def test_a_log_in_place_of_a_plan_is_told_how_to_become_one() -> None:
+    with pytest.raises(InputError, match=r"not a Plan; .* planner.replay\(log\.plan\(problem"):
+        replay(LOG)  # type: ignore[arg-type]
+
+
 def test_commands_of_a_log_move_the_machine_as_the_plan_did(paper: Problem) -> None:
     machine = Machine.prototype(encoder_resolution_deg=False).nominal()
     paper_plan = solve(paper, "collocation")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import weakref
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from planner.methods.collocation import task as module
 from planner.methods.collocation.method import plan_collocation
 from planner.methods.collocation.solvers import (
     SHORT_CHAIN,
+    SOLVERS,
     STRATEGIES,
     Settings,
     SolverAnswer,
@@ -25,7 +26,7 @@ from planner.methods.collocation.transcription.form import Form
 from planner.methods.collocation.transcription.transcription import transcription
 from planner.problem.problem import Problem
 from planner.problem.requirements.places import Obstacle
-from planner.problem.tables.method_options import CollocationOptions
+from planner.problem.tables.method_options import CollocationOptions, SolverName
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 
@@ -157,3 +158,8 @@ def test_bounds_hold_exactly(paper: Problem) -> None:
     plan = plan_collocation(limited, CollocationOptions(solver="fatrop"))
     assert np.max(np.abs(plan.u(plan.t)[:, 1])) <= 0.12
     assert np.max(np.abs(plan.u(plan.t)[:, 1])) > 0.12 * (1 - 1e-6)
+
+
+def test_what_users_may_name_is_what_there_is() -> None:
+    assert set(get_args(SolverName)) == set(SOLVERS)
+    assert {name for row in STRATEGIES.values() for name in row.order} == set(SOLVERS)

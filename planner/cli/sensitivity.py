@@ -298,7 +298,7 @@ def run_trade_off(
         curve.figure().savefig(drawing, format="png", dpi=110)
         write_bytes(out / PICTURE_FILE, drawing.getvalue())
         write_text(out / TABLE_FILE, csv_table(_columns(curve), curve.points))
-    table = terminal_table(_columns(curve), curve.points)
+    table = terminal_table(_columns(curve), curve.points, ruled=True)
     title = f"{problem.name}: least sensitivity against {kind}"
     return finish({**curve.to_dict(), "written": out}, title, "", table, "", _knee(curve))
 
@@ -309,13 +309,22 @@ def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
     return [
         Column("", "", lambda p: "knee" if p is curve.knee else "", key="knee", left=True),
         Column("effort", "", lambda p: p.effort, number),
-        Column("duration", "", lambda p: p.duration_s, number),
+        Column("time", "s", lambda p: p.duration_s, number, key="duration"),
         *(Column(f"|{u.name}|", "", partial(_peak, i), number) for i, u in inputs),
         Column("total", "deg", lambda p: p.total_deg, number),
         Column("passive", "deg", lambda p: p.passive_deg, number),
         Column("irreducible", "deg", lambda p: p.floor_deg, None),
-        Column("reversals", "", lambda p: p.reversals),
-        *(Column(f"{name} 95 %", "deg", partial(_end_error, kind), number) for name, kind in ends),
+        Column("turns", "", lambda p: p.reversals, key="reversals"),
+        *(
+            Column(
+                f"{name.split()[0]} 95 %",
+                "deg",
+                partial(_end_error, kind),
+                number,
+                f"{kind}_95_deg",
+            )
+            for name, kind in ends
+        ),
         *(
             Column(f"{name} {what}", "deg", partial(_end_error, kind, key=key), None)
             for name, kind in ends[1:]

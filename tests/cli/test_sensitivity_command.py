@@ -114,5 +114,9 @@ def test_trade_off(run: Callable[..., Any], tmp_path: Path) -> None:
     assert len(rows) == len(first.json["points"])
     assert {"machine_95_deg", "compensated_95_deg", "irreducible_deg"} <= set(head.split(","))
     assert sum(row.startswith("knee,") for row in rows) == 1
+    assert {"duration", "reversals", "errors_alone_95_deg"} <= set(head.split(","))
     again = run(*words, "--out", tmp_path / "curve")
-    assert (again.status, "knee" in again.out) == (0, True)
+    assert (again.status, "knee " in again.out) == (0, True)
+    table = again.out.split("\n\n")[1]
+    assert "…" not in table  # heads and numbers are whole
+    assert max(map(len, table.splitlines())) <= 80

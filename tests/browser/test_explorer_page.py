@@ -294,7 +294,6 @@ def test_no_verdict_stands_beside_other_settings_and_stop_works(show: Any, tmp_p
     assert page.locator(".px-words").text_content() == ""
     assert page.locator(".px-facts").text_content() == ""
     page.wait_for_function("getComputedStyle(document.querySelector('.px-grid')).opacity < 0.5")
-    busy(page, 2)
     picture(page, "planning", tmp_path)
     began = time.monotonic()
     page.locator("[data-button=stop]").click()

@@ -188,6 +188,7 @@ def test_the_explorer_follows_sliders_pointer_and_buttons(show: Any, tmp_path: P
     print(f"slider to picture: {polynomial:.0f} ms polynomial, {collocation:.0f} ms collocation")
 
 
+@pytest.mark.campaign  # CI runs it too: a kernel and a page of its own take seven seconds
 def test_where_a_compensated_plan_waits_is_shaded_on_light_and_on_dark(
     loaded: Any, tmp_path: Path
 ) -> None:
@@ -315,6 +316,7 @@ def test_new_settings_end_a_search_that_is_under_way(show: Any) -> None:
     assert time.monotonic() - began < 8
 
 
+@pytest.mark.campaign
 def test_reset_ends_a_search_that_is_under_way(show: Any) -> None:
     page = show("slow")
     slide(page, "goal.duration", 500)

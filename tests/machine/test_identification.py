@@ -131,6 +131,7 @@ def test_doubts_are_told(paper: Problem, motion: Plan, plan: Plan) -> None:
     assert any("does what the model lacks (inertia" in text for text in heavy.warnings)
 
 
+@pytest.mark.campaign
 def test_an_arm_of_four_joints_is_found(tmp_path: Path) -> None:
     problem = load_problem(Path(__file__).parents[2] / "problems/four-joint.toml")
     arm = PRESET.with_(backlash_deg=[2.0, 3.1, 3.6], shaft_stiffness_nm_per_rad=[3.0, 3.3, 3.6])

@@ -94,7 +94,7 @@ def test_the_gear_of_a_new_file_is_that_of_its_ratios(new: New) -> None:
     arm = planner.Problem.from_dict(tomllib.loads(geared)).system
     assert isinstance(arm, planner.Manipulator)
     assert isinstance(given, planner.Manipulator)
-    assert arm.K == pytest.approx(given.K, rel=1e-4)
+    np.testing.assert_allclose(arm.K, given.K, rtol=1e-4)
     assert f"k_g = {arm.k_g:.4f}, as disks do" in text
     assert arm.k_g**2 == pytest.approx(given.k_g, rel=1e-3)  # the misprint
 

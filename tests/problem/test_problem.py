@@ -97,8 +97,8 @@ def test_stages_that_differ_are_lists_of_the_gear() -> None:
     np.testing.assert_allclose(arm.k_g * arm.K, rates, rtol=1e-14)
     assert arm.k_g == pytest.approx(disk, rel=1e-14)
     assert arm.gear is None
-    with pytest.raises(planner.InputError, match="gear.r1 has 2 values; joints = 4 needs 3"):
+    with pytest.raises(planner.InputError, match=r"gear\.r1 has 2 values; joints = 4 needs 3"):
         planner.Problem.manipulator([1] * 4, [20] * 4, gear=gear | {"r1": [30.0, 25.0]})
+    changes = {"system.k_g_rule": "printed"}
     with pytest.raises(planner.InputError, match="stages that are alike"):
-        changes = {"system.k_g_rule": "printed"}
         planner.Problem.manipulator([1] * 4, [20] * 4, gear=gear, changes=changes)

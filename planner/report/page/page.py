@@ -236,7 +236,7 @@ def _worst(rows: Sequence[Mapping[str, Any]]) -> str:
     lines = html.escape("\n\n".join(known))
     return (
         "<details><summary>The worst machine of each plan, alone</summary>"
-        f'<pre tabindex="0">{lines}</pre></details>'
+        f'<pre class="wrapped" tabindex="0">{lines}</pre></details>'
     )
 
 

@@ -79,7 +79,9 @@ def task_facts(comparison: Comparison) -> list[tuple[str, str]]:
         clearance = problem.self_collision.clearance
         out.append(("Distance of links from each other", f"at least {clearance:g} m"))
     out += [_limit_fact(part) for each in problem.further for part in each.parts]
-    machines = f"{comparison.samples} drawn from “{comparison.machine.preset}”"
+    machine = comparison.machine
+    name = machine.source or machine.preset
+    machines = f"{comparison.samples} drawn from “{name}”"
     return [*out, ("Machines", machines), ("Seed", str(comparison.seed))]
 
 

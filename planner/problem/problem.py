@@ -484,7 +484,7 @@ def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> 
 
     Args:
         path: A TOML file; `planner schema` prints its keys.
-        changes: Dotted keys and values that replace those of the file.
+        changes: Dotted keys and values that replace those of the file; None removes a key.
 
     Raises:
         InputError: If the file is missing, not TOML, or has an invalid key or value.

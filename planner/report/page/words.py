@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -52,6 +53,8 @@ def verdict_html(comparison: Comparison) -> str:
         name = html.escape(take.label)
         text = text.replace(name, f"<b>{name}</b>", 1)
         text += f" {solved} of {len(rows)} plans reach the goal and keep every limit."
+    if re.search(r"\bE \d", text):
+        text += " E is the largest error of any joint on the machine at any time."
     return text
 
 

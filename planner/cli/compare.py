@@ -8,6 +8,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -119,6 +120,7 @@ def compare(
       planner compare problems/paper.toml --methods collocation:intervals=20
     """
     task = read_problem(problem, changes, machine)
+    source = "" if machine is None else str(machine)
     _refuse_early(out, budget, report)
     result: Comparison | None = None
     try:
@@ -126,6 +128,7 @@ def compare(
             result = run(
                 task,
                 methods,
+                machine=replace(Machine.from_table(task.machine), source=source),
                 samples=sample or samples,
                 seed=seed,
                 feedback=feedback,
@@ -191,6 +194,8 @@ def _say_results(
     elif written is not None:
         look = f"open {written}/report.html" if report else f"pictures in {written}/figures"
         note(f"written to {written}; {look}")
+        if not report:
+            note(f"a page with the motion and all figures: planner report {written}")
     if complete and not any(row.solved for row in result.rows):
         command = shlex.join(["planner", "check", result.problem.source, *_sets(changes)])
         tried = any("(tried)" in advice for advice in result.advice.values())

@@ -15,7 +15,7 @@ from planner.comparison.headline import headline, recommended
 from planner.comparison.rows import FEEDBACK_NOTE, Row, columns, intervals, verdict
 from planner.errors import InputError
 from planner.machine.feedforward.legs import compensable
-from planner.machine.machine import Machine
+from planner.machine.machine import Machine, load_machine
 from planner.machine.replay import Replay
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem, load_problem
@@ -148,6 +148,7 @@ class Comparison:
             ],
             "problem": self.problem.to_dict(),
             "machine": self.machine.to_dict(),
+            "machine_file": self.machine.source,
             "versions": versions(),
         }
         return dict(jsonable(data))
@@ -227,7 +228,7 @@ def _facts(d: Difference) -> dict[str, Any]:
 def command(comparison: Comparison, out: str | None = None, *, report: bool = False) -> str | None:
     """The command line that repeats a comparison.
 
-    Whatever the problem or the machine changes against the problem's file becomes a `--set`.
+    Whatever the problem or the machine changes against their files becomes a `--set`.
 
     Args:
         comparison: What to repeat.
@@ -253,6 +254,8 @@ def command(comparison: Comparison, out: str | None = None, *, report: bool = Fa
     if comparison.chosen is None:
         words += ["--samples", str(comparison.samples)]
     words += ["--seed", str(comparison.seed)]
+    if file := comparison.machine.source:
+        words += ["--machine", file]
     for key, value in settings.items():
         words += ["--set", f"{key}={toml(value)}"]
     if out is not None:
@@ -271,7 +274,8 @@ def worst_command(comparison: Comparison, row: Row) -> str | None:
 def _settings(comparison: Comparison) -> dict[str, Any] | None:
     problem, machine = comparison.problem, comparison.machine
     try:
-        filed = load_problem(problem.source)
+        given = machine.source and {"machine": load_machine(machine.source).to_dict()}
+        filed = load_problem(problem.source, given or None)
     except InputError:
         return None
     settings = _changes(filed.to_dict(), problem.to_dict())
@@ -342,10 +346,10 @@ def comparison_csv(comparison: Comparison) -> str:
 
 
 def _kind(comparison: Comparison) -> str:
-    """The machines' preset, and how an arm with shafts stood before the start."""
+    """Where the machines come from, and how an arm with shafts stood before the start."""
     if not compensable(comparison.problem.system):
-        return comparison.machine.preset
-    return f"{comparison.machine.preset}, {comparison.machine.start_words}"
+        return comparison.machine.origin
+    return f"{comparison.machine.origin}, {comparison.machine.start_words}"
 
 
 def _caption(comparison: Comparison, *, terminal: bool = False) -> str:

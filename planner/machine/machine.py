@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
@@ -76,6 +76,7 @@ class Machine:
         fidelity: "quasi-static", or "dynamic" with inertia and torque. Only manipulators differ;
             other systems have no mechanism between motor and motion.
         start_state: How the arm stood before the start: one word, or one for each joint.
+        source: The file it was read from, for words and commands; no motion depends on it.
     """
 
     preset: str
@@ -83,6 +84,7 @@ class Machine:
     effects: Mapping[str, Quantity]
     fidelity: str = "quasi-static"
     start_state: tuple[str, ...] = ("unwound",)
+    source: str = ""
 
     @classmethod
     def prototype(cls, **changes: Any) -> Machine:
@@ -182,6 +184,11 @@ class Machine:
     # -- looking -------------------------------------------------------------------------------
 
     @property
+    def origin(self) -> str:
+        """Where it comes from, in words: its file, or its preset."""
+        return f"from {self.source}" if self.source else self.preset
+
+    @property
     def start_words(self) -> str:
         """How the arm stood before the start, in words."""
         return f"{', '.join(self.start_state)} at the start"
@@ -267,7 +274,7 @@ def load_machine(path: str | Path) -> Machine:
     if not isinstance(table, dict):
         raise InputError(f"{path} has no table [machine]")
     try:
-        return Machine.from_table(table)
+        return replace(Machine.from_table(table), source=str(path))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

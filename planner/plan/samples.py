@@ -120,7 +120,7 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
     first, second = system.inputs
     return Samples(
         coordinates=tuple(_column_name(c) for c in system.user_coordinates),
-        inputs=(_column_name(first), _column_name(second)),
+        inputs=commands(plan),
         axes=(f"motor1_{_travel_unit(first)}", f"motor2_{_travel_unit(second)}"),
         t=t,
         q=plan.user(t),
@@ -129,6 +129,12 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
         z=plan.z(t),
         v=_ended(plan.v(t)),
     )
+
+
+def commands(plan: Plan) -> tuple[str, str]:
+    """Names of the columns that the motors are sent, such as u1_rad_s."""
+    first, second = plan.problem.system.inputs
+    return _column_name(first), _column_name(second)
 
 
 def _ended(inputs: Array) -> Array:

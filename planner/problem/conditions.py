@@ -22,7 +22,7 @@ from planner.systems.triangular_system import TriangularSystem
 
 
 def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """`data` itself, a problem file's tables, with dotted keys set in it.
+    """`data` itself, a problem file's tables, with dotted keys set in it; None removes a key.
 
     Raises:
         InputError: If a key leads through what is not a table.
@@ -37,7 +37,10 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
             table = table.setdefault(parent, {})
             if not isinstance(table, dict):
                 raise InputError(f"cannot set '{dotted}': '{parent}' is not a table")
-        table[key] = value
+        if value is None:
+            table.pop(key, None)
+        else:
+            table[key] = value
     return data
 
 

@@ -183,7 +183,7 @@ class Problem:
         duration_max: float | None = None,
         K: ArrayLike | None = None,
         k_g: float | None = None,
-        gear: Gear | Mapping[str, float] | None = None,
+        gear: Gear | Mapping[str, float | Sequence[float]] | None = None,
         link_lengths: ArrayLike | None = None,
         input_rad_s: ArrayLike | None = None,
         input_rate_rad_s2: ArrayLike | None = None,
@@ -209,7 +209,7 @@ class Problem:
             duration_max: Most seconds for all that is run, with what compensation adds.
             K: K₂ … Kₙ; needs k_g too.
             k_g: Drive constant.
-            gear: Geometry of the gears, instead of K.
+            gear: Geometry of the gears, instead of K; lists where stages differ.
             link_lengths: Lengths of the links in metres, for tip, drawing and obstacles; 1 each
                 when left out, but for a goal of the tip.
             input_rad_s: Largest |u₁|, |u₂|, rad/s: one number for both, or two.
@@ -484,7 +484,7 @@ def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> 
 
     Args:
         path: A TOML file; `planner schema` prints its keys.
-        changes: Dotted keys and values that replace those of the file.
+        changes: Dotted keys and values that replace those of the file; None removes a key.
 
     Raises:
         InputError: If the file is missing, not TOML, or has an invalid key or value.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,9 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
         return Comparison(
             problem=problem,
             rows=tuple(rows),
-            machine=Machine.from_table(data["machine"]),
+            machine=replace(
+                Machine.from_table(data["machine"]), source=line(data.get("machine_file") or "")
+            ),
             samples=data["samples"],
             seed=data["seed"],
             complete=data["complete"],

@@ -23,14 +23,16 @@ from planner.systems.triangular_system import (
 
 @dataclass(frozen=True)
 class Gear:
-    """Gear geometry of the friction-disk chain (paper, text under eq. 6).
+    """Gear geometry of a stage of the friction-disk chain (paper, text under eq. 6).
 
     Attributes:
-        r1: Radius of disk B, any length unit.
-        R: Distance from the axle of disk A to the contact that drives it, same unit.
-        r3: Distance from the axle of disk A to the contact that drives the joint, same unit.
-        lam: Ratio α̇ᵢ/φ̇ᵢ₊₁ (bevel and spur gears).
-        eta: Ratio β̇ᵢ/θ̇ᵢ₊₁ (timing belt).
+        r1: Radius of wheel B, any length unit.
+        R: Distance from the axle of disk A to its contacts P₁ and P₂, same unit.
+        r3: Distance from the axle of disk A' to its contact P₃, same unit.
+        lam: Speed of disk A over that of the next wheel B, α̇ᵢ/φ̇ᵢ₊₁: the teeth of the driven
+            gear over those of the driving one.
+        eta: Speed of disk A' over that of the joint, β̇ᵢ/θ̇ᵢ₊₁: the diameter of the joint's
+            pulley, which is driven, over that of the pulley of A'.
     """
 
     r1: float
@@ -45,7 +47,7 @@ class Gear:
         return self.r1 / (self.lam * self.R)
 
     def k(self, i: int) -> float:
-        """Gear constant kᵢ = (λR/(ηr₃)) ρ^{i−1} of joint i (2 … n)."""
+        """Gear constant kᵢ = (λR/(ηr₃)) ρ^{i−1} of joint i (2 … n), all stages alike."""
         return self.lam * self.R / (self.eta * self.r3) * self.rho ** (i - 1)
 
 
@@ -86,7 +88,7 @@ class Manipulator(TriangularSystem):
         self.K = positive("K", K)
         self.k_g = float(positive("k_g", [k_g])[0])
         self.k_g_rule = k_g_rule
-        self.gear: Gear | None = None  # known to `from_gear`; no rate depends on it
+        self.gear: Gear | None = None  # of `from_gear` if stages are alike; no rate depends on it
         self.n = len(self.K) + 1
         self.link_lengths = lengths_of_links(self.n, link_lengths)
 
@@ -94,7 +96,7 @@ class Manipulator(TriangularSystem):
     def from_gear(
         cls,
         n: int,
-        gear: Gear,
+        gear: Gear | Sequence[Gear],
         *,
         k_g: float | None = None,
         rule: str = "chain",
@@ -104,29 +106,43 @@ class Manipulator(TriangularSystem):
 
         Args:
             n: Number of joints.
-            gear: Radii and ratios.
+            gear: Radii and ratios, of all stages or of each of the n − 1.
             k_g: Turns of the last disk per turn of motor 1; by `rule` when left out.
-            rule: "chain" takes k_g = ρ^{n−2}, which n − 2 stages between φ₁ and φₙ₋₁ give.
+            rule: "chain" takes k_g = ρ₁ … ρₙ₋₂, which n − 2 stages between φ₁ and φₙ₋₁ give.
                 "printed" takes ρ² as the paper has it, a misprint: at n = 2 there is no stage
                 between, and eq. (6) itself says φ̇₁ = u₁, so k_g = 1.
             link_lengths: As in the constructor.
 
         Raises:
-            InputError: If n < 2, a length is not positive or the rule is unknown.
+            InputError: If n < 2, a length is not positive, there are not n − 1 stages, or the rule
+                is unknown, or is "printed" though stages differ.
         """
-        positive("gear", [gear.r1, gear.R, gear.r3, gear.lam, gear.eta])
         if n < 2:
             raise InputError(f"a manipulator has at least 2 joints, not {n}")
+        stages = [gear] * (n - 1) if isinstance(gear, Gear) else list(gear)
+        if len(stages) != n - 1:
+            raise InputError(f"{n} joints have {n - 1} stages of gears, not {len(stages)}")
+        for each in stages:
+            positive("gear", [each.r1, each.R, each.r3, each.lam, each.eta])
+        first, alike = stages[0], all(each == stages[0] for each in stages)
+
+        def turned(i: int) -> float:
+            """Turns of wheel B of stage i + 1 per turn of motor 1."""
+            return first.rho**i if alike else prod(each.rho for each in stages[:i])
+
+        product = "rho^(n-2)" if alike else "rho_1 ... rho_(n-2)"
         rules = {
-            "chain": (gear.rho ** (n - 2), "chain: rho^(n-2)"),
-            "printed": (gear.rho**2, "printed: rho^2, a misprint"),
+            "chain": (turned(n - 2), f"chain: {product}"),
+            "printed": (first.rho**2, "printed: rho^2, a misprint"),
         }
         if rule not in rules:
             raise InputError(f"k_g_rule = {rule!r} is unknown; use 'chain' or 'printed'")
+        if rule == "printed" and not alike:
+            raise InputError("k_g_rule = 'printed' is rho^2 of stages that are alike; these differ")
         value, said = (k_g, "given") if k_g is not None else rules[rule]
-        K = [gear.k(i) / value for i in range(2, n + 1)]
+        K = [each.k(1) * turned(i) / value for i, each in enumerate(stages, 1)]
         manipulator = cls(K, value, link_lengths, said)
-        manipulator.gear = gear
+        manipulator.gear = first if alike else None
         return manipulator
 
     def shorter(self) -> Manipulator:

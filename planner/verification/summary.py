@@ -217,11 +217,11 @@ def refusal_summary(error: NoPlanError, method: str) -> dict[str, Any]:
 
 
 def direction(plan: Plan) -> str:
-    """How the path coordinate moves: "one way", "two legs" (turns once), "turns 3 times"."""
+    """How the path coordinate moves: "one way", "reverses once", "reverses 3 times"."""
     v1 = plan.v(sample_times(plan.t))[:, 0]
     moving = v1[np.abs(v1) > 1e-6 * np.nanmax(np.abs(v1), initial=0.0)]
     turns = int(np.sum(np.sign(moving[1:]) != np.sign(moving[:-1])))
-    return ("one way", "turns once")[turns] if turns < 2 else f"turns {turns} times"
+    return ("one way", "reverses once")[turns] if turns < 2 else f"reverses {turns} times"
 
 
 def _violation(violation: Violation) -> dict[str, Any]:

@@ -45,6 +45,10 @@ def test_the_way_from_a_motion_to_a_machine(run: Callable, tmp_path: Path) -> No
     seen = run("log", tmp_path / "2.csv", *words, "--out", tmp_path / "b.png", "--json").json
     expected = planner.replay(plan, arm).terminal_error_deg[0]
     assert seen["terminal_error_deg"] == pytest.approx(expected, abs=0.15)
+    assert max(seen["largest_from_motion_deg"]) < 0.3  # encoder steps, and what identifying left
+    told = run("log", tmp_path / "2.csv", *words).words
+    assert "from the path that was asked for" in told
+    assert "that which the compensated plan expects" in told
     assert (tmp_path / "b.png").stat().st_size > 10_000
 
 

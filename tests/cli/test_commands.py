@@ -115,7 +115,7 @@ def test_a_singular_path_is_shown_for_study_only(run: Callable, tmp_path: Path) 
 
 def test_the_direction_counts_turns(run: Callable) -> None:
     study = ("--set", "goal.travel=0", "--set", "method.polynomial.allow_singular=true", "--json")
-    assert run(*SOLVED[:4], "--set", "limits={}", *study).json["direction"] == "turns once"
+    assert run(*SOLVED[:4], "--set", "limits={}", *study).json["direction"] == "reverses once"
 
 
 def test_check_for_people_and_as_json(run: Callable) -> None:

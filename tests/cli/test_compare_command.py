@@ -29,7 +29,9 @@ def test_compare_as_json_and_folder(run: Callable, tmp_path: Path) -> None:
     assert [row["label"] for row in data["rows"]] == ["polynomial"]
     assert data["exit_status"] == 0
     assert data["rows"][0]["solved"] is True
-    assert result.err == f"written to {out}; pictures in {out}/figures\n"
+    first, second = result.err.splitlines()
+    assert first == f"written to {out}; pictures in {out}/figures"
+    assert second.endswith(f": planner report {out}")
     assert {"table.md", "comparison.json", "plans"} <= {p.name for p in out.iterdir()}
     assert planner.load_plan(out / "plans/polynomial.json").verified
 
@@ -118,3 +120,21 @@ def test_pairs_and_worst_machines_are_printed(run: Callable) -> None:
     assert "polynomial against the others, machine by machine" in result.out
     assert result.out.count("--sample ") == 2
     assert max(len(line) for line in result.out.splitlines() if "--sample" not in line) <= 80
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_a_machine_of_a_file_is_named_by_it(run: Callable, tmp_path: Path) -> None:
+    file, out = tmp_path / "mine.toml", tmp_path / "run"
+    file.write_text('[machine]\npreset = "prototype"\nbacklash_deg = 0.5\nstep_s = 0.01\n')
+    words = ("compare", PAPER, "--methods", "polynomial:travel=middle", "-n", "3")
+    result = run(*words, "--machine", file, "--set", "machine.creep=0.01", "--out", out)
+    assert f"(from {file}," in " ".join((out / "table.md").read_text().split())
+    (command,) = (line for line in result.out.splitlines() if "--sample" in line)
+    assert f"--machine {file}" in command
+    assert command.count("--set") == 1
+    assert "--set machine.creep=0.01" in command
+    worst = run(*shlex.split(command)[1:], "--json").json
+    assert worst["machine"]["backlash_deg"] == 0.5
+    assert worst["machine"]["creep"] == 0.01
+    loaded = planner.report.load_comparison(out)
+    assert loaded.machine.source == str(file)

@@ -166,6 +166,8 @@ def test_export_command(run: Callable, tmp_path: Path) -> None:
     made = run("export", plan, "--out", written, "--rate", "5", "--json").json
     assert made == {"plan": str(plan), "format": "csv", "written": written, "exit_status": 0}
     assert len(planner.load_samples(written).t) == 51
+    sent = run("export", plan, "--out", written).err
+    assert sent.endswith(f"written to {written}; send the motors u1_rad_s and u2_rad_s\n")
     slow = tmp_path / "slow.json"
     assert run("plan", PAPER, "--out", slow, "-q").status == 0
     asked = ("export", slow, "--format", "c", "--out", tmp_path / "c")

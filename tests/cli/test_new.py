@@ -86,10 +86,17 @@ def test_places_on_the_way_are_valid_too(kind: str, new: New) -> None:
     assert all(f"[{name}]" in text for name in tables)
 
 
-def test_the_gear_of_a_new_file_is_one(new: New) -> None:
-    text = new("manipulator").replace("#gear", "gear").replace("#k_g_rule", "k_g_rule")
-    text = re.sub(r"(?m)^(K|k_g) = .*$", "", text)
-    assert planner.Problem.from_dict(tomllib.loads(text)).system.size == 4
+def test_the_gear_of_a_new_file_is_that_of_its_ratios(new: New) -> None:
+    text = new("manipulator")
+    given = planner.Problem.from_dict(tomllib.loads(text)).system
+    geared = text.replace("#gear", "gear").replace("#k_g_rule", "k_g_rule")
+    geared = re.sub(r"(?m)^(K|k_g) = .*$", "", geared)
+    arm = planner.Problem.from_dict(tomllib.loads(geared)).system
+    assert isinstance(arm, planner.Manipulator)
+    assert isinstance(given, planner.Manipulator)
+    np.testing.assert_allclose(arm.K, given.K, rtol=1e-4)
+    assert f"k_g = {arm.k_g:.4f}, as disks do" in text
+    assert arm.k_g**2 == pytest.approx(given.k_g, rel=1e-3)  # the misprint
 
 
 def test_what_is_there_is_replaced_by_force(run: Callable, tmp_path: Path) -> None:

@@ -80,3 +80,25 @@ def test_the_chains_rule_is_what_the_stages_do_one_by_one() -> None:
     assert arm.rates(q, np.array([1.0, 0.0]))[0] == pytest.approx(speed, rel=1e-14)
     two = planner.Manipulator.from_gear(2, gear)
     assert two.rates(q[:3], np.array([1.0, 0.0]))[0] == 1.0  # phi1' = u1, eq. (6)
+
+
+def test_stages_that_differ_are_lists_of_the_gear() -> None:
+    """A stage hands its disk's speed to the next wheel B, and through the belt to its joint."""
+    r1, R, r3 = [30.0, 25.0, 20.0], [36.0, 30.0, 28.0], [35.0, 30.0, 25.0]
+    lam, eta = 0.9, [2.0, 0.5, 1.2]
+    gear = {"r1": r1, "R": R, "r3": r3, "lambda": lam, "eta": eta}
+    arm = planner.Problem.manipulator([1] * 4, [20] * 4, gear=gear).system
+    assert isinstance(arm, planner.Manipulator)
+    wheel, rates = 1.0, []
+    for j in range(3):
+        rim = r1[j] * wheel
+        rates.append(rim / r3[j] / eta[j])
+        disk, wheel = wheel, rim / R[j] / lam
+    np.testing.assert_allclose(arm.k_g * arm.K, rates, rtol=1e-14)
+    assert arm.k_g == pytest.approx(disk, rel=1e-14)
+    assert arm.gear is None
+    with pytest.raises(planner.InputError, match=r"gear\.r1 has 2 values; joints = 4 needs 3"):
+        planner.Problem.manipulator([1] * 4, [20] * 4, gear=gear | {"r1": [30.0, 25.0]})
+    changes = {"system.k_g_rule": "printed"}
+    with pytest.raises(planner.InputError, match="stages that are alike"):
+        planner.Problem.manipulator([1] * 4, [20] * 4, gear=gear, changes=changes)

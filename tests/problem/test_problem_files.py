@@ -107,3 +107,14 @@ def test_a_u_turn_is_no_contradiction_in_a_file_but_no_chart_covers_it() -> None
     problem = shipped("unicycle").changed({"goal.heading_deg": 180, "goal.x_m": 0.0})
     with pytest.raises(planner.SingularError):
         planner.solve(problem, "polynomial")
+
+
+def test_none_removes_any_key() -> None:
+    file = ROOT / "problems/obstacle.toml"
+    changes = {"obstacles": None, "limits.joint_deg": None, "machine.backlash_deg": None}
+    bare = planner.load_problem(file, changes)
+    assert bare.obstacles == ()
+    assert "obstacles" not in bare.to_dict()
+    assert "joint_deg" not in bare.to_dict()["limits"]
+    with pytest.raises(planner.InputError, match=r"missing key 'start'"):
+        bare.changed({"start": None})

@@ -82,6 +82,7 @@ def test_lengths_are_to_scale() -> None:
     pulleys = picture.radius("pulley of joint 2", 0) / picture.radius("pulley of A'1", 0)
     assert pulleys == pytest.approx(1.4)
     assert "$r_1$ = 30, $R$ = 36, $r_3$ = 25," in picture.words()
+    assert "To scale, with" in picture.words()
     assert "inferred" not in picture.words()
 
 
@@ -163,6 +164,8 @@ def test_the_view_from_above_shows_the_cosine(drawn: tuple[Manipulator, Drawn]) 
 
 def test_what_was_inferred_is_said() -> None:
     words = Drawn(ARMS["the paper's K"]).words()
+    assert "Not to scale, but with the same K and k_g:" in words
+    assert "To scale" not in words
     assert "$r_1$ = 0.8178, $R$ = 1, $r_3$ = 1.405," in words
     assert "inferred from K and k_g with λ = η = 1 and R = 1; φ of the" in words
     assert "0.818 times the angle of the last B" in words

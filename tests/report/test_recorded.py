@@ -32,7 +32,10 @@ def test_a_run_is_drawn_from_its_first_command(paper: Problem) -> None:
     np.testing.assert_allclose(recorded.get_xdata(), late.t - 0.01 * early, atol=1e-9)
     np.testing.assert_allclose(planned.get_ydata()[early + 500], np.rad2deg(plan.q(5.0)[2]))
     np.testing.assert_allclose(predicted.get_ydata(), prediction.theta_deg[:, 1])
-    from_plan, from_prediction = axes[1, 1].lines
+    from_plan, its_mean, from_prediction, _ = axes[1, 1].lines
+    read = from_plan.get_ydata()
+    assert its_mean.get_ydata()[500] == pytest.approx(np.mean(read[485:516]))
+    assert its_mean.get_ydata()[-1] == pytest.approx(np.mean(read[-16:]))
     assert abs(from_plan.get_ydata()[-1]) > 3  # an arm without compensation
     assert np.abs(from_prediction.get_ydata()).max() < 0.3
     assert [text.get_text() for text in figure.legends[0].texts] == [

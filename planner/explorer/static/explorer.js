@@ -270,7 +270,7 @@ function render({ model, el }) {
 
   function showMechanism(reply) {
     drawn = reply.drawn;
-    const image = make("img", { alt: "the arm's mechanism, to scale" });
+    const image = make("img", { alt: "the arm's mechanism" });
     image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(reply.mechanism)}`;
     mechanism.replaceChildren(image);
   }

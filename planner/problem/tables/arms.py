@@ -301,13 +301,40 @@ class BallGearFile(ArmFile):
 
 
 class GearTable(Table):
-    """Gear geometry; lengths share one unit."""
+    """Gear geometry; lengths share one unit. A list has a number for each stage, 1 ... n-1."""
 
-    r1: Positive = Field(description="Radius of disk B.")
-    R: Positive = Field(description="Distance from the axle of disk A to its driving contact.")
-    r3: Positive = Field(description="Distance from the axle of disk A to the joint's contact.")
-    lam: Positive = Field(alias="lambda", description="Bevel and spur gear ratio.")
-    eta: Positive = Field(description="Timing belt ratio.")
+    r1: Positive | list[Positive] = Field(description="Radius of wheel B.")
+    R: Positive | list[Positive] = Field(
+        description="Distance from the axle of disk A to its contacts P1 and P2."
+    )
+    r3: Positive | list[Positive] = Field(
+        description="Distance from the axle of disk A' to its contact P3."
+    )
+    lam: Positive | list[Positive] = Field(
+        alias="lambda",
+        description="Bevel and spur gears: speed of disk A over that of the next wheel B.",
+    )
+    eta: Positive | list[Positive] = Field(
+        description="Belt: speed of disk A' over that of the joint; the diameter of the joint's"
+        " pulley over that of the pulley of A'."
+    )
+
+    def stages(self, count: int) -> list[Gear]:
+        """Stages 1 ... count; a number holds for all.
+
+        Raises:
+            ValueError: If a list has another length.
+        """
+        columns = []
+        for name, field in type(self).model_fields.items():
+            value = getattr(self, name)
+            if isinstance(value, list) and len(value) != count:
+                raise ValueError(
+                    f"gear.{field.alias or name} has {len(value)} values; joints ="
+                    f" {count + 1} needs {count}, one a stage, or one number for all"
+                )
+            columns.append(value if isinstance(value, list) else [value] * count)
+        return [Gear(*row) for row in zip(*columns, strict=True)]
 
 
 class ManipulatorTable(Table):
@@ -326,8 +353,8 @@ class ManipulatorTable(Table):
     )
     k_g_rule: Literal["chain", "printed"] = Field(
         "chain",
-        description="k_g with gear: rho^(n-2), from the chain of disks; or rho^2 as printed in"
-        " the paper, a misprint.",
+        description="k_g with gear: rho^(n-2), from the chain of disks (with stages that differ"
+        " rho_1 ... rho_(n-2)); or rho^2 as printed in the paper, a misprint.",
     )
     link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
 
@@ -338,6 +365,10 @@ class ManipulatorTable(Table):
         _check_lengths(self.joints, self.K, self.link_lengths)
         if self.K is not None and self.k_g is None:
             raise ValueError("K needs k_g too")
+        if self.gear is not None:
+            stages = self.gear.stages(self.joints - 1)
+            if self.k_g_rule == "printed" and len(set(stages)) > 1:
+                raise ValueError('k_g_rule = "printed" is for stages that are alike')
         return self
 
 
@@ -355,10 +386,10 @@ class ManipulatorFile(ArmFile):
         """The system described."""
         table = self.system
         if table.gear is not None:
-            g, rule = table.gear, table.k_g_rule
-            gear, lengths = Gear(g.r1, g.R, g.r3, g.lam, g.eta), table.link_lengths
+            stages = table.gear.stages(table.joints - 1)
+            rule, lengths = table.k_g_rule, table.link_lengths
             return Manipulator.from_gear(
-                table.joints, gear, k_g=table.k_g, rule=rule, link_lengths=lengths
+                table.joints, stages, k_g=table.k_g, rule=rule, link_lengths=lengths
             )
         assert table.K is not None
         assert table.k_g is not None

@@ -1,4 +1,4 @@
-"""The manipulator's mechanism, to scale: motors, friction disks, bevel gears, belts, contacts.
+"""The manipulator's mechanism: motors, friction disks, bevel gears, belts, contacts.
 
 The parts, contacts and radii are those of the paper (section 3.1, Figs 2 and 3). Which link carries
 which part is our reading: the one in which eq. (6) follows contact by contact. Each joint
@@ -49,12 +49,13 @@ BAND_COLOURS = ("#F3F3F3", "#FFFFFF")
 
 
 def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Draw the chain of friction disks, bevel gears and belts of a manipulator to scale.
+    """Draw the chain of friction disks, bevel gears and belts of a manipulator.
 
     The upper part is a side view of all stages with the arm stretched out. The lower part shows the
     first contact from above with joint 1 bent, which explains the factor cosθ. Link lengths are not
-    to scale. An arm given by K and k_g has no geometry; a geometry with the same joint rates and λ
-    = η = R = 1 is inferred, and the figure says so.
+    to scale; radii are where they are known. An arm given by K and k_g has no geometry, and one
+    whose stages differ does not fit the drawing: a geometry with the same joint rates and λ = η = R
+    = 1 is inferred, and the figure says that it is not to scale.
 
     Args:
         system: A `Manipulator`.
@@ -338,7 +339,11 @@ def _write_notes(pen: _Drawing, plan: MechanismLayout) -> None:
         ("blue: motor 2, which turns joint 1", MOTOR_2_COLOUR, "bold"),
         ("red: friction contacts", CONTACT_COLOUR, "bold"),
         ("", INK_COLOUR, "normal"),
-        ("Drawn to scale from", INK_COLOUR, "bold"),
+        (
+            "Not to scale, but with the same K and k_g:" if plan.inferred else "To scale, with",
+            INK_COLOUR,
+            "bold",
+        ),
         (geometry + ("," if plan.inferred else "."), INK_COLOUR, "normal"),
         *((text, INK_COLOUR, "normal") for text in textwrap.wrap(plan.inferred, NOTE_LETTERS)),
         ("$r_2$ cancels out. The link lengths are not to scale.", INK_COLOUR, "normal"),

@@ -16,9 +16,11 @@ from planner.support.arrays import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-RECORDED_STYLE = {"color": COLOURS[0], "linewidth": 1.8}
-PLAN_STYLE = {"color": "black", "linewidth": 1.1, "linestyle": "--"}
+RECORDED_STYLE = {"color": COLOURS[0], "linewidth": 1.0}
+PLAN_STYLE = {"color": "black", "linewidth": 1.1, "linestyle": "--", "zorder": 3}
 PREDICTION_STYLE = {"color": COLOURS[1], "linewidth": 1.2}
+MEAN_S = 0.3
+"""Steps of encoders hide a difference of two runs; its mean over so many seconds shows it."""
 
 
 def plot_run(
@@ -26,7 +28,9 @@ def plot_run(
 ) -> tuple[Figure, Any]:
     """Plot the angles of a recorded run, of its plan and of a machine's prediction over time.
 
-    Below each angle: the reading minus the plan, and minus the prediction.
+    Below each angle: the reading minus the plan, and minus the prediction, pale, with their means
+    over 0.3 s. Of a compensated plan
+    this is the motion that it expects of its machine, not the path it was made for.
 
     Args:
         log: The run; its first command is taken for the plan's (`Log.part` cuts off what was
@@ -48,14 +52,17 @@ def plot_run(
     figure, axes = grid(2, joints, axes, size=(3.4, 2.1), share=("all", "none"))
     t = log.t - start_of(log, plan)
     planned = np.rad2deg(plan.trajectory.q(t)[:, 1:])
+    compensated = plan.compensates is not None
+    name_of_plan = "motion that the compensated plan expects" if compensated else "plan"
     for i in range(joints):
         above, below = axes[0, i], axes[1, i]
         above.plot(t, log.theta_deg[:, i], **RECORDED_STYLE, label="recorded")
-        above.plot(t, planned[:, i], **PLAN_STYLE, label="plan")
-        below.plot(t, log.theta_deg[:, i] - planned[:, i], **PLAN_STYLE)
+        above.plot(t, planned[:, i], **PLAN_STYLE, label=name_of_plan)
+        _differences(below, t, log.theta_deg[:, i] - planned[:, i], PLAN_STYLE)
         if prediction is not None:
             above.plot(t, prediction.theta_deg[:, i], **PREDICTION_STYLE, label="prediction")
-            below.plot(t, (log.theta_deg - prediction.theta_deg)[:, i], **PREDICTION_STYLE)
+            left = log.theta_deg[:, i] - prediction.theta_deg[:, i]
+            _differences(below, t, left, PREDICTION_STYLE)
         name = symbol(f"theta{i + 1}")
         above.set_ylabel(f"{name} (deg)")
         below.set_ylabel(f"recorded minus, {name} (deg)")
@@ -63,6 +70,14 @@ def plot_run(
     heading(figure, f"Recorded run: {log.source}", ours=ours)
     legend(figure, axes, axes[0, 0].get_legend_handles_labels()[0], ours=ours)
     return figure, axes
+
+
+def _differences(ax: Any, t: Array, values: Array, style: dict[str, Any]) -> None:
+    """Draw values at even times t as they are, pale, and their running mean."""
+    window = np.ones(min(len(t), 1 + 2 * round(MEAN_S / 2 * (len(t) - 1) / float(t[-1] - t[0]))))
+    mean = np.convolve(values, window, "same") / np.convolve(np.ones_like(values), window, "same")
+    ax.plot(t, values, color=style["color"], linewidth=0.5, alpha=0.25, zorder=1)
+    ax.plot(t, mean, **style)
 
 
 def start_of(log: Log, plan: Plan) -> float:

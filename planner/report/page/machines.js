@@ -88,23 +88,30 @@ class PointsChart extends Chart {
     this.drawNames();
   }
 
-  /** The plans' names beside their points, where they meet neither points nor each other. */
+  /** The plans' names beside their points, where they meet neither points, bars nor each other. */
   drawNames() {
     const list = this.places.filter((p) => this.shown(p)).sort((a, b) => this.y(a.y) - this.y(b.y));
-    const taken = list.map((p) => around(this.x(p.x), this.y(p.y), 8, 8));
+    const taken = list.map((p) => {
+      const [x, dot] = [this.x(p.x), this.y(p.y)];
+      return { left: x - 8, right: x + 8, top: Math.min(dot - 8, this.y(p.high)), bottom: dot + 8 };
+    });
     for (const point of list) {
       const { label, colour } = this.page.plans[point.plan];
       const text = label + (this.page.plans[point.plan].refused ? " (refused)" : "");
       const name = make("text", { class: `name plan-${colour}`, text }, this.over);
       const wide = name.getComputedTextLength() || 7 * text.length;
       const place = this.placeName(this.x(point.x), this.y(point.y), wide, taken);
+      if (!place) {
+        name.remove(); // the legend tells colours, and the point its name
+        continue;
+      }
       taken.push(place);
       name.setAttribute("x", place.left + 1);
       name.setAttribute("y", place.bottom - 3);
     }
   }
 
-  /** The box of a name: right, left, below or above its point, as near as there is room. */
+  /** The box of a name: right, left, below or above its point and bar, if there is room. */
   placeName(px, py, wide, taken) {
     const half = wide / 2 + 1;
     const middle = Math.max(EDGE.left + half, Math.min(px, this.size.width - half));
@@ -113,7 +120,7 @@ class PointsChart extends Chart {
     const fits = (box) =>
       box.left >= EDGE.left && box.right <= this.size.width && box.top >= 0 && box.bottom <= this.size.bottom;
     const free = (box) => !taken.some((other) => meet(box, other));
-    return [...sides, ...steps].find((box) => fits(box) && free(box)) ?? steps[0];
+    return [...sides, ...steps].find((box) => fits(box) && free(box));
   }
 
   nearest(px, py) {

@@ -112,6 +112,7 @@ class Player {
     this.scrub = section.querySelector("#scrub");
     this.clock = section.querySelector("#clock");
     this.speed = section.querySelector("#speed");
+    section.querySelector("#lead").hidden = begin >= 0;
     this.scrub.min = begin;
     this.scrub.max = end;
     this.scrub.step = (end - begin) / 200;

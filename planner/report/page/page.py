@@ -107,8 +107,9 @@ def _mechanism(comparison: Comparison) -> str:
 _MECHANISM = """<section id="mechanism" aria-labelledby="h-mechanism">
 <h2 id="h-mechanism">Mechanism</h2>
 <figure>
-<figcaption><b>The chain of friction disks, bevel gears and belts, to scale.</b> Motor 1 drives the
-chain; motor 2 turns joint 1. Each contact transmits the cosine of its joint's angle.</figcaption>
+<figcaption><b>The chain of friction disks, bevel gears and belts.</b> Motor 1 drives the
+chain; motor 2 turns joint 1. Each contact transmits the cosine of its joint's angle.
+<span class="note hint">Scroll the picture sideways to see all of it.</span></figcaption>
 <div class="scroll" role="region" aria-labelledby="h-mechanism" tabindex="0">
 <img class="mechanism" alt="Side view of the arm's mechanism, with one contact from above"
 src="data:image/svg+xml;base64,$data">
@@ -236,7 +237,7 @@ def _worst(rows: Sequence[Mapping[str, Any]]) -> str:
     lines = html.escape("\n\n".join(known))
     return (
         "<details><summary>The worst machine of each plan, alone</summary>"
-        f'<pre tabindex="0">{lines}</pre></details>'
+        f'<pre class="wrapped" tabindex="0">{lines}</pre></details>'
     )
 
 

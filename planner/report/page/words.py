@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -52,6 +53,8 @@ def verdict_html(comparison: Comparison) -> str:
         name = html.escape(take.label)
         text = text.replace(name, f"<b>{name}</b>", 1)
         text += f" {solved} of {len(rows)} plans reach the goal and keep every limit."
+    if re.search(r"\bE \d", text):
+        text += " E is the largest error of any joint on the machine at any time."
     return text
 
 
@@ -79,7 +82,9 @@ def task_facts(comparison: Comparison) -> list[tuple[str, str]]:
         clearance = problem.self_collision.clearance
         out.append(("Distance of links from each other", f"at least {clearance:g} m"))
     out += [_limit_fact(part) for each in problem.further for part in each.parts]
-    machines = f"{comparison.samples} drawn from “{comparison.machine.preset}”"
+    machine = comparison.machine
+    name = machine.source or machine.preset
+    machines = f"{comparison.samples} drawn from “{name}”"
     return [*out, ("Machines", machines), ("Seed", str(comparison.seed))]
 
 

@@ -367,8 +367,13 @@ def _present_mechanism(
 ) -> tuple[Gear, Any]:
     """The mechanism as it is: its gear, and its links where they share the gear's unit."""
     if table.gear is not None:
-        g = table.gear
-        return Gear(g.r1, g.R, g.r3, g.lam, g.eta), None
+        try:
+            return table.gear.stages(1)[0], None
+        except ValueError:
+            raise InputError(
+                f"{source}: a mechanism that is designed has stages that are alike: give numbers,"
+                " no lists, in [gear]"
+            ) from None
     (gear, *others), _ = stage_gears(system)
     radii = [g.r3 for g in (gear, *others)]
     if max(radii) > min(radii) * (1 + STAGE_TOLERANCE):

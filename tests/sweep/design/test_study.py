@@ -302,6 +302,12 @@ def test_a_given_force_makes_larger_wheels_transmit_more(quick: Tables) -> None:
     assert [q.spread[0] for q in quantities] == pytest.approx([0.15, 0.3])  # 10 % as before
 
 
+def test_designs_have_stages_that_are_alike(quick: Tables) -> None:
+    gear = {"r1": [0.03, 0.04], "R": 0.04, "r3": 0.03, "lambda": 1.0, "eta": 1.0}
+    with pytest.raises(planner.InputError, match="stages that are alike: give numbers"):
+        asked(quick, gear=gear, grid={"R": [0.05]})
+
+
 def test_the_contact_force_is_a_design_variable(quick: Tables) -> None:
     """A contact pressed harder slips less, and drags more on motor 1 where a joint turns it."""
     gear = {"r1": 0.04, "R": 0.05, "r3": 0.05, "lambda": 1.0, "eta": 1.0}

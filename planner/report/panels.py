@@ -15,8 +15,9 @@ Of kind "time" a series has values `y` at the plan's times or at its own `t`, an
 - `note`: a few words beside the title.
 
 Of kind "plane" a series has a path `x`, `y` at the plan's times, and a panel `across`, the `names`
-of both axes, and perhaps `ends`; `view`, of both axes; `region`: a box, outside of which is shaded;
-`limits`: [axis, value]; `poses`, `discs` and `tips`; and a `key`: kinds of lines, and words.
+of both axes, which share its unit; `ends`; `view`, of both axes; `region`: a box, outside of which
+is shaded, or null; `limits`: [axis, value], or none. It may have `poses`, `discs` and `tips`, and a
+`key`: kinds of lines, and words.
 
 Panels of one `id` can be drawn as one, see `merge`. Angles are in degrees, times in seconds from
 the plan's beginning, numbers that do not exist are not a number.

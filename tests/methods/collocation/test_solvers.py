@@ -45,11 +45,12 @@ PROBLEMS = Path(__file__).parents[3] / "problems"
 def test_solvers_agree(name: str, changes: Any, options: Any) -> None:
     problem = planner.load_problem(PROBLEMS / f"{name}.toml", changes)
     found = {}
-    for solver in ("fatrop", "ipopt"):
-        plan = plan_collocation(problem, CollocationOptions(solver=solver, **options))
+    for solver in SOLVERS:
+        options = {**options, "solver": solver}
+        plan = plan_collocation(problem, CollocationOptions(**options))
         found[solver] = plan.objective
         assert planner.verify(plan).ok
-    assert found["fatrop"] == pytest.approx(found["ipopt"], rel=1e-6)
+    assert list(found.values()) == pytest.approx([found["ipopt"]] * len(found), rel=1e-6)
 
 
 def test_who_is_first(paper: Problem) -> None:
@@ -162,4 +163,4 @@ def test_bounds_hold_exactly(paper: Problem) -> None:
 
 def test_what_users_may_name_is_what_there_is() -> None:
     assert set(get_args(SolverName)) == set(SOLVERS)
-    assert {name for row in STRATEGIES.values() for name in row.order} == set(SOLVERS)
+    assert {name for row in STRATEGIES.values() for name in row.order} <= set(SOLVERS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,6 +10,9 @@ import pytest
 import planner
 from planner.methods.collocation import task
 from planner.methods.collocation.solvers import Settings
+from planner.support.progress import Progress
+
+PROBLEMS = Path(__file__).parents[3] / "problems"
 
 
 def _problem(start: list[float], goal: list[float]) -> planner.Problem:
@@ -60,3 +64,13 @@ def test_a_search_leaves_fatrop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     asked.clear()
     planner.solve(TURNS, "collocation", starts=2, solver="fatrop")
     assert set(asked) == {"fatrop"}
+
+
+def test_a_motion_in_hand_gives_way_to_a_better_one_alone() -> None:
+    problem = planner.load_problem(PROBLEMS / "crossing.toml", {"goal.duration": "free"})
+    told: list[Progress] = []
+    plan = planner.solve(problem, progress=told.append)
+    held = list(dict.fromkeys(float(each.best.split()[-1]) for each in told if each.best))
+    assert len(held) > 1
+    assert held == sorted(held, reverse=True)
+    assert plan.objective <= held[-1] * (1 + 1e-3)  # told with four digits

@@ -245,7 +245,11 @@ def compensate_plan(
         InputError: If the system is no arm with friction disks.
         NoPlanError: If the plan or the predicted motion breaks a requirement.
     """
-    from planner.machine.machine import machine_for  # with the machine, which only this needs
+    from planner.machine.feedforward.advice import (  # with the machine, which only this needs
+        NO_COMPENSATION,
+        compensation_changes,
+    )
+    from planner.machine.machine import machine_for
 
     plan = plan if plan.verified else judge_plan(plan)[0]
     problem = plan.problem
@@ -261,7 +265,8 @@ def compensate_plan(
         ) from None
     compensated, check = judge(compensated)
     compensated = replace(compensated, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
-    ways = "; or ".join([*_compensation_changes(compensated, check, options), NO_COMPENSATION])
+    changes = compensation_changes(compensated, check.violations, options)
+    ways = "; or ".join([*changes, NO_COMPENSATION])
     if not check.ok:
         raise _refusal(compensated, check, " on the nominal machine", ways)
     said = compensated.notes["compensation"]
@@ -294,6 +299,7 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
     Raises:
         NoPlanError: If no plan short enough is found; it names a duration that would do.
     """
+    from planner.machine.feedforward.advice import NO_COMPENSATION
     from planner.machine.feedforward.follow import follow
 
     problem, most, why = plan.problem, plan.problem.duration_max, ""
@@ -348,48 +354,6 @@ def _plan_near(problem: Problem, near: Plan) -> Plan:
             if is_over():
                 raise
     return judge_plan(entry.plan(problem, options))[0]
-
-
-NO_COMPENSATION = "no compensation (compensation.on = false)"
-
-LEAST_UNEVEN_DEG = 1.0
-"""What an axis may lack after a take-up before that is named: half of what spreads leave."""
-
-
-def _compensation_changes(plan: Plan, check: Check, options: CompensationTable) -> list[str]:
-    """What would help a compensated plan, in words: what stands in the way, what was left out, and
-    time."""
-    made, out = plan.notes["compensation"], []
-    times = [v.time_s for v in check.violations if v.time_s is not None and "goal" not in v.label]
-    if plan.lead_s and any(time_s < plan.lead_s for time_s in times):
-        out.append("compensation.preparation = false, for the preparation meets a limit")
-    near = [s for s in times for a, b in plan.clock.holds if a - 1 < s < b + 1]
-    uneven = max(made["uneven_deg"], default=0.0)
-    if near or uneven > LEAST_UNEVEN_DEG:
-        where = f" (one is {uneven:.2g} deg short)" if uneven > LEAST_UNEVEN_DEG else ""
-        out.append(
-            f"another {plan.problem.travel_key} or goal, so that the drive keeps its direction or"
-            f" turns back elsewhere: there it cannot take up what all axes lose{where}"
-        )
-    if near:
-        out.append("compensation.take_up = false")
-    if options.preparation != "forward":
-        out.append("compensation.preparation = 'forward'")
-    helpful = ("take_up", "correction")
-    out += [f"compensation.{key} = true" for key in helpful if not getattr(options, key)]
-    if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # as much as spreads leave
-        less = f"less time (goal.duration), in which the motors' bias adds up to {drifted:.2g} deg"
-        return [*out, f"{less} on one machine in twenty"]
-    return [*out, "more time (goal.duration)"]
-
-
-def _drift_deg(plan: Plan) -> float:
-    """By how much the bias of a motor has turned it at the end: twice the standard deviation."""
-    from planner.machine.machine import Machine
-
-    assert plan.compensation is not None
-    bias = Machine.from_table(plan.compensation.machine).effects.get("input_bias_rad_s")
-    return float(np.rad2deg(2 * max(bias.spread) * plan.duration)) if bias else 0.0
 
 
 def _refusal(

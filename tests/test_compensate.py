@@ -14,8 +14,8 @@ import pytest
 import planner
 from planner import Plan
 from planner.errors import Violation
+from planner.machine.feedforward.advice import compensation_changes
 from planner.problem.tables.problem_file import CompensationTable
-from planner.solve import _compensation_changes
 from planner.support.user_tables import parse
 
 ROOT = Path(__file__).parents[1]
@@ -159,22 +159,21 @@ def test_what_it_advises_is_understood(paper: planner.Problem) -> None:
     assert plan.lead_s > 0
     times = [0.5 * plan.lead_s, plan.clock.holds[0][0]]
     found = [Violation("clearance of link 3", time_s, -0.1, 0.0, "m", -1.0) for time_s in times]
-    check = replace(planner.verify(plan), ok=False, violations=tuple(found))
     asked = plan.problem.compensation
-    advice = "; ".join(_compensation_changes(plan, check, asked))
+    advice = "; ".join(compensation_changes(plan, found, asked))
     named = re.findall(r"compensation\.(\w+) = (\w+)", advice)
     assert named == [("preparation", "false"), ("take_up", "false")]
     options = {key: tomllib.loads(f"x = {value}")["x"] for key, value in named}
     assert planner.compensate(plan, **options).verified
     assert advice.endswith("more time (goal.duration)")
     without = parse(CompensationTable, {"take_up": False, "correction": False}, "options")
-    left_out = "; ".join(_compensation_changes(plan, replace(check, violations=()), without))
+    left_out = "; ".join(compensation_changes(plan, (), without))
     assert "compensation.take_up = true; compensation.correction = true" in left_out
     biased = planner.Machine.prototype(input_bias_rad_s={"value": 0, "spread": 0.002}).to_dict()
     assert plan.compensation is not None
     slow = replace(plan, compensation=replace(plan.compensation, machine=biased))
     assert "less time (goal.duration)" in "; ".join(
-        _compensation_changes(slow, check, slow.problem.compensation)
+        compensation_changes(slow, found, slow.problem.compensation)
     )
 
 

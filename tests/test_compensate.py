@@ -149,6 +149,7 @@ def test_what_breaks_a_requirement_on_the_machine_is_refused() -> None:
         planner.compensate(problem, correction=False)
     assert "goal theta2" in [v.label for v in caught.value.violations]
     assert caught.value.advice is not None
+    assert caught.value.advice.startswith("compensation.correction = true; or another goal")
     assert "the drive turns back" in caught.value.advice  # what stands in the way
     assert caught.value.advice.endswith("no compensation (compensation.on = false)")
 
@@ -167,6 +168,8 @@ def test_what_it_advises_is_understood(paper: planner.Problem) -> None:
     assert "goal.travel" not in advice  # which is free
     assert settings_to_try(plan, found) == [{"compensation.preparation": False}]
     assert settings_to_try(plan, found[1:]) == []
+    missed = [Violation("goal theta2", plan.duration, 0.002, 0.0, "rad", -1.0)]
+    assert compensation_changes(plan, missed, asked)[0] == "more time (goal.duration)"
     assert advice.endswith("more time (goal.duration)")
     without = parse(CompensationTable, {"take_up": False, "correction": False}, "options")
     left_out = "; ".join(compensation_changes(plan, (), without))

@@ -84,9 +84,9 @@ def _refused(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
     best = max(nearer, key=gain)
     first = best.advice.partition("; or ")[0]
     return (
-        f" Nearer but refused is {best.label}: E {_degrees(best.E_median_deg)} instead of"
-        f" {_degrees(row.E_median_deg)}, {_degrees(best.end_median_deg)} instead of"
-        f" {_degrees(row.end_median_deg)} at the end, for {best.why}."
+        f" Nearer but refused is {best.label} ({best.why}):"
+        f" E {_degrees(best.E_median_deg)} instead of {_degrees(row.E_median_deg)},"
+        f" {_degrees(best.end_median_deg)} instead of {_degrees(row.end_median_deg)} at the end."
     ) + f" Try: {first}." * bool(first)
 
 

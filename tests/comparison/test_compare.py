@@ -113,8 +113,8 @@ def test_the_headline_names_a_nearer_plan_that_is_refused(
     words = headline([plain, refused], compensated.threshold_deg)
     assert words.startswith(f"Take {plain.label}: the only one that reaches the goal")
     ends = [number(row.end_median_deg) for row in (better, plain)]
-    assert f"refused is {better.label}: E {number(better.E_median_deg)} deg instead of" in words
-    assert f"{ends[0]} deg instead of {ends[1]} deg at the end, for {why}. Try: more time." in words
+    assert f"{better.label} ({why}): E {number(better.E_median_deg)} deg instead of" in words
+    assert words.endswith(f"{ends[0]} deg instead of {ends[1]} deg at the end. Try: more time.")
     assert "refused" not in headline([plain, refused], 100.0)
 
 

@@ -55,6 +55,10 @@ def compensation_changes(
     out = [f"{name} elsewhere" for name in dict.fromkeys(met)]
     if meets_before_start(plan, violations):
         return out  # which neither another motion nor more time changes
+    if options.preparation != "forward":
+        out.append("compensation.preparation = 'forward'")
+    helpful = ("take_up", "correction")
+    out += [f"compensation.{key} = true" for key in helpful if not getattr(options, key)]
     times = [v.time_s for v in violations if v.time_s is not None and "goal" not in v.label]
     near = [(a, b) for s in times for a, b in plan.clock.holds if a - 1 < s < b + 1]
     legs = plan.notes["compensation"]["uneven"]
@@ -67,10 +71,6 @@ def compensation_changes(
             why = f"at t = {worst['t_s']:.3g} s the drive turns back, and {worst['joint']} is left"
             why += f" {worst['deg']:.2g} deg short"
         out.append(f"{other}, so that the drive turns back elsewhere or not at all ({why})")
-    if options.preparation != "forward":
-        out.append("compensation.preparation = 'forward'")
-    helpful = ("take_up", "correction")
-    out += [f"compensation.{key} = true" for key in helpful if not getattr(options, key)]
     if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # as much as spreads leave
         less = (
             "larger limits.input_rad_s" if problem.duration is None else "a shorter goal.duration"
@@ -80,7 +80,8 @@ def compensation_changes(
             f"{less}: the motors' bias adds up to {drifted:.2g} deg on one machine in twenty",
         ]
     if problem.duration is not None:
-        out.append("more time (goal.duration)")
+        is_missed = bool(violations) and all("goal" in v.label for v in violations)
+        out.insert(0 if is_missed else len(out), "more time (goal.duration)")
     elif problem.duration_max is not None:
         out.append("a larger goal.duration_max")
     return out

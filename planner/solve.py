@@ -16,11 +16,22 @@ import numpy as np
 from planner.errors import InputError, InputWarning, NoPlanError, TimeLimitError, VerificationError
 from planner.methods.keeping import GOALS, not_promised, refuse_unkept
 from planner.methods.ranking import MEASURES
-from planner.methods.refusal import BY_COLLOCATION, Change, advise, changed_words, duration_change
+from planner.methods.refusal import (
+    BY_COLLOCATION,
+    LEAST_S,
+    MOST_TIMES_REFUSAL,
+    Change,
+    advise,
+    changed_words,
+    duration_change,
+    try_changes,
+)
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
+from planner.plan.measures import objective_of
 from planner.plan.plan import Plan, expect_plan, mark_cut_short
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
+from planner.problem.requirements.ends import LongestDuration
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.deadline import (
@@ -212,7 +223,14 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
         return [], "a finer mesh: more method.collocation.intervals or a higher degree"
     other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
     instead = changed_words(plan, [v for v in check.violations if np.isfinite(v.value)])
-    return other, f"{instead or 'wider limits'}, or another {plan.problem.travel_key}"
+    ways = [instead or "wider limits"]
+    if plan.problem.duration is None and any(isinstance(each, LongestDuration) for each in broken):
+        if plan.problem.compensation.on:
+            ways[0] += " and what compensation adds"
+        ways.append("wider input limits")
+    if plan.problem.travel is not None:
+        ways.append(f"another {plan.problem.travel_key}")
+    return other, ", or ".join(ways)
 
 
 def compensate_in_time(
@@ -245,7 +263,12 @@ def compensate_plan(
         InputError: If the system is no arm with friction disks.
         NoPlanError: If the plan or the predicted motion breaks a requirement.
     """
-    from planner.machine.machine import machine_for  # with the machine, which only this needs
+    from planner.machine.feedforward.advice import (  # with the machine, which only this needs
+        NO_COMPENSATION,
+        compensation_changes,
+        meets_before_start,
+    )
+    from planner.machine.machine import machine_for
 
     plan = plan if plan.verified else judge_plan(plan)[0]
     problem = plan.problem
@@ -261,9 +284,15 @@ def compensate_plan(
         ) from None
     compensated, check = judge(compensated)
     compensated = replace(compensated, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
-    ways = "; or ".join([*_compensation_changes(compensated, check, options), NO_COMPENSATION])
+    changes = [*compensation_changes(compensated, check.violations, options), NO_COMPENSATION]
     if not check.ok:
-        raise _refusal(compensated, check, " on the nominal machine", ways)
+        where = " on the nominal machine"
+        if meets_before_start(compensated, check.violations):
+            where += f" in the preparation, the first {compensated.lead_s:.3g} s, before the plan"
+            where += " starts"
+        tried = _try_settings(plan, used, options, compensated, check, time.perf_counter() - began)
+        raise _refusal(compensated, check, where, "; or ".join([*tried, *changes]))
+    ways = "; or ".join(changes)
     said = compensated.notes["compensation"]
     if not said["E_deg"] < said["plain_E_deg"]:
         warnings.warn(
@@ -273,6 +302,40 @@ def compensate_plan(
             stacklevel=3,
         )
     return compensated, check
+
+
+def _try_settings(
+    plan: Plan,
+    machine: Machine,
+    options: CompensationTable,
+    refused: Plan,
+    check: Check,
+    seconds: float,
+) -> list[str]:
+    """What compensates the same plan where the preparation meets something, in words, with what it
+    leaves; and what there was no time to try. It takes a few times as long as the refusal did."""
+    from planner.machine.feedforward.advice import settings_to_try
+
+    def attempt(change: Change) -> Plan:
+        tables: dict[str, dict[str, Any]] = {"machine": {}, "compensation": {}}
+        for key, value in change.keys.items():
+            table, _, name = key.partition(".")
+            tables[table][name] = value
+        own = options.model_copy(update=tables["compensation"])
+        return judge(_compensate_in_duration(plan, machine.with_(**tables["machine"]), own))[0]
+
+    out = []
+    with time_limit(max(LEAST_S, MOST_TIMES_REFUSAL * seconds), "the time for trying changes"):
+        for change in map(Change, settings_to_try(refused, check.violations)):
+            tries = try_changes([change], attempt, lambda doing: tell(f"no plan; {doing}"))
+            said = "home first; " if "machine.start_state" in change.keys else ""
+            if tries.plan is not None:
+                made = tries.plan.notes["compensation"]
+                said += f"tried: off the path by {made['E_deg']:.2g} deg, uncompensated by"
+                out.append(f"{change} ({said} {made['plain_E_deg']:.2g})")
+            elif tries.left:
+                out.append(f"{change} ({said}not tried for lack of time)")
+    return out
 
 
 def _compensated_error_deg(plan: Plan) -> float:
@@ -287,42 +350,96 @@ MEASURES["machine"] = _compensated_error_deg
 MOST_SHORTER = 4
 """Times that a plan is made shorter until all that is run fits: what is added depends on it."""
 
+SLOWER = (1.02, 1.05, 1.1)
+"""Times as long as the fastest, where that leaves the correction no room: its inputs are at their
+limits all the time."""
+
 
 def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
-    """The compensated plan; where all that is run takes more than it may, of a shorter plan.
+    """The compensated plan; where all that is run takes more than it may, of a shorter plan; where
+    the duration is free and it breaks something, of one a little longer.
 
     Raises:
         NoPlanError: If no plan short enough is found; it names a duration that would do.
     """
+    from planner.machine.feedforward.advice import LARGER_INPUTS, NO_COMPENSATION
     from planner.machine.feedforward.follow import follow
 
     problem, most, why = plan.problem, plan.problem.duration_max, ""
+    most = np.inf if most is None else most
     made = follow(plan, machine, options)
-    least = made.duration
-    if most is None:
-        return made
+    least = made
     for _ in range(MOST_SHORTER):
         if made.duration <= most:
-            return made
+            return made if problem.duration is not None else _with_room(made, machine, options)
         added = made.duration - plan.duration
         seconds = float(f"{most - added:.6g}") - 1e-5
         try:
             plan = _plan_near(problem.changed({"goal.duration": seconds}), plan)
         except (NoPlanError, InputError) as error:
-            said = str(error).splitlines()[0].removeprefix(f"{problem.source}: ")
-            why = f", and there is no plan of {seconds:.4g} s: {said}"
+            if seconds > 0:
+                said = str(error).splitlines()[0].removeprefix(f"{problem.source}: ")
+                said = said.rpartition(". ")[0] if said.endswith(":") else said  # of a list
+                why = f", and there is no plan of {seconds:.4g} s: {said}"
             break
         made = follow(plan, machine, options)
+        least = min(least, made, key=lambda each: each.duration)
     if made.duration > most and (fastest := _fastest(plan)) is not None:
         made = follow(fastest, machine, options)
+        least = min(least, made, key=lambda each: each.duration)
     if made.duration <= most:
         return made
-    least = min(least, made.duration)
+    seconds = least.clock.seconds
+    room = (SLOWER[-1] - 1) * seconds if problem.duration is None else 0.0
     raise NoPlanError(
-        f"{problem.source}: goal.duration_max = {most:g} s is too short: compensation adds"
-        f" {added:.4g} s{why}",
-        advice=f"goal.duration_max = {np.ceil(100 * least) / 100:g}; or {NO_COMPENSATION}",
+        f"{problem.source}: goal.duration_max = {most:g} s is too short: the plan takes"
+        f" {seconds:.4g} s, compensation adds {least.duration - seconds:.4g} s{why}",
+        advice=f"goal.duration_max = {np.ceil(100 * (least.duration + room)) / 100:g};"
+        f" or {LARGER_INPUTS}; or {NO_COMPENSATION}",
     )
+
+
+def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> Plan:
+    """A compensated plan of free duration; where it breaks something or is no better than the plan
+    as it is, that of the same path a little slower, if it fits."""
+    from planner.machine.feedforward.follow import follow
+
+    most, plan, made = fastest.problem.duration_max, fastest.compensates, fastest
+    assert plan is not None
+    for factor in SLOWER:
+        if _is_good(made):
+            return made
+        if most is not None and fastest.duration + (factor - 1) * plan.duration > most:
+            return fastest
+        try:
+            made = follow(_slower(plan, factor), machine, options)
+        except (TimeUpError, NoPlanError):
+            return fastest
+    return made if _is_good(made) else fastest
+
+
+def _is_good(made: Plan) -> bool:
+    """Whether a slower plan would not be better: it keeps all, or the preparation does not."""
+    from planner.machine.feedforward.advice import meets_before_start
+
+    if "ended_early" in made.notes:
+        return True
+    check, said = verify(made), made.notes["compensation"]
+    helps = check.ok and said["E_deg"] < said["plain_E_deg"]
+    return helps or meets_before_start(made, check.violations)
+
+
+def _slower(plan: Plan, factor: float) -> Plan:
+    """The same path in `factor` times the time."""
+    trajectory = plan.trajectory.slowed(factor)
+    objective = objective_of(trajectory, plan.objective_name)
+    slowed = replace(
+        plan,
+        trajectory=trajectory,
+        objective=plan.objective if objective is None else objective,
+        notes={**plan.notes, "slowed_for_compensation": factor},
+    )
+    return judge_plan(slowed)[0]
 
 
 def _fastest(plan: Plan) -> Plan | None:
@@ -348,48 +465,6 @@ def _plan_near(problem: Problem, near: Plan) -> Plan:
             if is_over():
                 raise
     return judge_plan(entry.plan(problem, options))[0]
-
-
-NO_COMPENSATION = "no compensation (compensation.on = false)"
-
-LEAST_UNEVEN_DEG = 1.0
-"""What an axis may lack after a take-up before that is named: half of what spreads leave."""
-
-
-def _compensation_changes(plan: Plan, check: Check, options: CompensationTable) -> list[str]:
-    """What would help a compensated plan, in words: what stands in the way, what was left out, and
-    time."""
-    made, out = plan.notes["compensation"], []
-    times = [v.time_s for v in check.violations if v.time_s is not None and "goal" not in v.label]
-    if plan.lead_s and any(time_s < plan.lead_s for time_s in times):
-        out.append("compensation.preparation = false, for the preparation meets a limit")
-    near = [s for s in times for a, b in plan.clock.holds if a - 1 < s < b + 1]
-    uneven = max(made["uneven_deg"], default=0.0)
-    if near or uneven > LEAST_UNEVEN_DEG:
-        where = f" (one is {uneven:.2g} deg short)" if uneven > LEAST_UNEVEN_DEG else ""
-        out.append(
-            f"another {plan.problem.travel_key} or goal, so that the drive keeps its direction or"
-            f" turns back elsewhere: there it cannot take up what all axes lose{where}"
-        )
-    if near:
-        out.append("compensation.take_up = false")
-    if options.preparation != "forward":
-        out.append("compensation.preparation = 'forward'")
-    helpful = ("take_up", "correction")
-    out += [f"compensation.{key} = true" for key in helpful if not getattr(options, key)]
-    if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # as much as spreads leave
-        less = f"less time (goal.duration), in which the motors' bias adds up to {drifted:.2g} deg"
-        return [*out, f"{less} on one machine in twenty"]
-    return [*out, "more time (goal.duration)"]
-
-
-def _drift_deg(plan: Plan) -> float:
-    """By how much the bias of a motor has turned it at the end: twice the standard deviation."""
-    from planner.machine.machine import Machine
-
-    assert plan.compensation is not None
-    bias = Machine.from_table(plan.compensation.machine).effects.get("input_bias_rad_s")
-    return float(np.rad2deg(2 * max(bias.spread) * plan.duration)) if bias else 0.0
 
 
 def _refusal(

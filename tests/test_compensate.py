@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,9 +14,11 @@ import pytest
 import planner
 from planner import Plan
 from planner.errors import Violation
+from planner.machine.feedforward import legs
+from planner.machine.feedforward.advice import compensation_changes, settings_to_try
 from planner.problem.tables.problem_file import CompensationTable
-from planner.solve import _compensation_changes
 from planner.support.user_tables import parse
+from planner.verification.verify import Check
 
 ROOT = Path(__file__).parents[1]
 UNTUNED = 31
@@ -147,7 +149,8 @@ def test_what_breaks_a_requirement_on_the_machine_is_refused() -> None:
         planner.compensate(problem, correction=False)
     assert "goal theta2" in [v.label for v in caught.value.violations]
     assert caught.value.advice is not None
-    assert "keeps its direction" in caught.value.advice  # what stands in the way
+    assert caught.value.advice.startswith("compensation.correction = true; or another goal")
+    assert "the drive turns back" in caught.value.advice  # what stands in the way
     assert caught.value.advice.endswith("no compensation (compensation.on = false)")
 
 
@@ -159,23 +162,76 @@ def test_what_it_advises_is_understood(paper: planner.Problem) -> None:
     assert plan.lead_s > 0
     times = [0.5 * plan.lead_s, plan.clock.holds[0][0]]
     found = [Violation("clearance of link 3", time_s, -0.1, 0.0, "m", -1.0) for time_s in times]
-    check = replace(planner.verify(plan), ok=False, violations=tuple(found))
     asked = plan.problem.compensation
-    advice = "; ".join(_compensation_changes(plan, check, asked))
-    named = re.findall(r"compensation\.(\w+) = (\w+)", advice)
-    assert named == [("preparation", "false"), ("take_up", "false")]
-    options = {key: tomllib.loads(f"x = {value}")["x"] for key, value in named}
-    assert planner.compensate(plan, **options).verified
+    advice = "; ".join(compensation_changes(plan, found, asked))
+    assert "take_up" not in advice  # which was tried
+    assert "goal.travel" not in advice  # which is free
+    assert settings_to_try(plan, found) == [{"compensation.preparation": False}]
+    assert settings_to_try(plan, found[1:]) == []
+    missed = [Violation("goal theta2", plan.duration, 0.002, 0.0, "rad", -1.0)]
+    assert compensation_changes(plan, missed, asked)[0] == "more time (goal.duration)"
     assert advice.endswith("more time (goal.duration)")
     without = parse(CompensationTable, {"take_up": False, "correction": False}, "options")
-    left_out = "; ".join(_compensation_changes(plan, replace(check, violations=()), without))
+    left_out = "; ".join(compensation_changes(plan, (), without))
     assert "compensation.take_up = true; compensation.correction = true" in left_out
     biased = planner.Machine.prototype(input_bias_rad_s={"value": 0, "spread": 0.002}).to_dict()
     assert plan.compensation is not None
     slow = replace(plan, compensation=replace(plan.compensation, machine=biased))
-    assert "less time (goal.duration)" in "; ".join(
-        _compensation_changes(slow, check, slow.problem.compensation)
+    assert "a shorter goal.duration: the motors" in "; ".join(
+        compensation_changes(slow, found, slow.problem.compensation)
     )
+
+
+def test_a_preparation_that_meets_a_post_says_so_and_what_helps(
+    paper: planner.Problem, better: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A post where joint 1 swings the tip before the plan starts, and would be kept off."""
+    plain = planner.solve(paper.changed({"goal.theta_deg": [10] * 3, "machine.step_s": 0.01}))
+    swung = plain.q(0.0)[1:] + np.deg2rad([34, 0, 0])
+    tip = plain.problem.system.arm_points(swung)[-1].tolist()  # type: ignore[attr-defined]
+    beside = plain.problem.changed({"obstacles": [{"centre_m": tip, "radius_m": 0.05}]})
+    near = replace(plain, problem=beside, verified=False)
+    monkeypatch.setattr(legs, "_reachable", lambda problem, q, start: np.ones(len(q), dtype=bool))
+    with pytest.raises(planner.VerificationError, match="in the preparation, the first") as caught:
+        planner.compensate(near)
+    without, *others = str(caught.value.advice).split("; or ")
+    price = r"\(tried: off the path by [\d.]+ deg, uncompensated by [\d.]+\)"
+    assert re.fullmatch(rf"compensation\.preparation = false {price}", without)
+    assert others == ["obstacle 1 elsewhere", "no compensation (compensation.on = false)"]
+    early = [Violation("clearance of link 3", 1.0, -0.1, 0.0, "m", -1.0)]
+    assert settings_to_try(better, early)[0] == {"machine.start_state": "forward"}  # it is homed
+
+
+def test_the_fastest_plan_is_slowed_where_its_compensation_is_refused(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its inputs are at their limits all the time, and leave the correction no room."""
+    free = paper.changed({"goal.duration": "free", "machine.step_s": 0.01})
+    fastest = planner.solve(free, "convex")
+    solve = sys.modules["planner.solve"]  # planner.solve is the function
+    usual, checks = solve.verify, list[Check]()
+
+    def first_refused(plan: Plan) -> Check:
+        checks.append(usual(plan))
+        return replace(checks[-1], ok=len(checks) > 1)
+
+    monkeypatch.setattr(solve, "verify", first_refused)
+    made = planner.compensate(fastest)
+    assert made.verified
+    assert len(checks) == 2
+    assert made.compensates is not None
+    assert made.compensates.duration == pytest.approx(1.02 * fastest.duration)
+    assert np.allclose(made.compensates.q(1.02 * 3.0), fastest.q(3.0))
+    assert made.notes["slowed_for_compensation"] == 1.02
+
+
+def test_what_is_free_is_not_advised(paper: planner.Problem) -> None:
+    short = {"goal.duration": "free", "goal.duration_max": 1.0, "compensation.on": True}
+    with pytest.raises(planner.VerificationError, match="all that is run") as caught:
+        planner.solve(paper.changed(short), "convex")
+    wanted = r"goal\.duration_max = [\d.]+ and what compensation adds, or wider input limits"
+    assert re.match(wanted, str(caught.value.advice))
+    assert "travel" not in str(caught.value.advice)
 
 
 def test_a_plan_by_way_of_points_passes_them_on_the_machine_too() -> None:

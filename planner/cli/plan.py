@@ -168,7 +168,9 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
         allowed = f", allowed {number(most)}" if np.isfinite(most) else ""
         peak_text = "undefined" if np.isnan(peak) else f"{number(peak)} {c.unit}"
         yield f"peak |{c.name}|", peak_text + allowed
-    yield "largest error at the goal", _worst_error(problem, summary["terminal_error"])
+    nominal = ", on the nominal machine" if "compensation" in notes else ""
+    error = _worst_error(problem, summary["terminal_error"])
+    yield "largest error at the goal", f"{error}{nominal}"
     if angles := notes.get("goal_theta_deg"):
         yield "joints at the goal", f"{_degrees(angles)} deg"
     margin = f"smallest margin {number(summary['domain_margin'])}"
@@ -188,9 +190,12 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
         after = f", then {tail} s to end" if compensation["tail_s"] else ""
         holds = [end - begin for begin, end in compensation["holds_s"]]
         pauses = f" with {' and '.join(map(number, holds))} s of take-up" if holds else ""
-        yield "compensated", f"{before}the plan{pauses}{after}"
+        slower = notes.get("slowed_for_compensation", 1.0) - 1
+        pace = f", {slower:.0%} slower than its fastest," if slower else ""
+        yield "compensated", f"{before}the plan{pace}{pauses}{after}"
         now, plain = number(compensation["E_deg"]), number(compensation["plain_E_deg"])
         yield "off the path", f"up to {now} deg on the nominal machine, uncompensated {plain} deg"
+        yield "machines differ", f"what that adds: planner compare {shlex.quote(problem.source)}"
     if proof := notes.get("optimality"):
         gap = proof["relative_gap"]
         within = "" if gap is None else f", within {gap:.1e} of the proven lower bound"

@@ -41,18 +41,23 @@ def headline(rows: Sequence[Row], threshold_deg: float) -> str:
     if row is None:
         return "None of the methods found a plan that keeps every limit."
     solved = [each for each in rows if each.solved and not each.feedback]
+    refused = _refused(rows, row, threshold_deg)
     if len(solved) == 1:
+        tail = f"{_caution(row)}{_follow_up(rows, row)}{refused}"
+        if sum(not each.feedback for each in rows) == 1:
+            return f"{row.label} reaches the goal and keeps every limit.{tail}"
         reason = "the only one that reaches the goal and keeps every limit."
-        return f"Take {row.label}: {reason}{_caution(row)}{_follow_up(rows, row)}"
+        return f"Take {row.label}: {reason}{tail}"
     other = _rival(row, solved)
     if not np.isfinite(row.E_median_deg):
-        return f"Take {row.label}: of {len(solved)} verified plans it has the least effort."
+        least = f"of {len(solved)} verified plans it has the least effort."
+        return f"Take {row.label}: {least}{refused}"
     reason = f"E {_degrees(row.E_median_deg)} in the median instead of"
     reason += f" {_degrees(other.E_median_deg)} ({other.label}),"
     reason += " but" if row.end_median_deg > other.end_median_deg else ""
     reason += f" {_degrees(row.end_median_deg)} instead of {_degrees(other.end_median_deg)} at the"
     more = f"{_price(row, other)}{_caution(row)}{_what_decides(solved)}{_follow_up(rows, row)}"
-    return f"Take {row.label}: {reason} end.{more}"
+    return f"Take {row.label}: {reason} end.{more}{refused}"
 
 
 def _rival(row: Row, solved: list[Row]) -> Row:
@@ -62,6 +67,27 @@ def _rival(row: Row, solved: list[Row]) -> Row:
             return each
     others = [each for each in solved if each is not row]
     return min(others, key=lambda each: np.nan_to_num(each.E_median_deg, nan=np.inf))
+
+
+def _refused(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
+    """Which compensated plan would be nearer by more than what matters, why it is refused, and what
+    to change, as sentences; "" where none is."""
+
+    def gain(each: Row) -> float:
+        gains = (row.E_median_deg - each.E_median_deg, row.end_median_deg - each.end_median_deg)
+        return max(gains)
+
+    refused = [each for each in rows if not (each.solved or each.feedback) and each.plan]
+    nearer = [r for r in refused if plain_label(r.label) != r.label and gain(r) > threshold_deg]
+    if not nearer:
+        return ""
+    best = max(nearer, key=gain)
+    first = best.advice.partition("; or ")[0]
+    return (
+        f" Nearer but refused is {best.label} ({best.why}):"
+        f" E {_degrees(best.E_median_deg)} instead of {_degrees(row.E_median_deg)},"
+        f" {_degrees(best.end_median_deg)} instead of {_degrees(row.end_median_deg)} at the end."
+    ) + f" Try: {first}." * bool(first)
 
 
 def _what_decides(solved: Sequence[Row]) -> str:

@@ -19,6 +19,7 @@ from planner import METHODS, Machine
 from planner.comparison import compare as compare_module
 from planner.comparison.compare import default_methods
 from planner.comparison.differences import markdown_differences
+from planner.comparison.headline import headline
 from planner.plan.measures import effort
 from planner.report.folders import replay_data
 from planner.solve import solve_and_check
@@ -94,13 +95,27 @@ def test_the_headline_says_when_there_is_no_choice() -> None:
     assert refused_comparison().to_dict()["headline"] == refused_comparison().headline
     car = planner.load_problem(ROOT / "problems/car.toml", {"machine.step_s": 0.01})
     result = planner.compare(car, ["collocation"], samples=5)
-    assert result.headline.startswith("Take collocation: the only one that reaches the goal")
+    assert result.headline == "collocation reaches the goal and keeps every limit."
 
 
 @pytest.fixture(scope="module")
 def compensated() -> planner.Comparison:
     problem = planner.load_problem(ROOT / "problems/paper.toml", {"machine.step_s": 0.01})
     return planner.compare(problem, [OPTIMAL, COMPENSATED], samples=100, seed=3)
+
+
+def test_the_headline_names_a_nearer_plan_that_is_refused(
+    compensated: planner.Comparison,
+) -> None:
+    plain, better = compensated.rows
+    why, advice = "goal theta2 reaches 0.164 deg, allowed 0", "more time; or no compensation"
+    refused = replace(better, solved=False, why=why, advice=advice)
+    words = headline([plain, refused], compensated.threshold_deg)
+    assert words.startswith(f"Take {plain.label}: the only one that reaches the goal")
+    ends = [number(row.end_median_deg) for row in (better, plain)]
+    assert f"{better.label} ({why}): E {number(better.E_median_deg)} deg instead of" in words
+    assert words.endswith(f"{ends[0]} deg instead of {ends[1]} deg at the end. Try: more time.")
+    assert "refused" not in headline([plain, refused], 100.0)
 
 
 def test_a_compensated_plan_is_compared_on_the_path_it_compensates(

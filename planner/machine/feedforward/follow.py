@@ -6,6 +6,7 @@ On the nominal machine every spread is off and every systematic effect on.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -81,11 +82,23 @@ def follow(
         "lead_s": made.lead_s,
         "tail_s": made.tail_s,
         "holds_s": [[begin, end] for begin, end in made.clock.holds],
-        "uneven_deg": [float(np.rad2deg(leg.uneven_rad)) for leg in shape.legs],
+        "uneven": _uneven(shape, system),
         "rounds": correction.rounds,
     }
     made = replace(made, notes={**plan.notes, "compensation": notes})
     return mark_cut_short(made, span, CUT_SHORT_WORDS) if was_cut_short else made
+
+
+def _uneven(shape: Shape, system: Manipulator) -> list[dict[str, Any]]:
+    """When each leg begins, s, which joint it serves least, and what that one lacks, degrees."""
+    out, earlier = list[dict[str, Any]](), 0.0
+    for leg in shape.legs:
+        if leg.uneven_rad > 0:
+            joint = system.coordinates[2 + int(np.argmax(leg.misses))].name
+            lacks = float(np.rad2deg(leg.uneven_rad))
+            out.append({"t_s": leg.place_s + earlier, "joint": joint, "deg": lacks})
+        earlier += leg.seconds(shape.tick)
+    return out
 
 
 def plan_with_commands(

@@ -17,7 +17,7 @@ After the plan the drive turns back, as far as no joint of the nominal machine f
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -76,12 +76,18 @@ class Leg:
     Attributes:
         place_s: What the clock reads meanwhile, s.
         angles: Angles of both motors at the ticks from its begin, shape (m+1, 2), from 0, rad.
-        uneven_rad: By how much an axis is left short of its lost motion, or beyond it.
+        misses: By how much each passive axis is left short of its lost motion, or beyond it,
+            shape (N−2,), rad ≥ 0; or empty.
     """
 
     place_s: float
     angles: Array
-    uneven_rad: float = 0.0
+    misses: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def uneven_rad(self) -> float:
+        """The largest of the misses."""
+        return float(np.max(self.misses, initial=0.0))
 
     def seconds(self, tick: float) -> float:
         """How long it takes."""
@@ -214,7 +220,8 @@ def preparation(
     cost = np.rad2deg(miss) + PRICE_DEG_S * seconds
     best = int(np.argmin(np.where(_reachable(plan.problem, q, start[1]), cost, np.inf)))
     moves = ((1, swing[best]), (0, way * drive[best]), (1, -swing[best]))
-    return Leg(0.0, _motion(plan, machine, moves, tick), float(miss[best]))
+    misses = np.abs(axis_rates(system, q[best]) * drive[best] - needs)
+    return Leg(0.0, _motion(plan, machine, moves, tick), misses)
 
 
 def _reachable(problem: Problem, q: Array, start: float) -> Array:
@@ -255,7 +262,8 @@ def take_ups(
         drive, miss = evenest_drive(axis_rates(system, q[first:last]), needs)
         best = int(np.argmin(np.rad2deg(miss) + AWAY_SHARE * away[first:last]))
         angles = _motion(plan, machine, ((0, way * drive[best]),), tick)
-        out.append(Leg(float(s[first + best]), angles, float(miss[best])))
+        misses = np.abs(axis_rates(system, q[first + best]) * drive[best] - needs)
+        out.append(Leg(float(s[first + best]), angles, misses))
     return out
 
 

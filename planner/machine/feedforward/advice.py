@@ -1,0 +1,94 @@
+"""What would help a compensated plan that breaks a requirement, or follows its path no better."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from planner.errors import Violation
+from planner.machine.feedforward.legs import reversals
+from planner.machine.machine import Machine
+from planner.plan.plan import Plan
+from planner.problem.tables.problem_file import CompensationTable
+
+NO_COMPENSATION = "no compensation (compensation.on = false)"
+
+LARGER_INPUTS = "larger limits.input_rad_s, which shorten both"
+
+LEAST_UNEVEN_DEG = 1.0
+"""What an axis may lack after a take-up before that is named: half of what spreads leave."""
+
+Settings = dict[str, bool | str]
+"""Dotted keys of a problem file to values."""
+
+
+def meets_before_start(plan: Plan, violations: Sequence[Violation]) -> bool:
+    """Whether all that is broken is met by the preparation, before the plan starts."""
+    times = [v.time_s for v in violations]
+    return bool(times) and all(t is not None and t < plan.lead_s for t in times)
+
+
+def settings_to_try(plan: Plan, violations: Sequence[Violation]) -> list[Settings]:
+    """What is worth another compensation of the same plan, the best first.
+
+    Homing takes up forward what the drive's first motion would. Without the preparation nothing is
+    met before the plan.
+    """
+    if not any(v.time_s is not None and v.time_s < plan.lead_s for v in violations):
+        return []
+    assert plan.compensation is not None
+    state = Machine.from_table(plan.compensation.machine).start_state
+    helps = reversals(plan.compensation.plan)[0] > 0 and set(state) != {"forward"}
+    homed: list[Settings] = [{"machine.start_state": "forward"}] * helps
+    return [*homed, {"compensation.preparation": False}]
+
+
+def compensation_changes(
+    plan: Plan, violations: Sequence[Violation], options: CompensationTable
+) -> list[str]:
+    """What would help, in words, beside `settings_to_try`: what stands in the way, what was left
+    out, and time. Nothing that the problem leaves free, and nothing that `follow` tried."""
+    problem = plan.problem
+    met = [match[0] for v in violations if (match := re.search(r"obstacle \d+", v.label))]
+    out = [f"{name} elsewhere" for name in dict.fromkeys(met)]
+    if meets_before_start(plan, violations):
+        return out  # which neither another motion nor more time changes
+    if options.preparation != "forward":
+        out.append("compensation.preparation = 'forward'")
+    helpful = ("take_up", "correction")
+    out += [f"compensation.{key} = true" for key in helpful if not getattr(options, key)]
+    times = [v.time_s for v in violations if v.time_s is not None and "goal" not in v.label]
+    near = [(a, b) for s in times for a, b in plan.clock.holds if a - 1 < s < b + 1]
+    legs = plan.notes["compensation"]["uneven"]
+    uneven = [leg for leg in legs if leg["t_s"] > 0 and leg["deg"] > LEAST_UNEVEN_DEG]
+    if near or uneven:
+        other = "another goal" + f" or {problem.travel_key}" * (problem.travel is not None)
+        why = f"at t = {near[0][0]:.3g} s the drive turns back" if near else ""
+        if uneven:
+            worst = max(uneven, key=lambda each: each["deg"])
+            why = f"at t = {worst['t_s']:.3g} s the drive turns back, and {worst['joint']} is left"
+            why += f" {worst['deg']:.2g} deg short"
+        out.append(f"{other}, so that the drive turns back elsewhere or not at all ({why})")
+    if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # as much as spreads leave
+        less = (
+            "larger limits.input_rad_s" if problem.duration is None else "a shorter goal.duration"
+        )
+        return [
+            *out,
+            f"{less}: the motors' bias adds up to {drifted:.2g} deg on one machine in twenty",
+        ]
+    if problem.duration is not None:
+        is_missed = bool(violations) and all("goal" in v.label for v in violations)
+        out.insert(0 if is_missed else len(out), "more time (goal.duration)")
+    elif problem.duration_max is not None:
+        out.append("a larger goal.duration_max")
+    return out
+
+
+def _drift_deg(plan: Plan) -> float:
+    """By how much the bias of a motor has turned it at the end: twice the standard deviation."""
+    assert plan.compensation is not None
+    bias = Machine.from_table(plan.compensation.machine).effects.get("input_bias_rad_s")
+    return float(np.rad2deg(2 * max(bias.spread) * plan.duration)) if bias else 0.0

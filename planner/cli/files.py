@@ -114,7 +114,7 @@ def animate(
 def _plans_by_label(paths: Sequence[Path]) -> dict[str, Plan]:
     """Plans by the names of their methods; by those of their files where methods are the same."""
     loaded = [load_plan(path, strict=True) for path in paths]
-    methods = [plan.method for plan in loaded]
+    methods = [plan.label for plan in loaded]
     if len(set(methods)) == len(methods):
         return dict(zip(methods, loaded, strict=True))
     names = [path.stem.removesuffix(".refused") for path in paths]

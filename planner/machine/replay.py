@@ -90,9 +90,8 @@ class Replay:
     def __repr__(self) -> str:
         count = len(self.numbers)
         low, high = self.percentile(50), self.percentile(95)
-        made = "" if self.plan.compensates is None else " compensated"
         return (
-            f"Replay({self.plan.method}{made} plan, {count} sample{'s' if count > 1 else ''},"
+            f"Replay({self.plan.label} plan, {count} sample{'s' if count > 1 else ''},"
             f" seed {self.seed}: E median {low:.3g} deg, 95 % {high:.3g} deg"
             f"{''.join(f'; {words}' for words in (self.slip_words, self.limit_words) if words)})"
         )

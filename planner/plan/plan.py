@@ -130,6 +130,11 @@ class Plan:
         return None if self.compensation is None else self.compensation.plan
 
     @property
+    def label(self) -> str:
+        """The method and whether the plan is compensated, as rows of a comparison are called."""
+        return self.method if self.compensation is None else f"{self.method} compensated"
+
+    @property
     def clock(self) -> Clock:
         """What the original plan's clock reads while a compensated plan runs; else its own time."""
         if self.compensation is None:

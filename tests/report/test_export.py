@@ -21,6 +21,7 @@ from planner.plan.plan_file import plan_schema
 from planner.plan.samples import load_samples, sample
 from planner.problem.tables.kinds import json_schema
 from planner.report.export import FORMATS, Format, joint_trajectory
+from planner.report.figures.style import curves
 
 ROOT = Path(__file__).parents[2]
 
@@ -127,6 +128,7 @@ def test_motor_angles_of_a_compensated_plan_are_those_commanded(
     )
     assert back.motors[-1, 1] == pytest.approx(end, abs=1e-7)
     assert abs(end - back.q[-1, 1]) > np.deg2rad(0.01)  # some of it is lost in the gearhead
+    assert [curve.label for curve in curves(commanded)] == ["collocation compensated"]
 
 
 def test_csv_is_a_plain_table(law: planner.Plan, tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def plot_replays(
     """
     if not isinstance(replays, Mapping):
         expect(Replay, replays, REPLAY_HINT)
-        replays = {replays.plan.method: replays}
+        replays = {replays.plan.label: replays}
     colour = colours(list(replays))
     runs = {label: run for label, run in replays.items() if run is not None}
     for run in runs.values():

@@ -135,13 +135,13 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
     """
     if isinstance(plans, str) or not isinstance(plans, Iterable):
         expect_plan(plans)
-        plans = {plans.method: plans}
+        plans = {plans.label: plans}
     listed: list[Any] = list(plans.values() if isinstance(plans, Mapping) else plans)
     for plan in listed:
         if plan is not None or not isinstance(plans, Mapping):
             expect_plan(plan)
     if not isinstance(plans, Mapping):
-        plans = {f"{k + 1}: {plan.method}": plan for k, plan in enumerate(listed)}
+        plans = {f"{k + 1}: {plan.label}": plan for k, plan in enumerate(listed)}
     colour, covered = colours(list(plans)), followed(plans)
     drawn_curves = [
         Curve(label, plan, colour[label], label in covered)

@@ -5,7 +5,6 @@ from .check import Analysis as Analysis
 from .check import check as check
 from .comparison.compare import compare as compare
 from .comparison.comparison import Comparison as Comparison
-from .compensate import compensate as compensate
 from .errors import InfeasibleError as InfeasibleError
 from .errors import InputError as InputError
 from .errors import InputWarning as InputWarning
@@ -59,6 +58,7 @@ from .robustness.sensitivity import indicators as indicators
 from .robustness.sensitivity import sensitivity as sensitivity
 from .robustness.trade_off import TradeOff as TradeOff
 from .robustness.trade_off import trade_off as trade_off
+from .solve import compensate as compensate
 from .solve import solve as solve
 from .support.package import __version__ as __version__
 from .sweep.description import Sweep as Sweep

@@ -17,13 +17,13 @@ import planner
 HOME = Path(planner.__file__).parent
 BELOW = ("errors", "support", "systems", "problem", "plan", "verification", "methods")
 MACHINE = (*BELOW[:5], "machine")
-JUDGED = (*BELOW, "machine", "solve")
+JUDGED = (*BELOW, "machine", "compensation", "solve")
 MAY = {
     **{room: BELOW[: k + 1] for k, room in enumerate(BELOW)},
     "machine": MACHINE,
     "verification": (*MACHINE, "verification"),
-    "solve": (*BELOW, "machine"),
-    "compensate": JUDGED,
+    "compensation": (*BELOW, "machine"),
+    "solve": (*BELOW, "machine", "compensation"),
     "reproduce": (),
     "retime": BELOW,
     "check": (*BELOW, "solve"),

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.solve import judge_plan
+from planner.methods.judgement import judge_plan
 
 
 def test_a_law_that_breaks_a_limit_is_refused_with_its_last_iterate(paper: planner.Problem) -> None:

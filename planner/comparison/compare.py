@@ -13,6 +13,7 @@ import numpy as np
 
 from planner.comparison.comparison import Comparison
 from planner.comparison.rows import FEEDBACK, Row, machine_figures, plain_label
+from planner.compensation import compensate_in_time
 from planner.errors import (
     InfeasibleError,
     InputError,
@@ -32,7 +33,7 @@ from planner.methods.spec import COMPENSATED, Spec, parse_specs
 from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
-from planner.solve import compensate_in_time, solve_and_check
+from planner.solve import solve_and_check
 from planner.support.deadline import TimeUpError, time_limit
 from planner.support.progress import expect_listener
 from planner.support.statistics import LEAST_DIFFERENCE_DEG

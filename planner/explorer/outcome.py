@@ -9,15 +9,16 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
+from planner.compensation import compensate_in_time
 from planner.errors import InputError, NoPlanError, PlannerError, TimeLimitError
 from planner.explorer.control import travel_range
 from planner.explorer.state import State
 from planner.machine.replay import RECORD_S, Replay, replay
+from planner.methods.judgement import judge_plan
 from planner.methods.registry import Method, find_method, merged_options
 from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem
-from planner.solve import compensate_in_time, judge_plan
 from planner.support import deadline
 from planner.support.deadline import (
     SEARCH_SHARE,

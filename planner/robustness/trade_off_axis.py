@@ -10,11 +10,11 @@ import numpy as np
 from planner.errors import InputError
 from planner.methods.collocation.method import plan_collocation
 from planner.methods.desensitised.method import plan_desensitised
+from planner.methods.judgement import judge_plan
 from planner.plan.measures import effort, peak_inputs
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
-from planner.solve import judge_plan
 from planner.support.arrays import Array
 
 Kind = Literal["effort", "duration", "peak"]

@@ -14,16 +14,17 @@ from typing import Any
 
 import numpy as np
 
+from planner.compensation import compensate_plan
 from planner.errors import InputError, NoPlanError
 from planner.machine.machine import Machine
 from planner.machine.replay import replay
 from planner.methods.desensitised.method import plan_desensitised, spreads
+from planner.methods.judgement import judge_plan
 from planner.plan.measures import effort, peak_inputs, turns
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.robustness.sensitivity import sensitivity
-from planner.solve import compensate_plan, judge_plan
 from planner.support.arrays import jsonable
 from planner.support.files import make_folder, read_json, write_text
 from planner.verification.load_plan import load_plan

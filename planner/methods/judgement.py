@@ -1,0 +1,91 @@
+"""A plan that a method has made: verified, or refused with what would help."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from planner.errors import TimeLimitError, VerificationError
+from planner.methods.keeping import GOALS, not_promised
+from planner.methods.refusal import BY_COLLOCATION, Change, changed_words, duration_change
+from planner.methods.registry import find_method
+from planner.plan.plan import Plan
+from planner.problem.requirements.ends import LongestDuration
+from planner.problem.requirements.requirement import Requirement
+from planner.support.deadline import time_advice
+from planner.support.progress import tell
+from planner.verification.verdict import judge
+from planner.verification.verify import Check, verify
+
+
+def judge_plan(plan: Plan) -> tuple[Plan, Check]:
+    """A plan that a method has made, verified, with what the verification found.
+
+    Raises:
+        TimeLimitError: If it breaks a requirement, and there was no time to refine it.
+        VerificationError: If it breaks a requirement otherwise.
+    """
+    tell("verifying")
+    if plan.status == "singular":
+        return plan, verify(plan)
+    plan, check = judge(plan)
+    if check.ok:
+        return plan, check
+    if why := plan.notes.get("ended_early"):
+        raise TimeLimitError(
+            f"{plan.problem.source}: {why}, and there was no time to refine it: it breaks",
+            plan=replace(plan, status=TimeLimitError.status),
+            violations=check.violations,
+            advice=time_advice(),
+        )
+    others = not_promised(plan.problem, find_method(plan.method).keeps)
+    said = ""
+    if left := sum(v.label in others for v in check.violations):
+        part = "" if left == len(check.violations) else f"{left} of "
+        said = f", {part}which this method does not promise to keep"
+    changes, otherwise = _remedies(plan, check)
+    raise refusal(plan, check, said, otherwise, changes)
+
+
+def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
+    """Changes to try, and what else may help."""
+    violated = [plan.problem.asking(v.label) for v in check.violations]
+    broken = [pair[0] for pair in violated if pair]
+    speeds = [each.speed if isinstance(each, Requirement) else 0 for each in broken]
+    if len(broken) == len(violated) and all(speeds) and plan.trajectory.kind == "chained":
+        sizes = (v.value / v.limit for v in check.violations)
+        factor = max(size ** (1 / speed) for size, speed in zip(sizes, speeds, strict=True))
+        if factor < float("inf"):
+            slower = duration_change(plan.duration * factor * 1.0001)
+            return [slower, BY_COLLOCATION], None
+    if len(broken) < len(violated) or any(isinstance(each, GOALS) for each in broken):
+        return [], "a finer mesh: more method.collocation.intervals or a higher degree"
+    other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
+    instead = changed_words(plan, [v for v in check.violations if np.isfinite(v.value)])
+    ways = [instead or "wider limits"]
+    if plan.problem.duration is None and any(isinstance(each, LongestDuration) for each in broken):
+        if plan.problem.compensation.on:
+            ways[0] += " and what compensation adds"
+        ways.append("wider input limits")
+    if plan.problem.travel is not None:
+        ways.append(f"another {plan.problem.travel_key}")
+    return other, ", or ".join(ways)
+
+
+def refusal(
+    plan: Plan, check: Check, where: str, advice: str | None, changes: Sequence[Change] = ()
+) -> VerificationError:
+    """The refusal of a plan that breaks requirements."""
+    name = plan.method if plan.compensation is None else f"compensated {plan.method}"
+    error = VerificationError(
+        f"{plan.problem.source}: the {name} plan breaks"
+        f" {len(check.violations)} requirement{'s' if len(check.violations) > 1 else ''}{where}",
+        plan=replace(plan, status=VerificationError.status),
+        violations=check.violations,
+        advice=advice,
+        changes=changes,
+    )
+    error.check = check
+    return error

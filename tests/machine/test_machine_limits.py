@@ -13,6 +13,7 @@ import pytest
 import planner
 from planner.comparison.comparison import comparison_csv
 from planner.plan.plan import Plan
+from planner.report.page.words import verdict_html
 
 ROOT = Path(__file__).parents[2]
 MACHINES = 60
@@ -121,6 +122,7 @@ def test_a_comparison_says_it_in_table_file_and_page(plan: Plan) -> None:
     assert row.beyond_limits == 100
     assert row.remark == "100 % of machines break a limit"
     assert result.headline.endswith("limit. On 100 % of the machines it breaks a limit.")
+    assert "1 of 1" not in verdict_html(result)
     assert "yes: 100 % of machines break a limit" in result.markdown()
     assert row.replay is not None
     assert f"polynomial: {row.replay.limit_words}." in result.markdown()

@@ -52,7 +52,8 @@ def verdict_html(comparison: Comparison) -> str:
     if take := comparison.recommended:
         name = html.escape(take.label)
         text = text.replace(name, f"<b>{name}</b>", 1)
-        text += f" {solved} of {len(rows)} plans reach the goal and keep every limit."
+        if len(rows) > 1:
+            text += f" {solved} of {len(rows)} plans reach the goal and keep every limit."
     if re.search(r"\bE \d", text):
         text += " E is the largest error of any joint on the machine at any time."
     return text

@@ -116,7 +116,7 @@ def test_progress_is_told_and_methods_are_checked(paper: planner.Problem) -> Non
 def test_collocation_plans_what_the_chart_refuses(name: str) -> None:
     analysis = check(planner.load_problem(PROBLEMS / f"{name}.toml"), ["collocation"])
     assert analysis.has_plan
-    assert analysis.outcomes[0]["direction"] == "turns 2 times"
+    assert analysis.outcomes[0]["direction"] == "reverses 2 times"
     assert analysis.outcomes[0]["domain_ok"] is False
 
 

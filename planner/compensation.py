@@ -25,7 +25,7 @@ from planner.problem.tables.problem_file import CompensationTable
 from planner.support.deadline import TimeUpError, is_over, time_advice, time_limit
 from planner.support.progress import tell
 from planner.verification.verdict import judge
-from planner.verification.verify import Check, verify
+from planner.verification.verify import Check
 
 if TYPE_CHECKING:
     from planner.machine.machine import Machine
@@ -74,13 +74,13 @@ def compensate_plan(
     began = time.perf_counter()
     tell("compensating")
     try:
-        compensated = _compensate_in_duration(plan, used, options)
+        made = _compensate_in_duration(plan, used, options)
     except TimeUpError:
         raise TimeLimitError(
             f"{problem.source}: the plan cannot be compensated: it takes too long",
             advice=time_advice(),
         ) from None
-    compensated, check = judge(compensated)
+    compensated, check = _with_room(made, used, options)
     compensated = replace(compensated, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
     changes = [*compensation_changes(compensated, check.violations, options), NO_COMPENSATION]
     if not check.ok:
@@ -120,7 +120,8 @@ def _try_settings(
             table, _, name = key.partition(".")
             tables[table][name] = value
         own = options.model_copy(update=tables["compensation"])
-        return judge(_compensate_in_duration(plan, machine.with_(**tables["machine"]), own))[0]
+        other = machine.with_(**tables["machine"])
+        return _with_room(_compensate_in_duration(plan, other, own), other, own)[0]
 
     out = []
     with time_limit(max(LEAST_S, MOST_TIMES_REFUSAL * seconds), "the time for trying changes"):
@@ -154,8 +155,7 @@ limits all the time."""
 
 
 def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
-    """The compensated plan; where all that is run takes more than it may, of a shorter plan; where
-    the duration is free and it breaks something, of one a little longer.
+    """The compensated plan; where all that is run takes more than it may, of a shorter plan.
 
     Raises:
         NoPlanError: If no plan short enough is found; it names a duration that would do.
@@ -169,7 +169,7 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
     least = made
     for _ in range(MOST_SHORTER):
         if made.duration <= most:
-            return made if problem.duration is not None else _with_room(made, machine, options)
+            return made
         added = made.duration - plan.duration
         seconds = float(f"{most - added:.6g}") - 1e-5
         try:
@@ -197,32 +197,35 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
     )
 
 
-def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> Plan:
-    """A compensated plan of free duration; where it breaks something or is no better than the plan
-    as it is, that of the same path a little slower, if it fits."""
+def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> tuple[Plan, Check]:
+    """A compensated plan, judged; where its duration is free, and it breaks something or is no
+    better than the plan as it is, that of the same path a little slower, if it fits."""
     from planner.machine.feedforward.follow import follow
 
-    most, plan, made = fastest.problem.duration_max, fastest.compensates, fastest
+    tried = judged = judge(fastest)
+    most, plan = fastest.problem.duration_max, fastest.compensates
+    if fastest.problem.duration is not None:
+        return judged
     assert plan is not None
     for factor in SLOWER:
-        if _is_good(made):
-            return made
+        if _is_good(*tried):
+            return tried
         if most is not None and fastest.duration + (factor - 1) * plan.duration > most:
-            return fastest
+            return judged
         try:
-            made = follow(_slower(plan, factor), machine, options)
+            tried = judge(follow(_slower(plan, factor), machine, options))
         except (TimeUpError, NoPlanError):
-            return fastest
-    return made if _is_good(made) else fastest
+            return judged
+    return tried if _is_good(*tried) else judged
 
 
-def _is_good(made: Plan) -> bool:
+def _is_good(made: Plan, check: Check) -> bool:
     """Whether a slower plan would not be better: it keeps all, or the preparation does not."""
     from planner.machine.feedforward.advice import meets_before_start
 
     if "ended_early" in made.notes:
         return True
-    check, said = verify(made), made.notes["compensation"]
+    said = made.notes["compensation"]
     helps = check.ok and said["E_deg"] < said["plain_E_deg"]
     return helps or meets_before_start(made, check.violations)
 

@@ -207,13 +207,14 @@ def test_the_fastest_plan_is_slowed_where_its_compensation_is_refused(
     """Its inputs are at their limits all the time, and leave the correction no room."""
     free = paper.changed({"goal.duration": "free", "machine.step_s": 0.01})
     fastest = planner.solve(free, "convex")
-    usual, checks = compensation.verify, list[Check]()
+    usual, checks = compensation.judge, list[Check]()
 
-    def first_refused(plan: Plan) -> Check:
-        checks.append(usual(plan))
-        return replace(checks[-1], ok=len(checks) > 1)
+    def first_refused(plan: Plan) -> tuple[Plan, Check]:
+        plan, check = usual(plan)
+        checks.append(check)
+        return plan, replace(check, ok=len(checks) > 1)
 
-    monkeypatch.setattr(compensation, "verify", first_refused)
+    monkeypatch.setattr(compensation, "judge", first_refused)
     made = planner.compensate(fastest)
     assert made.verified
     assert len(checks) == 2

@@ -69,23 +69,20 @@ def complete_methods(incomplete: str) -> list[tuple[str, str]]:
     return [(head + m.name, m.summary) for m in all_methods().values() if m.name not in names]
 
 
+def methods_option(help: str) -> Any:
+    """The option `--methods`: several methods, and what for."""
+    return typer.Option("--methods", metavar="A,B,C", autocompletion=complete_methods, help=help)
+
+
 MethodNames = Annotated[
     str | None,
-    typer.Option(
-        "--methods",
-        metavar="A,B,C",
-        autocompletion=complete_methods,
-        help="Methods to try. Default: all that do not start from another method's plan.",
-    ),
+    methods_option("Methods to try. Default: all that do not start from another method's plan."),
 ]
 PlannedMethods = Annotated[
     str | None,
-    typer.Option(
-        "--methods",
-        metavar="A,B,C",
-        autocompletion=complete_methods,
-        help="Methods, each with options if needed (polynomial:travel=middle) or followed by the"
-        " word compensated ('collocation compensated'); or all.",
+    methods_option(
+        "Methods, each with options if needed (polynomial:travel=middle) or followed by the"
+        " word compensated ('collocation compensated'); or all."
     ),
 ]
 TimeLimit = Annotated[

@@ -18,9 +18,9 @@ from planner.cli.arguments import (
     Changes,
     PlanOrProblemPath,
     Seed,
-    complete_methods,
     is_plan,
     method_option,
+    methods_option,
     out_option,
     read_problem,
     samples_option,
@@ -62,12 +62,7 @@ def sensitivity(
     ] = "collocation",
     methods: Annotated[
         str | None,
-        typer.Option(
-            "--methods",
-            metavar="A,B,C",
-            autocompletion=complete_methods,
-            help="Methods, each with options if needed (polynomial:travel=middle); or all.",
-        ),
+        methods_option("Methods, each with options if needed (polynomial:travel=middle); or all."),
     ] = None,
     machine: Annotated[
         bool, typer.Option(help="Also show the parameters of the emulated machine.")

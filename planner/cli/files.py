@@ -11,7 +11,7 @@ import typer
 from planner.cli.arguments import PlanPath, out_option
 from planner.cli.output import finish, job
 from planner.plan.plan import Plan
-from planner.plan.samples import RATE_HZ, commands
+from planner.plan.samples import RATE_HZ
 from planner.report.export import FORMATS, Real, find_format, fitting, refuse_target
 from planner.report.export import export as write
 from planner.report.film import animate as film
@@ -75,9 +75,9 @@ def export(
     with job(f"writing {name}"):
         motion = load_plan(plan, strict=True)
         written = write(motion, out, name, rate_hz=rate, joint_names=names, real=real)
-    send = f"; send the motors {' and '.join(commands(motion))}" if name == "csv" else ""
+    sent = " and ".join(FORMATS[name].sent(motion))
     data = {"plan": plan, "format": name, "written": written}
-    return finish(data, where="written to {}" + send)
+    return finish(data, where="written to {}" + f"; send the motors {sent}" * bool(sent))
 
 
 def animate(

@@ -24,7 +24,7 @@ from planner.errors import InputError, InputWarning
 from planner.machine.machine import Machine
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan, expect_plan
-from planner.plan.samples import ARRAYS, RATE_HZ, Samples, motor_angles, sample
+from planner.plan.samples import ARRAYS, RATE_HZ, Samples, commands, motor_angles, sample
 from planner.support.arrays import Array
 from planner.support.files import (
     folder,
@@ -62,6 +62,7 @@ class Format:
         reader: What reads it in Python, or "".
         options: Which of `ExportOptions` it has.
         commanded: Whether motors are to carry it out as it is.
+        sent: Names of the columns that the motors are sent, where it is a table of named columns.
     """
 
     holds: str
@@ -70,6 +71,7 @@ class Format:
     reader: str = ""
     options: tuple[str, ...] = ("rate_hz",)
     commanded: bool = True
+    sent: Callable[[Plan], Sequence[str]] = lambda _: ()
 
 
 FORMATS: dict[str, Format] = {
@@ -78,6 +80,7 @@ FORMATS: dict[str, Format] = {
         (".csv",),
         lambda plan, asked: _csv(sample(plan, asked.rate_hz)),
         "planner.load_samples",
+        sent=commands,
     ),
     "json": Format(
         "the plan itself, exact, as `planner plan --out` writes it (planner schema plan)",

@@ -29,8 +29,8 @@ from planner.machine.machine import Machine, machine_for, sample_numbers
 from planner.machine.replay import RECORD_S
 from planner.machine.replay import replay as run_replay
 from planner.methods.registry import ALL, METHODS, find_method, merged_options
-from planner.methods.spec import COMPENSATED, Spec, parse_specs
-from planner.plan.plan import Plan
+from planner.methods.spec import Spec, parse_specs
+from planner.plan.plan import COMPENSATED, Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
 from planner.solve import solve_and_check

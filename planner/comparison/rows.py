@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from planner.machine.replay import Replay
-from planner.methods.spec import COMPENSATED
-from planner.plan.plan import Plan
+from planner.plan.plan import COMPENSATED, Plan
 from planner.support.arrays import jsonable
 from planner.support.statistics import percentile_interval
 from planner.support.tables import Column, digits, number

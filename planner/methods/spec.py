@@ -8,12 +8,10 @@ from typing import Any
 
 from planner.errors import InputError
 from planner.methods.registry import find_method, merged_options
+from planner.plan.plan import COMPENSATED
 from planner.problem.problem import Problem
 from planner.support.files import toml_value
 from planner.support.tables import line, shorten
-
-COMPENSATED = "compensated"
-"""After the name of a method: its plan compensated for the machine."""
 
 
 @dataclass(frozen=True)

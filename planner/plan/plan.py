@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 FORMAT = "planner-plan"
 VERSION = 1
 
+COMPENSATED = "compensated"
+"""After the name of a method: its plan compensated for the machine."""
+
 ROUNDING = 1e-9
 """Part of the duration (of a second, if that is more) by which a time may lie outside a plan: sums
 of thousands of steps are off by less."""
@@ -132,7 +135,7 @@ class Plan:
     @property
     def label(self) -> str:
         """The method and whether the plan is compensated, as rows of a comparison are called."""
-        return self.method if self.compensation is None else f"{self.method} compensated"
+        return self.method if self.compensation is None else f"{self.method} {COMPENSATED}"
 
     @property
     def clock(self) -> Clock:

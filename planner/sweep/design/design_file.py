@@ -12,7 +12,8 @@ from pydantic import Field, model_validator
 
 from planner.errors import InputError
 from planner.machine.machine import Machine
-from planner.methods.spec import COMPENSATED, parse_specs
+from planner.methods.spec import parse_specs
+from planner.plan.plan import COMPENSATED
 from planner.problem.conditions import with_changes
 from planner.problem.problem import Problem
 from planner.problem.tables.arms import GearTable, Joints

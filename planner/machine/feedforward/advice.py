@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,6 +10,7 @@ from planner.errors import Violation
 from planner.machine.feedforward.legs import reversals
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
+from planner.problem.requirements.places import Obstacle
 from planner.problem.tables.problem_file import CompensationTable
 
 NO_COMPENSATION = "no compensation (compensation.on = false)"
@@ -51,8 +51,9 @@ def compensation_changes(
     """What would help, in words, beside `settings_to_try`: what stands in the way, what was left
     out, and time. Nothing that the problem leaves free, and nothing that `follow` tried."""
     problem = plan.problem
-    met = [match[0] for v in violations if (match := re.search(r"obstacle \d+", v.label))]
-    out = [f"{name} elsewhere" for name in dict.fromkeys(met)]
+    asking = [problem.asking(v.label) for v in violations]
+    met = [pair[0].number for pair in asking if pair and isinstance(pair[0], Obstacle)]
+    out = [f"obstacle {number} elsewhere" for number in dict.fromkeys(met)]
     if meets_before_start(plan, violations):
         return out  # which neither another motion nor more time changes
     if options.preparation != "forward":

@@ -309,13 +309,6 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
     )
 
 
-def _step_share(machine: Machine) -> float:
-    """The unit of a correction's change as a part of what it is without inertia."""
-    if machine.fidelity != "dynamic":
-        return 1.0
-    return LIGHT_LINK_KGM2 / max(float(np.max(machine.mean("link_inertia_kgm2"))), LIGHT_LINK_KGM2)
-
-
 def _weights(plan: Plan, machine: Machine, ref: Reference, options: FeedbackTable) -> Weights:
     """The cost, from the options' units; a length in metres counts as an angle in radians."""
     tracked = np.ones(ref.q.shape[1])
@@ -328,7 +321,8 @@ def _weights(plan: Plan, machine: Machine, ref: Reference, options: FeedbackTabl
     path[:moving] = tracked / np.deg2rad(RUN_UP_ERROR_DEG) ** 2
     scale = input_scale(plan, machine)
     size, step = options.correction * scale, options.correction_step * scale
-    step = step * _step_share(machine)
+    if machine.fidelity == "dynamic":
+        step *= LIGHT_LINK_KGM2 / max(np.max(machine.mean("link_inertia_kgm2")), LIGHT_LINK_KGM2)
     sizes = np.repeat(1 / size[None] ** 2, len(ref.feed), axis=0)
     sizes[ref.rests, 0] *= RESTING_WEIGHT
     steps = np.repeat(1 / step[None] ** 2, len(ref.feed), axis=0)

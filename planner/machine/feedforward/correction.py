@@ -30,13 +30,11 @@ PROBES_RAD = np.deg2rad([0.3, 0.05])
 """Changes of one knot by which derivatives are taken: a fifteenth of the joints' lost motion, to
 see beyond what the next steps meet; and less where that leads no farther."""
 
-POWERS = (2, 8, 32)
-"""Of the norm of the errors: first their mean square, which leads from afar, then near the largest,
-which is what is judged."""
-
 PIN_PRICES = {2: 4.0, 8: 1.5, 32: 4.0}
-"""What a degree that goal and waypoints are missed by costs, against each of them: less in the
-middle, so that the way that their mean square left to reach the goal is found again."""
+"""Powers of the norm of the errors, in turn: first their mean square, which leads from afar, then
+near the largest, which is what is judged. And what a degree that goal and waypoints are missed by
+costs against each: less in the middle, so that the way that their mean square left to reach the
+goal is found again."""
 
 MOST_ROUNDS, LEAST_GAIN = 8, 0.02
 """Rounds for each of them at most, and what one must gain for another, as a part of the measure;
@@ -129,7 +127,7 @@ class Correction:
             TimeUpError: If there is no time left; what was found till then is kept.
         """
         now = self._variants.run(self.values[:, :, None])[0]
-        for power in POWERS:
+        for power in PIN_PRICES:
             now = self._go_on(now, power)
         commands, now = self._pin()
         missed = float(np.max(np.abs(now.pins)))

@@ -29,8 +29,8 @@ def plot_run(
     """Plot the angles of a recorded run, of its plan and of a machine's prediction over time.
 
     Below each angle: the reading minus the plan, and minus the prediction, pale, with their means
-    over 0.3 s. Of a compensated plan
-    this is the motion that it expects of its machine, not the path it was made for.
+    over 0.3 s. Of a compensated plan this is the motion that it expects of its machine, not the
+    path it was made for.
 
     Args:
         log: The run; its first command is taken for the plan's (`Log.part` cuts off what was

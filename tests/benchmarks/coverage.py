@@ -9,6 +9,7 @@ goes on where it was ended, and more pairs add to those that are there.
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -188,7 +189,8 @@ def main() -> int:
             found += rows(joints, results(joints, count, db, given.workers))
     given.out.mkdir(parents=True, exist_ok=True)
     picture(found).savefig(given.out / "coverage.png", dpi=130)
-    page = HEAD.format(table=markdown_table(COLUMNS, found))
+    command = made_by(shlex.join(["python", "tests/benchmarks/coverage.py", *sys.argv[1:]]))
+    page = HEAD.format(command=command, table=markdown_table(COLUMNS, found))
     (given.out / "README.md").write_text(page, encoding="utf-8")
     return 0
 
@@ -201,7 +203,7 @@ Random pairs of start and goal, every joint uniform in the given range; inputs u
 that are verified. Effort is relative to that of collocation, where both have a plan. Times are
 those of a busy computer: compare them with each other only.
 
-{made_by("python tests/benchmarks/coverage.py")}
+{{command}}
 
 ![Share of the pairs that each method solves](coverage.png)
 

@@ -165,8 +165,8 @@ def _dips(values: Array) -> Array:
     A dip can be narrower than the samples are apart; a parabola through the three around each local
     minimum follows it. Beside a margin of −∞ there is none lower.
     """
-    step = np.diff(points(values.shape[-1]))
-    before, after, width = step[:-1], step[1:], step[:-1] + step[1:]
+    step, width = _steps(values.shape[-1])
+    before, after = step[:-1], step[1:]
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.diff(values, axis=-1) / step
         bend = (slope[..., 1:] - slope[..., :-1]) / width
@@ -174,6 +174,13 @@ def _dips(values: Array) -> Array:
         lowest = values[..., 1:-1] - tangent**2 / (4 * bend)
     is_dip = (slope[..., :-1] <= 0) & (slope[..., 1:] >= 0) & (bend > 0)
     return np.asarray(np.min(np.where(is_dip, lowest, np.inf), axis=(1, 2)))
+
+
+@lru_cache(maxsize=64)
+def _steps(count: int) -> tuple[Array, Array]:
+    """Of samples from each to the next, and from the one before each to the one after it."""
+    step = np.diff(points(count))
+    return step, step[:-1] + step[1:]
 
 
 @lru_cache(maxsize=64)

@@ -156,7 +156,8 @@ def _binomials(degree: int) -> Array:
 
 def elevate(c: Array, degree: int) -> Array:
     """The same polynomial written at a higher degree."""
-    return np.tensordot(_elevation(len(c) - 1, degree), c, axes=1)
+    out = np.dot(_elevation(len(c) - 1, degree), c.reshape(len(c), -1))
+    return np.asarray(out.reshape(-1, *c.shape[1:]))
 
 
 @lru_cache(maxsize=256)

@@ -127,6 +127,7 @@ def rows(joints: int, families: list[list[Record]]) -> list[Record]:
                     "effort": ratio,
                     "seconds": seconds,
                     "refused": np.median(refused or [np.nan]),
+                    "too_short": sum("is too short" in (record["why"] or "") for record in own),
                 }
             )
     return out
@@ -190,7 +191,13 @@ def main() -> int:
     given.out.mkdir(parents=True, exist_ok=True)
     picture(found).savefig(given.out / "coverage.png", dpi=130)
     command = made_by(shlex.join(["python", "tests/benchmarks/coverage.py", *sys.argv[1:]]))
-    page = HEAD.format(command=command, table=markdown_table(COLUMNS, found))
+    best = [row for row in found if row["method"] == "collocation"]
+    page = HEAD.format(
+        command=command,
+        table=markdown_table(COLUMNS, found),
+        refused=sum(row["pairs"] - row["solved"] for row in best),
+        too_short=sum(row["too_short"] for row in best),
+    )
     (given.out / "README.md").write_text(page, encoding="utf-8")
     return 0
 
@@ -201,7 +208,8 @@ Random pairs of start and goal, every joint uniform in the given range; inputs u
 {INPUT:g} rad/s, joints within {WIDE:g} degrees, {SECONDS[3]:g} s for three joints and
 {SECONDS[4]:g} s for four, travel free. The arm has the prototype's proportions. "Solved" are plans
 that are verified. Effort is relative to that of collocation, where both have a plan. Times are
-those of a busy computer: compare them with each other only.
+those of a busy computer: compare them with each other only. Collocation refuses {{refused}} pairs,
+{{too_short}} of them since the fastest motion that it finds takes longer than is given.
 
 {{command}}
 

@@ -319,9 +319,14 @@ class CompiledMotion:
                 strides = [step // block.itemsize for step in block.strides]
                 strides[3] *= block.shape[3] > 1
                 commands = _KernelCommands(block.ctypes.data, *strides)
+                begins = range(0, self._count, SAMPLES_A_CALL)
+                if len(begins) == 1:  # a thread for it, each tick of a closed loop, takes longer
+                    self._call(commands, 0, first, self._k)
+                    if tell:
+                        tell(self._k)
+                    continue
                 calls = [
-                    pool.submit(self._call, commands, begin, first, self._k)
-                    for begin in range(0, self._count, SAMPLES_A_CALL)
+                    pool.submit(self._call, commands, begin, first, self._k) for begin in begins
                 ]
                 for done, call in enumerate(as_completed(calls), start=1):
                     call.result()

@@ -162,6 +162,8 @@ class Machine:
 
         Where its start state is unknown it stands in the middle: unwound.
         """
+        if "unknown" not in self.start_state and not any(q.varies for q in self.effects.values()):
+            return self
         states = ["unwound" if word == "unknown" else word for word in self.start_state]
         means = {name: _as_plain(q.value) for name, q in self.effects.items()}
         return self.with_(start_state=states[0] if len(states) == 1 else states, **means)
@@ -449,8 +451,6 @@ def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> 
     Raises:
         InputError: If a list of the quantity does not match the system's joints.
     """
-    from scipy.special import ndtr, ndtri  # slow to import
-
     effect = EFFECTS[name]
     both = [fitted(name, given, joints) for given in (quantity.value, quantity.spread)]
     for given in both:
@@ -458,6 +458,10 @@ def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> 
         if wrong:
             raise InputError(wrong)
     mean, spread = (np.broadcast_to(np.array(given), len(uniform))[:, None] for given in both)
+    if not quantity.varies:
+        return np.repeat(mean, uniform.shape[1], axis=1)
+    from scipy.special import ndtr, ndtri  # slow to import
+
     # A truncated normal, inverted: one uniform number a value, so that streams stay aligned.
     low = np.maximum(effect.low, POSITIVE_FLOOR * mean) if effect.positive else effect.low
     sigma = np.where(spread > 0, spread, 1.0)

@@ -115,12 +115,16 @@ class Variants:
         """
         shape, machine = self.shape, self._machine
         if values is None:
-            coarse = max(machine.step_s, shape.tick / 2)
-            machine = replace(machine.with_(velocity_resolution_rad_s=False), step_s=coarse)
-            values = shape.variants(corrections, self.knots)
+            machine, values = self._coarse, shape.variants(corrections, self.knots)
         is_linear = shape.is_linear and not machine.effects.get("control_period_s")  # else held
         q = simulate_variants(self._plan, machine, shape.t, values, is_linear, self._times)
         return self._judge(q)
+
+    @cached_property
+    def _coarse(self) -> Machine:
+        """The machine with smooth speeds and longer steps."""
+        coarse = max(self._machine.step_s, self.shape.tick / 2)
+        return replace(self._machine.with_(velocity_resolution_rad_s=False), step_s=coarse)
 
     def _judge(self, q: Array) -> Runs:
         problem, count = self._plan.problem, len(q)

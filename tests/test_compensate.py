@@ -15,6 +15,7 @@ from planner import Plan, compensation
 from planner.errors import Violation
 from planner.machine.feedforward import legs
 from planner.machine.feedforward.advice import compensation_changes, settings_to_try
+from planner.machine.feedforward.follow import follow
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.user_tables import parse
 from planner.verification.verify import Check
@@ -22,6 +23,7 @@ from planner.verification.verify import Check
 ROOT = Path(__file__).parents[1]
 UNTUNED = 31
 """A seed that nothing was chosen with."""
+COARSE = {"machine.step_s": 0.01, "machine.control_period_s": 0.02}
 
 
 @pytest.fixture(scope="module")
@@ -34,9 +36,10 @@ def better(plain: Plan) -> Plan:
     return planner.compensate(plain)
 
 
-def percentiles(plan: Plan, machine: planner.Machine | None = None) -> tuple[float, float]:
+def percentiles(plan: Plan) -> tuple[float, float]:
     """95 % of E and of the error at the end, degrees, over 300 machines."""
-    run = planner.replay(plan, machine, samples=300, seed=UNTUNED)
+    machine = planner.Machine.prototype(step_s=0.01)
+    run = planner.replay(plan, machine, samples=300, seed=UNTUNED, record_s=None)
     return run.percentile(95), float(np.percentile(run.terminal_E_deg, 95))
 
 
@@ -92,10 +95,12 @@ def test_without_preparation_no_time_is_taken(plain: Plan) -> None:
 
 
 def test_with_inertia_too(plain: Plan) -> None:
-    machine = planner.Machine.prototype(fidelity="dynamic", step_s=0.01)
+    machine = planner.Machine.prototype(fidelity="dynamic", step_s=0.01, control_period_s=0.02)
     plan = planner.compensate(plain, machine)
-    run = planner.replay(plan, machine, samples=20, seed=UNTUNED)
-    before = planner.replay(plain, machine, samples=20, seed=UNTUNED)
+    run, before = (
+        planner.replay(each, machine, samples=20, seed=UNTUNED, record_s=None)
+        for each in (plan, plain)
+    )
     assert np.median(run.terminal_E_deg) < 1.6 < 4.0 < np.median(before.terminal_E_deg)
 
 
@@ -103,7 +108,8 @@ def test_a_problem_is_planned_first(paper: planner.Problem, better: Plan) -> Non
     plan = planner.compensate(paper)
     assert plan.method == "collocation"
     assert np.array_equal(plan.t, better.t)
-    other = planner.compensate(paper.changed({"goal.duration": 12}), method="polynomial")
+    quick = planner.Machine.prototype(step_s=0.01)
+    other = planner.compensate(paper.changed({"goal.duration": 12}), quick, method="polynomial")
     assert other.method == "polynomial"
     assert other.verified
 
@@ -156,8 +162,9 @@ def test_what_breaks_a_requirement_on_the_machine_is_refused() -> None:
 def test_what_it_advises_is_understood(paper: planner.Problem) -> None:
     """Where the preparation meets a limit it named an option that was gone."""
     turning = paper.changed({"goal.theta_deg": [25, -20, 10], "limits.z2_margin": None})
-    turning = turning.changed({"machine.step_s": 0.005})
-    plan = planner.compensate(turning.changed({"compensation.preparation": "forward"}))
+    turning = turning.changed({"compensation.preparation": "forward"})
+    quick = turning.compensation.model_copy(update={"correction": False})
+    plan = follow(planner.solve(turning), planner.Machine.prototype(step_s=0.01), quick)
     assert plan.lead_s > 0
     times = [0.5 * plan.lead_s, plan.clock.holds[0][0]]
     found = [Violation("clearance of link 3", time_s, -0.1, 0.0, "m", -1.0) for time_s in times]
@@ -185,14 +192,14 @@ def test_a_preparation_that_meets_a_post_says_so_and_what_helps(
     paper: planner.Problem, better: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A post where joint 1 swings the tip before the plan starts, and would be kept off."""
-    plain = planner.solve(paper.changed({"goal.theta_deg": [10] * 3, "machine.step_s": 0.01}))
+    plain = planner.solve(paper.changed({"goal.theta_deg": [10] * 3, **COARSE}))
     swung = plain.q(0.0)[1:] + np.deg2rad([34, 0, 0])
     tip = plain.problem.system.arm_points(swung)[-1].tolist()  # type: ignore[attr-defined]
     beside = plain.problem.changed({"obstacles": [{"centre_m": tip, "radius_m": 0.05}]})
     near = replace(plain, problem=beside, verified=False)
     monkeypatch.setattr(legs, "_reachable", lambda problem, q, start: np.ones(len(q), dtype=bool))
     with pytest.raises(planner.VerificationError, match="in the preparation, the first") as caught:
-        planner.compensate(near)
+        planner.compensate(near, take_up=False)
     without, *others = str(caught.value.advice).split("; or ")
     price = r"\(tried: off the path by [\d.]+ deg, uncompensated by [\d.]+\)"
     assert re.fullmatch(rf"compensation\.preparation = false {price}", without)
@@ -205,7 +212,7 @@ def test_the_fastest_plan_is_slowed_where_its_compensation_is_refused(
     paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its inputs are at their limits all the time, and leave the correction no room."""
-    free = paper.changed({"goal.duration": "free", "machine.step_s": 0.01})
+    free = paper.changed({"goal.duration": "free", **COARSE})
     fastest = planner.solve(free, "convex")
     usual, checks = compensation.judge, list[Check]()
 
@@ -234,7 +241,7 @@ def test_what_is_free_is_not_advised(paper: planner.Problem) -> None:
 
 
 def test_a_plan_by_way_of_points_passes_them_on_the_machine_too() -> None:
-    plan = planner.compensate(planner.load_problem(ROOT / "problems/waypoint.toml"))
+    plan = planner.compensate(planner.load_problem(ROOT / "problems/waypoint.toml", COARSE))
     check = planner.verify(plan)
     assert check.ok
     assert sum("waypoint" in label for label in check.margins) == 2
@@ -261,8 +268,8 @@ def test_what_needs_the_kinematics_says_so(better: Plan) -> None:
 )
 def test_a_problem_can_ask_every_method_for_it(paper: planner.Problem, method: str) -> None:
     wide = {"limits": {"input_rad_s": 5, "joint_deg": 89}} if method == "polynomial" else {}
-    asked = paper.changed({"compensation": {"on": True, "preparation": False}, **wide})
-    plan = planner.solve(asked, method)
+    asked = {"compensation": {"on": True, "preparation": False}, "machine.step_s": 0.01, **wide}
+    plan = planner.solve(paper.changed(asked), method)
     assert plan.verified
     assert plan.compensates is not None
     assert plan.compensates.method == plan.method == method
@@ -278,12 +285,12 @@ def test_the_table_is_checked(paper: planner.Problem) -> None:
 
 
 def test_sweeps_and_check_know_it(paper: planner.Problem, tmp_path: Path) -> None:
-    asked = paper.changed({"compensation.on": True})
+    asked = paper.changed({"compensation.on": True, "machine.step_s": 0.01})
     (outcome,) = planner.check(asked, ["collocation"]).outcomes
     assert outcome["verified"]
     assert outcome["duration_s"] > 13
     tables = {
-        "problem": paper,
+        "problem": paper.changed({"machine.step_s": 0.01}),
         "methods": ["collocation"],
         "grid": {"compensation.on": [False, True]},
         "replay": {"samples": 40, "seed": UNTUNED},

@@ -22,11 +22,15 @@ from planner.machine.feedforward.legs import (
     preparation,
     reversals,
 )
+from planner.machine.feedforward.shaping import MotorCommands, Shape
+from planner.machine.feedforward.variants import Variants
+from planner.plan.plan import Compensation
 from planner.problem.tables.problem_file import CompensationTable
 from planner.report.panels import span
 
 UNTUNED = 4711
 """A seed that nothing was chosen with."""
+MACHINE = planner.Machine.prototype(step_s=0.005)
 
 
 @pytest.fixture(scope="module")
@@ -39,18 +43,20 @@ def turning() -> Plan:
 
 @pytest.fixture(scope="module")
 def better(turning: Plan) -> Plan:
-    return planner.compensate(turning)
+    return planner.compensate(turning, MACHINE)
 
 
 def test_the_machines_stay_on_the_path_and_end_at_the_goal(turning: Plan, better: Plan) -> None:
-    before = planner.replay(turning, samples=200, seed=UNTUNED)
-    after = planner.replay(better, samples=200, seed=UNTUNED)
+    before, after = (
+        planner.replay(plan, MACHINE, samples=200, seed=UNTUNED, record_s=None)
+        for plan in (turning, better)
+    )
     assert after.percentile(95) < 4.2 < 9 < before.percentile(95)
     assert np.percentile(after.terminal_E_deg, 95) < 4.2
     assert np.max(np.abs(planner.verify(better).terminal_error_deg)) < 0.05
     said = better.notes["compensation"]
     assert said["E_deg"] < 1.3 < 5 < said["plain_E_deg"]
-    nominal = planner.replay(better, planner.Machine.prototype().nominal())
+    nominal = planner.replay(better, MACHINE.nominal())
     assert said["E_deg"] == pytest.approx(nominal.index_E_deg[0], abs=0.01)
 
 
@@ -64,18 +70,14 @@ def test_a_screen_is_told_when_the_plan_waits(better: Plan) -> None:
 
 def test_the_goal_is_reached_where_motors_do_not_do_what_their_derivatives_say() -> None:
     """One step of all knots at once gains nothing here: it leaves the way by 4.7 degrees."""
-    machine = planner.Machine.prototype(step_s=0.005)
+    machine = planner.Machine.prototype(step_s=0.01)
     problem = planner.Problem.manipulator(
         [-5.7, 1.9, 29.8], [-12.5, 7.2, 14.7], duration=15, input_rad_s=0.5, joint_deg=80
     )
     better = planner.compensate(planner.solve(problem), machine)
     assert np.max(np.abs(planner.verify(better).terminal_error_deg)) < 0.05
-    assert (
-        better.notes["compensation"]["E_deg"]
-        < 2.1
-        < 6
-        < better.notes["compensation"]["plain_E_deg"]
-    )
+    said = better.notes["compensation"]
+    assert said["E_deg"] < 2.1 < 6 < said["plain_E_deg"]
 
 
 @pytest.mark.campaign
@@ -93,7 +95,8 @@ def test_the_goal_costs_the_way_little() -> None:
 def test_the_goal_is_not_paid_for_by_the_way_at_the_turn() -> None:
     """The axes' needs differ at the crossing's turn. The goal, missed by 1.5 degrees for it, was
     reached by a swing of joint 1 in the hold: it left its path by 4.9 degrees."""
-    better = planner.compensate(planner.solve(planner.load_problem("problems/crossing.toml")))
+    crossing = planner.load_problem("problems/crossing.toml", {"machine.step_s": 0.01})
+    better = planner.compensate(planner.solve(crossing))
     assert np.max(np.abs(planner.verify(better).terminal_error_deg)) < 0.05
     assert better.notes["compensation"]["E_deg"] < 4.0
 
@@ -110,12 +113,21 @@ def test_where_no_turn_of_the_drive_suits_all_axes_none_is_taken_up() -> None:
     assert said["E_deg"] < said["plain_E_deg"]
 
 
-def test_commands_of_limited_rates_are_foretold_as_they_are_held_and_end_at_rest() -> None:
+def test_commands_of_limited_rates_are_foretold_as_they_are_held_and_end_at_rest(
+    paper: planner.Problem,
+) -> None:
     """Of a travel that is given, so that the drive does not turn back after the plan."""
-    fig4 = planner.load_problem("problems/paper-fig4.toml", {"machine.step_s": 0.005})
-    plain = planner.solve(fig4.changed({"limits.input_rate_rad_s2": 2.0}))
+    machine = planner.Machine.prototype(step_s=0.01, control_period_s=0.02)
+    plain = planner.solve(paper.changed({"limits.input_rate_rad_s2": 1.0}), intervals=20)
     asked = plain.problem.changed({"goal.travel": float(plain.q(plain.duration)[0])})
-    better = planner.compensate(replace(plain, problem=asked, verified=False))
+    shape = Shape(plain, plain.problem.system, machine, CompensationTable())  # type: ignore[arg-type]
+    variants = Variants(plain, machine, shape)
+    sent, foretold = variants.send(np.zeros((len(variants.knots), 2, 1)))
+    commands = MotorCommands(shape.t, sent[:, :, 0], shape.clock, shape.is_linear)
+    compensation = Compensation(plain, machine.to_dict(), shape.clock)
+    _, prediction = follow.plan_with_commands(compensation, commands)
+    assert np.max(np.abs(foretold.errors)) == pytest.approx(prediction.error_deg, abs=1e-3)
+    better = planner.compensate(replace(plain, problem=asked, verified=False), machine)
     assert np.max(np.abs(planner.verify(better).terminal_error_deg)) < 0.05
     assert np.array_equal(better.u(better.duration), [0, 0])
     assert np.array_equal(plain.u(plain.duration), [0, 0])
@@ -214,7 +226,7 @@ def test_rates_of_axes_depend_on_joint_1_alone_while_joints_stand(turning: Plan)
 
 
 def test_no_better_than_the_plan_as_it_is_says_so(
-    turning: Plan, monkeypatch: pytest.MonkeyPatch
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     usual = follow.predict
 
@@ -224,11 +236,11 @@ def test_no_better_than_the_plan_as_it_is_says_so(
 
     monkeypatch.setattr(follow, "predict", exact_when_plain)
     with pytest.warns(planner.InputWarning, match=r"leaves the path by .* as it is by 0 deg"):
-        planner.compensate(turning)
+        planner.compensate(planner.solve(paper), MACHINE)
 
 
 def test_all_that_is_run_fits_in_its_duration(paper: planner.Problem) -> None:
-    paper = paper.changed({"machine.step_s": 0.005})
+    paper = paper.changed({"machine.step_s": 0.01})
     asked = paper.changed({"compensation.on": True, "goal.duration_max": 12})
     made = planner.solve(asked)
     assert made.verified
@@ -257,9 +269,16 @@ def test_of_several_paths_the_machines_choose() -> None:
         planner.solve(car, "collocation", criterion="machine")
 
 
-def test_the_tracker_follows_the_same_clock(turning: Plan, better: Plan) -> None:
-    plain, run = (
-        planner.replay(plan, samples=20, seed=UNTUNED, feedback=True) for plan in (turning, better)
+def test_the_tracker_follows_the_same_clock_and_ends_five_times_closer(
+    turning: Plan, better: Plan
+) -> None:
+    """Lost motion is learnt before the start, and a loose path leaves room to allow for it."""
+    machine = MACHINE.with_(encoder_resolution_deg=0.02)
+    loose = planner.Tracker(path_error_deg=1.0)
+    plain, run, opened = (
+        planner.replay(plan, machine, 8, seed=UNTUNED, feedback=feedback, record_s=None)
+        for plan, feedback in ((turning, loose), (better, loose), (better, False))
     )
-    assert np.median(run.terminal_E_deg) < 0.4
+    assert np.median(run.terminal_E_deg) < min(np.median(opened.terminal_E_deg) / 5, 0.4)
     assert run.percentile(50) < plain.percentile(50)
+    assert better.lead_s - loose.design(better, machine).ref.timing.begin < 9.0

@@ -9,7 +9,8 @@ import pytest
 import planner
 from planner import Machine, Plan
 from planner.machine.feedback.tracker import TrackerDesign, design
-from planner.problem.tables.problem_file import FeedbackTable
+from planner.machine.feedforward.follow import follow
+from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
 
 
 @pytest.fixture(scope="session")
@@ -33,6 +34,7 @@ def plain(smooth: Plan, machine: Machine) -> TrackerDesign:
 
 @pytest.fixture(scope="session")
 def parked(machine: Machine) -> Plan:
-    """A compensated plan whose drive turns back three times."""
+    """A compensated plan whose drive turns back three times, without the correction."""
     problem = planner.load_problem(Path(__file__).parents[3] / "problems/parking.toml")
-    return planner.compensate(planner.solve(problem, "collocation"), machine)
+    plan = planner.solve(problem, "collocation")
+    return follow(plan, machine, CompensationTable(correction=False))

@@ -63,7 +63,7 @@ def test_it_follows_the_path_twenty_times_closer(closed: Replay, opened: Replay)
 
 def test_the_prototype_as_it_is(paper: planner.Problem) -> None:
     """Its own encoders of 0.088 degrees, and the optimal plan, which is slow at its start."""
-    plan, machine = planner.solve(paper, "collocation"), Machine.prototype(step_s=0.005)
+    plan, machine = planner.solve(paper, "collocation"), Machine.prototype(step_s=0.01)
     closed = replay(plan, machine, SAMPLES, seed=0, feedback=True, record_s=None)
     opened = replay(plan, machine, SAMPLES, seed=0, record_s=None)
     assert closed.percentile(95) < opened.percentile(95) / 20
@@ -74,20 +74,9 @@ def test_corrections_do_not_keep_up_the_swings_of_heavy_links(paper: planner.Pro
     """E was 2.8 and the end 0.9 degrees when corrections answered each swing at once."""
     plan = planner.solve(paper, "collocation")
     swinging = Machine.prototype(fidelity="dynamic", step_s=0.002)
-    closed = replay(plan, swinging, SAMPLES, seed=0, feedback=True, record_s=None)
+    closed = replay(plan, swinging, 12, seed=0, feedback=True, record_s=None)
     assert closed.percentile(95) < 1.2
     assert np.percentile(closed.terminal_E_deg, 95) < 0.4
-
-
-def test_a_compensated_plan_that_turns_back_ends_five_times_closer(
-    parked: Plan, machine: Machine
-) -> None:
-    """Lost motion is learnt before the start, and a loose path leaves room to allow for it."""
-    tracker = Tracker(path_error_deg=1.0)
-    closed = replay(parked, machine, 5, seed=0, feedback=tracker, record_s=None)
-    opened = replay(parked, machine, 5, seed=0, record_s=None)
-    assert np.median(closed.terminal_E_deg) < np.median(opened.terminal_E_deg) / 5
-    assert parked.lead_s - tracker.design(parked, machine).ref.timing.begin < 9.0
 
 
 def test_the_model_of_a_turn_is_that_of_the_play(parked: Plan, machine: Machine) -> None:
@@ -110,11 +99,10 @@ def test_a_compensated_plan_is_followed_along_the_path_it_compensates(
     smooth: Plan, machine: Machine, closed: Replay
 ) -> None:
     better = planner.compensate(smooth, machine)
-    again = replay(better, machine, SAMPLES // 2, seed=3, feedback=True, record_s=None)
-    assert again.percentile(50) == pytest.approx(closed.percentile(50), abs=0.03)
-    assert np.median(again.terminal_E_deg) == pytest.approx(
-        np.median(closed.terminal_E_deg), abs=0.02
-    )
+    again = replay(better, machine, 20, seed=3, feedback=True, record_s=None)
+    for name in ("index_E_deg", "terminal_E_deg"):
+        here, there = (np.median(getattr(run, name)[:20]) for run in (again, closed))
+        assert here == pytest.approx(there, abs=0.02), name
 
 
 def test_the_weights_trade_the_way_for_the_end(

@@ -22,7 +22,7 @@ TRACKER = Tracker()
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _needs_a_compiler() -> None:
+def _needs_a_compiler(one_run_up: None) -> None:
     if compiler() is None:
         pytest.skip("no C compiler")
 
@@ -40,10 +40,14 @@ def shift(k: int, measured: np.ndarray) -> np.ndarray:
 TAMPERS = {"lost": lose, "beyond": shift, "vehicle": None}
 
 
-@cache
 def plan_of(name: str) -> Plan:
     """A vehicle (no run-up, no limits of states, read exactly), or an arm with limited rates."""
-    if name == "vehicle":
+    return _plan(name == "vehicle")
+
+
+@cache
+def _plan(is_vehicle: bool) -> Plan:
+    if is_vehicle:
         return planner.solve(planner.load_problem(ROOT / "problems/unicycle.toml"), "polynomial")
     rated = {"limits.input_rate_rad_s2": [2.0, 2.0], "limits.joint_deg": [80, 31, 31]}
     problem = planner.load_problem(ROOT / "problems/paper.toml", rated)
@@ -77,7 +81,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
 
 
 @cache
-def compiled(name: str, folder: Path) -> CompiledTracker:
+def compiled(folder: Path) -> CompiledTracker:
+    name = "vehicle" if folder.name.startswith("vehicle") else "lost"
     return CompiledTracker(folder, TRACKER.design(plan_of(name), MACHINE))
 
 
@@ -124,7 +129,7 @@ def test_it_commands_what_python_does_on_the_same_readings(
     name: str, real: str, most: float, usual: float, made: Made
 ) -> None:
     shadow, run = followed(name)
-    control = compiled(name, made(name, real)).start(run.plan, MACHINE, np.arange(SAMPLES))
+    control = compiled(made(name, real)).start(run.plan, MACHINE, np.arange(SAMPLES))
     off = np.array([np.abs(control(t, read) - told) for t, read, told in shadow.log])
     assert off.max() < most
     assert np.percentile(off, 99) < usual
@@ -135,7 +140,7 @@ def test_it_commands_what_python_does_on_the_same_readings(
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_machines_end_as_well_as_with_python(real: str, made: Made) -> None:
     plan, (_, known) = plan_of("lost"), followed("lost")
-    feedback = Shadow(compiled("lost", made("lost", real)), lose)
+    feedback = Shadow(compiled(made("lost", real)), lose)
     found = planner.replay(plan, MACHINE, SAMPLES, seed=0, feedback=feedback, record_s=None)
     assert found.percentile(50) == pytest.approx(known.percentile(50), rel=0.1)
     ends = [np.median(run.terminal_E_deg) for run in (found, known)]
@@ -144,7 +149,7 @@ def test_machines_end_as_well_as_with_python(real: str, made: Made) -> None:
 
 def test_ticks_that_are_late_forgotten_or_over_stand_still(made: Made) -> None:
     plan = plan_of("lost")
-    control = compiled("lost", made("lost", "double")).start(plan, MACHINE, np.arange(1))
+    control = compiled(made("lost", "double")).start(plan, MACHINE, np.arange(1))
     ref = TRACKER.design(plan, MACHINE).ref
     ticks, latency, periods = ref.timing.ticks, ref.timing.latency, len(ref.feed)
     assert control.command(0, latency)[0] == LATE

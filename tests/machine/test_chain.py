@@ -192,13 +192,13 @@ def test_viscous_overload_slows_to_what_the_capacity_drives() -> None:
         "viscous_friction_nms_per_rad": viscous,
     }
     assert 0.3 * lever > expected
-    rigid = constant(DiskChain(system, draws_of(2, **effects), q), 0.3, 1000)[:, 2]
-    assert (rigid[-1] - rigid[0]) / 1.0 == pytest.approx(expected, rel=1e-9)
+    rigid = constant(DiskChain(system, draws_of(2, **effects), q), 0.3, 200)[:, 2]
+    assert (rigid[-1] - rigid[0]) / 0.2 == pytest.approx(expected, rel=1e-9)
     soft = draws_of(2, **effects, shaft_stiffness_nm_per_rad=500.0)
     errors = []
     for h in (1e-3, 2.5e-4):
-        theta = constant(DiskChain(system, soft, q), 0.3, round(0.4 / h), h)[:, 2]
-        errors.append((theta[-1] - theta[len(theta) // 2]) / 0.2 / expected - 1)
+        theta = constant(DiskChain(system, soft, q), 0.3, round(0.2 / h), h)[:, 2]
+        errors.append((theta[-1] - theta[len(theta) // 2]) / 0.1 / expected - 1)
     assert abs(errors[0]) < 0.04
     assert abs(errors[1]) < abs(errors[0]) / 2
 

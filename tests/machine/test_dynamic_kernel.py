@@ -62,8 +62,8 @@ WHOLE: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("n", [pytest.param(2, marks=pytest.mark.campaign), 3])
 def test_whole_replays_are_the_same(library: Any, use: Any, name: str, n: int) -> None:
     """In the compiled loop, with compiled steps in Python's, and in NumPy alone."""
-    u = inputs(([1.2], [0.5, 0.1]), ([-0.8], [0.3]), breaks=[0.0, 0.3, 0.6])
-    plan = plan_from(arm_problem(list(range(10, 10 + n)), end=0.6), u, pieces=10)
+    u = inputs(([1.2], [0.5, 0.1]), ([-0.8], [0.3]), breaks=[0.0, 0.2, 0.4])
+    plan = plan_from(arm_problem(list(range(10, 10 + n)), end=0.4), u, pieces=10)
     machine = Machine.prototype(fidelity="dynamic", step_s=0.005, **WHOLE[name])
     runs = []
     for whole, step in ((library, library), (None, library), (None, None)):
@@ -119,6 +119,6 @@ def test_every_stage_balances_all_torques(
     for name in ("play", "coulomb", "slip", "all"):
         plant = chain(3, samples=4, **EVENTS[name], gearhead_backlash_deg=0.5)
         plant._y[plant._place.v] = rng.normal(size=plant._y[plant._place.v].shape)
-        drive(plant, 40, jumps, 0.2)
+        drive(plant, 20, jumps, 0.2)
     assert max(worst) < 1e-5  # a rigid law turns the rounding of speeds, 5e-14, into torque
     assert 10 < sum(passes) < len(passes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import tracemalloc
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,12 @@ SIMULATE = sys.modules["planner.machine.simulate"]
 COARSE: dict[str, Any] = {"step_s": 0.01}
 ALL = {"samples": 7, "seed": 3, "record_s": 0.5}
 TRACKER = Tracker(run_up=False, period_s=0.5)
+
+
+def slowed(plan: Plan, factor: float) -> Plan:
+    """The same path in `factor` times the time."""
+    problem = plan.problem.changed({"goal.duration": factor * plan.duration})
+    return replace(plan, problem=problem, trajectory=plan.trajectory.slowed(factor))
 
 
 def same(one: Replay, other: Replay) -> None:
@@ -49,18 +56,19 @@ def test_errors_are_those_of_a_replay_that_keeps_every_motion(
 ) -> None:
     if not kernel:
         use(None)
+    plan = smooth_plan if kernel else slowed(smooth_plan, 0.2)
     machine = Machine.prototype(**COARSE, **effects)
-    whole = replay(smooth_plan, machine, feedback=feedback, **ALL)
+    whole = replay(plan, machine, feedback=feedback, **ALL)
     monkeypatch.setattr(SIMULATE, "CHUNK_SAMPLES", 3)
-    some = replay(smooth_plan, machine, feedback=feedback, motions=4, **ALL)
-    none = replay(smooth_plan, machine, feedback=feedback, motions=0, **ALL)
+    some = replay(plan, machine, feedback=feedback, motions=4, **ALL)
+    none = replay(plan, machine, feedback=feedback, motions=0, **ALL)
     same(whole, some)
     same(whole, none)
     assert np.array_equal(some.q, whole.q[:4])
     assert np.array_equal(some.motor_rates, whole.motor_rates[:4])
     assert np.array_equal(some.measured, whole.measured[:4])
     assert none.q.shape == (0, *whole.q.shape[1:])
-    assert np.array_equal(whole.terminal_error, whole.q[:, -1] - smooth_plan.q(10.0))
+    assert np.array_equal(whole.terminal_error, whole.q[:, -1] - plan.q(plan.duration))
     assert np.array_equal(whole.peak_rates, np.abs(whole.motor_rates).max(axis=1))
     assert np.array_equal(some.motion(3), whole.q[3])
     if "delay_s" not in effects:  # alone, a machine's delay lies on the grid of the simulation

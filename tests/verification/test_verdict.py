@@ -260,20 +260,20 @@ EDITS = [
 ]
 
 
-@pytest.mark.parametrize(("edit", "says"), EDITS)
 def test_a_compensated_plan_is_judged_between_its_breaks_and_inside(
-    compensated: planner.Plan, edit: Any, says: str, tmp_path: Path
+    compensated: planner.Plan, tmp_path: Path
 ) -> None:
     path = compensated.save(tmp_path / "plan.json")
-    kept = planner.load_plan(path, strict=True)
+    kept, text = planner.load_plan(path, strict=True), path.read_text()
     assert kept.verified
-    assert kept.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
-    data = json.loads(path.read_text())
-    edit(data)
-    path.write_text(json.dumps(data))
-    back = planner.load_plan(path)
-    assert not back.verified
-    assert says in back.why
+    assert kept.save(tmp_path / "again.json").read_text() == text
+    for edit, says in EDITS:
+        data = json.loads(text)
+        edit(data)
+        path.write_text(json.dumps(data))
+        back = planner.load_plan(path)
+        assert not back.verified, says
+        assert says in back.why
 
 
 def test_a_clock_that_is_none_is_refused_by_all(compensated: planner.Plan) -> None:
@@ -319,7 +319,7 @@ def test_limits_hold_on_the_machines_motion_between_the_breaks(compensated: plan
     assert v.value == pytest.approx(peak, abs=1e-5)
     assert v.time_s == pytest.approx(when, abs=2 * machine.step_s)
     assert planner.verify(asked(compensated, Mixed(peak + 1e-5, weighed))).ok
-    for weights in np.random.default_rng(0).normal(size=(20, 4)):
+    for weights in np.random.default_rng(0).normal(size=(8, 4)):
         values = run.q[0, run.t <= compensated.duration] @ weights
         peak, when = float(np.max(values)), float(run.t[np.argmax(values)])
         mixed = Mixed(peak - 1e-3, tuple(weights.tolist()))

@@ -69,8 +69,13 @@ def tree(name: str) -> ast.Module:
     return ast.parse(FILES[name].read_text(encoding="utf-8"))
 
 
+@cache
+def nodes(name: str) -> list[ast.AST]:
+    return list(ast.walk(tree(name)))
+
+
 def imports(name: str) -> Iterator[str]:
-    for node in ast.walk(tree(name)):
+    for node in nodes(name):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in FILES)
         elif isinstance(node, ast.ImportFrom):
@@ -109,7 +114,7 @@ def test_nothing_is_imported_in_a_circle() -> None:
 def defined(name: str) -> set[str]:
     return {
         target.id if isinstance(target, ast.Name) else target.name
-        for target in ast.walk(tree(name))
+        for target in nodes(name)
         if isinstance(target, ast.ClassDef | ast.FunctionDef)
         or (isinstance(target, ast.Name) and isinstance(target.ctx, ast.Store))
     }
@@ -119,7 +124,7 @@ def test_a_name_is_imported_from_its_file_and_one_with_an_underscore_stays_there
     found = [
         (name, node.module, alias.name)
         for name in OTHERS
-        for node in ast.walk(tree(name))
+        for node in nodes(name)
         if isinstance(node, ast.ImportFrom) and node.module in FILES
         for alias in node.names
     ]
@@ -134,7 +139,7 @@ def test_a_name_is_imported_from_its_file_and_one_with_an_underscore_stays_there
 def test_only_the_results_listed_hand_themselves_to_others() -> None:
     found: dict[str, set[str]] = {}
     for name in OTHERS:
-        for node in ast.walk(tree(name)):
+        for node in nodes(name):
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "import_function":
                 found.setdefault(name, set()).add(ast.literal_eval(node.args[0]))
     assert found == HANDED

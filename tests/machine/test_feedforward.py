@@ -105,7 +105,8 @@ def test_backing_off_takes_back_the_joints_that_have_gone_too_far(
     plan: Plan, compensated: Plan
 ) -> None:
     both = (planner.compensate(plan, back_off=False), compensated)
-    runs = [planner.replay(each, samples=200, seed=5, record_s=None) for each in both]
+    machine = planner.Machine.prototype(step_s=0.01)
+    runs = [planner.replay(each, machine, samples=200, seed=5, record_s=None) for each in both]
     highs = [np.percentile(run.terminal_error_deg[:, 1], 90) for run in runs]
     assert highs[1] < highs[0] - 0.3
     ends = [np.percentile(run.terminal_E_deg, 95) for run in runs]

@@ -31,7 +31,7 @@ def plans() -> dict[str, planner.Plan]:
         "chained": made("polynomial"),
         "state": made("collocation"),
         "retimed": planner.retime(made("polynomial")),
-        "compensated": planner.compensate(made("collocation")),
+        "compensated": planner.compensate(made("collocation", **{"machine.step_s": 0.01})),
     }
 
 

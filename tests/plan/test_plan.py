@@ -92,7 +92,7 @@ def test_plans_problems_and_checks_are_short_in_a_notebook(paper: planner.Proble
 
 
 def test_joint_angles_have_a_name_of_their_own() -> None:
-    plan = planner.solve(planner.load_problem("problems/paper.toml"), "sinusoid")
+    plan = planner.solve(planner.load_problem("problems/paper.toml"), "collocation")
     assert np.array_equal(plan.theta([0.0, 3.0]), plan.q([0.0, 3.0])[:, 1:])
     car = planner.solve(planner.load_problem("problems/car.toml"), "polynomial")
     with pytest.raises(planner.InputError, match=r"a car has no joint angles; plan\.q\(t\) gives"):

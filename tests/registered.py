@@ -28,10 +28,11 @@ def restored() -> Iterator[pytest.MonkeyPatch]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plugins, "_plugins", plugins._Plugins())
         yield patch
-    for table, before in kept:
+    changed = [(table, before) for table, before in kept if table != before]
+    for table, before in changed:
         table.clear()
         table.update(before)
-    for model in (*tables, *FILES.values()):
+    for model in (*tables, *FILES.values()) if changed else ():
         model.model_rebuild(force=True)  # type: ignore[union-attr]
 
 

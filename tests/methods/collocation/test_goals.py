@@ -244,8 +244,8 @@ def test_on_the_machine_tracked_and_compensated(
     problem: planner.Problem, plan: planner.Plan
 ) -> None:
     """The goal that was found is then fixed: what is tracked and aimed at is the plan's end."""
-    machine = Machine.prototype(step_s=0.005)
-    run = planner.replay(plan, machine, samples=3, feedback=True)
+    machine = Machine.prototype(step_s=0.01)
+    run = planner.replay(plan, machine, samples=2, feedback=True)
     assert np.max(run.terminal_E_deg) < 0.5
     better = planner.compensate(plan, machine)
     assert better.verified

@@ -607,16 +607,6 @@ def test_a_limit_on_the_way_is_kept_or_said_not_to_be_promised(
         paper.changed({"limits.folded": 0.6})
 
 
-@pytest.mark.usefixtures("clean")
-def test_nothing_is_registered_twice() -> None:
-    register()
-    planner.register_system("sled", SledFile)
-    with pytest.raises(InputError, match="method 'mine' exists already"):
-        register()
-    with pytest.raises(InputError, match="system kind 'sled' is taken, by SledFile"):
-        planner.register_system("sled", SledFile)
-
-
 # -- entry points ------------------------------------------------------------------------------
 
 

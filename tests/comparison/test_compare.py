@@ -393,18 +393,6 @@ def test_all_means_every_method_and_one_that_does_not_fit_stops_none(
         planner.compare(quick, ["sinusoid"], samples=2)
 
 
-def test_every_method_of_the_registry_is_meant_by_all(
-    quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(problem: planner.Problem, options: object) -> planner.Plan:
-        raise planner.NotConvergedError("not today")
-
-    names = list(METHODS)
-    instead(dict.fromkeys(names, refuse), monkeypatch)
-    result = planner.compare(quick, "all", samples=2)
-    assert [row.method for row in result.rows] == names
-
-
 def test_the_worst_machine_is_the_worst_when_replayed_alone(quick: planner.Problem) -> None:
     row = planner.compare(quick, ["polynomial"], samples=12, seed=4).rows[0]
     assert row.replay is not None

@@ -5,8 +5,8 @@ import pytest
 
 import planner
 from planner import machine_sensitivity, sensitivity
-from planner.robustness.machine_sensitivity import MachineSensitivity
 from planner.problem.tables.machine_effects import EFFECTS
+from planner.robustness.machine_sensitivity import MachineSensitivity
 
 
 @pytest.fixture(scope="module")

@@ -77,13 +77,7 @@ def test_steep_start_costs_precision(found: Indicators, unlimited: planner.Probl
 
 def _turn(middle: float) -> planner.Plan:
     """θ₁, θ₂ from (0, 0) to (30, 0)° with θ₂ going aside by middle/2; inputs play no part."""
-    problem = planner.Problem.from_dict(
-        {
-            "system": {"kind": "manipulator", "joints": 2, "K": [1.0], "k_g": 1.0},
-            "start": {"theta_deg": [0, 0]},
-            "goal": {"theta_deg": [30, 0], "duration": 1.0},
-        }
-    )
+    problem = planner.Problem.manipulator([0, 0], [30, 0], duration=1.0)
     a = np.pi / 6
     q = BPoly(np.array([[0, 0, 0], [0, a / 2, middle], [0, a, 0]])[:, None], [0.0, 1.0])
     u = BPoly(np.array([[0, a], [0, a]])[:, None], [0.0, 1.0])

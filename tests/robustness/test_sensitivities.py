@@ -42,12 +42,6 @@ def test_the_picture_shows_the_numbers(plans: dict[str, planner.Plan]) -> None:
 
 
 def test_plans_of_two_systems_are_refused(plans: dict[str, planner.Plan]) -> None:
-    arm = planner.Problem.from_dict(
-        {
-            "system": {"kind": "manipulator", "joints": 2, "K": [0.8], "k_g": 0.7},
-            "start": {"theta_deg": [10, 10]},
-            "goal": {"theta_deg": [30, 30], "duration": 3.0},
-        }
-    )
+    arm = planner.Problem.manipulator([10, 10], [30, 30], duration=3.0)
     with pytest.raises(planner.InputError, match="several systems"):
         planner.sensitivities({**plans, "other": planner.solve(arm)})

@@ -20,13 +20,8 @@ from planner.problem.tables.method_options import CollocationOptions
 from planner.support import deadline
 
 OPTIONS = CollocationOptions()
-ARM = planner.Problem.from_dict(
-    {
-        "system": {"kind": "manipulator", "joints": 3, "K": [0.870125, 0.711625], "k_g": 0.668811},
-        "start": {"theta_deg": [30.0, -20.0, 10.0]},
-        "goal": {"theta_deg": [-25.0, 30.0, -15.0], "travel": "free", "duration": "free"},
-        "limits": {"input_rad_s": [0.5, 0.4], "joint_deg": 40.0},
-    }
+ARM = planner.Problem.manipulator(
+    [30, -20, 10], [-25, 30, -15], duration=None, input_rad_s=[0.5, 0.4], joint_deg=40
 )
 
 

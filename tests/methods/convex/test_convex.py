@@ -178,13 +178,7 @@ def test_a_path_whose_input_jumps_keeps_no_limit_on_rates(paper: planner.Problem
 
 
 def two_joints(start: list[float], goal: list[float]) -> planner.Problem:
-    return planner.Problem.from_dict(
-        {
-            "system": {"kind": "manipulator", "joints": 2, "K": [1.0], "k_g": 0.7},
-            "start": {"theta_deg": start},
-            "goal": {"theta_deg": goal},
-        }
-    )
+    return planner.Problem.manipulator(start, goal, K=[1.0], k_g=0.7)
 
 
 @pytest.mark.parametrize(
@@ -227,16 +221,8 @@ def four_joints(seed: int, bumps: bool) -> planner.Problem:
         return 0.6 * system.slopes(np.array([0.0, theta1, *passive]))
 
     end = solve_ivp(slope, (0, 1), np.deg2rad(start[1:]), rtol=1e-10).y[:, -1]
-    return planner.Problem.from_dict(
-        {
-            "system": {"kind": "manipulator", "joints": 4, "K": K, "k_g": 0.7},
-            "start": {"theta_deg": start.tolist()},
-            "goal": {
-                "theta_deg": [float(start[0] + 10), *np.rad2deg(end).tolist()],
-                "travel": 0.6,
-            },
-        }
-    )
+    goal = [start[0] + 10, *np.rad2deg(end)]
+    return planner.Problem.manipulator(start, goal, travel=0.6, K=K, k_g=0.7)
 
 
 def test_four_joints_inside_the_domain() -> None:

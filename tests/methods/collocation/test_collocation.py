@@ -79,15 +79,6 @@ def test_every_scheme_and_degree_agree(paper: Problem, optimal: Plan) -> None:
             assert verify(other).ok
 
 
-def test_plan_survives_its_file(paper: Problem, tmp_path: Any) -> None:
-    found = planner.solve(paper, "collocation")
-    again = planner.load_plan(found.save(tmp_path / "plan.json"))
-    t = np.linspace(0, 10, 37)
-    np.testing.assert_array_equal(again.q(t), found.q(t))
-    np.testing.assert_array_equal(again.u(t), found.u(t))
-    assert again.notes == found.notes
-
-
 # -- each limit: broken without it, kept with it ---------------------------------------------------
 
 

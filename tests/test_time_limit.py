@@ -88,7 +88,8 @@ def test_a_coarse_motion_is_made_a_plan(
         ends = {"timing": 80.0, "refining": 95.0}
         clock.now = ends.get(progress.doing.split()[0], clock.now)
 
-    plan = planner.solve(hard, time_limit_s=100.0, progress=until_found, starts=1)
+    coarse = {"starts": 1, "intervals": 30, "degree": 2}
+    plan = planner.solve(hard, time_limit_s=100.0, progress=until_found, **coarse)
     assert plan.verified
     assert plan.status == "time_limit"
 

@@ -28,7 +28,8 @@ def restored() -> Iterator[pytest.MonkeyPatch]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plugins, "_plugins", plugins._Plugins())
         yield patch
-    changed = [(table, before) for table, before in kept if table != before]
+    # Their order too, which answers list; items that are put back come last.
+    changed = [(now, before) for now, before in kept if [*now.items()] != [*before.items()]]
     for table, before in changed:
         table.clear()
         table.update(before)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from compared import CHANGES, SAMPLES, paper_comparison, refused_comparison
+from registered import restored
 
 import planner
 from planner import METHODS, Machine
@@ -368,29 +368,22 @@ def test_refusals_that_apply_to_every_method_fill_every_row(paper: planner.Probl
 # -- many methods, feedback, worst machines, Ctrl-C -----------------------------------------
 
 
-def instead(methods: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only these methods in the registry, each by a function that plans."""
-    like = METHODS["polynomial"]
-    for name in list(METHODS):
-        monkeypatch.delitem(METHODS, name)
-    for name, plan in methods.items():
-        monkeypatch.setitem(METHODS, name, replace(like, name=name, made_by=plan))
-
-
 def test_all_means_every_method_and_one_that_does_not_fit_stops_none(
-    quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
+    quick: planner.Problem,
 ) -> None:
-    plan = METHODS["polynomial"].plan
+    like = METHODS["polynomial"]
 
     def unfit(problem: planner.Problem, options: object) -> planner.Plan:
         raise planner.InputError(f"{problem.source}: works on cars only")
 
-    instead({"sinusoid": unfit, "polynomial": plan}, monkeypatch)
-    result = planner.compare(quick, "all", samples=2)
-    assert [row.label for row in result.rows] == ["sinusoid", "polynomial"]
-    assert (result.rows[0].why, result.rows[1].solved) == ("works on cars only", True)
-    with pytest.raises(planner.InputError, match="cars"):
-        planner.compare(quick, ["sinusoid"], samples=2)
+    with restored():
+        METHODS.clear()
+        METHODS.update(sinusoid=replace(like, name="sinusoid", made_by=unfit), polynomial=like)
+        result = planner.compare(quick, "all", samples=2)
+        assert [row.label for row in result.rows] == ["sinusoid", "polynomial"]
+        assert (result.rows[0].why, result.rows[1].solved) == ("works on cars only", True)
+        with pytest.raises(planner.InputError, match="cars"):
+            planner.compare(quick, ["sinusoid"], samples=2)
 
 
 def test_the_worst_machine_is_the_worst_when_replayed_alone(quick: planner.Problem) -> None:

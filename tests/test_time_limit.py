@@ -40,16 +40,9 @@ class Clock:
 @pytest.fixture(scope="module")
 def hard() -> planner.Problem:
     """A random pair that takes half a minute: four joints, no travel."""
-    ratios = [0.870125 * 0.8178**k for k in range(3)]
-    goal = {"theta_deg": [-25.209, -24.391, 22.314, -64.153]}
-    return planner.Problem.from_dict(
-        {
-            "system": {"kind": "manipulator", "joints": 4, "K": ratios, "k_g": 0.668811},
-            "start": {"theta_deg": [21.877, 48.673, 8.215, -0.562]},
-            "goal": {**goal, "travel": 0.0, "duration": "free"},
-            "limits": {"input_rad_s": [0.5, 0.5], "joint_deg": 80.0},
-        }
-    )
+    start, goal = [21.877, 48.673, 8.215, -0.562], [-25.209, -24.391, 22.314, -64.153]
+    limits = {"input_rad_s": 0.5, "joint_deg": 80}
+    return planner.Problem.manipulator(start, goal, travel=0.0, duration=None, **limits)  # type: ignore[arg-type]
 
 
 def test_the_best_plan_so_far_is_verified_and_says_so(
@@ -95,7 +88,8 @@ def test_a_coarse_motion_is_made_a_plan(
         ends = {"timing": 80.0, "refining": 95.0}
         clock.now = ends.get(progress.doing.split()[0], clock.now)
 
-    plan = planner.solve(hard, time_limit_s=100.0, progress=until_found, starts=1)
+    coarse = {"starts": 1, "intervals": 30, "degree": 2}
+    plan = planner.solve(hard, time_limit_s=100.0, progress=until_found, **coarse)
     assert plan.verified
     assert plan.status == "time_limit"
 
@@ -368,19 +362,8 @@ def test_a_transcription_is_built_only_while_there_is_time(
 
 def arm(joints: int) -> planner.Problem:
     """Joints as in problems/four-joint.toml."""
-    return planner.Problem.from_dict(
-        {
-            "system": {
-                "kind": "manipulator",
-                "joints": joints,
-                "K": [0.870125 * 0.8178**k for k in range(joints - 1)],
-                "k_g": 0.668811,
-            },
-            "start": {"theta_deg": [1] * joints},
-            "goal": {"theta_deg": [30] * joints, "travel": "free", "duration": 60.0},
-            "limits": {"input_rad_s": [0.5, 0.5], "joint_deg": 80},
-        }
-    )
+    ends, limits = ([1] * joints, [30] * joints), {"input_rad_s": 0.5, "joint_deg": 80}
+    return planner.Problem.manipulator(*ends, duration=60.0, **limits)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("on", [False, True])

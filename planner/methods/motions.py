@@ -78,15 +78,16 @@ def excitation(problem: Problem) -> Plan:
     turn = sum(speed * np.sin(2 * np.pi * t / period) for speed, period in sines)
     turn *= min(1.0, most[1] / sum(THETA1_RAD_S))
     side = -1.0 if problem.start[1] > 0 else 1.0  # first towards the wider part of the range
+    tries = [(size, way) for size in SIZES for way in (side, -side)]
+    inputs = [np.stack([size * drive, size * way * turn], axis=1) for size, way in tries]
+    u = _within_rate(np.stack(inputs, axis=1), rate)
+    q = _course(system, problem.start, t, u)  # of all together, which takes little longer than one
     why: PlannerError | None = None
-    for size in SIZES:
-        for way in (side, -side):
-            u = np.stack([size * drive, size * way * turn], axis=1)
-            u = np.stack([_within_rate(u[:, i], rate[i]) for i in (0, 1)], axis=1)
-            try:
-                return _motion(problem, system, "excitation", t, u, {"size": size})
-            except (InputError, VerificationError) as error:
-                why = why or error
+    for k, (size, _) in enumerate(tries):
+        try:
+            return _motion(problem, system, "excitation", t, u[:, k], q[:, k], {"size": size})
+        except (InputError, VerificationError) as error:
+            why = why or error
     assert why is not None
     raise why
 
@@ -169,7 +170,8 @@ def homing(problem: Problem) -> Plan:
         "count_from_s": float(t[slow[0]]),
         "rise_deg": RISE_DEG,
     }
-    return _motion(problem, system, "homing", t, u, {"until": until})
+    q = _course(system, problem.start, t, u)
+    return _motion(problem, system, "homing", t, u, q, {"until": until})
 
 
 def _turn(motor: int, angle: float, speed: float, ramp_s: float) -> Array:
@@ -199,8 +201,8 @@ def _arm(problem: Problem, what: str) -> Manipulator:
     return system
 
 
-def _within_rate(u: Array, rate: float) -> Array:
-    """Speeds (K+1,) that follow others from rest to rest, changing by no more than the rate."""
+def _within_rate(u: Array, rate: Array) -> Array:
+    """Speeds (K+1, …, 2) that follow others from rest to rest, changing no faster than the rate."""
     most, out = rate * KNOT_S, u.copy()
     out[0] = 0.0
     for k in range(1, len(u)):
@@ -211,20 +213,30 @@ def _within_rate(u: Array, rate: float) -> Array:
     return out
 
 
+def _course(system: Manipulator, start: Array, t: Array, u: Array) -> Array:
+    """Coordinates (K+1, …, n+1) where inputs (K+1, …, 2) at times t are straight between them."""
+    nodes = [np.broadcast_to(start, (*u.shape[1:-1], system.size))]
+    for k, h in enumerate(np.diff(t)):
+        inputs = np.stack([u[k], (u[k] + u[k + 1]) / 2, u[k + 1]])
+        nodes.append(step(lambda q, part, v=inputs: system.rates(q, v[part]), nodes[-1], h))  # type: ignore[misc]
+    return np.array(nodes)
+
+
 def _motion(
-    problem: Problem, system: Manipulator, name: str, t: Array, u: Array, notes: dict[str, Any]
+    problem: Problem,
+    system: Manipulator,
+    name: str,
+    t: Array,
+    u: Array,
+    q: Array,
+    notes: dict[str, Any],
 ) -> Plan:
-    """The verified plan with inputs u (K+1, 2) at times t (K+1,), straight between them.
+    """The verified plan with inputs u (K+1, 2) and coordinates q (K+1, n+1) at times t (K+1,).
 
     Raises:
         InputError: If it ends where no plan may.
         VerificationError: If it breaks a limit or touches something.
     """
-    nodes = [problem.start]
-    for k, h in enumerate(np.diff(t)):
-        inputs = np.stack([u[k], (u[k] + u[k + 1]) / 2, u[k + 1]])
-        nodes.append(step(lambda q, part, v=inputs: system.rates(q, v[part]), nodes[-1], h))  # type: ignore[misc]
-    q = np.array(nodes)
     third = system.rates(q, u) * np.diff(t, append=t[-1] + KNOT_S)[:, None] / 3
     trajectory = StateTrajectory(
         system,

@@ -28,7 +28,9 @@ def test_the_way_from_a_motion_to_a_machine(run: Callable, tmp_path: Path) -> No
     twist = arm.mean("coulomb_friction_nm") / arm.mean("shaft_stiffness_nm_per_rad")
     assert w2["value"] == pytest.approx(2.0 + np.rad2deg(twist[0]), abs=0.03)
     assert (tmp_path / "a.png").stat().st_size > 10_000
-    text = run("identify", csv, csv, *words).out
+    short, lines = tmp_path / "short.csv", csv.read_text().splitlines(keepends=True)
+    short.write_text("".join(lines[: len(lines) // 5]))
+    text = run("identify", short, short, *words).out
     assert "w2" in text
     assert "kept out, predicted by the preset machine: largest error" in text
 

@@ -58,16 +58,6 @@ def test_without_a_plan_that_can_be_executed(run: Callable) -> None:
     assert "leaves the chart's domain" in result.err
 
 
-@pytest.mark.usefixtures("without_pictures")
-def test_compare_adds_budgets(run: Callable, tmp_path: Path) -> None:
-    words = ("compare", PAPER, "--methods", "polynomial", "-n", "3", "--budget",
-             "--set", "machine.preset=ideal", "--set", "machine.delay_s=0.1",
-             "--set", "machine.step_s=0.01")  # fmt: skip
-    result = run(*words, "--out", tmp_path / "run", "--json")
-    assert list(result.json["budgets"]) == ["polynomial"]
-    assert (tmp_path / "run/budget/budget.md").exists()
-
-
 @pytest.mark.parametrize("command", [("budget",), ("compare", "--budget")])
 def test_without_salib_it_ends_before_the_work(
     command: tuple[str, ...], run: Callable, law: Callable, monkeypatch: pytest.MonkeyPatch

@@ -31,14 +31,14 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_it_runs_exports_and_goes_on(run: Callable[..., Any], file: Path) -> None:
-    result = run("sweep", file, "--json", "--export", "out.csv")
+    result = run("sweep", file, "--workers", "1", "--json", "--export", "out.csv")
     assert result.status == 0
     assert result.json["ran"] == 6
     assert result.json["statuses"] == {"infeasible": 6}
     assert result.json["db"] == "short.sqlite"
     assert result.json["written"].endswith("out.csv")
     assert len((file.parent / "out.csv").read_text().splitlines()) == 7
-    again = run("sweep", file, "--db", "short.sqlite")
+    again = run("sweep", file, "--workers", "1", "--db", "short.sqlite")
     assert again.status == 0
     assert "were there  6" in again.out
     assert "infeasible  6" in again.out
@@ -84,6 +84,6 @@ def test_after_ctrl_c_it_says_where_the_finished_cases_are(
     ):
         with monkeypatch.context() as patch:
             patch.setattr(name, press)
-            result = run("sweep", file, *words)
+            result = run("sweep", file, "--workers", "1", *words)
         assert result.status == 130
         assert says in result.err

@@ -14,7 +14,8 @@ import pytest
 import planner
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
-QUICK = ("--samples", "3", "--set", "goal.travel=0.82", "--set", "goal.duration=2.5")
+SETS = ("--set", "goal.travel=0.82", "--set", "goal.duration=2.5", "--set", "machine.step_s=0.01")
+QUICK = ("--samples", "3", *SETS)
 WORDS = ("compare", PAPER, "--methods", "polynomial", *QUICK)
 
 
@@ -43,7 +44,7 @@ def test_compare_without_a_plan_tells_why_and_ends_with_3(run: Callable) -> None
     assert "input u2" in result.out
     assert re.search(r"Try: goal.duration = 80\d.* or more \(tried\)", " ".join(result.out.split()))
     advice = "no method has a plan; what would help stands after 'Try', more by: planner check "
-    assert result.err == f"{advice}{PAPER} --set goal.travel=0.82 --set goal.duration=2.5\n"
+    assert result.err == f"{advice}{PAPER} {' '.join(SETS)}\n"
 
 
 TWO = ("compare", PAPER, "--methods", "polynomial,polynomial:travel=middle", *QUICK)
@@ -115,8 +116,8 @@ def test_the_command_of_the_worst_machine_replays_it(run: Callable) -> None:
 
 
 def test_pairs_and_worst_machines_are_printed(run: Callable) -> None:
-    words = ("compare", PAPER, "--methods", "polynomial:travel=middle,polynomial", "-n", "3")
-    result = run(*words, "--set", "machine.step_s=0.01")
+    words = ("compare", PAPER, "--methods", "polynomial,polynomial:travel=middle", *QUICK)
+    result = run(*words)
     assert "polynomial against the others, machine by machine" in result.out
     assert result.out.count("--sample ") == 2
     assert max(len(line) for line in result.out.splitlines() if "--sample" not in line) <= 80
@@ -126,12 +127,12 @@ def test_pairs_and_worst_machines_are_printed(run: Callable) -> None:
 def test_a_machine_of_a_file_is_named_by_it(run: Callable, tmp_path: Path) -> None:
     file, out = tmp_path / "mine.toml", tmp_path / "run"
     file.write_text('[machine]\npreset = "prototype"\nbacklash_deg = 0.5\nstep_s = 0.01\n')
-    words = ("compare", PAPER, "--methods", "polynomial:travel=middle", "-n", "3")
+    words = ("compare", PAPER, "--methods", "polynomial:travel=middle", *QUICK[:-2])
     result = run(*words, "--machine", file, "--set", "machine.creep=0.01", "--out", out)
     assert f"(from {file}," in " ".join((out / "table.md").read_text().split())
     (command,) = (line for line in result.out.splitlines() if "--sample" in line)
     assert f"--machine {file}" in command
-    assert command.count("--set") == 1
+    assert command.count("--set") == 3
     assert "--set machine.creep=0.01" in command
     worst = run(*shlex.split(command)[1:], "--json").json
     assert worst["machine"]["backlash_deg"] == 0.5

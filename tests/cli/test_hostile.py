@@ -55,6 +55,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     text = re.sub(r'^title = ".*"', lambda _: f'title = "={EVIL}"', text, flags=re.MULTILINE)
     (folder / "evil.toml").write_text(text, encoding="utf-8")
     words = ["compare", folder / "evil.toml", "--methods", "polynomial", "-n", "2", "--report"]
+    words += ["--set", "machine.step_s=0.01"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("planner.report.folders.FIGURE_KINDS", ("svg",))
         assert main([*map(str, words), "--out", str(folder / "out")]) in (0, 3)

@@ -103,7 +103,7 @@ def test_trade_off(run: Callable[..., Any], tmp_path: Path) -> None:
         "[system]\nkind = 'manipulator'\njoints = 2\nK = [0.87]\nk_g = 0.67\n"
         "[start]\ntheta_deg = [0, 0]\n"
         "[goal]\ntheta_deg = [20, 40]\nduration = 10.0\n[limits]\ninput_rad_s = [0.5, 0.5]\n"
-        "[method.desensitised]\nintervals = 16\n"
+        "[method.desensitised]\nintervals = 16\n[machine]\nstep_s = 0.01\n"
     )
     words = ("sensitivity", problem, "--pareto", "effort", "--points", "3", "-n", "5")
     first = run(*words, "--out", tmp_path / "curve", "--json")

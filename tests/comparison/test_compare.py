@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from compared import SAMPLES, paper_comparison, refused_comparison
+from compared import CHANGES, SAMPLES, paper_comparison, refused_comparison
+from registered import restored
 
 import planner
 from planner import METHODS, Machine
@@ -50,14 +50,19 @@ def test_default_methods_show_what_the_polynomial_and_what_compensation_can_do(
     assert COMPENSATED not in default_methods(car)
 
 
-def test_by_default_every_plan_is_compensated_once_it_is_there() -> None:
+def test_by_default_every_plan_is_compensated_once_it_is_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """What is refused has no second row, and no plan is searched twice."""
-    problem = planner.load_problem(ROOT / "problems/paper.toml", {"machine.step_s": 0.01})
+    specs = [MIDDLE, BEST, OPTIMAL]
+    more = ["polynomial compensated:travel=middle", f"{BEST} compensated", COMPENSATED]
+    monkeypatch.setattr(compare_module, "default_methods", lambda problem: [*specs, *more])
+    problem = planner.load_problem(ROOT / "problems/paper.toml", CHANGES)
     result = planner.compare(problem, samples=40)
     assert [(r.label, r.solved) for r in result.rows] == [
-        (MIDDLE, False), *((label, True) for label in default_methods(problem)[1:])
+        (MIDDLE, False), *((label, True) for label in (*specs[1:], *more[1:]))
     ]  # fmt: skip
-    plain, better = result["sinusoid"], result["sinusoid compensated"]
+    plain, better = result[BEST], result[f"{BEST} compensated"]
     assert plain.plan is not None
     assert better.plan is not None
     assert better.plan.compensates is not None
@@ -77,11 +82,11 @@ def test_by_default_every_plan_is_compensated_once_it_is_there() -> None:
         [r.E_p95_deg for r in result.rows if r.solved and (COMPENSATED.split()[1] in r.label) == it]
         for it in (True, False)
     )
-    assert (len(now), len(was)) == (3, 3)
+    assert (len(now), len(was)) == (2, 2)
     assert max(now) < min(was)
     told = f"E 95 % {number(min(now))} to {number(max(now))} deg, not {number(min(was))} to"
     assert f"whichever method planned: {told} {number(max(was))} deg." in words
-    efforts = [result[name].effort for name in ("collocation", "sinusoid")]
+    efforts = [result[name].effort for name in (OPTIMAL, BEST)]
     assert f"in effort: {number(efforts[0])} to {number(efforts[1])} rad²/s." in words
     pairs = list(zip(result.differences, result.end_differences, strict=True))
     for E, end in pairs:
@@ -137,7 +142,8 @@ def test_a_compensated_plan_is_compared_on_the_path_it_compensates(
 
 
 def test_a_compensated_plan_that_leaves_its_path_says_so() -> None:
-    crossing = planner.load_problem(ROOT / "problems/crossing.toml")
+    quick = {"machine.step_s": 0.01, "compensation.preparation": False}
+    crossing = planner.load_problem(ROOT / "problems/crossing.toml", quick)
     result = planner.compare(crossing, [COMPENSATED], samples=2)
     assert "leaves the original path by up to" in result.rows[0].note
     assert "leaves the original path by up to" in result.markdown()
@@ -362,41 +368,22 @@ def test_refusals_that_apply_to_every_method_fill_every_row(paper: planner.Probl
 # -- many methods, feedback, worst machines, Ctrl-C -----------------------------------------
 
 
-def instead(methods: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only these methods in the registry, each by a function that plans."""
-    like = METHODS["polynomial"]
-    for name in list(METHODS):
-        monkeypatch.delitem(METHODS, name)
-    for name, plan in methods.items():
-        monkeypatch.setitem(METHODS, name, replace(like, name=name, made_by=plan))
-
-
 def test_all_means_every_method_and_one_that_does_not_fit_stops_none(
-    quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
+    quick: planner.Problem,
 ) -> None:
-    plan = METHODS["polynomial"].plan
+    like = METHODS["polynomial"]
 
     def unfit(problem: planner.Problem, options: object) -> planner.Plan:
         raise planner.InputError(f"{problem.source}: works on cars only")
 
-    instead({"sinusoid": unfit, "polynomial": plan}, monkeypatch)
-    result = planner.compare(quick, "all", samples=2)
-    assert [row.label for row in result.rows] == ["sinusoid", "polynomial"]
-    assert (result.rows[0].why, result.rows[1].solved) == ("works on cars only", True)
-    with pytest.raises(planner.InputError, match="cars"):
-        planner.compare(quick, ["sinusoid"], samples=2)
-
-
-def test_every_method_of_the_registry_is_meant_by_all(
-    quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(problem: planner.Problem, options: object) -> planner.Plan:
-        raise planner.NotConvergedError("not today")
-
-    names = list(METHODS)
-    instead(dict.fromkeys(names, refuse), monkeypatch)
-    result = planner.compare(quick, "all", samples=2)
-    assert [row.method for row in result.rows] == names
+    with restored():
+        METHODS.clear()
+        METHODS.update(sinusoid=replace(like, name="sinusoid", made_by=unfit), polynomial=like)
+        result = planner.compare(quick, "all", samples=2)
+        assert [row.label for row in result.rows] == ["sinusoid", "polynomial"]
+        assert (result.rows[0].why, result.rows[1].solved) == ("works on cars only", True)
+        with pytest.raises(planner.InputError, match="cars"):
+            planner.compare(quick, ["sinusoid"], samples=2)
 
 
 def test_the_worst_machine_is_the_worst_when_replayed_alone(quick: planner.Problem) -> None:

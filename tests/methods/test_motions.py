@@ -110,7 +110,7 @@ def test_homing_by_the_encoders_pushes_every_joint_of_every_machine(paper: Probl
     machine = Machine.prototype(
         backlash_deg={"value": 4.0, "spread": 2.0}, initial_play={"value": 0.0, "spread": 5.0}
     )
-    run = replay(plan, machine, samples=100, feedback=HomingRule(), record_s=0.01)
+    run = replay(plan, machine, samples=40, feedback=HomingRule(), record_s=0.01)
     theta = np.rad2deg(run.q[:, :, 1:])
     after = run.t > plan.notes["until"]["count_from_s"]
     risen = theta[:, -1, 1:] - theta[:, after, 1:].min(axis=1)

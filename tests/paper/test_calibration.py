@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +30,14 @@ COMMAND = import_module("planner.cli.paper")
 
 @pytest.fixture(scope="module")
 def made() -> Calibration:
+    def fit(*given: Any, **changes: Any) -> Fit:
+        with pytest.MonkeyPatch.context() as coarse:
+            if changes:  # of another friction, to be told from the preset's, no more
+                coarse.setattr(fitting, "FIT_TOLERANCE", 0.2)
+            return fitting.fit(*given, **changes)
+
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibration, "fit", fit)
         patch.setattr(calibration, "MACHINES", 200)
         patch.setattr(calibration, "LATERAL_FRICTIONS", (0.3,))
         return calibrate()
@@ -89,6 +97,7 @@ def test_a_bound_counts_where_it_is_exceeded(made: Calibration) -> None:
     def fitted(bound: float) -> Fit:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(fitting, "TARGETS", np.array([5.0, bound, 0.0, 0.0, 100.0]))
+            patch.setattr(fitting, "FIT_TOLERANCE", 0.2)
             return fitting.fit(made.plan)
 
     loose, looser = fitted(5.5), fitted(7.0)

@@ -6,11 +6,27 @@ import pytest
 import planner
 from planner import machine_sensitivity, sensitivity
 from planner.problem.tables.machine_effects import EFFECTS
+from planner.robustness.machine_sensitivity import MachineSensitivity
 
 
 @pytest.fixture(scope="module")
 def plan(paper: planner.Problem) -> planner.Plan:
     return planner.solve(paper, "collocation")
+
+
+@pytest.fixture(scope="module")
+def ideal(plan: planner.Plan) -> MachineSensitivity:
+    return machine_sensitivity(plan, planner.Machine.ideal())
+
+
+@pytest.fixture(scope="module")
+def machine() -> planner.Machine:
+    return planner.Machine.prototype(backlash_deg={"value": 4.0, "spread": 0.8})
+
+
+@pytest.fixture(scope="module")
+def found(plan: planner.Plan, machine: planner.Machine) -> MachineSensitivity:
+    return machine_sensitivity(plan, machine)
 
 
 @pytest.mark.parametrize(
@@ -26,19 +42,22 @@ def plan(paper: planner.Problem) -> planner.Plan:
     ],
 )
 def test_smooth_parameters_agree_with_the_exact_derivatives(
-    plan: planner.Plan, effect: str, element: str, parameter: str, unit: float
+    plan: planner.Plan,
+    ideal: MachineSensitivity,
+    effect: str,
+    element: str,
+    parameter: str,
+    unit: float,
 ) -> None:
     exact = sensitivity(plan)
     column = exact.terminal[1:, exact.parameters.index(parameter)] * unit
-    found = machine_sensitivity(plan, planner.Machine.ideal())
-    entry = next(e for e in found.entries if (e.effect, e.element) == (effect, element))
+    entry = next(e for e in ideal.entries if (e.effect, e.element) == (effect, element))
     np.testing.assert_allclose(entry.terminal, column, atol=2e-3 * np.max(np.abs(column)))
 
 
-def test_prototype_matches_replays_of_two_machines(plan: planner.Plan) -> None:
-    backlash = {"value": 4.0, "spread": 0.8}
-    machine = planner.Machine.prototype(backlash_deg=backlash)
-    found = machine_sensitivity(plan, machine)
+def test_prototype_matches_replays_of_two_machines(
+    plan: planner.Plan, machine: planner.Machine, found: MachineSensitivity
+) -> None:
     entry = next(e for e in found.entries if e.name == "backlash_deg theta3")
     assert (entry.low, entry.high, entry.spread) == (pytest.approx(3.2), pytest.approx(4.8), 0.8)
     ends = []
@@ -50,9 +69,9 @@ def test_prototype_matches_replays_of_two_machines(plan: planner.Plan) -> None:
     np.testing.assert_allclose(found.nominal_error_deg, nominal, atol=1e-6)
 
 
-def test_every_parameter_of_the_machine_is_there(plan: planner.Plan) -> None:
-    machine = planner.Machine.prototype()
-    found = machine_sensitivity(plan, machine)
+def test_every_parameter_of_the_machine_is_there(
+    machine: planner.Machine, found: MachineSensitivity
+) -> None:
     told = {e.effect for e in found.entries} | set(found.omitted)
     assert told == set(EFFECTS)
     assert not set(found.omitted) & set(machine.effects)
@@ -63,7 +82,7 @@ def test_every_parameter_of_the_machine_is_there(plan: planner.Plan) -> None:
 
 
 def test_total_predicts_the_spread_of_replays_of_smooth_errors(plan: planner.Plan) -> None:
-    machine = planner.Machine.prototype().only(
+    machine = planner.Machine.prototype(step_s=0.01).only(
         "input_gain_error", "input_bias_rad_s", "gear_ratio_error", "initial_angle_error_deg"
     )
     found = machine_sensitivity(plan, machine)

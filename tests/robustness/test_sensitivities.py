@@ -9,7 +9,7 @@ from planner import report
 
 @pytest.fixture(scope="module")
 def plans(unlimited: planner.Problem) -> dict[str, planner.Plan]:
-    return {name: planner.solve(unlimited, name) for name in ("polynomial", "sinusoid")}
+    return {name: planner.solve(unlimited, name) for name in ("polynomial", "piecewise")}
 
 
 def test_each_plan_has_its_own_and_the_sentence_names_the_least(
@@ -18,7 +18,7 @@ def test_each_plan_has_its_own_and_the_sentence_names_the_least(
     found = planner.sensitivities({**plans, "none": None})
     for label, plan in plans.items():
         assert found.passive_block_deg[label] == planner.sensitivity(plan).passive_block_deg()
-    assert "least for sinusoid (0.468 deg)" in found.sentence
+    assert "least for piecewise (0.508 deg)" in found.sentence
     assert "0.958 deg of each total is irreducible" in found.sentence
     one = planner.sensitivities({"a": plans["polynomial"], "b": plans["polynomial"]})
     assert "0.561 deg for every plan" in one.sentence
@@ -42,12 +42,6 @@ def test_the_picture_shows_the_numbers(plans: dict[str, planner.Plan]) -> None:
 
 
 def test_plans_of_two_systems_are_refused(plans: dict[str, planner.Plan]) -> None:
-    arm = planner.Problem.from_dict(
-        {
-            "system": {"kind": "manipulator", "joints": 2, "K": [0.8], "k_g": 0.7},
-            "start": {"theta_deg": [10, 10]},
-            "goal": {"theta_deg": [30, 30], "duration": 3.0},
-        }
-    )
+    arm = planner.Problem.manipulator([10, 10], [30, 30], duration=3.0)
     with pytest.raises(planner.InputError, match="several systems"):
         planner.sensitivities({**plans, "other": planner.solve(arm)})

@@ -27,6 +27,7 @@ def two_joints(paper: planner.Problem) -> planner.Problem:
     tables["start"] = {"theta_deg": [0, 0]}
     tables["goal"] = {"theta_deg": [20, 40], "travel": "free", "duration": 10.0}
     tables["limits"] = {"input_rad_s": [0.5, 0.5]}
+    tables["machine"] = {"step_s": 0.01}
     return planner.Problem.from_dict(tables, "two joints")
 
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import pytest
 from databases import finished, until
 
 import planner
+from planner.cli.app import main
 from planner.support.package import how_to_install
 
 Process = subprocess.Popen[Any]
@@ -54,18 +56,24 @@ def test_a_killed_worker_costs_nothing_but_time(
     scheduler: str,
     written: Callable[[str], Path],
     tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     file, db = written(SWEEP), tmp_path / "x.sqlite"
     victim = worker(start, scheduler)
     worker(start, scheduler)
-    command = ["planner", "sweep", str(file), "--db", str(db), "--cluster", scheduler, "--json"]
-    sweep = start(*command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    until(db, 3)
-    victim.kill()
-    assert finished(db) < CASES - 3, "it was not killed half-way"
-    out, err = sweep.communicate(timeout=60)
-    assert sweep.returncode == 0, err
-    found = json.loads(out)
+
+    def kill_half_way() -> int:
+        until(db, 3)
+        victim.kill()
+        return finished(db)
+
+    with ThreadPoolExecutor(1) as threads:
+        done = threads.submit(kill_half_way)
+        status = main(["sweep", str(file), "--db", str(db), "--cluster", scheduler, "--json"])
+        assert done.result() < CASES - 3, "it was not killed half-way"
+    told = capsys.readouterr()
+    assert status == 0, told.err
+    found = json.loads(told.out)
     assert found["ran"] == CASES
     assert found["statuses"] == {"singular": CASES}
     assert finished(db) == CASES

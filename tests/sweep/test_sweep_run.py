@@ -243,7 +243,7 @@ def test_a_case_that_kills_its_process_is_a_row(
         "    case.run_case = deadly\n"
     )
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    outcome = run_sweep(tables, db, workers=2)
+    outcome = run_sweep(tables, db, workers=1)
     assert outcome.statuses == {"bug": 1, "infeasible": 9}
     assert column(db, "status")[4] == "bug"
     assert "died 2 times (signal 11" in column(db, "why")[4]
@@ -257,7 +257,7 @@ def test_processes_that_cannot_start_are_told_and_make_no_rows(
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     says = "no process for the cases can start with .* status 1 .*casadi"
     with pytest.raises(planner.InputError, match=says):
-        run_sweep(tables, db, workers=2)
+        run_sweep(tables, db, workers=1)
     assert finished(db) == 0
 
 

@@ -23,15 +23,9 @@ from planner.methods.collocation.long_arms.bridges import ends_of as ends
 LIMIT_DEG = 80.0
 
 
-def _problem(start: list[float], goal: list[float], travel: object = "free") -> planner.Problem:
-    K = [0.870125, 0.711625, 0.581997][: len(start) - 1]
-    return planner.Problem.from_dict(
-        {
-            "system": {"kind": "manipulator", "joints": len(start), "K": K, "k_g": 0.668811},
-            "start": {"theta_deg": start},
-            "goal": {"theta_deg": goal, "travel": travel, "duration": "free"},
-            "limits": {"input_rad_s": [0.5, 0.5], "joint_deg": LIMIT_DEG},
-        }
+def _problem(start: list[float], goal: list[float], travel: float | None = None) -> planner.Problem:
+    return planner.Problem.manipulator(
+        start, goal, travel=travel, duration=None, input_rad_s=0.5, joint_deg=LIMIT_DEG
     )
 
 

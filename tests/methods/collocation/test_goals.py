@@ -165,7 +165,7 @@ def test_around_a_disc(problem: planner.Problem, plan: planner.Plan) -> None:
     disc = {"centre_m": (there * (1 + 0.04 / np.linalg.norm(there))).tolist(), "radius_m": 0.05}
     blocked = problem.changed({"obstacles": [disc]})
     assert not planner.verify(planner.Plan(blocked, plan.method, {}, plan.trajectory)).ok
-    around = planner.solve(blocked, starts=1, attempts=1)
+    around = planner.solve(blocked, starts=1, attempts=1, intervals=20)
     np.testing.assert_allclose(tip(around), [0.4964, 0.6598], atol=1e-6)
 
 
@@ -244,8 +244,8 @@ def test_on_the_machine_tracked_and_compensated(
     problem: planner.Problem, plan: planner.Plan
 ) -> None:
     """The goal that was found is then fixed: what is tracked and aimed at is the plan's end."""
-    machine = Machine.prototype(step_s=0.005)
-    run = planner.replay(plan, machine, samples=3, feedback=True)
+    machine = Machine.prototype(step_s=0.01)
+    run = planner.replay(plan, machine, samples=2, feedback=True)
     assert np.max(run.terminal_E_deg) < 0.5
     better = planner.compensate(plan, machine)
     assert better.verified

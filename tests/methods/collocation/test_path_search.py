@@ -16,13 +16,8 @@ PROBLEMS = Path(__file__).parents[3] / "problems"
 
 
 def _problem(start: list[float], goal: list[float]) -> planner.Problem:
-    return planner.Problem.from_dict(
-        {
-            "system": {"kind": "manipulator", "joints": 3, "K": [0.87, 0.71], "k_g": 0.67},
-            "start": {"theta_deg": start},
-            "goal": {"theta_deg": goal, "travel": "free", "duration": "free"},
-            "limits": {"input_rad_s": [0.5, 0.5], "joint_deg": 80.0},
-        }
+    return planner.Problem.manipulator(
+        start, goal, duration=None, K=[0.87, 0.71], k_g=0.67, input_rad_s=0.5, joint_deg=80
     )
 
 

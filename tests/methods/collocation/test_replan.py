@@ -114,6 +114,9 @@ def builds(monkeypatch: pytest.MonkeyPatch) -> list[object]:
 def test_other_numbers_or_guesses_build_nothing(paper: Problem, builds: list[object]) -> None:
     first = plan_collocation(paper, CollocationOptions())
     assert len(builds) == 1
+    again = plan_collocation(paper, CollocationOptions())
+    assert first.build_time_s > 0 == again.build_time_s
+    np.testing.assert_array_equal(again.q(first.t), first.q(first.t))
     numbers: list[dict[str, Any]] = [
         {"start.theta_deg": [2, 3, 4]},
         {"goal.theta_deg": [28, 31, 30]},

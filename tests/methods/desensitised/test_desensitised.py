@@ -180,7 +180,7 @@ def test_other_problems(name: str, intervals: int) -> None:
 def test_obstacles_are_cleared() -> None:
     problem = planner.load_problem(PROBLEMS / "obstacle.toml")
     free = problem.changed({"obstacles": []})
-    options = {"starts": 1, "intervals": 20}
+    options = {"starts": 1, "intervals": 14}
     disc = problem.obstacles[0]
 
     def room(plan: planner.Plan) -> float:

@@ -102,13 +102,13 @@ def test_free_duration(paper: planner.Problem) -> None:
 
 
 def test_two_legs(unlimited: planner.Problem) -> None:
-    """With travel zero the points are spread over both legs."""
-    problem = unlimited.changed({"goal.travel": 0.0})
-    chosen = planner.solve(problem, "polynomial", points="auto")
-    assert chosen.verified  # with an offset that is chosen too
-    more = {"offset": "mean", "allow_singular": True}
-    plan = planner.solve(problem, "polynomial", points="auto", **more)
-    assert plan.status == "singular"
+    """With travel zero an offset is chosen, and points beside it."""
+    start, goal = [40.0, 50.0, 30.0], [40.0, 50.0, 30.4]
+    turned = {"start.theta_deg": start, "goal.theta_deg": goal, "goal.travel": 0.0}
+    plan = planner.solve(unlimited.changed(turned), "polynomial", points="auto")
+    assert plan.verified
+    assert plan.z(5.0)[0] - plan.z(0.0)[0] == pytest.approx(plan.notes["offset"])
+    assert plan.notes["points"]
     for t, value in plan.notes["points"]:
         assert plan.z(t)[1] == pytest.approx(value, rel=1e-9)
 
@@ -156,14 +156,14 @@ def test_search_survives_laws_without_solution(unlimited: planner.Problem) -> No
 
 def test_a_choice_leaves_what_the_proof_needs_to_a_limit(paper: planner.Problem) -> None:
     """The travel of least peak would bring an angle to its limit, to rounding."""
-    free = planner.solve(paper.changed({"limits": {}}), "sinusoid")
+    free = planner.solve(paper.changed({"limits": {}}), "polynomial")
     angles = np.abs(free.q(np.linspace(0.0, free.duration, 2001))[:, 1])
     ends = max(angles[0], angles[-1])
     limit = float(np.rad2deg(ends + 0.9 * (np.max(angles) - ends)))
-    plan = planner.solve(paper.changed({"limits": {"joint_deg": limit}}), "sinusoid")
+    plan = planner.solve(paper.changed({"limits": {"joint_deg": limit}}), "polynomial")
     assert plan.certificate is not None
     assert plan.certificate.ok, str(plan.certificate)
-    assert 1e-7 < plan.certificate["joint theta1"].guaranteed < 1e-4
+    assert 9e-7 < plan.certificate["joint theta1"].guaranteed / np.deg2rad(limit) < 1e-4
 
 
 def test_where_an_end_is_at_its_limit_no_choice_leaves_more(paper: planner.Problem) -> None:

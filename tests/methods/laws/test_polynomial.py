@@ -126,12 +126,14 @@ def test_two_legs_choose_their_offset_by_the_peak(method: str) -> None:
     """It beats the paper's rule by far, and every offset of a fine scan."""
     problem = _beside(start=10.0)
 
+    law = planner.METHODS[method]
+
     def peak(offset: float | str) -> float:
-        plan = planner.solve(problem, method, offset=offset)
-        assert plan.verified
+        plan = law.plan(problem, law.options(offset=offset))
         return float(np.max(peak_inputs(plan.trajectory)))
 
     chosen = planner.solve(problem, method)
+    assert chosen.verified
     best = float(np.max(peak_inputs(chosen.trajectory)))
     assert chosen.options["offset"] == "auto"
     assert chosen.z(5.0)[0] - chosen.z(0.0)[0] == pytest.approx(chosen.notes["offset"])

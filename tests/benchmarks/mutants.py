@@ -118,7 +118,7 @@ GROUPS = {
         " tests/machine/test_direct.py tests/machine/test_dynamic.py"
         " tests/machine/test_kernel.py tests/machine/test_replay.py"
         " tests/machine/test_dynamic_energy.py tests/machine/test_memory.py"
-        " tests/machine/test_dynamic_kernel.py",
+        " tests/machine/test_dynamic_kernel.py tests/machine/test_start_state.py",
     ),
     "compensation": (
         [

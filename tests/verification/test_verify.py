@@ -58,7 +58,7 @@ def test_honest_plan_passes(good: planner.Plan) -> None:
     assert check.margins["input u1"] == pytest.approx(0.4)
     assert 0 < check.integration_error < 1e-10
     assert check.margins["integration error"] == pytest.approx(1e-7 - check.integration_error)
-    assert "integrated to" in check._repr_html_()
+    assert "verified; integrated to" in check._repr_html_()
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,9 @@ import ctypes
 import logging
 import os
 import zlib
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
-from functools import cache
+from functools import cache, partial
 from importlib.machinery import EXTENSION_SUFFIXES
 from itertools import accumulate
 from pathlib import Path
@@ -320,18 +320,12 @@ class CompiledMotion:
                 strides[3] *= block.shape[3] > 1
                 commands = _KernelCommands(block.ctypes.data, *strides)
                 begins = range(0, self._count, SAMPLES_A_CALL)
-                if len(begins) == 1:  # a thread for it, each tick of a closed loop, takes longer
-                    self._call(commands, 0, first, self._k)
+                call = partial(self._call, commands, first=first, last=self._k)
+                # A thread for one call, each tick of a closed loop, takes longer than the call.
+                calls = pool.map(call, begins) if len(begins) > 1 else map(call, begins)
+                for done, _ in enumerate(calls, start=1):
                     if tell:
-                        tell(self._k)
-                    continue
-                calls = [
-                    pool.submit(self._call, commands, begin, first, self._k) for begin in begins
-                ]
-                for done, call in enumerate(as_completed(calls), start=1):
-                    call.result()
-                    if tell:
-                        tell(first + (self._k - first) * done // len(calls))
+                        tell(first + (self._k - first) * done // len(begins))
 
     def _call(self, commands: _KernelCommands, begin: int, first: int, last: int) -> None:
         end = min(begin + SAMPLES_A_CALL, self._count)

@@ -231,7 +231,7 @@ def _motion(
     q: Array,
     notes: dict[str, Any],
 ) -> Plan:
-    """The verified plan with inputs u (K+1, 2) and coordinates q (K+1, n+1) at times t (K+1,).
+    """The verified plan with inputs u (K+1, 2), straight between times t (K+1,), and q (K+1, n+1).
 
     Raises:
         InputError: If it ends where no plan may.

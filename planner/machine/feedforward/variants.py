@@ -67,6 +67,10 @@ class Variants:
 
     def __init__(self, plan: Plan, machine: Machine, shape: Shape) -> None:
         self._plan, self._machine, self.shape = plan, machine.nominal(), shape
+        self._coarse = replace(
+            self._machine.with_(velocity_resolution_rad_s=False),
+            step_s=max(machine.step_s, shape.tick / 2),
+        )
         clock = shape.clock
         self._begin, self._end = clock.lead_s, clock.t[-1] - stopping_s(plan, machine)
         if any(np.any(leg.angles) for leg in shape.legs if leg.place_s == plan.duration):
@@ -119,12 +123,6 @@ class Variants:
         is_linear = shape.is_linear and not machine.effects.get("control_period_s")  # else held
         q = simulate_variants(self._plan, machine, shape.t, values, is_linear, self._times)
         return self._judge(q)
-
-    @cached_property
-    def _coarse(self) -> Machine:
-        """The machine with smooth speeds and longer steps."""
-        coarse = max(self._machine.step_s, self.shape.tick / 2)
-        return replace(self._machine.with_(velocity_resolution_rad_s=False), step_s=coarse)
 
     def _judge(self, q: Array) -> Runs:
         problem, count = self._plan.problem, len(q)

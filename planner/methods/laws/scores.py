@@ -165,8 +165,8 @@ def _dips(values: Array) -> Array:
     A dip can be narrower than the samples are apart; a parabola through the three around each local
     minimum follows it. Beside a margin of −∞ there is none lower.
     """
-    step, width = _steps(values.shape[-1])
-    before, after = step[:-1], step[1:]
+    step = _steps(values.shape[-1])
+    before, after, width = step[:-1], step[1:], step[:-1] + step[1:]
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.diff(values, axis=-1) / step
         bend = (slope[..., 1:] - slope[..., :-1]) / width
@@ -177,10 +177,9 @@ def _dips(values: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _steps(count: int) -> tuple[Array, Array]:
-    """Of samples from each to the next, and from the one before each to the one after it."""
-    step = np.diff(points(count))
-    return step, step[:-1] + step[1:]
+def _steps(count: int) -> Array:
+    """From each sample of a piece to the next, (count−1,), over the piece."""
+    return np.diff(points(count))
 
 
 @lru_cache(maxsize=64)

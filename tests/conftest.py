@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,9 +14,6 @@ from hypothesis import settings
 import planner
 
 ROOT = Path(__file__).parents[1]
-
-sys.modules.setdefault("rfc3987_syntax", None)  # type: ignore[arg-type]
-"""Not there: jsonschema takes a second for formats of addresses, of which no schema has any."""
 
 settings.register_profile("planner", deadline=None, derandomize=True, max_examples=40)
 settings.load_profile("planner")

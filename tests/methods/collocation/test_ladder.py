@@ -114,7 +114,7 @@ def test_the_fastest_of_a_kept_path_is_told_where_the_duration_is_too_short(
 
 def test_long_arms_climb_by_several_joints() -> None:
     arm = {"kind": "manipulator", "joints": 5, "K": [0.87, 0.71, 0.58, 0.48], "k_g": 0.67}
-    start, goal = [15.0, -20.0, 10.0, -15.0, 5.0], [-20.0, 25.0, -10.0, 15.0, -7.5]
+    start, goal = [30.0, -40.0, 20.0, -30.0, 10.0], [-40.0, 50.0, -20.0, 30.0, -15.0]
     problem = PROBLEM.changed({"system": arm, "start.theta_deg": start, "goal.theta_deg": goal})
     found = ladder._lift_shorter_path(collocation_task(problem, CollocationOptions(), 40))
     assert found is not None
@@ -128,7 +128,7 @@ def test_long_arms_climb_by_several_joints() -> None:
 def test_an_arm_climbs_within_narrow_limits() -> None:
     """The path of the shorter arm runs along its limits; what joint 1 adds needs room there."""
     arm = {"kind": "manipulator", "joints": 4, "K": [0.87, 0.71, 0.58], "k_g": 0.67}
-    start, goal = [4.6, -27.8, 34.2, -30.3], [-7.4, 12.2, 29.5, -23.1]
+    start, goal = [4.6, -27.8, 34.2, -30.3], [-7.4, 12.2, 29.5, -3.1]
     narrow = {"start.theta_deg": start, "goal.theta_deg": goal, "limits.joint_deg": 40.0}
     free = {"goal.travel": "free", "goal.duration": "free"}
     problem = PROBLEM.changed({"system": arm, **narrow, **free})

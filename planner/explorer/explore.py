@@ -50,7 +50,7 @@ def explore(
     try:
         from planner.explorer.widget import Explorer
     except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] not in ("anywidget", "tomli_w"):
+        if (error.name or "").split(".")[0] != "anywidget":
             raise
         raise InputError(
             f"planner.explore needs {error.name}; install it with: {how_to_install('notebook')}"

@@ -5,7 +5,6 @@ The Python code and the problem file of what is on the screen.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,9 +12,8 @@ from pathlib import Path
 from pprint import pformat
 from typing import Any
 
-import tomli_w
-
 from planner.problem.problem import Problem
+from planner.support.files import toml_lines
 
 QUICK_SETTINGS: Mapping[str, Any] = {
     "method.collocation.starts": 1,
@@ -178,20 +176,7 @@ def problem_file(state: State) -> str:
         InputError: If a change makes the problem impossible.
     """
     data = drop_none(state.problem().to_dict())
-    return f"# planner plan FILE --method {state.method}\n" + _one_line(tomli_w.dumps(data))
-
-
-_LIST = re.compile(r"\[\n((?: +[^\n\[\]]*,\n)+) *\]")
-_LIST_OF_LISTS = re.compile(r"\[\n((?: +\[[^\n\[\]]*\],\n)+) *\]")
-
-
-def _one_line(text: str) -> str:
-    """TOML with each list of numbers or words on one line, and lists of such lists likewise."""
-
-    def join(match: re.Match[str]) -> str:
-        return "[" + " ".join(line.strip() for line in match[1].splitlines()).rstrip(",") + "]"
-
-    return _LIST_OF_LISTS.sub(join, _LIST.sub(join, text))
+    return "\n".join([f"# planner plan FILE --method {state.method}", *toml_lines(data), ""])
 
 
 def drop_none(data: Mapping[str, Any]) -> dict[str, Any]:

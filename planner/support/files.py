@@ -421,3 +421,25 @@ def toml(value: Any) -> str:
 
 def _key(name: str) -> str:
     return name if re.fullmatch(r"[\w-]+", name, re.ASCII) else toml(name)
+
+
+def toml_lines(table: Mapping[str, Any], path: str = "") -> Iterator[str]:
+    """A table as TOML, each value on a line: its own values, then the tables in it.
+
+    Args:
+        table: The table.
+        path: The dotted name of the table with a dot behind, or "" for that of the file.
+    """
+    inner = {key: value for key, value in table.items() if _holds_tables(value)}
+    yield from (f"{_key(key)} = {toml(table[key])}" for key in table if key not in inner)
+    for key, value in inner.items():
+        name = f"{path}{_key(key)}"
+        head = f"[{name}]" if isinstance(value, Mapping) else f"[[{name}]]"
+        for each in [value] if isinstance(value, Mapping) else value:
+            yield from ("", head, *toml_lines(each, f"{name}."))
+
+
+def _holds_tables(value: Any) -> bool:
+    """Whether it is a table, or a list of such."""
+    listed = value if isinstance(value, list) and value else [value]
+    return all(isinstance(each, Mapping) for each in listed)

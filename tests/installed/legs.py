@@ -45,7 +45,7 @@ SHORT = (
 """Each dependency and extra is used: about two minutes on one core."""
 
 EXTRAS = "budget,cluster,tables,video"
-TOOLS = ("anywidget", "hypothesis", "jsonschema", "pytest", "pytest-xdist", "tomli-w")
+TOOLS = ("anywidget", "hypothesis", "jsonschema", "pytest", "pytest-xdist")
 """Of the extras notebook and dev what the tests above import; Jupyter is in `make test`."""
 
 MAIN_JOB = ("compare", "problems/paper.toml", "--samples", "20", "--out", "out/installed")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import planner
 from planner.methods.spec import parse_spec, parse_specs
-from planner.support.files import toml
+from planner.support.files import toml, toml_lines
 
 
 def test_a_bare_name_has_no_options() -> None:
@@ -88,3 +88,5 @@ VALUES = st.recursive(
 @given(VALUES)
 def test_toml_text_reads_back_as_the_value(value: object) -> None:
     assert tomllib.loads(f"x = {toml(value)}") == {"x": value}
+    tables = {"x": value, "a b": {"x": value, "c": {"x": value}}, "d": [{"x": value}, {"e": {}}]}
+    assert tomllib.loads("\n".join(toml_lines(tables))) == tables

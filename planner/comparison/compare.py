@@ -6,7 +6,7 @@ import re
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -101,61 +101,51 @@ def compare(
     run = _ComparisonRun(
         problem, distribution, numbers.tolist(), seed, feedback_labels, methods, time_limit_s
     )
+    complete = False
     try:
         for k, spec in enumerate(requests):
             run.add(spec, partial(_report_share, progress, k, len(requests), spec.label))
+        complete = True
     except KeyboardInterrupt:
         if not run.rows:
             raise
-    complete = run.finished_methods == len(requests)
     rows = tuple(run.rows)
     return Comparison(
         problem, rows, distribution, len(numbers), seed, chosen, complete, float(threshold_deg)
     )
 
 
+@dataclass
 class _ComparisonRun:
-    """A comparison in the making.
+    """A comparison in the making; its rows are those that are there.
 
-    Attributes:
-        rows: Those that are there; the last may lack its replay when interrupted.
-        finished_methods: Number of methods that are done with.
+    The last of them may lack its replay when interrupted.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        machine: Machine,
-        numbers: list[int],
-        seed: int,
-        feedback_labels: Sequence[str],
-        methods: str | Sequence[str] | None,
-        time_limit_s: float | None,
-    ) -> None:
-        self._problem, self._machine, self._feedback_labels = problem, machine, feedback_labels
-        self._tolerant, self._by_default = methods == ALL, methods is None
-        self._time_limit_s = time_limit_s
-        self._numbers, self._seed = numbers, seed
-        self.rows: list[Row] = []
-        self.finished_methods = 0
+    problem: Problem
+    machine: Machine
+    numbers: Sequence[int]
+    seed: int
+    feedback_labels: Sequence[str]
+    methods: str | Sequence[str] | None
+    time_limit_s: float | None
+    rows: list[Row] = field(default_factory=list)
 
     def add(self, spec: Spec, part: Progress) -> None:
         """Plan by one method and replay its plan."""
         part("planning", 0.0)
         plain = self._plain(spec) if spec.compensated else None
-        if self._by_default and spec.compensated and plain is None:
-            self.finished_methods += 1  # a refused plan leaves nothing to compensate
-            return
+        if self.methods is None and spec.compensated and plain is None:
+            return  # a refused plan leaves nothing to compensate
         row = self._plan(spec, plain)
         self.rows.append(row)
         part("replaying", 0.5)
-        with_feedback = spec.label in self._feedback_labels
+        with_feedback = spec.label in self.feedback_labels
         half = 0.75 if with_feedback else 1.0
         self.rows[-1] = self._replay(row, part, 0.5, half)
         if with_feedback and self.rows[-1].replay is not None:
             self.rows.append(self._feedback_row(row, partial(self._replay, part=part, begin=half)))
         part("done", 1.0)
-        self.finished_methods += 1
 
     def _plain(self, spec: Spec) -> Row | None:
         """The row of the plan that this one compensates, if it is there and solved."""
@@ -164,17 +154,17 @@ class _ComparisonRun:
 
     def _plan(self, spec: Spec, plain: Row | None) -> Row:
         try:
-            return plan_row(self._problem, spec, self._time_limit_s, self._machine, plain)
+            return plan_row(self.problem, spec, self.time_limit_s, self.machine, plain)
         except InputError as error:  # of all methods some may not fit the problem
-            if not self._tolerant:
+            if self.methods != ALL:
                 raise
-            why = str(error).splitlines()[0].removeprefix(f"{self._problem.source}: ")
+            why = str(error).splitlines()[0].removeprefix(f"{self.problem.source}: ")
             return Row(spec.label, spec.method, False, why)
 
     def _feedback_row(self, row: Row, replay: Callable[[Row], Row]) -> Row:
         """The row with feedback of a plan, or why feedback cannot follow it."""
         assert row.plan is not None
-        label, hindered = row.label + FEEDBACK, hindrance(row.plan, self._machine)
+        label, hindered = row.label + FEEDBACK, hindrance(row.plan, self.machine)
         try:
             return replay(replace(row, label=label, feedback=True, note=hindered or row.note))
         except UntrackableError as error:
@@ -192,9 +182,9 @@ class _ComparisonRun:
         # Long motions are recorded more coarsely, since those of a thousand samples are kept.
         runs = run_replay(
             row.plan,
-            self._machine,
-            self._numbers,
-            self._seed,
+            self.machine,
+            self.numbers,
+            self.seed,
             row.feedback,
             record_s=max(RECORD_S, row.plan.duration / 500),
             motions=KEPT_MOTIONS,

@@ -140,7 +140,9 @@ class Comparison:
             "samples": self.samples,
             "seed": self.seed,
             "complete": self.complete,
-            "rows": [self._row(row) for row in self.rows],
+            "rows": [
+                {**row.to_dict(), "worst_command": worst_command(self, row)} for row in self.rows
+            ],
             "headline": self.headline,
             "differences": [
                 {**_facts(d), "end": _facts(end)}
@@ -152,10 +154,6 @@ class Comparison:
             "versions": versions(),
         }
         return dict(jsonable(data))
-
-    def _row(self, row: Row) -> dict[str, Any]:
-
-        return {**row.to_dict(), "worst_command": worst_command(self, row)}
 
     def table(self) -> Table:
         """The table for a terminal, at most 80 columns wide: `rich.print(comparison.table())`.
@@ -199,8 +197,19 @@ class Comparison:
         return [replace(c, value=advice_text) if c.value is verdict else c for c in self.columns]
 
     def markdown(self) -> str:
-        """The table as Markdown text."""
-        return comparison_markdown(self)
+        """Markdown text with a heading, the table, what it says, and how to make it again."""
+        again = "Made from Python; `comparison.json` holds the problem, the machine and the seed."
+        if repeat := command(self):
+            again = made_by(clean_text(repeat))
+        heading = f"# Comparison: {markdown(self.problem.name)}\n"
+        if not self.complete:
+            heading += "\n**Partial: interrupted before all methods were finished.**\n"
+        heading += f"\n{clean_text(self.headline)}\n"
+        tries = [f"- Try, for {markdown_code(k)}: {clean_text(v)}" for k, v in self.advice.items()]
+        advice = [*tries, ""] if tries else []
+        table = markdown_table([*self.columns, *intervals(self.problem.system)], self.rows)
+        after = ["", *advice, _caption(self), "", *_worst_machines(self), again, ""]
+        return "\n".join([heading, table, *after])
 
     def figures(self) -> dict[str, Figure]:
         """Figures by name: z, joints, inputs, arm, errors, effort, replay, as far as they apply."""
@@ -302,27 +311,6 @@ def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, A
         elif value != old:
             out[key] = value
     return out
-
-
-def comparison_markdown(comparison: Comparison) -> str:
-    """Markdown text with a heading, the table, what it says, and how to make it again."""
-    columns = [*comparison.columns, *intervals(comparison.problem.system)]
-    repeat = command(comparison)
-    again = (
-        f"{made_by(clean_text(repeat))}\n"
-        if repeat
-        else "Made from Python; `comparison.json` holds the problem, the machine and the seed.\n"
-    )
-    heading = f"# Comparison: {markdown(comparison.problem.name)}\n"
-    if not comparison.complete:
-        heading += "\n**Partial: interrupted before all methods were finished.**\n"
-    heading += f"\n{clean_text(comparison.headline)}\n"
-    tries = [
-        f"- Try, for {markdown_code(k)}: {clean_text(v)}" for k, v in comparison.advice.items()
-    ]
-    advice = [*tries, ""] if tries else []
-    after = ["", *advice, _caption(comparison), "", *_worst_machines(comparison), again]
-    return "\n".join([heading, markdown_table(columns, comparison.rows), *after])
 
 
 def _worst_machines(comparison: Comparison) -> list[str]:

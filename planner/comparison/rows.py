@@ -118,11 +118,9 @@ class Row(PlanFigures):
         known = cls.measure(plan, check)
         made = plan.notes.get("compensation", {}) if plan.compensates else {}
         away, plain = made.get("E_deg", 0.0), made.get("plain_E_deg", np.inf)
-        notes = []
         if plan.executable and away > OTHER_WAY_DEG:
             more = "" if away < plain else f", no better than uncompensated, {plain:.3g} deg"
-            notes.append(f"leaves the original path by up to {away:.3g} deg{more}")
-        known["note"] = "; ".join(notes)
+            known["note"] = f"leaves the original path by up to {away:.3g} deg{more}"
         return cls(label, method, plan.verified, why, plan, **known)
 
     def __repr__(self) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.comparison.comparison import command, comparison_csv, comparison_markdown
+from planner.comparison.comparison import command, comparison_csv
 from planner.comparison.differences import csv_differences, markdown_differences
 from planner.errors import InputError
 from planner.report.figures.arm import can_draw, plot_arm
@@ -63,7 +63,7 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
     with folder(path) as place:
         data = comparison.to_dict()
         data["command"] = command(comparison, str(path), report=report)
-        write_text(place / "table.md", comparison_markdown(comparison))
+        write_text(place / "table.md", comparison.markdown())
         write_text(place / "table.csv", comparison_csv(comparison))
         if comparison.differences:
             write_text(place / "differences.md", markdown_differences(comparison))

@@ -19,13 +19,7 @@ from planner.report.charts.scripts import script, source, stylesheet
 from planner.report.figures.mechanism import mechanism_svg
 from planner.report.figures.style import readable_name
 from planner.report.page.series import page_data
-from planner.report.page.words import (
-    answers,
-    colour_places,
-    question,
-    task_facts,
-    verdict_html,
-)
+from planner.report.page.words import answer, colour_places, question, task_facts, verdict_html
 from planner.report.panels import FIGURES
 from planner.report.saved import load_comparison, load_replays
 from planner.support.files import expect_path, read_json, write_text
@@ -124,8 +118,9 @@ _PARTIAL = "<p><b>Partial: interrupted before all methods were finished.</b></p>
 def _answers(comparison: Comparison) -> str:
     place = colour_places(comparison)
     return "\n".join(
-        f"<li>{_swatch(place[row.label], row)} <b>{html.escape(row.label)}</b> {text}</li>"
-        for row, text in zip(comparison.rows, answers(comparison), strict=True)
+        f"<li>{_swatch(place[row.label], row)} <b>{html.escape(row.label)}</b>"
+        f" {answer(comparison, row)}</li>"
+        for row in comparison.rows
     )
 
 

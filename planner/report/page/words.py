@@ -39,9 +39,22 @@ def question(problem: Problem) -> str:
     )
 
 
-def answers(comparison: Comparison) -> list[str]:
-    """One sentence of HTML for each row: solved or not, at what effort, with what error."""
-    return [_answer(comparison, row) for row in comparison.rows]
+def answer(comparison: Comparison, row: Row) -> str:
+    """One sentence of HTML: solved or not, at what effort, with what error."""
+    if not row.solved:
+        tried = "; replayed for study" if np.isfinite(row.E_median_deg) else ""
+        advice = comparison.advice.get(row.label, "")
+        more = f" Try: {html.escape(advice)}." if advice else ""
+        return f"refused: {html.escape(row.why)}{tried}.{more}"
+    text = f"{'takes' if row.feedback else 'solved with'} effort {number(row.effort, 4)}"
+    text += f" {effort_unit(comparison.problem.system)}"
+    if np.isfinite(row.E_median_deg):
+        text += (
+            f"; on the machines its largest joint error is {number(row.E_median_deg)}°"
+            f"{_interval(row.E_median_interval_deg)} in the median and below"
+            f" {number(row.E_p95_deg)}°{_interval(row.E_p95_interval_deg)} for 95 %"
+        )
+    return f"{text}{f'; {html.escape(row.remark)}' if row.remark else ''}."
 
 
 def verdict_html(comparison: Comparison) -> str:
@@ -106,23 +119,6 @@ def _joint_limits(problem: Problem) -> list[tuple[str, str]]:
             by_value.setdefault(value, []).append(f"|{readable_name(c.name)}|")
     what = "coordinates" if system.has_user_coordinates else "angles"
     return [(f"Limits of {what}", f"{', '.join(who)} ≤ {most}") for most, who in by_value.items()]
-
-
-def _answer(comparison: Comparison, row: Row) -> str:
-    if not row.solved:
-        tried = "; replayed for study" if np.isfinite(row.E_median_deg) else ""
-        advice = comparison.advice.get(row.label, "")
-        more = f" Try: {html.escape(advice)}." if advice else ""
-        return f"refused: {html.escape(row.why)}{tried}.{more}"
-    text = f"{'takes' if row.feedback else 'solved with'} effort {number(row.effort, 4)}"
-    text += f" {effort_unit(comparison.problem.system)}"
-    if np.isfinite(row.E_median_deg):
-        text += (
-            f"; on the machines its largest joint error is {number(row.E_median_deg)}°"
-            f"{_interval(row.E_median_interval_deg)} in the median and below"
-            f" {number(row.E_p95_deg)}°{_interval(row.E_p95_interval_deg)} for 95 %"
-        )
-    return f"{text}{f'; {html.escape(row.remark)}' if row.remark else ''}."
 
 
 def _interval(ends: tuple[float, float]) -> str:

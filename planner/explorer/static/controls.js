@@ -19,24 +19,23 @@ function readable(c) {
   return [short(c.shown), c.unit, c.on ? "" : `(${c.off_word})`].filter(Boolean).join(" ");
 }
 
+/** The row of a control, and what marks its input: "θ₁" is in two groups. */
+function makeRow(c) {
+  const row = make("div", { class: "px-row", title: c.help });
+  return [row, { "data-control": c.name, "aria-label": `${c.group}: ${c.label}` }];
+}
+
 function makeSlider(c, changed) {
-  const row = make("div", { class: "px-row" });
-  row.title = c.help;
-  const label = make("label", { text: c.label });
-  const input = make("input");
-  input.type = "range";
-  if (c.integer) [input.min, input.max, input.step] = [c.low, c.high, 1];
-  else [input.min, input.max, input.step] = [0, STEPS, 1];
-  input.dataset.control = c.name;
-  input.setAttribute("aria-label", `${c.group}: ${c.label}`); // "θ₁" is in two groups
-  const value = make("output");
+  const [row, marks] = makeRow(c);
+  const label = make("label", { text: c.label }, row);
+  const input = make("input", { type: "range", min: 0, max: STEPS, step: 1, ...marks }, row);
+  if (c.integer) [input.min, input.max] = [c.low, c.high];
+  const value = make("output", {}, row);
   let now = c;
   let box = null;
   if (c.off_word) {
-    box = make("input");
-    box.type = "checkbox";
-    box.dataset.switch = c.name;
-    box.setAttribute("aria-label", `${c.group}: ${c.label}, set or ${c.off_word}`);
+    const aloud = `${marks["aria-label"]}, set or ${c.off_word}`;
+    box = make("input", { type: "checkbox", "data-switch": c.name, "aria-label": aloud });
     box.onchange = () => changed(now.name, box.checked ? now.shown : null);
     label.prepend(box);
   }
@@ -54,7 +53,6 @@ function makeSlider(c, changed) {
     if (box) box.checked = now.on;
     row.classList.toggle("px-off", !now.on);
   };
-  row.append(label, input, value);
   const update = (next, held) => {
     if (held || grabbed) {
       now = { ...next, shown: now.shown, on: now.on };
@@ -70,14 +68,11 @@ function makeSlider(c, changed) {
 }
 
 function makeChoice(c, changed) {
-  const row = make("div", { class: "px-row" });
-  row.title = c.help;
-  const input = make("select");
+  const [row, marks] = makeRow(c);
+  make("label", { text: c.label }, row);
+  const input = make("select", marks, row);
   for (const word of c.choices) input.append(new Option(word.replaceAll("_", " "), word));
-  input.dataset.control = c.name;
-  input.setAttribute("aria-label", `${c.group}: ${c.label}`); // "θ₁" is in two groups
   input.onchange = () => changed(c.name, input.value);
-  row.append(make("label", { text: c.label }), input);
   const update = (next) => {
     input.value = next.shown;
     row.title = next.help;
@@ -87,16 +82,11 @@ function makeChoice(c, changed) {
 }
 
 function makeSwitch(c, changed) {
-  const row = make("div", { class: "px-row" });
-  row.title = c.help;
-  const label = make("label", { text: c.label });
-  const box = make("input");
-  box.type = "checkbox";
-  box.dataset.control = c.name;
-  box.setAttribute("aria-label", `${c.group}: ${c.label}`);
+  const [row, marks] = makeRow(c);
+  const label = make("label", {}, row);
+  const box = make("input", { type: "checkbox", ...marks }, label);
+  label.append(c.label);
   box.onchange = () => changed(c.name, box.checked);
-  label.prepend(box);
-  row.append(label);
   const update = (next) => {
     box.checked = next.shown;
   };
@@ -117,15 +107,14 @@ function makeControls(place, changed) {
       made = new Map();
       place.replaceChildren();
       for (const group of [...new Set(controls.map((c) => c.group))]) {
-        const block = make("details", { class: "px-group" });
+        const block = make("details", { class: "px-group" }, place);
         block.open = open[group] || false;
         block.ontoggle = () => (open[group] = block.open);
-        block.append(make("summary", { text: group }));
+        make("summary", { text: group }, block);
         for (const c of controls.filter((c) => c.group === group)) {
           made.set(c.name, makers[c.kind](c, changed));
           block.append(made.get(c.name).row);
         }
-        place.append(block);
       }
     }
     for (const c of controls) made.get(c.name).update(c, held.has(c.name));

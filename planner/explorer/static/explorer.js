@@ -76,10 +76,9 @@ function render({ model, el }) {
     }
   });
 
-  const controlsPlace = make("div");
-  const fill = makeControls(controlsPlace, (name, value) => set(name, value));
+  const fill = makeControls(make("div", {}, side), set);
   const row = buttons();
-  side.append(controlsPlace, row);
+  side.append(row);
 
   function set(name, value) {
     if (!waiting.size) waiting.began = performance.now();
@@ -238,9 +237,7 @@ function render({ model, el }) {
   function buttons() {
     const row = make("div", { class: "px-buttons" });
     for (const [name, kind] of [["Python code", "code"], ["Problem file", "file"], ["Mechanism", "mechanism"], ["Reset", "reset"]]) {
-      const button = make("button", { text: name });
-      button.type = "button";
-      button.dataset.button = kind;
+      const button = make("button", { type: "button", text: name, "data-button": kind }, row);
       button.onclick = () => {
         if (kind === "reset") {
           waiting.clear();
@@ -255,7 +252,6 @@ function render({ model, el }) {
         texts.dataset.wanted = kind;
         whenFree(() => ask("texts"));
       };
-      row.append(button);
     }
     return row;
   }
@@ -270,43 +266,35 @@ function render({ model, el }) {
 
   function showMechanism(reply) {
     drawn = reply.drawn;
-    const image = make("img", { alt: "the arm's mechanism" });
-    image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(reply.mechanism)}`;
-    mechanism.replaceChildren(image);
+    const src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(reply.mechanism)}`;
+    mechanism.replaceChildren(make("img", { alt: "the arm's mechanism", src }));
   }
 
   function showTexts(reply) {
     stale = false;
-    const open = texts.querySelector("textarea");
-    if (open) {
-      open.value = reply[texts.dataset.wanted];
-      open.rows = Math.min(18, open.value.split("\n").length);
-      return;
+    if (!texts.childElementCount) {
+      const copy = make("button", { type: "button", text: "Copy" }, texts);
+      const area = make("textarea", { readonly: "" }, texts);
+      copy.onclick = () => {
+        area.select();
+        if (navigator.clipboard) navigator.clipboard.writeText(area.value);
+        else document.execCommand("copy");
+        copy.textContent = "Copied";
+      };
     }
-    const area = make("textarea");
-    area.readOnly = true;
+    const area = texts.querySelector("textarea");
     area.value = reply[texts.dataset.wanted];
     area.rows = Math.min(18, area.value.split("\n").length);
-    const copy = make("button", { text: "Copy" });
-    copy.type = "button";
-    copy.onclick = () => {
-      area.select();
-      if (navigator.clipboard) navigator.clipboard.writeText(area.value);
-      else document.execCommand("copy");
-      copy.textContent = "Copied";
-    };
-    texts.replaceChildren(copy, area);
   }
 
-  const listen = (reply) => answered(reply);
-  model.on("msg:custom", listen);
+  model.on("msg:custom", answered);
   stopper.onclick = () => stop(Boolean(busy?.stopped));
   ask("picture");
   return () => {
     clearTimeout(resting);
     clearInterval(ticking);
     watch.disconnect();
-    model.off("msg:custom", listen);
+    model.off("msg:custom", answered);
   };
 }
 

@@ -46,30 +46,43 @@ class Chart {
   }
 
   /** Where the keys lead; undefined for keys that mean nothing here. */
-  key(event) {
-    const { low, high } = this.x;
+  key({ key, shiftKey }) {
     const now = this.reading ?? this.first();
-    const f = (x) => Math.min(high, Math.max(low, x));
-    const a = this.x(low);
-    const span = this.x(high) - a;
-    const step = (n) => f(this.x.invert(this.x(now) + (n * span) / (event.shiftKey ? 20 : 100)));
-    switch (event.key) {
-      case "ArrowRight": return step(1);
-      case "ArrowLeft": return step(-1);
-      case "Home": return low;
-      case "End": return high;
+    if (key in this.arrows) return this.step(now, this.arrows[key], shiftKey);
+    switch (key) {
+      case "Home": return this.ends[0];
+      case "End": return this.ends[1];
       case "Escape": return null;
       case "Enter": this.setClock(); return now;
     }
     return undefined;
   }
 
+  /** Where keys lead forward and backward. */
+  arrows = { ArrowRight: 1, ArrowLeft: -1 };
+
+  step(now, way, far) {
+    const [first, last] = this.ends.map(this.x);
+    return this.nearest(this.x(now) + (way * (last - first)) / (far ? 20 : 100));
+  }
+
+  /** The first place that can be read, and the last. */
+  get ends() {
+    return [this.x.low, this.x.high];
+  }
+
+  /** The place that is read when the keys come. */
   first() {
-    return this.x.low;
+    return this.ends[0];
   }
 
   nearest(px) {
     return Math.min(this.x.high, Math.max(this.x.low, this.x.invert(px)));
+  }
+
+  /** What the horizontal axis is called. */
+  across() {
+    return this.panel.across;
   }
 
   setClock() {}

@@ -3,7 +3,7 @@
 class TimeChart extends Chart {
   scales() {
     const { panel, page } = this;
-    const { width, right, bottom } = this.size;
+    const { right, bottom } = this.size;
     const visible = panel.series.filter((s) => this.shown(s));
     const list = visible.length ? visible : panel.series;
     const first = Math.min(...list.map((s) => s.t?.[0] ?? page.plans[s.plan].begin));
@@ -18,7 +18,6 @@ class TimeChart extends Chart {
       span = range(ys);
     }
     this.y = scale(span[0], span[1], bottom, EDGE.top);
-    this.size.width = width;
   }
 
   across() {

@@ -19,10 +19,6 @@ class PlaneChart extends Chart {
     for (const mark of [this.cursor, this.cross]) mark.classList.add("ring");
   }
 
-  across() {
-    return this.panel.across;
-  }
-
   label() {
     return `${this.panel.title}. Arrow keys go along the path.`;
   }
@@ -34,7 +30,7 @@ class PlaneChart extends Chart {
   }
 
   /** When the first path begins and the last one ends. */
-  get span() {
+  get ends() {
     const paths = this.paths();
     return [Math.min(0, ...paths.map((s) => s.t[0])), Math.max(0, ...paths.map((s) => s.t.at(-1)))];
   }
@@ -81,10 +77,6 @@ class PlaneChart extends Chart {
     return (value) => (value === null ? null : scale(value));
   }
 
-  first() {
-    return this.span[0];
-  }
-
   /** Time of the place on a path that is nearest. */
   nearest(px, py) {
     let [best, least] = [0, Infinity];
@@ -96,18 +88,11 @@ class PlaneChart extends Chart {
     return best;
   }
 
-  key(event) {
-    const [first, last] = this.span;
-    const step = ((event.shiftKey ? 5 : 1) * (last - first)) / 100;
-    const now = this.reading ?? first;
-    switch (event.key) {
-      case "ArrowRight": case "ArrowUp": return Math.min(now + step, last);
-      case "ArrowLeft": case "ArrowDown": return Math.max(now - step, first);
-      case "Home": return first;
-      case "End": return last;
-      case "Escape": return null;
-    }
-    return undefined;
+  arrows = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
+
+  step(now, way, far) {
+    const [first, last] = this.ends;
+    return Math.min(last, Math.max(first, now + (way * (last - first)) / (far ? 20 : 100)));
   }
 
   /** Where each path is at a time: [series, x, y]; those that are nowhere are missing. */
@@ -134,11 +119,8 @@ class PlaneChart extends Chart {
   }
 
   rings(found) {
-    return found.map(([, x, y]) => this.ring([x, y])).join("");
-  }
-
-  ring([x, y]) {
-    return `M${this.x(x) - 5} ${this.y(y)}a5 5 0 1 0 10 0a5 5 0 1 0 -10 0`;
+    const ring = "a5 5 0 1 0 10 0a5 5 0 1 0 -10 0";
+    return found.map(([, x, y]) => `M${this.x(x) - 5} ${this.y(y)}${ring}`).join("");
   }
 }
 

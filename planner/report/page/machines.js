@@ -9,10 +9,6 @@ class ShareChart extends Chart {
     this.y = scale(0, 1, this.size.bottom, EDGE.top);
   }
 
-  across() {
-    return this.panel.across;
-  }
-
   label() {
     const names = this.panel.series.map((s) => this.page.plans[s.plan].label);
     return `Share of machines with a smaller error, for ${names.join(", ")}. Arrow keys read values.`;
@@ -64,11 +60,6 @@ class PointsChart extends Chart {
     const [x, y] = this.panel.log;
     this.x = axis(list.map((p) => p.x), EDGE.left, this.size.right, 1.6, x);
     this.y = axis(list.flatMap((p) => [p.y, p.high]), this.size.bottom, EDGE.top, 1.15, y);
-    this.places = list;
-  }
-
-  across() {
-    return this.panel.across;
   }
 
   label() {
@@ -78,9 +69,13 @@ class PointsChart extends Chart {
     return `Effort against error. ${said.join("; ")}. Arrow keys go from plan to plan.`;
   }
 
+  /** The points of the plans that are shown. */
+  get places() {
+    return this.panel.points.filter((p) => this.shown(p));
+  }
+
   draw() {
     for (const point of this.places) {
-      if (!this.shown(point)) continue;
       const [x, y] = [this.x(point.x), this.y(point.y)];
       make("path", { class: this.classes(point, "bar"), d: `M${x} ${y}V${this.y(point.high)}` }, this.over);
       make("circle", { class: this.classes(point, "dot"), cx: x, cy: y, r: 6 }, this.over);
@@ -90,7 +85,7 @@ class PointsChart extends Chart {
 
   /** The plans' names beside their points, where they meet neither points, bars nor each other. */
   drawNames() {
-    const list = this.places.filter((p) => this.shown(p)).sort((a, b) => this.y(a.y) - this.y(b.y));
+    const list = this.places.sort((a, b) => this.y(a.y) - this.y(b.y));
     const taken = list.map((p) => {
       const [x, dot] = [this.x(p.x), this.y(p.y)];
       return { left: x - 8, right: x + 8, top: Math.min(dot - 8, this.y(p.high)), bottom: dot + 8 };
@@ -125,25 +120,17 @@ class PointsChart extends Chart {
 
   nearest(px, py) {
     const far = (p) => Math.hypot(this.x(p.x) - px, this.y(p.y) - py);
-    const list = this.places.filter((p) => this.shown(p));
-    return list.length ? list.reduce((a, b) => (far(b) < far(a) ? b : a)) : null;
+    return this.places.reduce((a, b) => (a && far(a) <= far(b) ? a : b), null);
   }
 
-  first() {
-    return this.places[0];
+  arrows = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
+
+  step(now, way) {
+    return this.places[this.places.indexOf(now) + way] ?? now;
   }
 
-  key(event) {
-    const list = this.places.filter((p) => this.shown(p));
-    const k = Math.max(0, list.indexOf(this.reading));
-    switch (event.key) {
-      case "ArrowRight": case "ArrowDown": return list[Math.min(k + 1, list.length - 1)];
-      case "ArrowLeft": case "ArrowUp": return list[Math.max(k - 1, 0)];
-      case "Home": return list[0];
-      case "End": return list[list.length - 1];
-      case "Escape": return null;
-    }
-    return undefined;
+  get ends() {
+    return [this.places[0] ?? null, this.places.at(-1) ?? null];
   }
 
   describe(point) {

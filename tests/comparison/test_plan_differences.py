@@ -7,7 +7,7 @@ import io
 
 import pytest
 from compared import paper_comparison
-from rich.console import Console
+from printed import printed
 
 from planner.comparison.differences import csv_differences, markdown_differences, rich_differences
 
@@ -33,19 +33,16 @@ def test_csv_keeps_full_precision() -> None:
 
 def test_the_terminal_sees_all_from_the_best_plan() -> None:
     result = paper_comparison()
-    console = Console(width=200, file=io.StringIO(), record=True)
-    console.print(rich_differences(result))
-    text = console.export_text()
-    assert max(len(line.rstrip()) for line in text.splitlines()) <= 80
-    narrow = Console(width=80, file=io.StringIO(), record=True)
-    narrow.print(rich_differences(result))
-    kept = " ".join(narrow.export_text().split())
+    lines = printed(rich_differences(result))
+    assert max(map(len, lines)) <= 80
+    text = " ".join(lines)
+    kept = " ".join(" ".join(printed(rich_differences(result), 80)).split())
     words = [word for word in text.split() if "─" not in word]
     for word in ("verdict", "corrected for all pairs.", *words):
         assert word in kept, "cut off on a narrow terminal"
     assert result.best is not None
     assert f"{result.best} against the others" in text
-    line = next(x for x in text.splitlines() if x.startswith("polynomial: "))
+    line = next(x for x in lines if x.startswith("polynomial: "))
     worse = result.differences[1]
     assert line.split()[1] == f"{-worse.median_deg:+.2f}"
     assert float(line.split()[2]) == pytest.approx(-worse.interval_deg[1], abs=0.006)

@@ -8,7 +8,7 @@ import io
 import numpy as np
 import pytest
 from compared import leaving_comparison, outside, quick_comparison, refused_comparison
-from rich.console import Console
+from printed import printed
 
 import planner
 from planner.comparison import comparison
@@ -20,28 +20,20 @@ from planner.sweep.case import RESULTS
 from planner.verification.summary import PlanFigures, figures, plan_summary
 
 
-@pytest.fixture(scope="module")
-def printed() -> str:
-    console = Console(width=200, file=io.StringIO(), record=True)
-    console.print(quick_comparison().table())
-    return console.export_text()
-
-
 def test_a_narrow_terminal_keeps_the_words_of_a_verdict_whole() -> None:
-    console = Console(width=80, file=io.StringIO(), record=True)
-    console.print(quick_comparison().table())
-    text = console.export_text()
-    assert max(len(line.rstrip()) for line in text.splitlines()) <= 80
-    assert {"solved", "reaches", "allowed"} <= set(text.split())
+    lines = printed(quick_comparison().table(), 80)
+    assert max(map(len, lines)) <= 80
+    assert {"solved", "reaches", "allowed"} <= set(" ".join(lines).split())
 
 
-def test_terminal_table_shows_every_row_and_figure_in_eighty_columns(printed: str) -> None:
-    assert max(len(line.rstrip()) for line in printed.splitlines()) <= 80
-    words = " ".join(printed.split())
+def test_terminal_table_shows_every_row_and_figure_in_eighty_columns() -> None:
+    lines = printed(quick_comparison().table())
+    assert max(map(len, lines)) <= 80
+    words = " ".join(" ".join(lines).split())
     for word in ("polynomial:travel=middle: input u2 reaches", "no", "yes", "end", "95 %"):
         assert word in words
     row = quick_comparison()["polynomial"]
-    line = next(x for x in printed.splitlines() if x.startswith("polynomial ") and "yes" in x)
+    line = next(x for x in lines if x.startswith("polynomial ") and "yes" in x)
     cells = line.split()
     assert cells[2] == f"{row.duration_s:.3g}"
     assert float(cells[3]) == pytest.approx(row.effort, rel=1e-3)
@@ -81,13 +73,11 @@ def test_a_column_is_added_in_one_place(monkeypatch: pytest.MonkeyPatch) -> None
     found = quick_comparison()
     row = found["polynomial"]
     value = row.travel_rad / row.duration_s
-    console = Console(width=200, file=io.StringIO(), record=True)
-    console.print(found.table())
-    lines = console.export_text().splitlines()
+    lines = printed(found.table())
     heads = [k for k, line in enumerate(lines) if line.endswith(("mean", "speed", "rad/s"))]
     assert len(heads) == 3
     shown = number(value)
-    assert next(x for x in lines if x.startswith("polynomial ")).rstrip().endswith(shown)
+    assert next(x for x in lines if x.startswith("polynomial ")).endswith(shown)
     assert "| mean speed (rad/s) | beyond limits (%) |" in found.markdown()
     assert f" | {shown} | " in found.markdown()
     cells = next(r for r in csv.DictReader(io.StringIO(csv_text(found))) if r["label"] == row.label)
@@ -111,9 +101,7 @@ def test_numbers_are_short(value: float, text: str) -> None:
 
 
 def text_of(found: comparison.Comparison) -> str:
-    console = Console(width=200, file=io.StringIO(), record=True)
-    console.print(found.table())
-    return " ".join(console.export_text().split())
+    return " ".join(" ".join(printed(found.table())).split())
 
 
 def test_where_all_are_refused_what_would_help_is_said_in_every_form() -> None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import io
 from operator import itemgetter
 
 import numpy as np
 import pytest
-from rich.console import Console
-from rich.table import Table
+from printed import printed
 
 from planner.support.tables import (
     Column,
@@ -27,12 +25,6 @@ COLUMNS: list[Column[Row]] = [
     Column("raw", "", itemgetter(1), shown=None, key="speed"),
 ]
 ROWS = [("law:free", 1 / 3), ("=a|b", np.nan)]
-
-
-def printed(table: Table, width: int = 200) -> list[str]:
-    console = Console(width=width, file=io.StringIO(), record=True)
-    console.print(table)
-    return [line.rstrip() for line in console.export_text().splitlines()]
 
 
 def test_a_terminal_shows_titles_over_units_and_foreign_text_as_it_is() -> None:

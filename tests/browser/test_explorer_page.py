@@ -169,7 +169,6 @@ def test_the_explorer_follows_sliders_pointer_and_buttons(show: Any, tmp_path: P
     settled(page)
     assert drawn(page, "z2") != still
     points = re.search(r"'method.polynomial.points': \[\[([\d.]+), (-[\d.]+)\]\]", code(page))
-    assert points is not None
     assert float(points[1]) > 5.1
     shown = page.locator("[data-control='method.polynomial.points:0:0'] + output").text_content()
     assert float(shown.split()[0]) == pytest.approx(float(points[1]), rel=1e-3)

@@ -96,7 +96,6 @@ def test_pointing_at_a_curve_shows_its_values(opened: Callable) -> None:
     t, values = tip(panel)
     assert 2 < t < 6
     plan = quick_comparison()[SOLVED].plan
-    assert plan is not None
     assert values[SOLVED] == pytest.approx(np.rad2deg(plan.q(t)[1]), abs=0.2)
     assert "… on the machine" in values
     inner, outer = panel.locator(".tip").bounding_box(), panel.locator("svg").bounding_box()
@@ -183,7 +182,6 @@ def test_scrubbing_shows_the_arm_of_that_time(opened: Callable) -> None:
     assert t == pytest.approx(9.0, abs=0.01)
     assert page.locator("#scrub").get_attribute("aria-valuetext") == f"{t:.2f} s"
     plan = quick_comparison()[SOLVED].plan
-    assert plan is not None
     stage = page.locator(".stage").nth(0)  # it opens on the plan to take
     assert stage.locator("select").evaluate("(s) => s.selectedOptions[0].text") == SOLVED
     drawn = points_of(stage.locator(".body").get_attribute("d"))
@@ -421,7 +419,6 @@ def test_a_path_outside_the_domain_is_marked(opened: Callable, tmp_path: Path) -
 def test_obstacles_and_waypoints_are_drawn(opened: Callable, tmp_path: Path) -> None:
     found = quick_comparison()
     plan = found[SOLVED].plan
-    assert plan is not None
     tables = {
         "obstacles": [{"centre_m": [0.8, 2.2], "radius_m": 0.3}],
         "waypoints": [

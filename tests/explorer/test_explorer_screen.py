@@ -40,7 +40,6 @@ def test_a_slider_moves_the_plan_and_the_picture() -> None:
     before = panel(shown, "z2")["series"][0]["y"]
     shown.change([("goal.travel", 0.82)])
     after = panel(shown, "z2")["series"][0]["y"]
-    assert shown.outcome.plan is not None
     assert shown.outcome.plan.travel == pytest.approx(0.82, abs=1e-12)
     assert np.max(np.abs(np.array(before) - np.array(after))) > 0.01
     low, high = (np.array(panel(shown, "z2")["band"][edge]) for edge in ("low", "high"))
@@ -51,7 +50,6 @@ def test_a_free_slider_shows_what_the_method_chose() -> None:
     shown = screen("paper", **{"goal.travel": "free"})
     control = shown.controls["goal.travel"]
     assert not control.on
-    assert shown.outcome.plan is not None
     assert control.shown == pytest.approx(shown.outcome.plan.travel)
     shown.change([("goal.travel", 0.82)])
     assert shown.controls["goal.travel"].on
@@ -153,18 +151,15 @@ def test_constraint_points_start_on_the_path_and_are_dragged_by_both_their_contr
     time_name, z2_name = point["names"]
     shown.change([(time_name, 6.0), (z2_name, -0.3)])
     assert shown.state.value("method.polynomial.points") == [[6.0, -0.3]]
-    assert shown.outcome.plan is not None
     assert shown.outcome.plan.z(6.0)[1] == pytest.approx(-0.3, abs=1e-9)
 
 
 def test_the_machine_can_be_changed_effect_by_effect() -> None:
     shown = screen("paper", samples=3, **{"goal.travel": 0.8286, "goal.duration": 30.0})
     error = shown.errors()
-    assert error is not None
     shown.change([("machine.backlash_deg:value", None)])
     assert not shown.controls["machine.backlash_deg:value"].on
     stiffer = shown.errors()
-    assert stiffer is not None
     assert stiffer["series"][0]["y"][-1] < 0.8 * error["series"][0]["y"][-1]
     shown.change([("machine.backlash_deg:value", 4.0)])
     spread = planner.Machine.prototype().effects["backlash_deg"].spread[0]
@@ -179,7 +174,6 @@ def test_code_and_problem_file_give_the_plan_on_the_screen(name: str, tmp_path: 
     travel = shown.controls[shown.outcome.problem.travel_key]  # type: ignore[union-attr]
     end = 0.825 if name == "paper" else travel.shown * 1.01
     shown.change([(travel.name, end), ("goal.duration", 30.0)])
-    assert shown.outcome.plan is not None
     times = np.linspace(0, 30, 50)
     wanted = shown.outcome.plan.z(times)
 
@@ -187,7 +181,6 @@ def test_code_and_problem_file_give_the_plan_on_the_screen(name: str, tmp_path: 
     file = tmp_path / "mine.toml"
     file.write_text(text["file"], encoding="utf-8")
     again = path(State(planner.load_problem(file), "polynomial")).plan
-    assert again is not None
     assert np.array_equal(again.z(times), wanted)
     assert tomllib.loads(text["file"])["goal"]["duration"] == 30.0
     assert all("[" not in line or "]" in line for line in text["file"].splitlines())
@@ -228,7 +221,6 @@ def test_start_goal_and_gears_have_sliders_of_their_own() -> None:
     assert [found[f"start.theta_deg:{k}"].label for k in range(3)] == ["θ₁", "θ₂", "θ₃"]
     shown.change([("start.theta_deg:1", 5.0), ("goal.theta_deg:0", 40.0), ("system.K:0", 0.9)])
     plan = shown.outcome.plan
-    assert plan is not None
     np.testing.assert_allclose(np.rad2deg(plan.q(0.0)[1:]), [1, 5, 1], atol=1e-9)
     assert np.rad2deg(plan.q(plan.duration)[1]) == pytest.approx(40, abs=1e-3)
     assert plan.problem.system.K[0] == 0.9  # type: ignore[attr-defined]
@@ -244,8 +236,6 @@ def test_gear_geometry_has_sliders_too() -> None:
     before = shown.outcome.problem
     shown.change([("system.gear.R", 25.0)])
     after = shown.outcome.problem
-    assert before is not None
-    assert after is not None
     assert after.system.K[0] != before.system.K[0]  # type: ignore[attr-defined]
 
 
@@ -264,7 +254,6 @@ def test_a_joint_more_is_like_the_last_one_and_goes_again() -> None:
     ratio = 0.711625 / 0.870125
     shown.change([("system.joints", 4)])
     problem = shown.outcome.problem
-    assert problem is not None
     np.testing.assert_allclose(problem.system.K, [0.870125, 0.711625, 0.711625 * ratio])
     np.testing.assert_allclose(np.rad2deg(problem.goal[1:]), [30, 30, 30, 30])
     assert "goal.theta_deg:3" in shown.controls
@@ -273,7 +262,6 @@ def test_a_joint_more_is_like_the_last_one_and_goes_again() -> None:
     assert "goal.theta_deg:2" not in shown.controls
     shown.change([("system.joints", 3)])
     again = shown.outcome.problem
-    assert again is not None
     np.testing.assert_allclose(again.system.K, [0.870125, 0.711625])
     np.testing.assert_allclose(np.rad2deg(again.start[1:]), [1, 1, 1])
 
@@ -331,7 +319,6 @@ def test_plans_are_compensated_for_the_machine_where_that_is_on() -> None:
     error = shown.errors()
     shown.change([("compensation.on", True)])
     assert shown.outcome.kind == "verified"
-    assert shown.outcome.plan is not None
     assert shown.outcome.plan.compensation is not None
     assert "no better" not in shown.words()["facts"]
     said = {**shown.outcome.plan.notes["compensation"], "plain_E_deg": 0.0}
@@ -340,8 +327,6 @@ def test_plans_are_compensated_for_the_machine_where_that_is_on() -> None:
     assert "no better than 0 deg uncompensated" in line
     assert "effort 1.0" in shown.words()["facts"], "that of the commands, as comparisons have it"
     less = shown.errors()
-    assert error is not None
-    assert less is not None
     assert max(less["series"][0]["y"]) < 0.5 * max(error["series"][0]["y"])
     assert panel(shown, "joints")["series"][0]["y"][-1] == pytest.approx(before, abs=0.1)
     assert '"compensation.on": True' in shown.texts()["code"].replace("'", '"')

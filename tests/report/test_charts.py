@@ -149,7 +149,6 @@ def test_a_figure_is_one_entry_and_is_drawn_everywhere(monkeypatch: pytest.Monke
 
 def test_panels_of_one_id_and_unit_become_one() -> None:
     plan = quick_comparison()["polynomial"].plan
-    assert plan is not None
     drawn = [PlanCurves(0, plan, np.linspace(0, plan.duration, 50))]
     (one,) = merge(FIGURES["inputs"].panels(drawn))
     assert [(s["name"], s["colour"]) for s in one["series"]] == [("u1", 0), ("u2", 1)]

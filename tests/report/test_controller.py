@@ -101,7 +101,6 @@ def test_it_passes_its_own_test_and_a_wrong_tracker_does_not(
     folder = made(name, real)
     told = (folder / "README.md").read_text()
     words = re.search(r"cc (-std=c99 .* -pedantic) (selftest.c.*) -lm", told)
-    assert words is not None
     compile_c(folder, [*words[1].split(), *words[2].split(), "-o", "selftest"])
     done = subprocess.run([folder / "selftest"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout

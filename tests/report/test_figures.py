@@ -299,7 +299,6 @@ def test_feedback_keeps_its_plans_colour() -> None:
 
 def test_replays_show_the_median_of_the_machines_at_each_time() -> None:
     row = quick_comparison()[MIDDLE]
-    assert row.replay is not None
     k = median_sample(row.replay)
     assert row.replay.index_E_deg[k] == np.median(row.replay.index_E_deg)
     _, axes = plot_replays({"x": row.replay})

@@ -51,14 +51,12 @@ def test_a_comparison_comes_back_from_its_folder(saved: Path) -> None:
         for key in ("effort", "travel_rad", "peak_u", "E_median_deg", "E_p95_deg"):
             np.testing.assert_array_equal(getattr(new, key), getattr(old, key))
         if old.plan is not None:
-            assert new.plan is not None
             np.testing.assert_array_equal(new.plan.u(3.3), old.plan.u(3.3))
 
 
 def test_the_replays_are_kept_to_a_millionth_of_a_degree(saved: Path) -> None:
     data = json.loads((saved / "replays.json").read_text())
     row = quick_comparison()["polynomial"]
-    assert row.replay is not None
     np.testing.assert_allclose(data["polynomial"]["E_deg"], row.replay.index_E_deg, atol=1e-6)
     median = data["polynomial"]["median"]
     assert np.sort(row.replay.index_E_deg)[2] == row.replay.index_E_deg[median["number"]]
@@ -82,7 +80,6 @@ def test_curves_of_the_page_are_those_of_the_plans(saved: Path) -> None:
     figures = {figure["id"]: figure["panels"] for figure in data["figures"]}
     assert list(figures) == [*FIGURES, "trade", "errors"]
     plan = quick_comparison()["polynomial"].plan
-    assert plan is not None
     t = np.array(data["plans"][1]["t"])
     drawn = next(s for s in figures["inputs"][1]["series"] if s["plan"] == 1)["y"]
     np.testing.assert_allclose(drawn[5:-5], plan.u(t)[5:-5, 1], rtol=2e-2, atol=1e-3)

@@ -36,22 +36,6 @@ MAY = {
 }
 """For each room what it may import; `cli` and the package's own face may import everything."""
 
-HANDED = {
-    "planner.comparison.comparison": {
-        "planner.report.folders.figures",
-        "planner.report.folders.save",
-    },
-    "planner.sweep.design.result": {"planner.report.figures.design.plot_design"},
-    "planner.machine.identification.identify": {
-        "planner.report.figures.recorded.identification_figure"
-    },
-    "planner.plan.plan": {"planner.plan.samples.to_frame", "planner.plan.samples.to_xarray"},
-    "planner.robustness.budget": {"planner.report.figures.robustness.plot_budget"},
-    "planner.robustness.sensitivities": {"planner.report.figures.sensitivities.plot_sensitivities"},
-    "planner.robustness.trade_off": {"planner.report.figures.robustness.plot_trade_off"},
-}
-"""Results that hand themselves to what reads them, by name; nothing else may."""
-
 
 def name_of(path: Path) -> str:
     parts = ["planner", *path.relative_to(HOME).with_suffix("").parts]
@@ -110,39 +94,20 @@ def test_nothing_is_imported_in_a_circle() -> None:
     assert set(left) == set()
 
 
-@cache
-def defined(name: str) -> set[str]:
-    return {
-        target.id if isinstance(target, ast.Name) else target.name
-        for target in nodes(name)
-        if isinstance(target, ast.ClassDef | ast.FunctionDef)
-        or (isinstance(target, ast.Name) and isinstance(target.ctx, ast.Store))
-    }
+def test_a_name_with_an_underscore_stays_in_its_file() -> None:
+    """That all others are imported from where they are defined, mypy sees."""
+    for name in OTHERS:
+        for node in nodes(name):
+            if isinstance(node, ast.ImportFrom):
+                assert not [alias for alias in node.names if alias.name.startswith("_")], name
 
 
-def test_a_name_is_imported_from_its_file_and_one_with_an_underscore_stays_there() -> None:
-    found = [
-        (name, node.module, alias.name)
-        for name in OTHERS
-        for node in nodes(name)
-        if isinstance(node, ast.ImportFrom) and node.module in FILES
-        for alias in node.names
-    ]
-    assert [
-        (name, module, what)
-        for name, module, what in found
-        if what.startswith("_")
-        or (what not in defined(str(module)) and f"{module}.{what}" not in FILES)
-    ] == []
-
-
-def test_only_the_results_listed_hand_themselves_to_others() -> None:
-    found: dict[str, set[str]] = {}
+def test_results_hand_themselves_to_pictures_and_their_own_room_only() -> None:
+    """By name: the one way to what may not be imported."""
     for name in OTHERS:
         for node in nodes(name):
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "import_function":
-                found.setdefault(name, set()).add(ast.literal_eval(node.args[0]))
-    assert found == HANDED
+                assert room(ast.literal_eval(node.args[0])) in ("report", room(name)), name
 
 
 def test_rooms_are_few_and_folders_small() -> None:
@@ -152,13 +117,6 @@ def test_rooms_are_few_and_folders_small() -> None:
     assert len(loose) <= 6
     for folder in {path.parent for path in FILES.values()}:
         assert len(list(folder.glob("[!_]*.py"))) <= 12, folder
-
-
-def test_a_room_opens_with_words_only() -> None:
-    for name in OTHERS:
-        if FILES[name].name == "__init__.py":
-            assert ast.get_docstring(tree(name)), name
-            assert len(tree(name).body) == 1, name
 
 
 def test_the_suite_uses_nothing_of_the_campaigns() -> None:

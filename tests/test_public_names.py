@@ -70,28 +70,30 @@ def test_the_root_holds_the_package() -> None:
 
 HEAVY = ("casadi.casadi", "matplotlib", "numpy", "osqp", "pandas", "pydantic", "rich", "scipy")
 
-COMMAND = "import sys, planner_start; sys.argv = sys.argv[:1] + {words}; planner_start.main()"
-
 
 @pytest.mark.parametrize(
-    ("code", "loaded"),
+    ("word", "loaded"),
     [
-        ("import planner", set()),
-        (COMMAND.format(words=["--help"]), {"numpy", "rich"}),
-        (COMMAND.format(words=["--version"]), {"numpy", "rich"}),
-        (COMMAND.format(words=["new"]), {"numpy", "pydantic", "rich"}),
+        ("--help", {"numpy", "rich"}),
+        ("--version", {"numpy", "rich"}),
+        ("new", {"numpy", "pydantic", "rich"}),
     ],
-    ids=["import planner", "--help", "--version", "new"],
 )
-def test_what_is_loaded(code: str, loaded: set[str], tmp_path: Path) -> None:
-    code += f"\nimport sys; print(*(name for name in {HEAVY} if name in sys.modules))"
+def test_what_a_command_loads(word: str, loaded: set[str], tmp_path: Path) -> None:
+    code = f"""
+import sys, planner_start
+sys.argv = ["planner", {word!r}]
+planner_start.main()
+print(*(name for name in {HEAVY} if name in sys.modules))
+"""
     words = [sys.executable, "-c", code]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert set(done.stdout.splitlines()[-1].split()) == loaded
 
 
 def test_import_planner_loads_nothing_else() -> None:
-    code = "import sys, planner; print(*(n for n in sys.modules if n.startswith('planner')))"
+    names = ("planner", *HEAVY)
+    code = f"import sys, planner; print(*(n for n in sys.modules if n.startswith({names})))"
     words = [sys.executable, "-c", code]
     assert subprocess.run(words, capture_output=True, text=True, check=True).stdout == "planner\n"
 

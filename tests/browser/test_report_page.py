@@ -38,10 +38,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory, _without_pictures: None) ->
 
 
 @pytest.fixture
-def opened(folder: Path, new_page: Callable) -> Callable:
-    def show(path: Path = folder / "report.html", **options: Any) -> Any:
+def opened(folder: Path, new_page: Callable, tmp_path: Path) -> Callable:
+    """Opens the page of the folder, or of a comparison."""
+
+    def show(comparison: Comparison | None = None, **options: Any) -> Any:
         page = new_page(**options)
-        page.goto(path.as_uri())
+        place = comparison.save(tmp_path / "x", report=True) if comparison else folder
+        page.goto((place / "report.html").as_uri())
         page.locator(".panel svg path").first.wait_for(state="attached")
         return page
 
@@ -265,9 +268,8 @@ def test_errors_and_effort_are_those_of_the_replays(opened: Callable) -> None:
     assert f"median of E {row.E_median_deg:.3g} deg" in words
 
 
-def test_what_would_help_stands_under_each_refused_row(opened: Callable, tmp_path: Path) -> None:
-    target = refused_comparison().save(tmp_path / "x", report=True)
-    page = opened(target / "report.html")
+def test_what_would_help_stands_under_each_refused_row(opened: Callable) -> None:
+    page = opened(refused_comparison())
     row = page.locator("main table").first.locator("tbody tr").last
     assert re.search(r"Try: goal.duration = [\d.]+ or more \(tried\)", row.inner_text())
     assert page.locator("#fig-joints .curve.dashed").count() > 0, "the refused path is shown"
@@ -285,22 +287,16 @@ CROWD = {
 }
 
 
-@pytest.fixture(scope="module")
-def crowded(tmp_path_factory: pytest.TempPathFactory, _without_pictures: None) -> Path:
-    comparison = quick_comparison()
-    rows = tuple(
-        replace(comparison[SOLVED], label=label, effort=effort, E_median_deg=E, E_p95_deg=2.2 * E)
-        for label, (effort, E) in CROWD.items()
-    )
-    target = tmp_path_factory.mktemp("out") / "crowd"
-    return replace(comparison, rows=rows).save(target, report=True) / "report.html"
-
-
 @pytest.mark.parametrize("width", [360, 1100])
 def test_names_of_points_meet_neither_points_nor_bars_nor_each_other(
-    width: int, opened: Callable, crowded: Path
+    width: int, opened: Callable
 ) -> None:
-    page = opened(crowded, width=width, height=800)
+    found = quick_comparison()
+    rows = tuple(
+        replace(found[SOLVED], label=label, effort=effort, E_median_deg=E, E_p95_deg=2.2 * E)
+        for label, (effort, E) in CROWD.items()
+    )
+    page = opened(replace(found, rows=rows), width=width, height=800)
     assert "E is the largest error of any joint on the machine" in page.inner_text(".verdict")
     assert page.locator("#lead").is_hidden(), "no plan prepares"
     drawn = page.locator("#fig-trade svg")
@@ -393,30 +389,28 @@ def test_without_scripts_the_page_still_speaks(folder: Path, new_page: Callable)
     assert page.locator("table").first.locator("tbody tr").count() == 3
 
 
-def test_a_title_cannot_write_the_page(opened: Callable, tmp_path: Path) -> None:
+def test_a_title_cannot_write_the_page(opened: Callable) -> None:
     evil = "</script><script>document.title = 'taken'</script><img src=x onerror=alert(1)> $data"
     found = quick_comparison()
     problem = found.problem.changed({"title": evil})
     rows = [replace(row, label=row.label + evil, replay=None) for row in found.rows]
-    target = Comparison(problem, tuple(rows), found.machine, 5, 1).save(tmp_path / "x", report=True)
-    page = opened(target / "report.html")
+    page = opened(Comparison(problem, tuple(rows), found.machine, 5, 1))
     assert page.title() == f"{evil}: comparison of plans"
     assert page.locator("h1").text_content() == evil
     assert page.locator("img:not(.mechanism)").count() == 0
 
 
-def test_a_path_outside_the_domain_is_marked(opened: Callable, tmp_path: Path) -> None:
+def test_a_path_outside_the_domain_is_marked(opened: Callable) -> None:
     plan = outside()
     row = Row("polynomial", "polynomial", False, "leaves the chart's domain", plan)
-    study = Comparison(plan.problem, (row,), quick_comparison().machine, 5, 1)
-    page = opened(study.save(tmp_path / "x", report=True) / "report.html")
+    page = opened(Comparison(plan.problem, (row,), quick_comparison().machine, 5, 1))
     assert "None of the methods found a plan" in page.locator(".verdict").inner_text()
     assert page.locator("#fig-z .mark").count() == len(plan.domain.exits_s)
     assert page.locator("#motion").is_hidden()
     assert page.locator("#fig-joints").is_hidden()
 
 
-def test_obstacles_and_waypoints_are_drawn(opened: Callable, tmp_path: Path) -> None:
+def test_obstacles_and_waypoints_are_drawn(opened: Callable) -> None:
     found = quick_comparison()
     plan = found[SOLVED].plan
     tables = {
@@ -428,8 +422,7 @@ def test_obstacles_and_waypoints_are_drawn(opened: Callable, tmp_path: Path) -> 
     }
     problem = found.problem.changed(tables)
     row = replace(found[SOLVED], plan=replace(plan, problem=problem), replay=None)
-    target = replace(found, problem=problem, rows=(row,)).save(tmp_path / "x", report=True)
-    page = opened(target / "report.html")
+    page = opened(replace(found, problem=problem, rows=(row,)))
     disc = page.locator(".stage .disc").first
     assert page.locator(".stage .disc").count() == 1
     assert page.locator(".stage .stop").count() == 1
@@ -443,13 +436,12 @@ def test_obstacles_and_waypoints_are_drawn(opened: Callable, tmp_path: Path) -> 
     np.testing.assert_allclose(mark, tip, atol=0.6)
 
 
-def test_a_vehicle_has_its_page(opened: Callable, tmp_path: Path) -> None:
+def test_a_vehicle_has_its_page(opened: Callable) -> None:
     problem = planner.load_problem(Path(__file__).parents[2] / "problems/unicycle.toml")
     plan = planner.solve(problem, "polynomial")
     row = Row("polynomial", "polynomial", True, "", plan, effort=1.0)
     machine = planner.Machine.from_table(problem.machine)
-    target = Comparison(problem, (row,), machine, 1, 0).save(tmp_path / "x", report=True)
-    page = opened(target / "report.html")
+    page = opened(Comparison(problem, (row,), machine, 1, 0))
     assert "x = 0 m, heading = 0°, y = 0 m to x = 2 m" in page.locator(".question").inner_text()
     assert "y 0.00 m" in page.locator(".readout").inner_text()
     assert page.locator("#fig-errors").is_hidden()

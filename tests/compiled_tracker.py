@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import planner
-from planner.machine.feedback.tracker import Tracker, TrackerDesign
+from planner.machine.feedback.tracker import TrackerDesign
 
 STRICT = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wdouble-promotion")
 ACCESS = """
@@ -103,32 +103,3 @@ class CompiledControl:
 
 def _address(values: NDArray[Any]) -> ctypes.c_void_p:
     return ctypes.c_void_p(values.ctypes.data)
-
-
-class Shadow:
-    """A tracker whose readings and commands are kept; `planner.machine.closed_loop.Feedback`.
-
-    Args:
-        tracker: The tracker.
-        tamper: From the number of a reading and the reading (N, S) to what it gets.
-    """
-
-    def __init__(self, tracker: Tracker, tamper: Any = None) -> None:
-        self._tracker, self._tamper = tracker, tamper
-        self.log: list[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = []
-
-    def start(self, *asked: Any) -> Any:
-        """See `Feedback`."""
-        outer, control = self, self._tracker.start(*asked)
-        outer.log.clear()
-
-        class Kept(type(control)):  # type: ignore[misc]
-            def __call__(self, t: float, measured: NDArray[np.float64]) -> NDArray[np.float64]:
-                k = len(outer.log)
-                read = measured if outer._tamper is None else outer._tamper(k, measured)
-                out: NDArray[np.float64] = super().__call__(t, read)
-                outer.log.append((t, read.copy(), out))
-                return out
-
-        control.__class__ = Kept
-        return control

@@ -26,12 +26,13 @@ from planner.machine.feedback.tracker import Tracker
 from planner.machine.machine import Machine
 from planner.machine.replay import Replay
 from planner.plan.plan import Plan
+from planner.report.controller.controller import Recorder
 from planner.support.files import folder
 from planner.support.package import made_by
 
 sys.path.append(str(Path(__file__).parents[1]))
 
-from compiled_tracker import CompiledTracker, Shadow, compile_c, compiler
+from compiled_tracker import CompiledTracker, compile_c, compiler
 
 ROOT, HERE = Path(__file__).parents[2], Path(__file__).parent
 SEED = 0
@@ -88,7 +89,7 @@ def measured(name: str, plan: Plan, machine: Machine, samples: int) -> list[Meas
     """The plan by Python, and in C with both types."""
     tracker = Tracker(plan.problem.feedback)
 
-    def run(feedback: Tracker | Shadow) -> Replay:
+    def run(feedback: Tracker | Recorder) -> Replay:
         return planner.replay(plan, machine, samples, SEED, feedback=feedback, record_s=None)
 
     rows = [Measured(name, "Python", run(tracker))]
@@ -97,7 +98,7 @@ def measured(name: str, plan: Plan, machine: Machine, samples: int) -> list[Meas
             warnings.simplefilter("ignore", planner.InputWarning)
             made = planner.export(plan, Path(place) / "c", "c", real=real, machine=machine)
             compiled = CompiledTracker(made, tracker.design(plan, machine))
-            shadow, controls = Shadow(compiled), compiled.controls
+            shadow, controls = Recorder(compiled), compiled.controls
             row = Measured(name, f"C, {real}", run(shadow))
             row.steps = np.concatenate([np.array(one.steps) for one in controls], axis=1)
             row.sizes = sizes(made)

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compiled_tracker import LATE, OVER, CompiledTracker, Shadow, compile_c, compiler
+from compiled_tracker import LATE, OVER, CompiledTracker, compile_c, compiler
 
 import planner
 from planner import Machine, Plan, Tracker
+from planner.report.controller.controller import Recorder
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = 8
@@ -37,7 +38,7 @@ def shift(k: int, measured: np.ndarray) -> np.ndarray:
     return measured + np.deg2rad([[0.0], [0.0], [0.0], [3.0 * (k > 150)]])
 
 
-TAMPERS = {"lost": lose, "beyond": shift, "vehicle": None}
+TAMPERS = {"lost": lose, "beyond": shift, "vehicle": lambda _, read: read}
 
 
 def plan_of(name: str) -> Plan:
@@ -55,9 +56,9 @@ def _plan(is_vehicle: bool) -> Plan:
 
 
 @cache
-def followed(name: str) -> tuple[Shadow, planner.Replay]:
+def followed(name: str) -> tuple[Recorder, planner.Replay]:
     """What the tracker in Python reads and commands, and how the machines move."""
-    shadow = Shadow(TRACKER, TAMPERS[name])
+    shadow = Recorder(TRACKER, TAMPERS[name])
     run = planner.replay(plan_of(name), MACHINE, SAMPLES, seed=0, feedback=shadow, record_s=None)
     return shadow, run
 
@@ -139,7 +140,7 @@ def test_it_commands_what_python_does_on_the_same_readings(
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_machines_end_as_well_as_with_python(real: str, made: Made) -> None:
     plan, (_, known) = plan_of("lost"), followed("lost")
-    feedback = Shadow(compiled(made("lost", real)), lose)
+    feedback = Recorder(compiled(made("lost", real)), lose)
     found = planner.replay(plan, MACHINE, SAMPLES, seed=0, feedback=feedback, record_s=None)
     assert found.percentile(50) == pytest.approx(known.percentile(50), rel=0.1)
     ends = [np.median(run.terminal_E_deg) for run in (found, known)]

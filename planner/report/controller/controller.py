@@ -11,15 +11,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from string import Template
-from typing import Any
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
+from planner.machine.closed_loop import Controller, Feedback
 from planner.machine.feedback import estimate, programme, tracker
-from planner.machine.feedback.tracker import Tracker, TrackerControl, TrackerDesign
+from planner.machine.feedback.tracker import Tracker, TrackerDesign
 from planner.machine.machine import Machine, machine_for
 from planner.machine.replay import replay
 from planner.plan.plan import Plan, refuse_inexecutable
@@ -177,18 +178,20 @@ def _arrays(design: TrackerDesign) -> dict[str, Array]:
 
 def _recording(plan: Plan, machine: Machine, follower: Tracker, real: str) -> str:
     """One emulated machine: what its encoders read, with some readings lost, and the commands."""
-    recorder = _Recorder(follower)
+    recorder = Recorder(follower, _lose)
     replay(plan, machine, samples=1, seed=0, feedback=recorder, record_s=None)
     write = _writer(real)
-    count, greatest = len(recorder.read), float(np.max(np.abs(recorder.told)))
+    read = np.array([read[:, 0] for _, read, _ in recorder.log])
+    told = np.array([told[:, :, 0] for _, _, told in recorder.log])
+    count, greatest = len(read), float(np.max(np.abs(told)))
     lines = [
         "#include <math.h>",
         '#include "sizes.h"',
         f"#define READINGS {count}",
         f"#define ALLOWED {ALLOWED_SHARE[real] * greatest!r}",
         f"#define ODD_PERIODS {int(ODD_SHARE[real] * count)}",
-        _array("static const tracker_real MEASURED", np.array(recorder.read), write),
-        _array("static const double EXPECTED", np.array(recorder.told), _writer("double")),
+        _array("static const tracker_real MEASURED", read, write),
+        _array("static const double EXPECTED", told, _writer("double")),
     ]
     return _guarded("TRACKER_RECORDING_H", lines)
 
@@ -197,28 +200,45 @@ LOST_EVERY = 23
 """Every so many periods of the recording a reading is lost: that of one joint, then of all."""
 
 
-class _Recorder:
-    """A tracker that keeps what it reads and tells; `planner.machine.closed_loop.Feedback`."""
+def _lose(k: int, measured: Array) -> Array:
+    read = measured.copy()
+    if k % LOST_EVERY == LOST_EVERY - 1:
+        read[slice(None) if k // LOST_EVERY % 2 else -1] = np.nan
+    return read
 
-    def __init__(self, follower: Tracker) -> None:
-        self._follower = follower
-        self.read: list[Array] = []
-        self.told: list[Array] = []
 
-    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> TrackerControl:
-        outer = self
+class Recorder:
+    """Feedback whose readings and commands are kept.
 
-        class Recorded(TrackerControl):
-            def __call__(self, t: float, measured: Array) -> Array:
-                k, read = len(outer.read), measured.copy()
-                if k % LOST_EVERY == LOST_EVERY - 1:
-                    read[slice(None) if k // LOST_EVERY % 2 else -1] = np.nan
-                out = super().__call__(t, read)
-                outer.read.append(read[:, 0])
-                outer.told.append(out[:, :, 0])
-                return out
+    Args:
+        feedback: What commands.
+        tamper: From the number of a reading and the reading (N, S) to what it gets.
 
-        return Recorded(self._follower.design(plan, machine), len(numbers))
+    Attributes:
+        log: Time, reading and commands (M, 2, S) of each period.
+    """
+
+    def __init__(
+        self, feedback: Feedback, tamper: Callable[[int, Array], Array] = lambda _, read: read
+    ) -> None:
+        self._feedback, self._tamper = feedback, tamper
+        self.log: list[tuple[float, Array, Array]] = []
+
+    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Controller:
+        """See `Feedback`."""
+        self._control = self._feedback.start(plan, machine, numbers)
+        self.log.clear()
+        return cast("Controller", self)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._control, name)
+
+    def __call__(self, t: float, measured: Array) -> Array:
+        """See `Controller`."""
+        read = self._tamper(len(self.log), measured)
+        out = self._control(t, read)
+        self.log.append((t, read.copy(), out))
+        return out
 
 
 # -- in C -----------------------------------------------------------------------------------------

@@ -237,6 +237,7 @@ def test_a_plan_outside_the_domain_is_not_replayed(paper: planner.Problem) -> No
         assert row.plan.status == "singular"
         assert row.replay is None
         assert np.isnan([row.effort, row.E_median_deg, *row.peak_u]).all()
+        assert row.travel_rad == row.plan.travel
         assert (row.domain_ok, row.domain_margin < 0) == (False, True)
         assert row.why.startswith("leaves the chart's domain at t = ")
 

@@ -6,14 +6,15 @@ import shlex
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
-import pytest
-from compared import ROOT, quick_comparison
+from compared import ROOT
 
 import planner
 from planner import Comparison, Machine
 from planner.comparison.comparison import command
 from planner.comparison.rows import Row
+from planner.methods.spec import _value
 
 PAPER = ROOT / "problems/paper.toml"
 
@@ -27,6 +28,11 @@ def empty(problem: planner.Problem, machine: Machine | None = None) -> Compariso
 def words(text: str | None) -> list[str]:
     assert text is not None
     return shlex.split(text)
+
+
+def values(settings: list[str]) -> dict[str, Any]:
+    """By key, as the command reads them."""
+    return {key: _value("", key, value) for key, _, value in (s.partition("=") for s in settings)}
 
 
 def changes(parts: list[str]) -> list[str]:
@@ -62,12 +68,7 @@ def test_changes_become_settings_that_give_the_problem_back() -> None:
         "method.polynomial.allow_singular": True,
     }
     problem = planner.load_problem(PAPER, changed)
-    from planner.methods.spec import _value
-
-    given = {
-        key: _value("", key, value)
-        for key, _, value in (s.partition("=") for s in changes(words(command(empty(problem)))))
-    }
+    given = values(changes(words(command(empty(problem)))))
     assert given.keys() == changed.keys()
     assert planner.load_problem(PAPER, given) == problem
 
@@ -82,10 +83,7 @@ def test_another_machine_becomes_settings_too() -> None:
 def test_the_spread_of_a_machine_survives() -> None:
     problem = planner.load_problem(PAPER, {"machine.backlash_deg": {"value": 0.5, "spread": 0.1}})
     settings = changes(words(command(empty(problem))))
-    from planner.methods.spec import _value
-
-    given = {k: _value("", k, v) for k, _, v in (s.partition("=") for s in settings)}
-    assert planner.load_problem(PAPER, given) == problem
+    assert planner.load_problem(PAPER, values(settings)) == problem
 
 
 def test_no_command_is_given_when_none_would_do(tmp_path: Path, unlimited: planner.Problem) -> None:
@@ -93,8 +91,3 @@ def test_no_command_is_given_when_none_would_do(tmp_path: Path, unlimited: plann
     gone = replace(planner.load_problem(PAPER), source=str(tmp_path / "gone.toml"))
     assert command(empty(gone)) is None
     assert "Made from Python" in empty(gone).markdown()
-
-
-@pytest.mark.parametrize("key", ["command", "versions"])
-def test_provenance_is_part_of_the_data(key: str) -> None:
-    assert quick_comparison().to_dict()[key]

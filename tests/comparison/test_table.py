@@ -7,13 +7,13 @@ import io
 
 import numpy as np
 import pytest
-from compared import leaving_comparison, outside, quick_comparison, refused_comparison
+from compared import leaving_comparison, quick_comparison, refused_comparison
 from printed import printed
 
 import planner
 from planner.comparison import comparison
 from planner.comparison.comparison import comparison_csv as csv_text
-from planner.comparison.rows import Row, sweep_columns
+from planner.comparison.rows import sweep_columns
 from planner.report.page.page import report_page
 from planner.support.tables import Column, number
 from planner.sweep.case import RESULTS
@@ -153,10 +153,3 @@ def test_a_figure_of_a_plan_stands_in_one_place_and_is_everywhere() -> None:
     assert set(sweep_columns()) <= RESULTS.keys()
     # One error an angle in a summary, the largest of them in a table.
     assert row.terminal_error_deg == max(abs(e) for e in summary["terminal_error_deg"])
-
-
-def test_a_path_that_cannot_be_executed_has_no_effort_and_no_peaks() -> None:
-    plan = outside()
-    row = Row.from_plan("x", plan.method, plan, planner.verify(plan))
-    assert np.isnan([row.effort, *row.peak_u]).all()
-    assert row.travel_rad == plan.travel

@@ -325,6 +325,7 @@ def test_dict_is_json_with_nulls_for_what_is_undefined(paper: planner.Problem) -
     data = paper_comparison().to_dict()
     assert json.loads(json.dumps(data, allow_nan=False)) == data
     assert (data["samples"], data["seed"]) == (SAMPLES, 3)
+    assert data["command"].startswith("planner compare ")
     assert planner.Problem.from_dict(data["problem"]) == paper_comparison().problem
     assert Machine.from_table(data["machine"]) == paper_comparison().machine
     assert {"planner", "casadi", "numpy", "scipy", "osqp"} <= data["versions"].keys()

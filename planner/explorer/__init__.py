@@ -1,5 +1,4 @@
 """Sliders in a notebook, and a picture that follows them.
 
-In this order: `explore`, `widget`, `worker`, `state`, `control`, `controls`, `screen`, `outcome`,
-`picture`.
+In this order: `explore`, `widget`, `state`, `control`, `controls`, `screen`, `outcome`, `picture`.
 """

@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 
 import planner
-from planner.explorer.worker import worker
 from planner.methods.registry import METHODS
 from planner.support import deadline
 from planner.support.progress import Progress
@@ -22,7 +21,7 @@ from planner.verification import verdict
 
 ROOT = Path(__file__).parents[2]
 
-pytest.importorskip("anywidget", reason="needs the extra 'notebook'")
+worker = pytest.importorskip("planner.explorer.widget", reason="needs the extra 'notebook'").worker
 
 
 def done() -> None:
@@ -185,7 +184,7 @@ def test_stop_keeps_the_best_plan_found_by_then() -> None:
 def test_python_can_end_while_the_explorer_plans() -> None:
     code = f"""
 import time, planner
-from planner.explorer.worker import worker
+from planner.explorer.widget import worker
 search = {{"start": "wander", "starts": 50, "attempts": 50}}
 problem = planner.load_problem({str(ROOT / "problems/obstacle.toml")!r},
                                {{"method.collocation": search}})

@@ -176,6 +176,7 @@ class Explorer(anywidget.AnyWidget):
     def _reply(self, content: Mapping[str, Any]) -> None:
         try:
             answer = self._answer(content)
+            answer.setdefault("todo", self._open)
         except Exception as error:
             logger.exception("the explorer could not answer")
             answer = {"kind": "a bug", "text": f"{type(error).__name__}: {error}", "todo": []}
@@ -187,17 +188,17 @@ class Explorer(anywidget.AnyWidget):
     def _answer(self, content: Mapping[str, Any]) -> dict[str, Any]:
         screen, what = self._screen, content.get("ask")
         if what == "texts":
-            return {**screen.texts(), "todo": self._next_steps(errors=False)}
+            return screen.texts()
         if what == "mechanism":
-            return {**screen.mechanism(), "todo": self._next_steps(errors=False)}
+            return screen.mechanism()
         if what == "judge":
             screen.judge()
-            return {**screen.words(), "todo": []}
+            return screen.words()
         if what == "errors":
-            return {"error": self._errors(), "todo": self._next_steps(errors=False)}
+            return {"error": self._errors()}
         if what == "change":
             try:
-                others = screen.set([(name, value) for name, value in content["changes"]])
+                others = screen.set(content["changes"])
             except InputError as error:  # a control of an older picture
                 return {**screen.picture(), "text": str(error), "todo": []}
             if others:  # they are there before the plan is
@@ -209,9 +210,9 @@ class Explorer(anywidget.AnyWidget):
         return self._picture()
 
     def _picture(self) -> dict[str, Any]:
-        quick = self._errors_s < INLINE_ERRORS_S
-        errors = {"error": self._errors()} if quick else {}
-        return {**self._screen.picture(), **errors, "todo": self._next_steps(errors=not quick)}
+        if self._errors_s < INLINE_ERRORS_S:
+            return {**self._screen.picture(), "error": self._errors()}
+        return {**self._screen.picture(), "todo": ["errors", *self._open]}
 
     def _errors(self) -> dict[str, Any] | None:
         start = time.perf_counter()
@@ -219,6 +220,7 @@ class Explorer(anywidget.AnyWidget):
         self._errors_s = time.perf_counter() - start if panel else self._errors_s
         return panel
 
-    def _next_steps(self, *, errors: bool) -> list[str]:
-        judge = [] if self._screen.outcome.judged else ["judge"]
-        return (["errors"] if errors else []) + judge
+    @property
+    def _open(self) -> list[str]:
+        """What the browser is to ask for once the sliders rest."""
+        return [] if self._screen.outcome.judged else ["judge"]

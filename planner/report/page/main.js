@@ -6,10 +6,7 @@
   const all = [];
   const live = document.getElementById("live");
   const page = {
-    plans: data.plans,
-    opening: data.opening,
-    length: data.length,
-    space: data.space,
+    ...data,
     shown: data.plans.map(() => true),
     ghost: true,
     say: (text) => (live.textContent = text),

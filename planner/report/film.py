@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.report.figures.arm import arrange, body_points, can_draw, draw_places
-from planner.report.figures.style import Curve, Plans, curves, grid, heading, length_unit
+from planner.report.figures.arm import body_points, draw_places, drawable, plane_axes
+from planner.report.figures.style import Curve, Plans, heading
 from planner.report.figures.style import times as fine_times
 from planner.support.arrays import Array
 from planner.support.files import refuse_unwritable, write_bytes
@@ -87,10 +87,7 @@ def animate(
     """
     suffix = check_film(path, fps, speed)
     expect_listener(progress)
-    drawn = curves(plans, executable=True)
-    system = drawn[0].plan.problem.system
-    if not can_draw(system):
-        raise InputError(f"a {system.kind} has neither an arm nor x and y to draw")
+    drawn = drawable(plans)
     longest = max(curve.plan.duration for curve in drawn)
     count = int(np.ceil(longest / speed * fps)) + 1
     if count > MAX_FRAMES:
@@ -152,21 +149,14 @@ def _frames(drawn: Sequence[Curve], times: Array, progress: Progress | None) -> 
 
 
 def _stage(drawn: Sequence[Curve], times: Array) -> tuple[Figure, list[_Scene], Any]:
-    shape, size = arrange(drawn)
-    figure, axes = grid(*shape, size=size, share=("all", "all"))
-    unit = length_unit(drawn[0].plan.problem.system)
+    figure, axes = plane_axes(drawn)
     scenes = [_scene(ax, curve, times) for ax, curve in zip(axes.flat, drawn, strict=True)]
     every = np.concatenate([scene.points.reshape(-1, 2) for scene in scenes])
     low, high = every.min(axis=0), every.max(axis=0)
     margin = 0.06 * float(np.max(high - low))
     for ax in axes.flat:
-        ax.set_aspect("equal", adjustable="box")
         ax.set_xlim(low[0] - margin, high[0] + margin)
         ax.set_ylim(low[1] - margin, high[1] + margin)
-    for ax in axes[-1]:
-        ax.set_xlabel(f"x ({unit})")
-    for ax in axes[:, 0]:
-        ax.set_ylabel(f"y ({unit})")
     heading(figure, drawn[0].plan.problem.name, ours=True)
     clock = figure.text(0.01, 0.01, f"t = {times[-1]:.2f} s", family="monospace", fontsize=10)
     return figure, scenes, clock
@@ -191,7 +181,6 @@ def _scene(ax: Any, curve: Curve, times: Array) -> _Scene:
         markerfacecolor="white",
         zorder=4,
     )
-    ax.set_title(curve.title, fontsize=10)
     return _Scene(ax, line, trail, points, path, np.searchsorted(close, times))
 
 

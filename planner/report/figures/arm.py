@@ -48,27 +48,30 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
         InputError: If no plan is executable, `axes` do not fit, or the system has no place in the
             plane (see `can_draw`).
     """
-    drawn = curves(plans, executable=True)
+    drawn, ours = drawable(plans), axes is None
     problem = drawn[0].plan.problem
-    if not can_draw(problem.system):
-        raise InputError(f"a {problem.system.kind} has neither an arm nor x and y to draw")
-    ours = axes is None
-    shape, size = arrange(drawn)
-    figure, axes = grid(*shape, axes, size=size, share=("all", "all"))
+    figure, axes = plane_axes(drawn, axes)
     scale = _time_scale(max(curve.plan.duration for curve in drawn))
-    arm, unit = hasattr(problem.system, "arm_points"), length_unit(problem.system)
     for curve, ax in zip(drawn, axes.flat, strict=True):
         _draw(ax, curve, scale, poses)
-        ax.set_title(curve.title, fontsize=10)
-        ax.set_aspect("equal", adjustable="box")
-    for ax in axes[-1]:
-        ax.set_xlabel(f"x ({unit})")
-    for ax in axes[:, 0]:
-        ax.set_ylabel(f"y ({unit})")
+    arm = hasattr(problem.system, "arm_points")
     what = "The arm and the path of its tip" if arm else "Path"
     heading(figure, f"{what}, time as colour: {problem.name}", ours=ours)
     figure.colorbar(scale, ax=list(axes.flat), label="time (s)", shrink=0.8)
     return figure, axes
+
+
+def drawable(plans: Plans) -> list[Curve]:
+    """The executable ones among plans.
+
+    Raises:
+        InputError: If there is none, or the system has no place in the plane.
+    """
+    drawn = curves(plans, executable=True)
+    system = drawn[0].plan.problem.system
+    if not can_draw(system):
+        raise InputError(f"a {system.kind} has neither an arm nor x and y to draw")
+    return drawn
 
 
 def can_draw(system: TriangularSystem) -> bool:
@@ -134,15 +137,25 @@ def tips_to_pass(problem: Problem) -> Array:
     return np.array([tip for tip in tips if np.all(np.isfinite(tip))]).reshape(-1, 2)
 
 
-def arrange(drawn: Sequence[Curve]) -> tuple[tuple[int, int], tuple[float, float]]:
-    """Rows and columns, and the size of a panel (inches): wide motions one below the other."""
+def plane_axes(drawn: Sequence[Curve], axes: Any = None) -> tuple[Figure, Any]:
+    """A figure with axes in the plane, one a plan: wide motions one below the other."""
     extents = [
         body_points(c.plan.problem, c.plan.q(times(c.plan, 200))).reshape(-1, 2) for c in drawn
     ]
     wide, high = np.ptp(np.concatenate(extents), axis=0)
-    if wide < 2 * high:
-        return (1, len(drawn)), (3.8, 3.6)
-    return (len(drawn), 1), (7.5, max(1.4, 7 * float(high / wide) + 0.8))
+    shape, size = (1, len(drawn)), (3.8, 3.6)
+    if wide >= 2 * high:
+        shape, size = (len(drawn), 1), (7.5, max(1.4, 7 * float(high / wide) + 0.8))
+    figure, axes = grid(*shape, axes, size=size, share=("all", "all"))
+    unit = length_unit(drawn[0].plan.problem.system)
+    for curve, ax in zip(drawn, axes.flat, strict=True):
+        ax.set_title(curve.title, fontsize=10)
+        ax.set_aspect("equal", adjustable="box")
+    for ax in axes[-1]:
+        ax.set_xlabel(f"x ({unit})")
+    for ax in axes[:, 0]:
+        ax.set_ylabel(f"y ({unit})")
+    return figure, axes
 
 
 def _draw(ax: Any, curve: Curve, scale: Any, poses: int) -> None:

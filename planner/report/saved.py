@@ -91,9 +91,9 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem) -> Row:
     if fault:
         why = f"{file} was changed after it was made: {fault}; compare again"
         return Row(data["label"], data["method"], False, why, plan=plan, feedback=data["feedback"])
-    known = {field.name: field for field in fields(Row)} | {"peak_u": None}
+    known = {field.name for field in fields(Row)} - {"replay"}
     values = {**data, "peak_u": data["peak_u_rad_s"]}
-    values = {k: _read_back(v) for k, v in values.items() if k in known and k != "replay"}
+    values = {k: _read_back(v) for k, v in values.items() if k in known}
     values["domain_ok"] = data["domain_ok"]
     return Row(**values, plan=plan)
 

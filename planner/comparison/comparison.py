@@ -21,7 +21,7 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem, load_problem
 from planner.support.arrays import Array, jsonable
 from planner.support.files import toml
-from planner.support.package import import_function, made_by
+from planner.support.package import import_function, made_by, versions
 from planner.support.statistics import LEAST_DIFFERENCE_DEG, Difference, differences
 from planner.support.tables import (
     Column,
@@ -130,8 +130,6 @@ class Comparison:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready: rows, problem, machine, seed, versions and the command that reproduces it."""
-        from planner.support.package import versions
-
         data = {
             "format": FORMAT,
             "version": VERSION,

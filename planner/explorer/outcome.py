@@ -132,9 +132,8 @@ def _study_path(problem: Problem, method: Method, options: Any) -> Plan | None:
     if "allow_singular" in method.options.model_fields:
         options = options.model_copy(update={"allow_singular": True})
     tasks = [problem]
-    if (
-        problem.travel is None and problem.has_travel_key
-    ):  # in the middle of its slider, where a law finds none itself
+    if problem.travel is None and problem.has_travel_key:
+        # In the middle of its slider, where a law finds none itself.
         tasks.append(problem.with_travel(travel_range(problem)[2]))
     for task in tasks:
         try:

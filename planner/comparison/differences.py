@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from planner.comparison.comparison import Comparison
 from planner.support.statistics import Difference
 from planner.support.tables import Column, csv_table, markdown, markdown_table, terminal_table
 
 if TYPE_CHECKING:
     from rich.table import Table
-
-    from planner.comparison.comparison import Comparison
 
 TINY_DEG = 1e-9
 """What is smaller is rounding."""

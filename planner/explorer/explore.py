@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from planner.errors import InputError
+from planner.methods.registry import find_method
 from planner.problem.problem import Problem, expect_problem
 from planner.support.deadline import check_seconds
 from planner.support.package import how_to_install
@@ -41,8 +42,6 @@ def explore(
     Raises:
         InputError: If the extra `notebook` is not installed, or the method is unknown.
     """
-    from planner.methods.registry import find_method
-
     expect_problem(problem)
     find_method(method)
     if isinstance(samples, bool) or not isinstance(samples, int) or samples < 0:

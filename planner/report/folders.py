@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.comparison.comparison import command, comparison_csv
+from planner.comparison.comparison import Comparison, command, comparison_csv
 from planner.comparison.differences import csv_differences, markdown_differences
 from planner.errors import InputError
 from planner.report.figures.arm import can_draw, plot_arm
@@ -39,8 +39,6 @@ from planner.support.tables import csv_table, csv_text, markdown_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from planner.comparison.comparison import Comparison
 
 FIGURE_KINDS = ("png", "svg")
 MOTION_INSTANTS = 300

@@ -68,24 +68,11 @@ def _travel(state: State, problem: Problem, plan: Plan | None) -> Control:
     low, high, middle = travel_range(problem if is_fixed else state.base)
     travel = middle if plan is None else plan.travel
     position = float(problem.travel_change(travel)[key]) if whole == "free" else whole
-    ends = [float(problem.travel_change(end)[key]) for end in (low, high)]
+    low, high = (float(problem.travel_change(end)[key]) for end in (low, high))
     coordinate = problem.system.coordinates[0]
     label = "travel" if key.endswith("travel") else key_words(key.rsplit(".", 1)[-1])[0]
-    return Control(
-        GOAL_TITLE,
-        label,
-        "slider",
-        key,
-        whole,
-        shown=position,
-        low=ends[0],
-        high=ends[1],
-        unit=coordinate.unit,
-        on=whole != "free",
-        off="free",
-        off_word="free",
-        help=f"change of {coordinate.name} from start to end",
-    )
+    words = f"change of {coordinate.name} from start to end"
+    return _free_slider(label, key, whole, position, low, high, unit=coordinate.unit, help=words)
 
 
 def _duration(state: State, plan: Plan | None) -> Control:
@@ -93,22 +80,18 @@ def _duration(state: State, plan: Plan | None) -> Control:
     usual = 10.0 if state.base.duration is None else state.base.duration
     position = whole if whole != "free" else usual if plan is None else plan.duration
     low, high = usual / 10, usual * 4
-    return Control(
-        GOAL_TITLE,
-        "duration",
-        "slider",
-        "goal.duration",
-        whole,
-        shown=position,
-        low=low,
-        high=high,
-        log=True,
-        unit="s",
-        on=whole != "free",
-        off="free",
-        off_word="free",
-        help="seconds from start to end",
-    )
+    return _free_slider(
+        "duration", "goal.duration", whole, position, low, high,
+        log=True, unit="s", help="seconds from start to end",
+    )  # fmt: skip
+
+
+def _free_slider(
+    label: str, key: str, whole: Any, shown: float, low: float, high: float, **about: Any
+) -> Control:
+    """A slider of what can be free."""
+    free: dict[str, Any] = {"on": whole != "free", "off": "free", "off_word": "free"}
+    return Control(GOAL_TITLE, label, "slider", key, whole, (), shown, low, high, **free, **about)
 
 
 def _points(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
@@ -173,40 +156,30 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
     static = now.fidelity == "quasi-static"
     names = [k for k, e in EFFECTS.items() if k in active and not (static and e.dynamic_only)]
     given = {name: State(state.base).value(f"machine.{name}") for name in names}
-    return [
-        count,
-        *_compensation(state, problem),
-        *_start_state(problem, now),
-        *(_effect(name, first, now, given[name]) for name in names),
-    ]
+    of_mechanism = [_compensation(state), _start_state(now)] if compensable(problem.system) else []
+    return [count, *of_mechanism, *(_effect(name, first, now, given[name]) for name in names)]
 
 
-def _start_state(problem: Problem, machine: Machine) -> list[Control]:
-    """How the arm stood before, where the system has a mechanism that remembers it."""
-    if not compensable(problem.system):
-        return []
+def _start_state(machine: Machine) -> Control:
+    """How the arm stood before, which its mechanism remembers."""
     words, help_text = get_args(StartState), MachineTable.model_fields["start_state"].description
     now = machine.start_state[0] if len(set(machine.start_state)) == 1 else "joint by joint"
     choices = [*words, *([now] if now not in words else [])]
-    return [
-        Control(
-            MACHINE_TITLE, "before the start", "choice", "machine.start_state", now, shown=now,
-            choices=choices, help=help_text or "",
-        )
-    ]  # fmt: skip
+    return Control(
+        MACHINE_TITLE, "before the start", "choice", "machine.start_state", now, shown=now,
+        choices=choices, help=help_text or "",
+    )  # fmt: skip
 
 
-def _compensation(state: State, problem: Problem) -> list[Control]:
-    """Whether plans allow for the machine, where the system has a mechanism to allow for."""
-    if not compensable(problem.system):
-        return []
+def _compensation(state: State) -> Control:
+    """Whether plans allow for the machine's mechanism."""
     key = "compensation.on"
     on = bool(state.value(key, False))
     help_text = (
         "plan commands that allow for the mean machine's backlash, shaft torsion, creep and lag"
     )
     label = "compensate for the machine"
-    return [Control(MACHINE_TITLE, label, "switch", key, on, shown=on, help=help_text)]
+    return Control(MACHINE_TITLE, label, "switch", key, on, shown=on, help=help_text)
 
 
 def _effect(name: str, first: Machine, now: Machine, given: Any) -> Control:

@@ -12,7 +12,6 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.requirements.places import Waypoint
 from planner.report.figures.style import (
-    LABEL_BOX,
     Curve,
     Plans,
     curves,
@@ -20,6 +19,7 @@ from planner.report.figures.style import (
     heading,
     length_unit,
     times,
+    write_beside,
 )
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
@@ -113,10 +113,7 @@ def draw_places(ax: Any, problem: Problem) -> None:
         points = _pose_to_pass(problem, point)
         if np.all(np.isfinite(points)):
             ax.plot(*points.T, "o:", color="black", linewidth=1, markersize=3, zorder=4)
-            name = f"waypoint {point.number}"
-            ax.annotate(
-                name, points[-1], (6, 4), textcoords="offset points", fontsize=8, bbox=LABEL_BOX
-            )
+            write_beside(ax, f"waypoint {point.number}", points[-1], (6, 4))
     if problem.tip is not None and problem.tip.place is not None:
         ax.plot(*problem.tip.place, "x", color="black", markersize=9, zorder=6)
 
@@ -171,9 +168,7 @@ def _draw(ax: Any, curve: Curve, scale: Any, poses: int) -> None:
     _draw_closest(ax, plan)
     for point, text in ((path[0], "start"), (path[-1], "end")):
         ax.plot(*point, "o", color="black", markersize=4, zorder=5)
-        ax.annotate(
-            text, point, (6, -10), textcoords="offset points", fontsize=8, zorder=6, bbox=LABEL_BOX
-        )
+        write_beside(ax, text, point, (6, -10), zorder=6)
 
 
 def _draw_closest(ax: Any, plan: Plan) -> None:
@@ -187,9 +182,7 @@ def _draw_closest(ax: Any, plan: Plan) -> None:
     ax.plot(*points.T, "-", color="crimson", linewidth=1, zorder=4)
     ax.plot(*np.stack([one, other]).T, "-", color="crimson", linewidth=2.5, zorder=6)
     words = f"links {away:.2g} m apart" if away > 0 else "links cross"
-    ax.annotate(
-        words, one, (6, 6), textcoords="offset points", fontsize=8, bbox=LABEL_BOX, zorder=6
-    )
+    write_beside(ax, words, one, (6, 6), zorder=6)
 
 
 def _time_scale(longest: float) -> Any:

@@ -10,12 +10,12 @@ import numpy as np
 from planner.errors import expect
 from planner.report.figures.style import (
     COLOURS,
-    LABEL_BOX,
     escape_math,
     grid,
     heading,
     legend,
     make_logarithmic,
+    write_beside,
 )
 from planner.support.tables import number
 from planner.sweep.design.figures import CONTACT_LOAD, DesignRow, Figure
@@ -120,9 +120,8 @@ def _front(ax: Any, study: DesignStudy) -> None:
         words = ", ".join(number(v) for v in row.design.values.values() if not isinstance(v, list))
         if not row.design.values:  # it has its ring
             continue
-        place = row[x.key], row[y.key]
-        shift = {"textcoords": "offset points", "xytext": (5, 5), "bbox": LABEL_BOX}
-        ax.annotate(escape_math(words or row.design.name), place, fontsize=7, zorder=2, **shift)
+        name = escape_math(words or row.design.name)
+        write_beside(ax, name, (row[x.key], row[y.key]), (5, 5), fontsize=7, zorder=2)
 
 
 def _thin_out(front: Sequence[DesignRow]) -> list[DesignRow]:

@@ -33,6 +33,7 @@ from planner.report.figures.style import (
     symbol,
     time_label,
     times,
+    write_beside,
 )
 from planner.report.panels import FIGURES, Panel, PlanCurves
 from planner.support.arrays import Array
@@ -234,15 +235,8 @@ def _name(ax: Any, name: str, t: Array, y: Array) -> None:
     top = int(np.argmax(np.abs(y)))
     late = t[top] > (t[0] + t[-1]) / 2
     ax.margins(y=0.15)
-    ax.annotate(
-        name,
-        (t[top], y[top]),
-        (-3 if late else 3, 5),
-        textcoords="offset points",
-        ha="right" if late else "left",
-        fontsize=9,
-        bbox=LABEL_BOX,
-    )
+    side, shift = ("right", -3) if late else ("left", 3)
+    write_beside(ax, name, (t[top], y[top]), (shift, 5), ha=side, fontsize=9)
 
 
 def _times(curve: Curve) -> Array:
@@ -331,7 +325,7 @@ def _plane(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
         draw(value, color=LIMIT_COLOUR, linestyle=":", linewidth=1.4)
     for (x, y), word in zip(panel["ends"], ("start", "goal"), strict=False):
         ax.plot([x], [y], **DOT_STYLE, zorder=5)
-        ax.annotate(word, (x, y), (6, -10), textcoords="offset points", fontsize=8, bbox=LABEL_BOX)
+        write_beside(ax, word, (x, y), (6, -10))
 
 
 def _entries(axes: Any) -> list[Any]:

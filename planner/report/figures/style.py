@@ -309,6 +309,12 @@ def to_display(values: Array, unit: str) -> Array:
     return np.rad2deg(values) if unit == "rad" else values
 
 
+def write_beside(ax: Any, text: str, place: Any, shift: tuple[int, int], **look: Any) -> None:
+    """Words beside a place, shifted by so many points, on a ground of their own."""
+    look = {"textcoords": "offset points", "fontsize": 8, "bbox": LABEL_BOX} | look
+    ax.annotate(text, place, shift, **look)
+
+
 def line(curve: Curve) -> Any:
     """A legend entry for a curve."""
     from matplotlib.lines import Line2D

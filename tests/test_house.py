@@ -119,6 +119,13 @@ def test_rooms_are_few_and_folders_small() -> None:
         assert len(list(folder.glob("[!_]*.py"))) <= 12, folder
 
 
+def test_a_room_opens_with_words_only() -> None:
+    for name in OTHERS:
+        if FILES[name].name == "__init__.py":
+            assert ast.get_docstring(tree(name)), name
+            assert len(tree(name).body) == 1, name
+
+
 def test_the_suite_uses_nothing_of_the_campaigns() -> None:
     """Their own test does; and each file of tests runs by itself: `pytest FILE` has the file's
     folder and `tests/` on its path, not the project's."""

@@ -140,12 +140,13 @@ def legs_of(
     if not np.any(lost > 0):
         return out
     way, turns = reversals(plan)
+    needs = lost - way * rest.axes
     if options.preparation == "forward" and way:
-        out.append(preparation(plan, system, machine, way, lost - way * rest.axes, tick))
+        out.append(preparation(plan, system, machine, way, needs, tick))
     if options.take_up:
         out += take_ups(plan, system, machine, way, turns, 2 * lost, tick, most_away)
     if options.back_off and plan.problem.travel is None:
-        out.append(return_leg(plan, system, machine, tick))
+        out.append(return_leg(plan, system, machine, needs, tick))
     if options.correction:
         still_s = END_S * bool(turns) + stopping_s(plan, machine)
         out.append(Leg(plan.duration, np.zeros((1 + int(np.ceil(still_s / tick - 1e-9)), 2))))
@@ -267,16 +268,20 @@ def take_ups(
     return out
 
 
-def return_leg(plan: Plan, system: Manipulator, machine: Machine, tick: float) -> Leg:
+def return_leg(
+    plan: Plan, system: Manipulator, machine: Machine, needs: Array, tick: float
+) -> Leg:
     """The drive turns back through just less than twice the lost motion of the fastest axis.
 
     On the nominal machine no joint follows. On one that loses less motion than the mean joints have
     gone too far, and are taken back; so half of the spread of lost motion is folded onto the other
     half. Not where the drive turns back on its way: what a joint loses there has either sign at the
-    end (crossing and four joints would end 0.1 degrees worse at 95 %).
+    end (crossing and four joints would end 0.1 degrees worse at 95 %). Nor where an axis stood at
+    its end before the plan: its joint goes too far on no machine (of 37 homed arms of two joints 11
+    would leave the path farther than their plans as they are, and none does).
     """
     lost, way = lost_motion(system, machine), float(first_motion(plan)[0])
-    if way == 0 or turns_back(plan):
+    if way == 0 or turns_back(plan) or np.any(needs <= 0):
         return Leg(plan.duration, np.zeros((1, 2)))
     used = axis_rates(system, plan.q(plan.duration)) / np.maximum(lost, 1e-12)
     angle = -way * WAY_BACK_SHARE * 2 / float(used.max())

@@ -51,7 +51,8 @@ class CompensationTable(Table):
         description="Whether the drive turns back after the plan's end, as far as no joint of"
         " the nominal machine follows. On machines with less lost motion than the"
         " mean, joints that overshot come back. It takes about a second. Not used"
-        " if goal.travel is given or if the drive reverses during the plan.",
+        " if goal.travel is given, if the drive reverses during the plan, or if a"
+        " shaft was wound up in its first direction before (machine.start_state).",
     )
     lag: bool = Field(
         True,

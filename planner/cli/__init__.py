@@ -1,7 +1,6 @@
 """The command `planner`: `app` starts it, each other file holds the commands of one subject.
 
-Commands: `start` (new, methods, systems, schema), `plan` (plan, check), `compare` (compare,
-budget), `sensitivity`, `sweep` (sweep, design), `bench` (motion, log, identify), `files` (export,
-animate, report), `paper`. They share: `arguments` (options), `output` (what is printed),
-`standard_output`.
+Commands: `start` (new, methods, systems, schema), `plan`, `check`, `compare` (compare, budget),
+`sensitivity`, `sweep` (sweep, design), `bench` (motion, log, identify), `files` (export, animate,
+report), `paper`. They share: `arguments` (options), `output` (what is printed), `standard_output`.
 """

@@ -6,6 +6,7 @@ Exit status: 0 done; 2 bad input; 3 no plan; 1 a bug; 130 Ctrl-C; 143 terminated
 from __future__ import annotations
 
 import errno
+import gc
 import io
 import os
 import sys
@@ -47,7 +48,7 @@ UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 COMMANDS = {
     "new": ("start", "Write a commented problem file that can be solved as it is."),
     "plan": ("plan", "Make a plan, verify it and print its properties."),
-    "check": ("plan", "Find out whether there is a plan; if not, say why not."),
+    "check": ("check", "Find out whether there is a plan; if not, say why not."),
     "compare": ("compare", "Compare methods on the same emulated machines."),
     "budget": ("compare", "Compute how much error each effect of the machine causes."),
     "sensitivity": ("sensitivity", "Compute how errors shift the end of a plan."),
@@ -151,7 +152,11 @@ def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
         if getattr(sys, name) is None:
             setattr(sys, name, _null_stream())
     if (name := next((word for word in words if not word.startswith("-")), "")) in COMMANDS:
+        gc.disable()  # what is loaded stays, so that looking through it is in vain
         load_command(name)  # here, where `planner_start` still has the signals
+        gc.enable()
+    if last:
+        gc.freeze()
     try:
         json_only = "--json" in words and not {"-h", "--help", "--version"} & set(words)
         with hear_signals(last), _show_warnings(), reserve_output(json_only, last):

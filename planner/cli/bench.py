@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from planner.cli.arguments import Changes, MachineFile, ProblemPath, out_option, read_problem
-from planner.cli.output import facts, finish, job, number, say
+from planner.cli.output import facts, finish, job, number, numbers, say
 from planner.errors import InputError
 from planner.machine.identification.identify import Identification, predict_run
 from planner.machine.identification.identify import identify as run_identification
@@ -141,13 +141,13 @@ def log(
         gap = recorded.theta_deg - np.rad2deg(motion.wanted(t)[:, 1:])
         data["terminal_error_deg"] = gap[-1].tolist()
         data["largest_error_deg"] = np.nanmax(np.abs(gap), axis=0).tolist()
-        rows.append(("largest error", f"{_list(data['largest_error_deg'])} deg"))
-        rows.append(("error at the end", f"{_list(data['terminal_error_deg'])} deg"))
+        rows.append(("largest error", f"{numbers(data['largest_error_deg'])} deg"))
+        rows.append(("error at the end", f"{numbers(data['terminal_error_deg'])} deg"))
         moved = recorded.theta_deg - np.rad2deg(motion.trajectory.q(t)[:, 1:])
         data["largest_from_motion_deg"] = np.max(np.abs(moved), axis=0).tolist()
         if motion.compensates is not None:
             rows.append(("", "errors: from the path that was asked for, from its start on"))
-            words = f"{_list(data['largest_from_motion_deg'])} deg at most"
+            words = f"{numbers(data['largest_from_motion_deg'])} deg at most"
             rows.append(("off the motion", f"{words}: that which the compensated plan expects"))
         if out is not None:
             with job("predicting and drawing"):
@@ -156,10 +156,6 @@ def log(
                 figure.savefig(out, dpi=110)
             data["written"] = out
     return finish(data, str(run), facts(rows))
-
-
-def _list(numbers: list[float]) -> str:
-    return ", ".join(number(value) for value in numbers)
 
 
 def identify(
@@ -230,14 +226,14 @@ def _words(found: Identification) -> Iterator[str]:
         yield f"One number stands for several, {text}."
     if found.untold:
         yield f"Not told by these runs, as in the preset: {', '.join(found.untold)}."
-    left = np.sqrt(np.mean(found.residual_deg**2, axis=0)).tolist()
-    usual = np.sqrt(np.mean(found.noise_deg**2, axis=0)).tolist()
-    yield f"left of the runs: {_list(left)} deg (rms); noise of the encoders: {_list(usual)} deg"
+    rms = (np.sqrt(np.mean(e**2, axis=0)) for e in (found.residual_deg, found.noise_deg))
+    left, usual = map(numbers, rms)
+    yield f"left of the runs: {left} deg (rms); noise of the encoders: {usual} deg"
     for name, error in found.errors.items():
         assert found.kept_out is not None
         yield (
             f"{found.kept_out.source}, kept out, predicted by the {name} machine: largest error"
-            f" {_list(list(error.largest_deg))} deg, rms {_list(list(error.rms_deg))} deg"
+            f" {numbers(error.largest_deg)} deg, rms {numbers(error.rms_deg)} deg"
         )
 
 

@@ -121,6 +121,10 @@ def say(text: str, style: str = "") -> None:
     console.print(Text(text, style=style), highlight=False, soft_wrap=whole)
 
 
+Rows = Iterator[tuple[str, str]]
+"""Names and values of `facts`."""
+
+
 def facts(rows: Iterable[tuple[str, str]]) -> Table:
     """A two-column table without headers."""
     return terminal_table([Column("", "", itemgetter(k), left=True) for k in (0, 1)], rows)
@@ -129,6 +133,11 @@ def facts(rows: Iterable[tuple[str, str]]) -> Table:
 def number(value: float | None) -> str:
     """Four significant digits; a dash where undefined."""
     return "-" if value is None or math.isnan(value) else f"{value:.4g}"
+
+
+def numbers(values: Iterable[float]) -> str:
+    """The same of several, with commas between."""
+    return ", ".join(map(number, values))
 
 
 def finish(

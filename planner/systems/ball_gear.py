@@ -7,7 +7,6 @@ manipulator", IEEE Transactions on Robotics and Automation 17(1), 2001.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import prod
 from typing import Any, ClassVar
 
@@ -15,16 +14,10 @@ import numpy as np
 
 from planner.support.arrays import Array
 from planner.support.casadi import ca
-from planner.systems.triangular_system import (
-    Coordinate,
-    TangentSystem,
-    arm_points,
-    lengths_of_links,
-    positive,
-)
+from planner.systems.triangular_system import PlanarArm, TangentSystem
 
 
-class BallGear(TangentSystem):
+class BallGear(PlanarArm, TangentSystem):
     """A ball-gear manipulator of n ≥ 2 joints with state q = (φₙ, θ₁, …, θₙ).
 
     θ̇₁ = u₂,  θ̇ᵢ = kᵢ sinθᵢ₋₁ ∏_{j≤i−2} cosθⱼ u₁,  φ̇ₙ = k_g ∏_{j≤n−1} cosθⱼ u₁.
@@ -44,24 +37,7 @@ class BallGear(TangentSystem):
 
     kind: ClassVar[str] = "ball-gear"
 
-    def __init__(
-        self, K: Sequence[float], k_g: float = 1.0, link_lengths: Sequence[float] | None = None
-    ) -> None:
-        self.K = positive("K", K)
-        self.k_g = float(positive("k_g", [k_g])[0])
-        self.n = len(self.K) + 1
-        self.link_lengths = lengths_of_links(self.n, link_lengths)
-
-    @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """(φₙ, θ₁ … θₙ), all in radians."""
-        angles = (Coordinate(f"theta{i}", "rad") for i in range(1, self.n + 1))
-        return (Coordinate(f"phi{self.n}", "rad"), *angles)
-
-    @property
-    def inputs(self) -> tuple[Coordinate, Coordinate]:
-        """u₁, which turns the first ball, and u₂ = θ̇₁, in rad/s."""
-        return Coordinate("u1", "rad/s"), Coordinate("u2", "rad/s")
+    disk: ClassVar[int] = 0
 
     # -- symbolic form -------------------------------------------------------------------------
 
@@ -111,24 +87,8 @@ class BallGear(TangentSystem):
         joints = self.K * np.sin(q[..., 1:-1]) * ball[..., :-1]
         return np.concatenate([ball[..., -1:], u[..., 1:2], joints], axis=-1)
 
-    def arm_points(self, theta: Array) -> Array:
-        """Base, joints and tip, shape (…, n+1, 2), for joint angles theta (…, n) in radians."""
-        return arm_points(theta, self.link_lengths)
-
     # -- the chart -----------------------------------------------------------------------------
 
     def _link(self, i: int, q: Array) -> tuple[Array, Array]:
         later = np.prod(np.cos(q[..., i + 1 : self.n]), axis=-1)
         return np.zeros_like(later), np.asarray(self.K[i - 1] / later)
-
-    # -- identity ------------------------------------------------------------------------------
-
-    def to_dict(self) -> dict[str, Any]:
-        """The `[system]` table."""
-        return {
-            "kind": self.kind,
-            "joints": self.n,
-            "K": self.K.tolist(),
-            "k_g": self.k_g,
-            "link_lengths": self.link_lengths.tolist(),
-        }

@@ -8,7 +8,7 @@ Systems, 3rd ed., section 3.3). The errors:
     delay u1, delay u2      the input arrives p seconds late (and then ends p seconds late)
     stretch u1, stretch u2  its clock runs slow by the fraction p: it arrives p t late, travel kept
     start <coordinate>      offset of the start, in the coordinate's unit
-    K2, K3 …                relative error of a gear constant (manipulator, ball-gear arm)
+    K2, K3 …                relative error of a gear constant (of arms)
 """
 
 from __future__ import annotations
@@ -22,9 +22,7 @@ import numpy as np
 
 from planner.support.arrays import Array
 from planner.support.casadi import ca
-from planner.systems.ball_gear import BallGear
-from planner.systems.manipulator import Manipulator
-from planner.systems.triangular_system import TriangularSystem
+from planner.systems.triangular_system import PlanarArm, TriangularSystem
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ def parameters(system: TriangularSystem) -> tuple[Parameter, ...]:
 
 def gear_count(system: TriangularSystem) -> int:
     """Number of gear constants Kᵢ."""
-    return system.n - 1 if isinstance(system, Manipulator | BallGear) else 0
+    return system.n - 1 if isinstance(system, PlanarArm) else 0
 
 
 @lru_cache(maxsize=32)

@@ -12,13 +12,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.support.arrays import Array
 from planner.support.casadi import ca
-from planner.systems.triangular_system import (
-    Coordinate,
-    TriangularSystem,
-    arm_points,
-    lengths_of_links,
-    positive,
-)
+from planner.systems.triangular_system import PlanarArm, positive
 
 
 @dataclass(frozen=True)
@@ -61,7 +55,7 @@ def prototype_ratios(joints: int) -> list[float]:
     return [round(first * (second / first) ** i, 6) for i in range(joints - 1)]
 
 
-class Manipulator(TriangularSystem):
+class Manipulator(PlanarArm):
     """A nonholonomic manipulator of n ≥ 2 joints with state q = (φₙ₋₁, θ₁, …, θₙ).
 
     θ̇₁ = u₂,  φ̇ₙ₋₁ = k_g ∏_{j≤n−2} cosθⱼ u₁,  θ̇ᵢ = kᵢ cos³θᵢ₋₁ ∏_{j≤i−2} cosθⱼ u₁  (eq. 6).
@@ -77,6 +71,7 @@ class Manipulator(TriangularSystem):
     """
 
     kind: ClassVar[str] = "manipulator"
+    disk: ClassVar[int] = -1
 
     def __init__(
         self,
@@ -85,12 +80,9 @@ class Manipulator(TriangularSystem):
         link_lengths: Sequence[float] | None = None,
         k_g_rule: str = "given",
     ) -> None:
-        self.K = positive("K", K)
-        self.k_g = float(positive("k_g", [k_g])[0])
+        super().__init__(K, k_g, link_lengths)
         self.k_g_rule = k_g_rule
         self.gear: Gear | None = None  # of `from_gear` if stages are alike; no rate depends on it
-        self.n = len(self.K) + 1
-        self.link_lengths = lengths_of_links(self.n, link_lengths)
 
     @classmethod
     def from_gear(
@@ -155,19 +147,6 @@ class Manipulator(TriangularSystem):
         """
         return Manipulator(self.K[1:].tolist(), self.k_g, self.link_lengths[1:].tolist())
 
-    # -- names ---------------------------------------------------------------------------------
-
-    @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """(φₙ₋₁, θ₁ … θₙ), all in radians."""
-        angles = (Coordinate(f"theta{i}", "rad") for i in range(1, self.n + 1))
-        return (Coordinate(f"phi{self.n - 1}", "rad"), *angles)
-
-    @property
-    def inputs(self) -> tuple[Coordinate, Coordinate]:
-        """u₁ = φ̇₁ and u₂ = θ̇₁ in rad/s."""
-        return Coordinate("u1", "rad/s"), Coordinate("u2", "rad/s")
-
     # -- symbolic form -------------------------------------------------------------------------
 
     def slopes_expr(self, q: Any) -> list[Any]:
@@ -218,17 +197,6 @@ class Manipulator(TriangularSystem):
                 speed = speed * cosine
         out[..., 0], out[..., 1] = speed, u[..., 1]
         return out
-
-    def arm_points(self, theta: Array) -> Array:
-        """Forward kinematics in the plane.
-
-        Args:
-            theta: Joint angles, shape (…, n), radians; each measured from the link before.
-
-        Returns:
-            Base, joints and tip, shape (…, n+1, 2), in the unit of `link_lengths`.
-        """
-        return arm_points(theta, self.link_lengths)
 
     # -- the chart -----------------------------------------------------------------------------
 
@@ -288,18 +256,6 @@ class Manipulator(TriangularSystem):
             labels.append((i, f"1 - cos^2(theta{i}): distance from theta{i} = 0"))
             labels.append((i, f"cos^2(theta{i}): distance from theta{i} = 90 deg"))
         return tuple(labels)
-
-    # -- identity ------------------------------------------------------------------------------
-
-    def to_dict(self) -> dict[str, Any]:
-        """The `[system]` table."""
-        return {
-            "kind": self.kind,
-            "joints": self.n,
-            "K": self.K.tolist(),
-            "k_g": self.k_g,
-            "link_lengths": self.link_lengths.tolist(),
-        }
 
 
 def gravity_torques(weights: Array, theta: Array) -> Array:

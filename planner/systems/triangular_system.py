@@ -11,7 +11,7 @@ Triangular systems whose every link is a tangent: cars, trailers, the ball-gear 
 The inverse is qᵢ = arctan((fᵢ₊₁ − offset)/gain), which exists for every slope: the chart covers all
 chained coordinates and its only edge is qᵢ = ±90°, where the path coordinate stands still.
 
-Small helpers the systems share: constants that must be positive, a planar arm.
+What arms in the plane share, and constants that must be positive.
 """
 
 from __future__ import annotations
@@ -353,38 +353,69 @@ def positive(name: str, values: Sequence[float]) -> Array:
     return array
 
 
-def lengths_of_links(joints: int, given: Sequence[float] | None) -> Array:
-    """Those of a planar arm, shape (n,); 1 each where none are given.
-
-    Raises:
-        InputError: If there are more or fewer than joints, or one is not positive and finite.
-    """
-    lengths = np.ones(joints) if given is None else positive("link_lengths", given)
-    if len(lengths) != joints:
-        raise InputError(
-            f"link_lengths has {len(lengths)} values for {joints} joints; give {joints}"
-        )
-    return lengths
-
-
-def arm_points(theta: Array, lengths: Array) -> Array:
-    """Forward kinematics of a planar arm.
+class PlanarArm(TriangularSystem):
+    """An arm of n ≥ 2 joints in the plane, with state q = (φ, θ₁, …, θₙ), θ̇₁ = u₂ and θ̇ᵢ ∝ kᵢ u₁.
 
     Args:
-        theta: Joint angles, shape (…, n), radians; each measured from the link before.
-        lengths: Link lengths, shape (n,).
+        K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers).
+        k_g: Turns of the last disk per turn of motor 1; u₁ and its limit are the motor's.
+        link_lengths: Lengths of the n links, for drawing and obstacles; by default 1 each.
 
-    Returns:
-        Base, joints and tip, shape (…, n+1, 2), in the unit of `lengths`.
+    Raises:
+        InputError: If a constant is not a positive finite number or the lengths do not match.
     """
-    heading = np.cumsum(theta, axis=-1)
-    steps = lengths[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    base = np.zeros((*steps.shape[:-2], 1, 2))
-    return np.concatenate([base, np.cumsum(steps, axis=-2)], axis=-2)
+
+    disk: ClassVar[int]
+    """φ is the angle of disk n + this."""
+
+    def __init__(
+        self, K: Sequence[float], k_g: float = 1.0, link_lengths: Sequence[float] | None = None
+    ) -> None:
+        self.K = positive("K", K)
+        self.k_g = float(positive("k_g", [k_g])[0])
+        self.n = len(self.K) + 1
+        given = [1.0] * self.n if link_lengths is None else link_lengths
+        self.link_lengths = positive("link_lengths", given)
+        if len(self.link_lengths) != self.n:
+            raise InputError(
+                f"link_lengths has {len(self.link_lengths)} values for {self.n} joints; give"
+                f" {self.n}"
+            )
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """(φ, θ₁ … θₙ), all in radians."""
+        angles = (Coordinate(f"theta{i}", "rad") for i in range(1, self.n + 1))
+        return (Coordinate(f"phi{self.n + self.disk}", "rad"), *angles)
+
+    def arm_points(self, theta: Array) -> Array:
+        """Forward kinematics in the plane.
+
+        Args:
+            theta: Joint angles, shape (…, n), radians; each measured from the link before.
+
+        Returns:
+            Base, joints and tip, shape (…, n+1, 2), in the unit of `link_lengths`.
+        """
+        heading = np.cumsum(theta, axis=-1)
+        directions = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+        steps = self.link_lengths[:, None] * directions
+        base = np.zeros((*steps.shape[:-2], 1, 2))
+        return np.concatenate([base, np.cumsum(steps, axis=-2)], axis=-2)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The `[system]` table."""
+        return {
+            "kind": self.kind,
+            "joints": self.n,
+            "K": self.K.tolist(),
+            "k_g": self.k_g,
+            "link_lengths": self.link_lengths.tolist(),
+        }
 
 
 def arm_points_expr(theta: Sequence[Any], lengths: Array) -> list[tuple[Any, Any]]:
-    """The same as CasADi expressions: x and y of the base, the joints and the tip."""
+    """`PlanarArm.arm_points` as CasADi expressions: x and y of the base, the joints and the tip."""
     out: list[tuple[Any, Any]] = [(0.0, 0.0)]
     heading: Any = 0.0
     for angle, length in zip(theta, lengths.tolist(), strict=True):

@@ -23,14 +23,15 @@ from typer.core import TyperGroup
 from planner.cli.output import (
     INTERRUPT_STATUS,
     Command,
+    ReaderGoneError,
     ReportedStatus,
     add_common_options,
     is_interrupted,
     manner,
     print_json,
+    reserve_output,
     say,
 )
-from planner.cli.standard_output import ReaderGoneError, reserve_output
 from planner.errors import NO_MEMORY, InputWarning, MethodError, PlannerError, lacks_memory
 from planner.support.files import written_paths
 from planner.support.interrupts import Terminated, hear_signals, signal_listener
@@ -173,16 +174,9 @@ def _show_warnings() -> Iterator[None]:
         warnings.simplefilter("always", InputWarning)
         usual, messages = warnings.showwarning, set[str]()
 
-        def show(
-            message: Warning | str,
-            category: type[Warning],
-            filename: str,
-            lineno: int,
-            file: TextIO | None = None,
-            line: str | None = None,
-        ) -> None:
+        def show(message: Any, category: type[Warning], *place: Any, **more: Any) -> None:
             if not issubclass(category, InputWarning):
-                usual(message, category, filename, lineno, file, line)
+                usual(message, category, *place, **more)
             elif str(message) not in messages:
                 messages.add(str(message))
                 say(f"warning: {message}", "yellow")

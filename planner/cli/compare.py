@@ -31,6 +31,7 @@ from planner.cli.arguments import (
 )
 from planner.cli.output import (
     INTERRUPT_STATUS,
+    ReaderGoneError,
     ReportedStatus,
     finish,
     is_interrupted,
@@ -41,7 +42,6 @@ from planner.cli.output import (
     print_text,
     say,
 )
-from planner.cli.standard_output import ReaderGoneError
 from planner.comparison.compare import compare as run
 from planner.comparison.compare import plan_row, specs_of
 from planner.comparison.comparison import Comparison, worst_command

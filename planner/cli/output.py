@@ -1,11 +1,10 @@
 """What commands print: results on standard output, everything else on standard error.
 
-Every command has `--json`, `--quiet` and `--verbose`.
+What becomes of errors of standard output. Every command has `--json`, `--quiet` and `--verbose`.
 """
 
 from __future__ import annotations
 
-import functools
 import inspect
 import json
 import math
@@ -16,6 +15,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
+from functools import partial, wraps
 from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
@@ -35,7 +35,6 @@ from rich.table import Column as TableColumn
 from rich.table import Table
 from rich.text import Text
 
-from planner.cli.standard_output import translate_output_errors, write_result
 from planner.errors import InputError, PlannerError
 from planner.support import deadline
 from planner.support.arrays import jsonable
@@ -52,6 +51,77 @@ PROGRESS_DELAY_S = 2.0
 FINISH_MESSAGE = b"planner: finishing with the best plan found so far; Ctrl-C again ends at once\n"
 LOG_INTERVAL_S = 10.0
 """Time between the lines that tell of a job whose standard error is no terminal."""
+
+
+class ReaderGoneError(Exception):
+    """Nobody reads standard output any more (planner schema | head)."""
+
+
+_result_writer: Callable[[str], object] | None = None
+"""What writes the one JSON object, where `reserve_output` has put standard output aside."""
+
+
+@contextmanager
+def reserve_output(active: bool, last: bool) -> Iterator[None]:
+    """Keep standard output for the one JSON object of `--json`.
+
+    What is printed otherwise goes to standard error: by packages with plugins, by libraries, and,
+    where standard output is the process's own, by compiled code and other processes too.
+
+    Args:
+        active: Whether to do so at all.
+        last: Whether the process ends after the block, so that it stays so.
+    """
+    global _result_writer
+    if not active:
+        yield
+        return
+    stream, copy = sys.stdout, None
+    with suppress(OSError, ValueError):  # not a stream of the system's, or no standard error
+        if stream.fileno() == 1:
+            stream.flush()
+            copy = os.dup(1)
+            os.dup2(2, 1)
+    _result_writer = stream.write if copy is None else partial(_write_all, copy)
+    sys.stdout = sys.stderr
+    try:
+        yield
+    finally:
+        if not last:
+            sys.stdout, _result_writer = stream, None
+            if copy is not None:
+                os.dup2(copy, 1)
+                os.close(copy)
+
+
+def _write_all(number: int, text: str) -> None:
+    """Write all of a text to a file by its number; nothing is left to be written at the end."""
+    rest = text.encode()
+    while rest:
+        rest = rest[os.write(number, rest) :]
+
+
+def write_result(text: str) -> None:
+    """Put a text on standard output.
+
+    Raises:
+        InputError: If that cannot be written (a full disk).
+        ReaderGoneError: If nobody reads it.
+    """
+    with translate_output_errors():
+        (_result_writer or sys.stdout.write)(text)
+        sys.stdout.flush()
+
+
+@contextmanager
+def translate_output_errors() -> Iterator[None]:
+    """What becomes of errors of standard output; Rich writes to it even where it captures."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise ReaderGoneError from None
+    except OSError as error:
+        raise InputError(f"cannot write standard output: {error.strerror or error}") from None
 
 
 class ReportedStatus(int):
@@ -338,7 +408,7 @@ def add_common_options(command: Command) -> Command:
         if name not in hints
     ]
 
-    @functools.wraps(command)
+    @wraps(command)
     def run(**options: Any) -> int:
         for name in _COMMON_OPTIONS:
             setattr(manner, name, options.pop(name, False))

@@ -3,7 +3,7 @@
 The time belongs to the context, so that no function between `solve` and a solver has to pass it
 on: whoever allows so much time opens a block, whoever takes time asks in it.
 
->>> with limited(60.0):
+>>> with time_limit(60.0):
 ...     remaining() <= 60.0
 True
 """
@@ -57,25 +57,23 @@ class Span:
     condition: Callable[[], bool] | None = None
     verification_ended: bool = False
 
+    def outwards(self) -> Iterator[Span]:
+        """It, and the blocks around it."""
+        yield self
+        if self.enclosing is not None:
+            yield from self.enclosing.outwards()
+
     @property
     def ended_by(self) -> str:
         """Who ended it, or a block around it, before its time; or ""."""
-        span: Span | None = self
-        while span is not None and not span.interrupter:
-            span = span.enclosing
-        return "" if span is None else span.interrupter
+        return next((span.interrupter for span in self.outwards() if span.interrupter), "")
 
     @property
     def why(self) -> str:
         """What cut it short, in words."""
         if self.ended_by:
             return self.ended_by
-        named: list[Span] = []
-        span: Span | None = self
-        while span is not None:
-            if span.words:
-                named.append(span)
-            span = span.enclosing
+        named = [span for span in self.outwards() if span.words]
         now = time.monotonic()
         over = [span for span in named if span.end <= now]
         return (over or sorted(named, key=lambda span: span.end) or [self])[0].words
@@ -162,11 +160,8 @@ def check_stopped() -> None:
     Raises:
         TimeUpError: If `end` was called.
     """
-    span = _span.get()
-    while span is not None:
-        if span.verification_ended:
-            raise time_up()
-        span = span.enclosing
+    if any(span.verification_ended for span in _spans()):
+        raise time_up()
 
 
 def time_up() -> TimeUpError:
@@ -178,20 +173,21 @@ def time_up() -> TimeUpError:
 
 def is_over() -> bool:
     """Whether time is up, or somebody has ended the search: what there is must do."""
-    span = _span.get()
-    return remaining() <= 0 or (span is not None and bool(span.ended_by))
+    return remaining() <= 0 or _is_stopped()
 
 
 def time_advice() -> str | None:
     """What a refusal for lack of time advises; None where somebody ended the search before."""
-    span = _span.get()
-    stopped = span is not None and span.ended_by
-    return None if stopped else "a larger time limit (--time-limit, time_limit_s)"
+    return None if _is_stopped() else "a larger time limit (--time-limit, time_limit_s)"
 
 
-def holds_answer() -> bool:
+def _is_stopped() -> bool:
+    return any(span.interrupter for span in _spans())
+
+
+def holds_answer(context: Context | None = None) -> bool:
     """Whether the search that is under way holds an answer."""
-    search = _search()
+    search = _search(context)
     return search is not None and search.has_answer is not None and search.has_answer()
 
 
@@ -201,7 +197,7 @@ def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
     For a handler of Ctrl-C, or for another thread, with the context that the search runs in.
     """
     outermost, now = _search(context), time.monotonic()
-    if outermost is None or not outermost.has_answer or not outermost.has_answer():
+    if outermost is None or not holds_answer(context):
         return False
     allowed = max(LEAST_FINISH_S, FINISH_SHARE * (now - outermost.start))
     outermost.end = min(outermost.end, now + allowed)
@@ -243,6 +239,4 @@ def _search(context: Context | None = None) -> Span | None:
 def _spans(context: Context | None = None) -> Iterator[Span]:
     """From the innermost outwards."""
     span = _span.get() if context is None else context.get(_span)
-    while span is not None:
-        yield span
-        span = span.enclosing
+    return iter(()) if span is None else span.outwards()

@@ -34,14 +34,13 @@ class Table(BaseModel):
     """Keys that there were, and what took their place."""
 
 
-def parse(model: type[Model], data: Any, source: str, prefix: Sequence[str] = ()) -> Model:
+def parse(model: type[Model], data: Any, source: str) -> Model:
     """Validate `data` as `model`.
 
     Args:
         model: The table's model.
         data: The raw table.
         source: What to name in messages: a file, or "options of method polynomial".
-        prefix: Keys that lead to the table.
 
     Raises:
         InputError: One line per key: source, key, value, what is allowed, nearest valid key.
@@ -49,7 +48,7 @@ def parse(model: type[Model], data: Any, source: str, prefix: Sequence[str] = ()
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        lines = explain(model, data, error.errors(), prefix)
+        lines = _explain(model, data, error.errors())
         raise InputError("\n".join(f"{source}: {line}" for line in lines)) from None
 
 
@@ -86,17 +85,8 @@ _PHRASES = {
 }
 
 
-def explain(
-    model: type[BaseModel], data: Any, errors: Sequence[Any], prefix: Sequence[str] = ()
-) -> list[str]:
-    """One line per key.
-
-    Args:
-        model: What `data` was validated as.
-        data: The raw table.
-        errors: `ValidationError.errors()`.
-        prefix: Keys that lead to the table, for the names in the lines.
-    """
+def _explain(model: type[BaseModel], data: Any, errors: Sequence[Any]) -> list[str]:
+    """One line per key, from `ValidationError.errors()`."""
     grouped: dict[Path, list[Any]] = {}
     for error in errors:
         grouped.setdefault(_path(data, error), []).append(error)
@@ -104,13 +94,9 @@ def explain(
     kept = {p: e for p, e in grouped.items() if not _has_faulty_entry(p, e, above)}
     typos = _typos(model, kept)
     reported = {p: e for p, e in kept.items() if e[0]["type"] != "missing" or p not in typos}
-    lines = [
-        _line(model, data, path, group, prefix)
-        for path, group in islice(reported.items(), MOST_ERRORS)
-    ]
-    return lines + (
-        [f"and {len(reported) - MOST_ERRORS} more errors"] if len(reported) > MOST_ERRORS else []
-    )
+    lines = [_line(model, path, group) for path, group in islice(reported.items(), MOST_ERRORS)]
+    more = len(reported) - len(lines)
+    return lines + [f"and {more} more errors"] * (more > 0)
 
 
 def allowed_hint(word: str, allowed: Sequence[str]) -> str:
@@ -157,10 +143,8 @@ def _typos(model: type[BaseModel], grouped: Mapping[Path, Any]) -> set[Path]:
     return {(*p[:-1], key) for p, key in meant.items() if key is not None}
 
 
-def _line(
-    model: type[BaseModel], data: Any, path: Path, group: Sequence[Any], prefix: Sequence[str]
-) -> str:
-    where, value = _dotted([*prefix, *path]), shorten(_short_repr.repr(group[0]["input"]))
+def _line(model: type[BaseModel], path: Path, group: Sequence[Any]) -> str:
+    where, value = _dotted(path), shorten(_short_repr.repr(group[0]["input"]))
     match group[0]["type"]:
         case "extra_forbidden":
             former = getattr(_table_at(model, path[:-1]), "former", {}).get(path[-1])

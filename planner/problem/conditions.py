@@ -77,7 +77,8 @@ def bare_limits(tables: ProblemFile) -> Limits:
     """The bare numbers of a problem file."""
     given = tables.limits
     coordinates = tables.joint_limits(), tables.user_limits()
-    return Limits(given.inputs(), given.input_rates(), *coordinates, given.least_z2())
+    margin = getattr(given, "z2_margin", None)  # a key that not every kind has
+    return Limits(given.inputs(), given.input_rates(), *coordinates, margin)
 
 
 def waypoints_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Waypoint]:

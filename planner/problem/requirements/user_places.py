@@ -10,39 +10,31 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from planner.problem.requirements.limits import JointLimit
 from planner.problem.requirements.requirement import Breach, MotionPoint, Part, Requirement
 from planner.systems.triangular_system import Coordinate
 
 
-def user_rows(point: MotionPoint) -> Sequence[Any]:
-    """The user coordinates as expressions."""
-    return point.system.user_expr(point.q)
-
-
-def user_values(point: MotionPoint) -> Sequence[Any]:
-    """The same by the system's NumPy code."""
-    return list(np.moveaxis(point.system.user(point.states), -1, 0))
-
-
-class UserLimit(JointLimit):
-    """|user coordinate| ≤ most, of those that are no triangular ones."""
+class _UserPart(Requirement):
+    """What concerns user coordinates, those of the parts' indices."""
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """The limited ones, as expressions."""
-        every = user_rows(point)
+        """These coordinates as expressions."""
+        every = point.system.user_expr(point.q)
         return [every[part.index] for part in self.parts]
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
         """The same by the system's NumPy code."""
-        every = user_values(point)
-        return [every[part.index] for part in self.parts]
+        every = point.system.user(point.states)
+        return [every[..., part.index] for part in self.parts]
+
+
+class UserLimit(_UserPart, JointLimit):
+    """|user coordinate| ≤ most, of those that are no triangular ones."""
 
 
 @dataclass(frozen=True)
-class UserGoal(Requirement):
+class UserGoal(_UserPart):
     """User coordinates that are no triangular ones have these values at the end.
 
     Attributes:
@@ -62,16 +54,6 @@ class UserGoal(Requirement):
         """One for each: it lies neither below nor above."""
         given = zip(self.coordinates, self.indices, self.targets, strict=True)
         return tuple(Part(f"goal {c.name}", c.unit, value, value, 1.0, i) for c, i, value in given)
-
-    def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """These coordinates as expressions."""
-        every = user_rows(point)
-        return [every[i] for i in self.indices]
-
-    def values(self, point: MotionPoint) -> Sequence[Any]:
-        """The same by the system's NumPy code."""
-        every = user_values(point)
-        return [every[i] for i in self.indices]
 
     @classmethod
     def easing(cls, broken: Sequence[Breach]) -> str:

@@ -78,10 +78,6 @@ class LimitsTable(ArmLimits):
         examples=[0.01],
     )
 
-    def least_z2(self) -> float | None:
-        """Least |z₂| on the side of the start."""
-        return self.z2_margin
-
 
 MAX_TRAVEL_RAD = 8 * np.pi
 

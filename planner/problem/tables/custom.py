@@ -149,10 +149,6 @@ class CustomLimits(BaseLimits):
         """Largest |du/dt|, shape (2,)."""
         return bound(self.input_rate, 2)
 
-    def least_z2(self) -> float | None:
-        """Least |z₂| on the side of the start."""
-        return self.z2_margin
-
 
 class OwnFile(NamedFile):
     """A problem file for a system of your own class, with start, goal and limits by names.

@@ -95,10 +95,6 @@ class BaseLimits(Table):
     def input_rates(self) -> Array:
         """Largest |du/dt|, shape (2,); infinite where there is none."""
 
-    def least_z2(self) -> float | None:
-        """Least |z₂| on the side of the start; None when z₂ is free."""
-        return None
-
 
 class FeedbackTable(Table):
     """Options of the feedback by a receding-horizon tracker."""

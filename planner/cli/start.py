@@ -217,25 +217,22 @@ def problem_text(
     from planner.methods.registry import all_methods
 
     for name, method in all_methods().items():
-        options = _key_comments(method.options, _defaults(method.options))
-        parts.append(f"[method.{name}]\n{_comment_lines(method.summary)}{options}")
+        parts.append(_table_text(f"method.{name}", method.summary, method.options))
     about = "Commands that compensate the machine's systematic errors. With on = true the plans"
     about += " of all methods are compensated."
-    keys = _key_comments(CompensationTable, _defaults(CompensationTable))
-    parts.append(f"[compensation]\n{_comment_lines(about)}{keys}")
+    parts.append(_table_text("compensation", about, CompensationTable))
     about = "The tracker that closes the loop: planner compare FILE --feedback."
-    keys = _key_comments(FeedbackTable, _defaults(FeedbackTable))
-    parts.append(f"[feedback]\n{_comment_lines(about)}{keys}")
+    parts.append(_table_text("feedback", about, FeedbackTable))
     joints = system_of(parse_file(tomllib.loads(parts[0]), kind)).size - 1
-    preset = {**_defaults(MachineTable), **Machine.prototype().to_dict()}
+    preset = Machine.prototype().to_dict()
     for name, effect in EFFECTS.items():  # lists of the prototype's joints suit no other number
-        setting = preset[name]
+        setting = preset.get(name)
         mean = setting["value"] if isinstance(setting, Mapping) else setting
         if isinstance(mean, list) and effect.mismatch(name, mean, joints):
             preset[name] = None
     about = "The emulated machine. Each effect is a number, or { value = mean, spread = standard"
     about += " deviation } over machines, or false, which switches it off."
-    parts.append(f"[machine]\n{_comment_lines(about)}{_key_comments(MachineTable, preset)}")
+    parts.append(_table_text("machine", about, MachineTable, preset))
     return "\n".join(parts)
 
 
@@ -281,18 +278,14 @@ def _add_limits(head: str, table: type[BaseModel]) -> str:
     return head[: section.end()] + "".join(rows) + head[section.end() :]
 
 
-def _defaults(table: type[BaseModel]) -> Mapping[str, Any]:
-    return {
-        name: field.get_default(call_default_factory=True)
-        for name, field in table.model_fields.items()
-    }
-
-
-def _key_comments(table: type[BaseModel], values: Mapping[str, Any]) -> str:
-    """Each key of a table as a comment, what it means above it."""
-    lines = []
+def _table_text(
+    title: str, about: str, table: type[BaseModel], values: Mapping[str, Any] | None = None
+) -> str:
+    """A table, each key as a comment with what it means above it: by default its default."""
+    lines = [f"[{title}]\n{_comment_lines(about)}"]
     for name, field in table.model_fields.items():
-        key, value = field.alias or name, values[name]
+        default = field.get_default(call_default_factory=True)
+        key, value = field.alias or name, (values or {}).get(name, default)
         entry = "# " + f"{key}: not set" if value is None else f"#{key} = {toml(value)}"
         lines.append(f"{_comment_lines(field.description or '')}{entry}\n")
     return "".join(lines)

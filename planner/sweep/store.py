@@ -2,9 +2,7 @@
 
 `cases` holds one row a case, under its key; `points` says which cases make up each sweep that was
 run into the file. Write-ahead logging makes a commit survive the end of the process, however it
-ends.
-
-An SQLite file of sweeps: opened, told apart from others, written in whole transactions.
+ends. A file of another kind is told apart, and left as it is.
 """
 
 from __future__ import annotations
@@ -17,7 +15,6 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from planner.errors import InputError
@@ -61,8 +58,8 @@ CREATE TABLE points (
 _FORMAT = "planner-sweep"
 
 
-class Database:
-    """An open database file; use it in a `with` block.
+class Store:
+    """An open database file of sweeps; use it in a `with` block.
 
     Args:
         path: The file; made when it is missing and `create` is True.
@@ -103,12 +100,7 @@ class Database:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.db.close()
 
     def _prepare(self, create: bool) -> None:
@@ -225,10 +217,6 @@ class Database:
                 " and the same command runs them again"
             )
 
-
-class Store(Database):
-    """What a database file of sweeps holds; use it in a `with` block."""
-
     # -- writing -------------------------------------------------------------------------------
 
     def register(self, sweep: Sweep, cases: Iterable[Case]) -> int:
@@ -280,7 +268,7 @@ class Store(Database):
                 )
             )
 
-    def finished_keys(self, retry: Collection[str] = (), plans: bool = False) -> set[str]:
+    def finished_keys(self, retry: Collection[str], plans: bool) -> set[str]:
         """Keys of the finished cases.
 
         Args:

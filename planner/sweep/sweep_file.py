@@ -18,11 +18,10 @@ from pydantic import ConfigDict, Field, model_validator
 
 from planner.errors import InputError
 from planner.support.arrays import Array
-from planner.support.user_tables import Table, allowed_hint
+from planner.support.user_tables import Pair, Table, allowed_hint
 
 MAX_POINTS = 1_000_000
 Whole = Annotated[int, Field(ge=0)]
-Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 WholePair = Annotated[list[int], Field(min_length=2, max_length=2)]
 
 

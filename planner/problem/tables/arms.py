@@ -26,7 +26,7 @@ from planner.problem.tables.problem_file import (
     bound_deg,
 )
 from planner.support.arrays import Array
-from planner.support.user_tables import Positive, Table
+from planner.support.user_tables import Pair, Positive, Table
 from planner.systems.ball_gear import BallGear
 from planner.systems.manipulator import Gear, Manipulator
 
@@ -107,7 +107,7 @@ class JointGoal(GoalTable):
         description="Joint angles in degrees, each within (-90, 90), or 'free' where the planner"
         " chooses. Left out: all free, for a goal of the tip.",
     )
-    tip_m: Annotated[list[float], Field(min_length=2, max_length=2)] | None = Field(
+    tip_m: Pair | None = Field(
         None,
         description="Where the tip ends, [x, y] in metres from the base; needs system.link_lengths"
         " and at least two free joints.",

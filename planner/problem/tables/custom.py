@@ -28,13 +28,12 @@ from planner.problem.tables.problem_file import (
 )
 from planner.support.arrays import Array
 from planner.support.tables import line
-from planner.support.user_tables import Positive, Table, allowed_hint
+from planner.support.user_tables import Pair, Positive, Table, allowed_hint
 from planner.systems.coin import Coin
 from planner.systems.custom import CustomSystem
 from planner.systems.triangular_system import Coordinate, TriangularSystem
 from planner.systems.user_map import ROUND_TRIP, pairs_of
 
-Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Names = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 

@@ -15,7 +15,7 @@ from pydantic import Field, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
 from planner.support.arrays import Array
-from planner.support.user_tables import Table
+from planner.support.user_tables import Pair, Table
 
 
 @dataclass(frozen=True)
@@ -139,8 +139,6 @@ class DesensitisedOptions(Table):
     )
 
 
-Point = Annotated[list[float], Field(min_length=2, max_length=2)]
-
 MOST_POINTS = 20
 """Each raises the degree of v2 by one; conditions on polynomials of more have no digit left."""
 
@@ -190,7 +188,7 @@ class LegOptions(TravelOptions):
 class PolynomialOptions(LegOptions):
     """Options of the paper's polynomial method."""
 
-    points: Annotated[list[Point], Field(max_length=MOST_POINTS)] | Literal["auto"] = Field(
+    points: Annotated[list[Pair], Field(max_length=MOST_POINTS)] | Literal["auto"] = Field(
         default_factory=list,
         description=f"Constraint points [time in s, z2], eq. (28), at most {MOST_POINTS}; or"
         " 'auto': up to two points, chosen by `criterion` together with a free"

@@ -17,7 +17,7 @@ from pydantic import AfterValidator, Field, field_validator
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
 from planner.support.arrays import Array
-from planner.support.user_tables import Positive, Table, allowed_hint
+from planner.support.user_tables import Pair, Positive, Table, allowed_hint
 from planner.systems.triangular_system import TriangularSystem
 
 
@@ -206,7 +206,7 @@ class JointWaypoint(WaypointTable):
 class ObstacleTable(Table):
     """A disc in the plane that no link may touch; the arm's base is the origin."""
 
-    centre_m: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(
+    centre_m: Pair = Field(
         description="Its centre [x, y] in metres (in the unit of system.link_lengths, 1 each)."
     )
     radius_m: Positive = Field(description="Its radius in metres.")

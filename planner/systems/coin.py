@@ -27,9 +27,7 @@ from planner.support.arrays import Array
 from planner.support.casadi import ca
 from planner.systems.triangular_system import Coordinate, TriangularSystem, positive
 
-_CONTACT = (Coordinate("x", "m"), Coordinate("y", "m"))
 _ANGLES = (Coordinate("heading", "rad"), Coordinate("roll", "rad"))
-_IN_ITS_FRAME = (Coordinate("eta", "m"), Coordinate("sigma", "m"))
 
 
 class Coin(TriangularSystem):
@@ -46,29 +44,14 @@ class Coin(TriangularSystem):
     """
 
     kind: ClassVar[str] = "coin"
+    coordinates = (*_ANGLES, Coordinate("eta", "m"), Coordinate("sigma", "m"))
+    user_coordinates = (Coordinate("x", "m"), Coordinate("y", "m"), *_ANGLES)
+    inputs = Coordinate("turn_rate", "rad/s"), Coordinate("roll_rate", "rad/s")
+    limited = (1,)  # the roll
+    margin_labels = ((1, "1: the chart has no edge"),)
 
     def __init__(self, radius_m: float = 1.0) -> None:
         self.radius_m = float(positive("radius_m", [radius_m])[0])
-
-    @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """(heading, roll, eta, sigma) in rad and m."""
-        return (*_ANGLES, *_IN_ITS_FRAME)
-
-    @property
-    def user_coordinates(self) -> tuple[Coordinate, ...]:
-        """(x, y, heading, roll) in m and rad."""
-        return (*_CONTACT, *_ANGLES)
-
-    @property
-    def inputs(self) -> tuple[Coordinate, Coordinate]:
-        """Turn rate and roll rate."""
-        return Coordinate("turn_rate", "rad/s"), Coordinate("roll_rate", "rad/s")
-
-    @property
-    def limited(self) -> tuple[int, ...]:
-        """The roll."""
-        return (1,)
 
     # -- symbolic form -------------------------------------------------------------------------
 
@@ -140,8 +123,3 @@ class Coin(TriangularSystem):
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
         """The same."""
         return [ca.SX(1)]
-
-    @property
-    def margin_labels(self) -> tuple[tuple[int, str], ...]:
-        """One margin."""
-        return ((1, "1: the chart has no edge"),)

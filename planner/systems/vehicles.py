@@ -31,21 +31,9 @@ class Unicycle(TangentSystem):
     """
 
     kind: ClassVar[str] = "unicycle"
-
-    @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """(x, heading, y) in m, rad, m."""
-        return Coordinate("x", "m"), Coordinate("heading", "rad"), Coordinate("y", "m")
-
-    @property
-    def inputs(self) -> tuple[Coordinate, Coordinate]:
-        """Forward speed and turn rate."""
-        return Coordinate("speed", "m/s"), Coordinate("turn_rate", "rad/s")
-
-    @property
-    def limited(self) -> tuple[int, ...]:
-        """The heading."""
-        return (1,)
+    coordinates = Coordinate("x", "m"), Coordinate("heading", "rad"), Coordinate("y", "m")
+    inputs = Coordinate("speed", "m/s"), Coordinate("turn_rate", "rad/s")
+    limited = (1,)  # the heading
 
     def slopes_expr(self, q: Any) -> list[Any]:
         """y' = tanθ."""
@@ -100,29 +88,17 @@ class Car(TangentSystem):
     """
 
     kind: ClassVar[str] = "car"
+    coordinates = (
+        Coordinate("x", "m"),
+        Coordinate("steering", "rad"),
+        Coordinate("heading", "rad"),
+        Coordinate("y", "m"),
+    )
+    inputs = Coordinate("speed", "m/s"), Coordinate("steering_rate", "rad/s")
+    limited = (1, 2)  # steering and heading
 
     def __init__(self, wheelbase_m: float = 1.0) -> None:
         self.wheelbase_m = float(positive("wheelbase_m", [wheelbase_m])[0])
-
-    @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """(x, steering, heading, y) in m, rad, rad, m."""
-        return (
-            Coordinate("x", "m"),
-            Coordinate("steering", "rad"),
-            Coordinate("heading", "rad"),
-            Coordinate("y", "m"),
-        )
-
-    @property
-    def inputs(self) -> tuple[Coordinate, Coordinate]:
-        """Speed of the rear axle and steering rate."""
-        return Coordinate("speed", "m/s"), Coordinate("steering_rate", "rad/s")
-
-    @property
-    def limited(self) -> tuple[int, ...]:
-        """Steering and heading."""
-        return 1, 2
 
     # -- symbolic form -------------------------------------------------------------------------
 
@@ -193,6 +169,7 @@ class Trailers(TangentSystem):
     """
 
     kind: ClassVar[str] = "trailers"
+    inputs = Car.inputs
 
     def __init__(self, trailer_lengths_m: Sequence[float], wheelbase_m: float = 1.0) -> None:
         self.trailer_lengths_m = positive("trailer_lengths_m", trailer_lengths_m)
@@ -211,11 +188,6 @@ class Trailers(TangentSystem):
             Coordinate("heading", "rad"),
             Coordinate("y", "m"),
         )
-
-    @property
-    def inputs(self) -> tuple[Coordinate, Coordinate]:
-        """Speed of the car's rear axle and steering rate."""
-        return Coordinate("speed", "m/s"), Coordinate("steering_rate", "rad/s")
 
     @property
     def limited(self) -> tuple[int, ...]:

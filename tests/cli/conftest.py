@@ -14,6 +14,7 @@ import pytest
 import planner
 from planner.cli import output
 from planner.cli.app import main
+from planner.sweep.pools import SerialPool
 
 RAW = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 
@@ -106,3 +107,9 @@ def law(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[..., Any]], None]
 def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Folders of comparisons without figures, which take long."""
     monkeypatch.setattr("planner.report.folders._write_figures", lambda *_: None)
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cases run here: a worker loads the package anew, and has tests of its own."""
+    monkeypatch.setattr("planner.sweep.run.LocalPool", lambda _: SerialPool())

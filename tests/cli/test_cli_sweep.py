@@ -63,6 +63,7 @@ def test_workers_and_a_cluster_exclude_each_other(
     assert sorted(file.parent.rglob("*")) == before
 
 
+@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize("hidden", [False, True])
 def test_after_ctrl_c_it_says_where_the_finished_cases_are(
     run: Callable[..., Any], file: Path, monkeypatch: pytest.MonkeyPatch, hidden: bool

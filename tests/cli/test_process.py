@@ -52,15 +52,6 @@ def started(words: list[str]) -> subprocess.Popen[str]:
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def test_bad_input_in_a_process(tmp_path: Path) -> None:
-    words = ["plan", str(tmp_path / "none.toml"), "--json"]
-    done = subprocess.run([*PLANNER, *words], capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert json.loads(done.stdout)["status"] == "bad_input"
-    assert "cannot read" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
 def test_ctrl_c_ends_quietly_and_writes_nothing(tmp_path: Path) -> None:
     words = ["plan", PAPER, "--method", "polynomial", "--json", "--out", str(tmp_path / "out")]
     with started([sys.executable, "-c", LONG_JOB.format(seconds=60), *words]) as job:

@@ -51,14 +51,20 @@ def worker(start: Callable[..., Process], address: str) -> Process:
     return start("distributed.cli.dask_worker", address, *words)
 
 
-def test_a_killed_worker_costs_nothing_but_time(
+def test_a_missing_worker_is_told_and_a_killed_one_costs_nothing_but_time(
     start: Callable[..., Process],
     scheduler: str,
     written: Callable[[str], Path],
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     file, db = written(SWEEP), tmp_path / "x.sqlite"
+    says = "has no workers; start some with 'dask worker"
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.sweep.pools.WORKER_WAIT_S", 0.2)
+        with pytest.raises(planner.InputError, match=says):
+            planner.run_sweep(file, tmp_path / "none.sqlite", cluster=scheduler)
     victim = worker(start, scheduler)
     worker(start, scheduler)
 
@@ -78,14 +84,6 @@ def test_a_killed_worker_costs_nothing_but_time(
     assert found["statuses"] == {"singular": CASES}
     assert finished(db) == CASES
     assert victim.wait() == -signal.SIGKILL
-
-
-def test_a_cluster_without_workers_is_told(
-    scheduler: str, monkeypatch: pytest.MonkeyPatch, tables: dict[str, Any], tmp_path: Path
-) -> None:
-    monkeypatch.setattr("planner.sweep.pools.WORKER_WAIT_S", 0.2)
-    with pytest.raises(planner.InputError, match="has no workers; start some with 'dask worker"):
-        planner.run_sweep(tables, tmp_path / "x.sqlite", cluster=scheduler)
 
 
 def test_a_cluster_that_is_not_there_is_told(

@@ -165,12 +165,16 @@ class Obstacle(Requirement):
         Args:
             points: The links' ends one after the other, shape (…, L+1, 2), metres.
         """
-        start, step = points[..., :-1, :], np.diff(points, axis=-2)
-        length = np.sum(step**2, axis=-1)
-        along = np.sum((self.centre - start) * step, axis=-1)
-        share = np.clip(along / np.where(length > 0, length, 1.0), 0.0, 1.0)
-        nearest = start + share[..., None] * step
+        nearest = nearest_on_segment(self.centre, points[..., :-1, :], points[..., 1:, :])
         return np.asarray(np.linalg.norm(nearest - self.centre, axis=-1) - self.radius)
+
+
+def nearest_on_segment(point: Array, first: Array, last: Array) -> Array:
+    """The place of a segment, or a point, that is nearest to a point; all of shape (…, 2)."""
+    step = last - first
+    length = np.sum(step**2, axis=-1)
+    share = np.sum((point - first) * step, axis=-1) / np.where(length > 0, length, 1.0)
+    return np.asarray(first + np.clip(share, 0.0, 1.0)[..., None] * step)
 
 
 def _omission(table: str, broken: Sequence[Breach]) -> str:

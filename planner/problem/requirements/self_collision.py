@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import Violation
+from planner.problem.requirements.places import nearest_on_segment
 from planner.problem.requirements.requirement import Breach, MotionPoint, Part, Requirement
 from planner.support.arrays import Array
 from planner.support.casadi import ca
@@ -187,13 +188,6 @@ class SelfCollision(Requirement):
         distances = np.linalg.norm([one - other for one, other in places], axis=-1)
         k = int(np.lexsort((distances, values))[0])  # of those that cross the one with the way out
         return (*places[k], float(values[k]))
-
-
-def nearest_on_segment(point: Array, first: Array, last: Array) -> Array:
-    """The place of a segment that is nearest to a point; all of shape (…, 2)."""
-    step = last - first
-    share = np.sum((point - first) * step, axis=-1) / np.sum(step**2, axis=-1)
-    return np.asarray(first + np.clip(share, 0.0, 1.0)[..., None] * step)
 
 
 def _joints_of_pair(pair: Pair) -> list[Pair]:

@@ -117,11 +117,6 @@ def samples_option(help: str) -> Any:
     return typer.Option("--samples", "-n", min=1, help=help)
 
 
-def dry_run_option(help: str) -> Any:
-    """The option `--dry-run` of commands that run many cases."""
-    return typer.Option("--dry-run", help=help)
-
-
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random machines.")]
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from planner.cli.arguments import Cluster, Workers, dry_run_option, out_option
+from planner.cli.arguments import Cluster, Workers, out_option
 from planner.cli.output import explain_interruption, facts, finish, job, say
 from planner.sweep.description import Sweep
 from planner.sweep.design.design_file import StudyInput, read_design
@@ -46,7 +46,7 @@ def sweep(
         ),
     ] = None,
     dry_run: Annotated[
-        bool, dry_run_option("Check the file and count its cases, but run none.")
+        bool, typer.Option("--dry-run", help="Check the file and count its cases, but run none.")
     ] = False,
 ) -> int:
     """Run those cases of a sweep that are not yet in the database.
@@ -112,7 +112,8 @@ def design(
     workers: Workers = None,
     cluster: Cluster = None,
     dry_run: Annotated[
-        bool, dry_run_option("Check the file and count designs and cases; plan none.")
+        bool,
+        typer.Option("--dry-run", help="Check the file and count designs and cases; plan none."),
     ] = False,
 ) -> int:
     """Compare designs of the mechanism, and recommend one.

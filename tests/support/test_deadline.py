@@ -149,11 +149,6 @@ def test_after_ctrl_c_a_long_search_refines_for_a_quarter_of_its_time() -> None:
         assert 24.0 < deadline.remaining() <= 25.1
 
 
-def test_the_outermost_search_says_whether_there_is_an_answer() -> None:
-    with time_limit(None, has_answer=lambda: False), time_limit(None, has_answer=lambda: True):
-        assert not deadline.stop()  # the outermost says so
-
-
 def test_a_handler_that_does_not_raise_lets_the_solver_go_on() -> None:
     heard = []
     signal.signal(signal.SIGINT, lambda *_: heard.append(True))

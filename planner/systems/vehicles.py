@@ -69,113 +69,24 @@ class Unicycle(TangentSystem):
         return 0 * ones, ones
 
 
-class Car(TangentSystem):
-    """A car driven at its rear axle, with state q = (x, steering, heading, y) of that axle.
-
-    ẋ = cosθ u₁,  φ̇ = u₂,  θ̇ = (tanφ/L) u₁,  ẏ = sinθ u₁  with u₁ the speed in m/s and u₂ the
-    steering rate in rad/s (R. M. Murray, S. S. Sastry, "Nonholonomic motion planning: steering
-    using sinusoids", IEEE Transactions on Automatic Control 38(5), 1993). Along x:
-    θ' = tanφ/(L cosθ), y' = tanθ.
-
-    A heading of 90° is only an edge of the chart; a steering angle of 90° is a singularity of the
-    car.
+class _Train(TangentSystem):
+    """A car and the n ≥ 0 trailers that it pulls; see `Trailers`.
 
     Args:
-        wheelbase_m: Distance L between the axles, m.
-
-    Raises:
-        InputError: If the wheelbase is not positive and finite.
-    """
-
-    kind: ClassVar[str] = "car"
-    coordinates = (
-        Coordinate("x", "m"),
-        Coordinate("steering", "rad"),
-        Coordinate("heading", "rad"),
-        Coordinate("y", "m"),
-    )
-    inputs = Coordinate("speed", "m/s"), Coordinate("steering_rate", "rad/s")
-    limited = (1, 2)  # steering and heading
-
-    def __init__(self, wheelbase_m: float = 1.0) -> None:
-        self.wheelbase_m = float(positive("wheelbase_m", [wheelbase_m])[0])
-
-    # -- symbolic form -------------------------------------------------------------------------
-
-    def slopes_expr(self, q: Any) -> list[Any]:
-        """θ' and y'."""
-        return [ca.tan(q[1]) / (self.wheelbase_m * ca.cos(q[2])), ca.tan(q[2])]
-
-    def drive_expr(self, q: Any) -> Any:
-        """γ = cosθ."""
-        return ca.cos(q[2])
-
-    def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """Regular at every heading."""
-        turn = ca.tan(q[1]) / self.wheelbase_m
-        return [ca.cos(q[2]) * u[0], u[1], turn * u[0], ca.sin(q[2]) * u[0]]
-
-    # -- numeric form --------------------------------------------------------------------------
-
-    def slopes(self, q: Array) -> Array:
-        """θ' and y', shape (…, 2)."""
-        secant = np.hypot(1.0, np.tan(q[..., 2])) * np.sign(np.cos(q[..., 2]))
-        curvature = np.tan(q[..., 1]) / self.wheelbase_m
-        return np.stack([curvature * secant, np.tan(q[..., 2])], axis=-1)
-
-    def drive(self, q: Array) -> Array:
-        """γ, shape (…,)."""
-        return np.cos(q[..., 2])
-
-    def rates(self, q: Array, u: Array) -> Array:
-        """q̇, shape (…, 4), from the velocity as a complex number and the turning radius."""
-        velocity = u[..., 0] * np.exp(1j * q[..., 2])
-        turn = u[..., 0] * np.tan(q[..., 1]) / self.wheelbase_m
-        parts = np.broadcast_arrays(velocity.real, u[..., 1], turn, velocity.imag)
-        return np.stack(parts, axis=-1)
-
-    def axle_points(self, q: Array) -> Array:
-        """Front and rear axle, shape (…, 2, 2), m."""
-        rear = np.stack([q[..., 0], q[..., 3]], axis=-1)
-        ahead = np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], axis=-1)
-        return np.stack([rear + self.wheelbase_m * ahead, rear], axis=-2)
-
-    # -- the chart -----------------------------------------------------------------------------
-
-    def _link(self, i: int, q: Array) -> tuple[Array, Array]:
-        ones = np.ones_like(q[..., -1])
-        return 0 * ones, ones if i == 2 else 1 / (self.wheelbase_m * np.cos(q[..., 2]))
-
-
-class Trailers(TangentSystem):
-    """A car that pulls n ≥ 1 trailers, each hitched to the middle of the axle in front of it.
-
-    State q = (x, φ, β₁, …, βₙ, θ, y): steering φ, hitch angles βₖ (heading of the vehicle before
-    trailer k minus its own), and heading and position of the last trailer. With ℓ₀ the wheelbase,
-    ℓₖ the length of trailer k, β₀ = φ and Pₖ = cosθ ∏_{j>k} cosβⱼ:
-
-        γ = P₀,   θₖ' = tanβₖ/(ℓₖ Pₖ),   βₖ' = θₖ₋₁' − θₖ',   θ' = θₙ',   y' = tanθ
-
-    u₁ is the speed of the car's rear axle in m/s, u₂ the steering rate in rad/s. Only φ = 90° is a
-    singularity of the vehicle; hitch angles or a heading of 90° are edges of the chart.
-
-    Args:
-        trailer_lengths_m: From each hitch to the axle of the trailer behind it, first trailer
-            first, m.
         wheelbase_m: Distance between the car's axles, m.
-
-    Raises:
-        InputError: If a length is not positive and finite, or there is no trailer.
+        trailer_lengths_m: From each hitch to the axle of the trailer behind it, m.
     """
 
-    kind: ClassVar[str] = "trailers"
-    inputs = Car.inputs
+    inputs = Coordinate("speed", "m/s"), Coordinate("steering_rate", "rad/s")
 
-    def __init__(self, trailer_lengths_m: Sequence[float], wheelbase_m: float = 1.0) -> None:
-        self.trailer_lengths_m = positive("trailer_lengths_m", trailer_lengths_m)
+    def __init__(self, wheelbase_m: float, trailer_lengths_m: Sequence[float] = ()) -> None:
         self.wheelbase_m = float(positive("wheelbase_m", [wheelbase_m])[0])
-        self.n = len(self.trailer_lengths_m)
-        self._lengths = np.array([self.wheelbase_m, *self.trailer_lengths_m])
+        self._lengths = np.array([self.wheelbase_m, *trailer_lengths_m])
+
+    @property
+    def n(self) -> int:
+        """Number of trailers."""
+        return len(self._lengths) - 1
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
@@ -247,7 +158,7 @@ class Trailers(TangentSystem):
         speed = u[..., 0]
         turn = speed * np.tan(q[..., 1]) / self.wheelbase_m
         hitches = []
-        for k, length in enumerate(self.trailer_lengths_m):
+        for k, length in enumerate(self._lengths[1:]):
             angle = q[..., k + 2]
             trailer_turn = speed * np.sin(angle) / length
             speed = speed * np.cos(angle)
@@ -279,12 +190,55 @@ class Trailers(TangentSystem):
         after = np.prod(np.cos(q[..., k + 3 : -1]), axis=-1)
         return -np.tan(q[..., k + 2]) / (self._lengths[k + 1] * after), np.asarray(turn_gain)
 
-    # -- identity ------------------------------------------------------------------------------
 
-    def to_dict(self) -> dict[str, Any]:
-        """The `[system]` table."""
-        return {
-            "kind": self.kind,
-            "wheelbase_m": self.wheelbase_m,
-            "trailer_lengths_m": self.trailer_lengths_m.tolist(),
-        }
+class Car(_Train):
+    """A car driven at its rear axle, with state q = (x, steering, heading, y) of that axle.
+
+    ẋ = cosθ u₁,  φ̇ = u₂,  θ̇ = (tanφ/L) u₁,  ẏ = sinθ u₁  with u₁ the speed in m/s and u₂ the
+    steering rate in rad/s (R. M. Murray, S. S. Sastry, "Nonholonomic motion planning: steering
+    using sinusoids", IEEE Transactions on Automatic Control 38(5), 1993). Along x:
+    θ' = tanφ/(L cosθ), y' = tanθ.
+
+    A heading of 90° is only an edge of the chart; a steering angle of 90° is a singularity of the
+    car.
+
+    Args:
+        wheelbase_m: Distance L between the axles, m.
+
+    Raises:
+        InputError: If the wheelbase is not positive and finite.
+    """
+
+    kind: ClassVar[str] = "car"
+
+    def __init__(self, wheelbase_m: float = 1.0) -> None:
+        super().__init__(wheelbase_m)
+
+
+class Trailers(_Train):
+    """A car that pulls n ≥ 1 trailers, each hitched to the middle of the axle in front of it.
+
+    State q = (x, φ, β₁, …, βₙ, θ, y): steering φ, hitch angles βₖ (heading of the vehicle before
+    trailer k minus its own), and heading and position of the last trailer. With ℓ₀ the wheelbase,
+    ℓₖ the length of trailer k, β₀ = φ and Pₖ = cosθ ∏_{j>k} cosβⱼ:
+
+        γ = P₀,   θₖ' = tanβₖ/(ℓₖ Pₖ),   βₖ' = θₖ₋₁' − θₖ',   θ' = θₙ',   y' = tanθ
+
+    u₁ is the speed of the car's rear axle in m/s, u₂ the steering rate in rad/s. Only φ = 90° is a
+    singularity of the vehicle; hitch angles or a heading of 90° are edges of the chart.
+
+    Args:
+        trailer_lengths_m: From each hitch to the axle of the trailer behind it, first trailer
+            first, m.
+        wheelbase_m: Distance between the car's axles, m.
+
+    Raises:
+        InputError: If a length is not positive and finite, or there is no trailer.
+    """
+
+    kind: ClassVar[str] = "trailers"
+
+    def __init__(self, trailer_lengths_m: Sequence[float], wheelbase_m: float = 1.0) -> None:
+        lengths = positive("trailer_lengths_m", trailer_lengths_m)
+        super().__init__(wheelbase_m, lengths.tolist())
+        self.trailer_lengths_m = lengths

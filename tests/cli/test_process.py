@@ -97,7 +97,7 @@ def test_ctrl_c_while_a_motion_is_held(presses: int, tmp_path: Path) -> None:
 
 def test_a_job_in_the_background_of_a_script_leaves_ctrl_c_alone() -> None:
     ignored = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-    words = ["check", PAPER, "--methods", "polynomial", "--set", "limits={}"]
+    words = ["plan", PAPER, "--method", "polynomial", "--set", "limits={}"]
     with started([sys.executable, "-c", ignored + LONG_JOB.format(seconds=0.3), *words]) as job:
         assert job.stderr is not None
         assert job.stderr.readline() == "running\n"

@@ -29,7 +29,7 @@ class Spread(Table):
     )
 
 
-Setting = float | list[float] | Spread | Literal[False]
+Setting = float | list[float] | Spread | Literal[False] | None
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Effect:
         owner: What has a value of its own: the machine, each of 2 motors, each of n joints, or each
             of the n−1 passive ones, 2 … n, which the disk chain drives.
         off_value: The value that means "no such effect".
-        low: Least value; not allowed itself when `positive`.
+        low: Least value, 0 where nothing is said; not allowed itself when `positive`.
         high: Greatest value.
         positive: Whether zero is impossible.
         may_spread: Whether it may differ from machine to machine.
@@ -53,7 +53,7 @@ class Effect:
     unit: str
     owner: Owner
     off_value: float = 0.0
-    low: float = -math.inf
+    low: float = 0.0
     high: float = math.inf
     positive: bool = False
     may_spread: bool = True
@@ -211,164 +211,151 @@ class MachineTable(Table):
     )
 
     control_period_s: Annotated[
-        Setting | None, Effect("s", "machine", low=0, high=1, positive=True, may_spread=False)
+        Setting, Effect("s", "machine", high=1, positive=True, may_spread=False)
     ] = Field(None, description="Sample and hold: period in seconds at which the command is read.")
-    delay_s: Annotated[Setting | None, Effect("s", "machine", low=0, high=1)] = Field(
+    delay_s: Annotated[Setting, Effect("s", "machine", high=1)] = Field(
         None, description="Time from command to motor, seconds."
     )
-    velocity_resolution_rad_s: Annotated[
-        Setting | None, Effect("rad/s", "motor", low=0, may_spread=False)
-    ] = Field(None, description="Smallest step of the velocity command, rad/s.")
-    input_gain_error: Annotated[Setting | None, Effect("", "motor", low=-0.9)] = Field(
+    velocity_resolution_rad_s: Annotated[Setting, Effect("rad/s", "motor", may_spread=False)] = (
+        Field(None, description="Smallest step of the velocity command, rad/s.")
+    )
+    input_gain_error: Annotated[Setting, Effect("", "motor", low=-0.9)] = Field(
         None, description="Motor runs at (1 + this) times its command (fraction)."
     )
-    input_bias_rad_s: Annotated[Setting | None, Effect("rad/s", "motor")] = Field(
+    input_bias_rad_s: Annotated[Setting, Effect("rad/s", "motor", low=-math.inf)] = Field(
         None, description="Added to each motor's speed while a plan runs, rad/s."
     )
     velocity_limit_rad_s: Annotated[
-        Setting | None, Effect("rad/s", "motor", low=0, off_value=math.inf, positive=True)
+        Setting, Effect("rad/s", "motor", off_value=math.inf, positive=True)
     ] = Field(None, description="Largest motor speed, rad/s.")
     acceleration_limit_rad_s2: Annotated[
-        Setting | None, Effect("rad/s^2", "motor", low=0, off_value=math.inf, positive=True)
+        Setting, Effect("rad/s^2", "motor", off_value=math.inf, positive=True)
     ] = Field(None, description="Largest motor acceleration, rad/s^2.")
     servo_bandwidth_rad_s: Annotated[
-        Setting | None, Effect("rad/s", "motor", low=0, off_value=math.inf, positive=True)
+        Setting, Effect("rad/s", "motor", off_value=math.inf, positive=True)
     ] = Field(
         None,
         description="Velocity loop: corner frequency of a first-order lag, or natural frequency"
         " when servo_damping is given, rad/s.",
     )
-    servo_damping: Annotated[
-        Setting | None, Effect("", "motor", low=0, off_value=math.nan, positive=True)
-    ] = Field(None, description="Damping ratio of a second-order velocity loop; off: first order.")
-    motor_inertia_kgm2: Annotated[
-        Setting | None, Effect("kg m^2", "motor", low=0, dynamic_only=True)
-    ] = Field(
+    servo_damping: Annotated[Setting, Effect("", "motor", off_value=math.nan, positive=True)] = (
+        Field(None, description="Damping ratio of a second-order velocity loop; off: first order.")
+    )
+    motor_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "motor", dynamic_only=True)] = Field(
         None,
         description="Inertia of each motor with its gearhead, at the gearhead's output, kg m^2"
         " (dynamic).",
     )
     servo_gain_nms_per_rad: Annotated[
-        Setting | None,
-        Effect("N m s/rad", "motor", low=0, off_value=math.inf, positive=True, dynamic_only=True),
+        Setting, Effect("N m s/rad", "motor", off_value=math.inf, positive=True, dynamic_only=True)
     ] = Field(
         None,
         description="Velocity loop: torque for each rad/s of lag behind the drive's own"
         " reference, at the gearhead's output, N m s/rad (dynamic); off: rigid.",
     )
     servo_integral_time_s: Annotated[
-        Setting | None,
-        Effect("s", "motor", low=0, off_value=math.inf, positive=True, dynamic_only=True),
+        Setting, Effect("s", "motor", off_value=math.inf, positive=True, dynamic_only=True)
     ] = Field(
         None,
         description="Velocity loop: integral time in seconds (dynamic); off: no integral action.",
     )
     torque_limit_nm: Annotated[
-        Setting | None,
-        Effect("N m", "motor", low=0, off_value=math.inf, positive=True, dynamic_only=True),
+        Setting, Effect("N m", "motor", off_value=math.inf, positive=True, dynamic_only=True)
     ] = Field(
         None, description="Largest torque of each motor at its gearhead's output, N m (dynamic)."
     )
 
-    creep: Annotated[Setting | None, Effect("", "machine", low=0, high=1)] = Field(
+    creep: Annotated[Setting, Effect("", "machine", high=1)] = Field(
         None, description="Rate lost at each friction contact under no load (fraction)."
     )
-    creep_per_nm: Annotated[Setting | None, Effect("1/(N m)", "machine", low=0)] = Field(
+    creep_per_nm: Annotated[Setting, Effect("1/(N m)", "machine")] = Field(
         None, description="Rate lost at each contact for each N m it transmits (fraction per N m)."
     )
-    lateral_friction: Annotated[Setting | None, Effect("", "machine", low=0, high=1)] = Field(
+    lateral_friction: Annotated[Setting, Effect("", "machine", high=1)] = Field(
         None,
         description="Friction of a contact sideways over that along its drive, 0 ... 1: a contact"
         " that a joint turns slides sideways, which drags on the driver and loses rate under load;"
         " 1 for plain disks, less for rollers. Acts together with friction_capacity_nm.",
     )
     friction_capacity_nm: Annotated[
-        Setting | None, Effect("N m", "machine", low=0, off_value=math.inf, positive=True)
+        Setting, Effect("N m", "machine", off_value=math.inf, positive=True)
     ] = Field(
         None,
         description="Largest torque a contact transmits, mu N r of disk B, N m; what needs more"
         " stands still (gross slip).",
     )
-    disk_inertia_kgm2: Annotated[
-        Setting | None, Effect("kg m^2", "passive", low=0, dynamic_only=True)
-    ] = Field(
+    disk_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "passive", dynamic_only=True)] = Field(
         None,
         description="Inertia of the disks between two stages, about the axle of the first one's"
         " driving disk, kg m^2 (dynamic).",
     )
-    gear_ratio_error: Annotated[Setting | None, Effect("", "passive", low=-0.9)] = Field(
+    gear_ratio_error: Annotated[Setting, Effect("", "passive", low=-0.9)] = Field(
         None, description="Error of the gear constants K2 ... Kn (fraction)."
     )
-    gearhead_backlash_deg: Annotated[Setting | None, Effect("deg", "motor", low=0, high=45)] = (
-        Field(None, description="Total backlash of each motor's gearhead at its output, degrees.")
+    gearhead_backlash_deg: Annotated[Setting, Effect("deg", "motor", high=45)] = Field(
+        None, description="Total backlash of each motor's gearhead at its output, degrees."
     )
-    backlash_deg: Annotated[Setting | None, Effect("deg", "passive", low=0, high=45)] = Field(
+    backlash_deg: Annotated[Setting, Effect("deg", "passive", high=45)] = Field(
         None,
         description="Total backlash of the bevel gears and belt of each of joints 2 ... n, at"
         " the joint, degrees.",
     )
-    initial_play: Annotated[Setting | None, Effect("", "passive", low=-1, high=1)] = Field(
+    initial_play: Annotated[Setting, Effect("", "passive", low=-1, high=1)] = Field(
         None,
         description="Position in the backlash at the start, for each of joints 2 ... n: 0 in the"
         " middle, 1 in contact for motion in positive direction, -1 in negative"
         " direction.",
     )
-    axis_inertia_kgm2: Annotated[
-        Setting | None, Effect("kg m^2", "passive", low=0, dynamic_only=True)
-    ] = Field(
+    axis_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "passive", dynamic_only=True)] = Field(
         None,
         description="Inertia of the gears and pulleys that drive joints 2 ... n, on the motor"
         " side of the backlash, at the joint, kg m^2 (dynamic).",
     )
     shaft_stiffness_nm_per_rad: Annotated[
-        Setting | None, Effect("N m/rad", "passive", low=0, off_value=math.inf, positive=True)
+        Setting, Effect("N m/rad", "passive", off_value=math.inf, positive=True)
     ] = Field(None, description="Torsional stiffness of the shaft into joints 2 ... n, N m/rad.")
     shaft_damping_nms_per_rad: Annotated[
-        Setting | None, Effect("N m s/rad", "passive", low=0, dynamic_only=True)
+        Setting, Effect("N m s/rad", "passive", dynamic_only=True)
     ] = Field(None, description="Damping of the twist of those shafts, N m s/rad (dynamic).")
-    link_inertia_kgm2: Annotated[
-        Setting | None, Effect("kg m^2", "joint", low=0, dynamic_only=True)
-    ] = Field(
+    link_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "joint", dynamic_only=True)] = Field(
         None,
         description="Inertia of each link about its joint, with the mass of all that it carries"
         " at the next joint, kg m^2 (dynamic).",
     )
-    link_length_m: Annotated[Setting | None, Effect("m", "joint", low=0, dynamic_only=True)] = (
-        Field(
-            None,
-            description="Distance of each joint from the next, metres (dynamic): with"
-            " link_moment_kgm, how links carry each other along; 0: they react by"
-            " link_inertia_kgm2 alone.",
-        )
+    link_length_m: Annotated[Setting, Effect("m", "joint", dynamic_only=True)] = Field(
+        None,
+        description="Distance of each joint from the next, metres (dynamic): with"
+        " link_moment_kgm, how links carry each other along; 0: they react by"
+        " link_inertia_kgm2 alone.",
     )
-    base_friction_nm: Annotated[
-        Setting | None, Effect("N m", "machine", low=0, dynamic_only=True)
-    ] = Field(None, description="Coulomb friction of joint 1, N m (dynamic).")
-    coulomb_friction_nm: Annotated[Setting | None, Effect("N m", "passive", low=0)] = Field(
+    base_friction_nm: Annotated[Setting, Effect("N m", "machine", dynamic_only=True)] = Field(
+        None, description="Coulomb friction of joint 1, N m (dynamic)."
+    )
+    coulomb_friction_nm: Annotated[Setting, Effect("N m", "passive")] = Field(
         None,
         description="Coulomb friction of joints 2 ... n, N m; it loads the contacts and twists a"
         " soft shaft.",
     )
-    viscous_friction_nms_per_rad: Annotated[
-        Setting | None, Effect("N m s/rad", "passive", low=0)
-    ] = Field(None, description="Viscous friction of joints 2 ... n, N m s/rad; likewise.")
-    incline_deg: Annotated[Setting | None, Effect("deg", "machine", low=0, high=90)] = Field(
+    viscous_friction_nms_per_rad: Annotated[Setting, Effect("N m s/rad", "passive")] = Field(
+        None, description="Viscous friction of joints 2 ... n, N m s/rad; likewise."
+    )
+    incline_deg: Annotated[Setting, Effect("deg", "machine", high=90)] = Field(
         None,
         description="Slope of the plane in which the arm moves, degrees: gravity pulls the links"
         " towards -y of the base; 0 is level.",
     )
-    link_moment_kgm: Annotated[Setting | None, Effect("kg m", "joint", low=0)] = Field(
+    link_moment_kgm: Annotated[Setting, Effect("kg m", "joint")] = Field(
         None,
         description="Mass of each link, with all that it carries, times the distance of its centre"
         " of mass from its joint, kg m: what gravity acts on when the plane is inclined, and the"
         " links' reaction where they have a link_length_m.",
     )
-    initial_angle_error_deg: Annotated[Setting | None, Effect("deg", "joint")] = Field(
+    initial_angle_error_deg: Annotated[Setting, Effect("deg", "joint", low=-math.inf)] = Field(
         None, description="True minus assumed angle of each joint at the start, degrees."
     )
-    encoder_resolution_deg: Annotated[
-        Setting | None, Effect("deg", "joint", low=0, may_spread=False)
-    ] = Field(None, description="Smallest step of the joint encoders, degrees.")
+    encoder_resolution_deg: Annotated[Setting, Effect("deg", "joint", may_spread=False)] = Field(
+        None, description="Smallest step of the joint encoders, degrees."
+    )
 
     def mismatch(self, joints: int) -> str | None:
         """The first list whose length does not fit a system of so many joints, in words."""

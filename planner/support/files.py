@@ -15,8 +15,9 @@ import shutil
 import stat
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
@@ -311,14 +312,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     """
     if _DEEP_KEY.search(text):
         raise ValueError("a key of more than 100 parts")
-    try:
-        return _check_depth(tomllib.loads(text))
-    except RecursionError:
-        raise ValueError("brackets are nested too deeply") from None
-    except tomllib.TOMLDecodeError:
-        raise
-    except ValueError as error:
-        raise _shorten_advice(error) from None
+    return _parse(tomllib.loads, text)
 
 
 def toml_value(text: str) -> Any:
@@ -364,14 +358,18 @@ def parse_json(text: str) -> Any:
     Raises:
         ValueError: If it is none that can be read; says why.
     """
+    return _parse(partial(json.loads, object_pairs_hook=_check_unique_keys), text)
+
+
+def _parse(loads: Callable[[str], Value], text: str) -> Value:
     try:
-        return _check_depth(json.loads(text, object_pairs_hook=_check_unique_keys))
+        return _check_depth(loads(text))
     except RecursionError:
         raise ValueError("brackets are nested too deeply") from None
-    except json.JSONDecodeError:
-        raise
     except ValueError as error:
-        raise _shorten_advice(error) from None
+        if "integer string conversion" in str(error):  # with Python's advice, not for users
+            raise ValueError("a whole number has thousands of digits") from None
+        raise
 
 
 def _check_depth(data: Value) -> Value:
@@ -399,13 +397,6 @@ def _check_unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         twice = next(name for name in names if names.count(name) > 1)
         raise ValueError(f"the key {twice!r:.60} appears twice in one object")
     return out
-
-
-def _shorten_advice(error: ValueError) -> ValueError:
-    """Python's advice on numbers of thousands of digits is not for users."""
-    if "integer string conversion" in str(error):
-        return ValueError("a whole number has thousands of digits")
-    return error
 
 
 def toml(value: Any) -> str:

@@ -39,11 +39,9 @@ class ChainedForm:
         self._links = {i: Pointwise(f"link{i}", [q], ca.vertcat(*ac)) for i, ac in links.items()}
         feedback = ca.vertcat(system.drive_expr(q), gradient[0, 1], drift)
         self._feedback = Pointwise("feedback", [q], feedback)
-        self._state: Pointwise | None = None
-        self._inputs: Pointwise | None = None
-        self._state_and_inputs: Pointwise | None = None
-        if compiled := _compile_functions(system, links, q, feedback):
-            self._state, self._inputs, self._state_and_inputs = compiled
+        self._state, self._inputs, self._state_and_inputs = _compile_functions(
+            system, links, q, feedback
+        )
 
     def __repr__(self) -> str:
         return f"ChainedForm({self.system!r})"
@@ -136,8 +134,8 @@ def chained_form(system: TriangularSystem) -> ChainedForm:
 
 def _compile_functions(
     system: TriangularSystem, links: dict[int, tuple[Any, Any]], q: Any, feedback: Any
-) -> tuple[Pointwise, Pointwise, Pointwise] | None:
-    """(z, branch) → q, (z, v, branch) → u and → (q, u), if every link has an expression."""
+) -> tuple[Pointwise | None, Pointwise | None, Pointwise | None]:
+    """(z, branch) → q, (z, v, branch) → u and → (q, u); None where a link has no expression."""
     size = system.size
     z, v, branch = ca.SX.sym("z", size), ca.SX.sym("v", 2), ca.SX.sym("branch", size)
     known: list[Any] = [z[0], *[ca.SX(0)] * (size - 2), z[size - 1]]
@@ -145,7 +143,7 @@ def _compile_functions(
         a, c = ca.substitute(list(links[i]), [q], [ca.vertcat(*known)])
         link = system.link_expr(i, (z[i] - a) / c, known, branch)
         if link is None:
-            return None
+            return None, None, None
         known[i] = link
     state = ca.vertcat(*known)
     (values,) = ca.substitute([feedback], [q], [state])

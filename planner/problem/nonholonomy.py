@@ -36,7 +36,8 @@ from planner.systems.triangular_system import TriangularSystem
 SINGULAR = 1e-12
 """|sinθᵢ| or |cosθᵢ| below which a step divides by zero."""
 
-Step = Callable[[int, Any, Any, Any], tuple[Any, Any]]
+Step = Callable[[float, bool, Any, Any, Any], tuple[Any, Any]]
+"""From kᵢ₊₁, whether it is the last step, θᵢ, Yᵢ and Zᵢ to Xᵢ₊₁ and Yᵢ₊₁."""
 
 
 @dataclass(frozen=True)
@@ -104,40 +105,33 @@ def paper_recursion(system: Manipulator, q: ArrayLike) -> PaperRecursion:
     sines, cosines = np.abs(np.sin(point[1:-1])), np.abs(np.cos(point[1:-1]))
     flat = {i for i, c in enumerate(cosines, start=1) if c < SINGULAR}
     straight = {i for i, s in enumerate(sines, start=1) if s < SINGULAR}
-    k = system.k_g * system.K
     return PaperRecursion(
-        printed=_family(system, point, _printed_step(k), flat),
-        corrected=_family(system, point, _corrected_step(k, system.n), flat | straight),
+        printed=_family(system, point, _printed_step, flat),
+        corrected=_family(system, point, _corrected_step, flat | straight),
     )
 
 
-def _printed_step(k: Array) -> Step:
-    def step(i: int, angle: Any, Y: Any, Z: Any) -> tuple[Any, Any]:
-        s, c = ca.sin(angle), ca.cos(angle)
-        return (c * Y - s * Z) / (c**2 * k[i - 1]), s * Y + c * Z
-
-    return step
+def _printed_step(k: float, last: bool, angle: Any, Y: Any, Z: Any) -> tuple[Any, Any]:
+    s, c = ca.sin(angle), ca.cos(angle)
+    return (c * Y - s * Z) / (c**2 * k), s * Y + c * Z
 
 
-def _corrected_step(k: Array, n: int) -> Step:
-    def step(i: int, angle: Any, Y: Any, Z: Any) -> tuple[Any, Any]:
-        s, c = ca.sin(angle), ca.cos(angle)
-        if i == n - 1:
-            X = Z / (-3 * k[i - 1] * c**2 * s)
-            return X, Y - k[i - 1] * c**3 * X
-        X = (s * Y + c * Z) / (-2 * k[i - 1] * c**3 * s)
-        return X, c * Y - s * Z - k[i - 1] * c**2 * (1 + 2 * s**2) * X
-
-    return step
+def _corrected_step(k: float, last: bool, angle: Any, Y: Any, Z: Any) -> tuple[Any, Any]:
+    s, c = ca.sin(angle), ca.cos(angle)
+    if last:
+        X = Z / (-3 * k * c**2 * s)
+        return X, Y - k * c**3 * X
+    X = (s * Y + c * Z) / (-2 * k * c**3 * s)
+    return X, c * Y - s * Z - k * c**2 * (1 + 2 * s**2) * X
 
 
 def _family(system: Manipulator, point: Array, step: Step, zero: set[int]) -> Family:
     """Run a recursion symbolically and evaluate it; rows are (φ, θ₁ … θₙ) until the end."""
-    n, q = system.n, ca.SX.sym("q", system.size)
+    n, q, k = system.n, ca.SX.sym("q", system.size), system.k_g * system.K
     X, Y = ca.SX.eye(system.size)[:, 1], ca.vertcat(*system.rates_expr(q, [1.0, 0.0]))
     family, remainders = [X], [Y]
     for i in range(1, n):
-        X, Y = step(i, q[i], Y, lie_bracket(X, Y, q))
+        X, Y = step(k[i - 1], i == n - 1, q[i], Y, lie_bracket(X, Y, q))
         family.append(X)
         remainders.append(Y)
     columns = ca.densify(ca.horzcat(*family, *remainders))

@@ -192,11 +192,9 @@ class CustomSystem(TriangularSystem):
 
     # -- construction --------------------------------------------------------------------------
 
-    def _symbols(self, q: Any) -> dict[str, Any]:
-        return {c.name: q[i] for i, c in enumerate(self._coordinates)}
-
     def _parse(self, what: str, text: str, q: Any) -> Any:
-        return parse_expression(text, self._symbols(q), f"{self.name}: {what}")
+        symbols = {c.name: q[i] for i, c in enumerate(self._coordinates)}
+        return parse_expression(text, symbols, f"{self.name}: {what}")
 
     def _expression_texts(self, what: str, given: Any) -> list[str]:
         """The texts of what was given as functions or texts; the system is built from these."""

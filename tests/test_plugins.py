@@ -338,18 +338,13 @@ def changed(**attributes: Any) -> type[SledFile]:
     )
 
 
-def without_build() -> type[Any]:
-    names = {"__annotations__": {"system": SledTable}, "__module__": __name__}
-    return type("HalfFile", (planner.problem.tables.vehicles.VehicleFile,), names)
-
-
 SYSTEM_REFUSALS: list[tuple[Any, Callable[[], Any], str]] = [
     ("car", lambda: SledFile, "system kind 'car' is taken, by CarFile"),
     ("a sled", lambda: SledFile, "system kind 'a sled' cannot be registered: a kind has letters"),
     ("a\u202eb", lambda: SledFile, "system kind 'ab' cannot be registered"),
     (None, lambda: SledFile, "system kind 'None' cannot be registered"),
     ("sled", lambda: Unicycle, "<class .*Unicycle'> is not a subclass of ProblemFile"),
-    ("sled", without_build, "HalfFile lacks build_system"),
+    ("sled", lambda: NoBuildFile, "NoBuildFile lacks build_system"),
     ("sledge", lambda: SledFile, r"SledFile.system has no key kind of type Literal\['sledge'\]"),
     ("sled", lambda: changed(goal=Options), "OtherFile.goal is not a table, .* of GoalTable"),
     ("sled", lambda: changed(summary=""), "OtherFile.summary is not a text"),

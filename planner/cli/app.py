@@ -152,12 +152,13 @@ def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
     for name in ("stdout", "stderr"):  # None where the caller has closed it
         if getattr(sys, name) is None:
             setattr(sys, name, _null_stream())
+    if last:  # what is loaded stays, so that to look through it is in vain
+        gc.disable()
     if (name := next((word for word in words if not word.startswith("-")), "")) in COMMANDS:
-        gc.disable()  # what is loaded stays, so that looking through it is in vain
         load_command(name)  # here, where `planner_start` still has the signals
-        gc.enable()
     if last:
         gc.freeze()
+        gc.enable()
     try:
         json_only = "--json" in words and not {"-h", "--help", "--version"} & set(words)
         with hear_signals(last), _show_warnings(), reserve_output(json_only, last):

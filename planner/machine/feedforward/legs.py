@@ -268,9 +268,7 @@ def take_ups(
     return out
 
 
-def return_leg(
-    plan: Plan, system: Manipulator, machine: Machine, needs: Array, tick: float
-) -> Leg:
+def return_leg(plan: Plan, system: Manipulator, machine: Machine, needs: Array, tick: float) -> Leg:
     """The drive turns back through just less than twice the lost motion of the fastest axis.
 
     On the nominal machine no joint follows. On one that loses less motion than the mean joints have

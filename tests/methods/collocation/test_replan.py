@@ -100,13 +100,13 @@ def test_refusals(paper: Problem, found: Plan) -> None:
 def builds(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     """The transcriptions built, noted as it happens; there are none to begin with."""
     built: list[object] = []
-    inner = transcriptions.assemble
+    inner = transcriptions.interval_functions
 
     def counting(*args: Any) -> Any:
         built.append(args)
         return inner(*args)
 
-    monkeypatch.setattr(transcriptions, "assemble", counting)
+    monkeypatch.setattr(transcriptions, "interval_functions", counting)
     transcriptions.transcription.cache_clear()
     return built
 

@@ -252,30 +252,18 @@ _TRAVELS = 24
 """Travels scanned where it is free, each with all amplitudes; the best are then bettered."""
 
 
-@dataclass(frozen=True)
-class Swing:
-    """Free numbers of a sinusoidal law.
-
-    Attributes:
-        travel: z₁(T) − z₁(0).
-        amplitude: a₁/ω or α/ω, in the unit of z₁; a common factor where steps have their own.
-    """
-
-    travel: float
-    amplitude: float
-
-
 def choose_swing(
     problem: Problem,
-    make: Callable[[Swing], ChainedTrajectory],
+    make: Callable[[float, float], ChainedTrajectory],
     options: SinusoidOptions | SinusoidStepsOptions,
-) -> tuple[Swing, dict[str, Any]]:
+) -> tuple[float, float, dict[str, Any]]:
     """Travel and amplitude: the given ones, and the best by the criterion for what is left free.
 
+    The amplitude is a₁/ω or α/ω, in the unit of z₁; a common factor where steps have their own.
     Where no choice stays inside the domain, the one that leaves it least is returned.
 
     Returns:
-        The choice, and notes for the plan.
+        Travel, amplitude, and notes for the plan.
 
     Raises:
         InfeasibleError: If the travel is free and no one-way motion exists.
@@ -284,26 +272,26 @@ def choose_swing(
     if options.amplitude != "auto":
         given = 1.0 if isinstance(options.amplitude, list) else float(options.amplitude)
     if problem.travel is not None and given is not None:
-        return Swing(problem.travel, given), {}
+        return problem.travel, given, {}
 
-    def read(x: Array) -> Swing:
+    def read(x: Array) -> tuple[float, float]:
         rest = iter(x.tolist())
         travel = next(rest) if problem.travel is None else problem.travel
-        return Swing(travel, next(rest) if given is None else given)
+        return travel, next(rest) if given is None else given
 
     def attempt(x: Array) -> ChainedTrajectory | None:
-        swing = read(x)
-        if swing.amplitude == 0:
+        travel, amplitude = read(x)
+        if amplitude == 0:
             return None
         try:
-            return make(swing)
+            return make(travel, amplitude)
         except SingularError:
             return None
 
     grid, sizes = _grid(problem, given)
     found = search_candidates(problem, attempt, grid, sizes, options.criterion, starts=3)
     notes = {"auto_motions_tried": found.tried, "auto_found_inside": found.inside}
-    return read(found.x), notes
+    return *read(found.x), notes
 
 
 def _grid(problem: Problem, given: float | None) -> tuple[Array, Array]:

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from planner.methods.options import Solve
 
 
-
 @dataclass(frozen=True)
 class Method:
     """An entry of the registry.

@@ -70,7 +70,6 @@ def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Cl
     return clock
 
 
-
 def _read_back(value: Any) -> Any:
     """A number that is not defined is null in the file; nothing else is. Texts are for show."""
     if isinstance(value, str):

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,7 +115,7 @@ class _Finding:
     tolerance: float
     upper: bool = True
 
-    @property
+    @cached_property
     def margin(self) -> float:
         return self.limit - self.value if self.upper else self.value - self.limit
 

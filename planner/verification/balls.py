@@ -94,6 +94,11 @@ class Ball:
         """δ, a bound of |f − c|."""
         return (np.abs(self.b) * RADIUS_COLUMN + self.r) * ROUNDING_FACTOR
 
+    @property
+    def ellipses(self) -> tuple[Array, Array, Array]:
+        """Centres, slopes and radii on the segment and the ellipses, shape (C, 9)."""
+        return self.c[:, POINTS:], self.b[:, POINTS:], self.r[:, POINTS:]
+
     def replace_rows(self, rows: Index, fresh: Index, new: Ball) -> Ball:
         """Some rows, those of a mask `fresh` replaced by other ones."""
         out = [x[rows] for x in _arrays(self)]

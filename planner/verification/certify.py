@@ -176,7 +176,7 @@ def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
     for part, value in zip(required.parts, values, strict=True):
         margins: list[Margin] = [(-1.0, value, part.high), (1.0, value, -part.low)]
         if required.final:
-            end, doubt = (float(x[-1]) for x in value.at_end())
+            end, doubt = np.array(value.at_end())[:, -1].tolist()
             slack = GOAL_TOLERANCE * part.scale
             margin = slack + min(end - part.low, part.high - end)
             proofs.append(motion.claim(part, slack, margin - doubt, margin + doubt, motion.end_s))
@@ -278,7 +278,8 @@ def _(goal: Goal, evidence: Evidence) -> Iterable[Proof]:
     target = evidence.plan.problem.target
     for part in goal.parts:
         if not np.isnan(target[part.index]):
-            end, doubt = (float(x[-1]) for x in evidence.path.enclosure.states[part.index].at_end())
+            state = evidence.path.enclosure.states[part.index]
+            end, doubt = np.array(state.at_end())[:, -1].tolist()
             margin = GOAL_TOLERANCE - abs(end - target[part.index])
             bounds = margin - doubt, margin + doubt
             yield evidence.path.claim(part, GOAL_TOLERANCE, *bounds, evidence.path.end_s)

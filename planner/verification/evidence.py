@@ -163,8 +163,8 @@ def decide(proofs: list[Proof]) -> list[Claim]:
         bounds = iter(least_values(margins, motion.enclosure.cells, scales))
         for each in obligations:
             values = list(islice(bounds, len(each.margins)))
-            guaranteed = min(x.guaranteed for x in values)
+            least = min(map(attrgetter("guaranteed"), values))
             worst = min(values, key=attrgetter("attained"))
-            given = each.part, each.part.scale, guaranteed, worst.attained, worst.time_s
+            given = each.part, each.part.scale, least, worst.attained, worst.time_s
             verdicts[id(each)] = motion.claim(*given, each.required)
     return [verdicts.get(id(each), each) for each in proofs]  # type: ignore[arg-type]

@@ -71,8 +71,8 @@ class Expression:
 
     def reads(self, entry: int, argument: int) -> set[int]:
         """Which entries of an argument an entry of the value reads."""
-        inputs = (s[1] for k in self._needed[entry] if (s := self._steps[k])[0] == ca.OP_INPUT)
-        return {i[1] for i in inputs if i[0] == argument}
+        steps = [self._steps[k] for k in self._needed[entry]]
+        return {read[1] for of, read, _ in steps if of == ca.OP_INPUT and read[0] == argument}
 
     def __call__(self, *given: Sequence[Ball]) -> list[Ball]:
         """One ball per entry of the value."""

@@ -57,39 +57,26 @@ class Choice:
     ranges: tuple[tuple[float, float], ...]
 
 
+_SCANS = (60, 600)
+"""Numbers of travels tried, the next one only if none of the last stays inside."""
+
+
 def travel_of(problem: Problem, make: Make, options: TravelOptions) -> Choice:
-    """The problem's travel where it is given, otherwise the one chosen by the options.
-
-    Raises:
-        InfeasibleError, SingularError: As `choose_travel`.
-    """
-    if problem.travel is not None:
-        return Choice(problem.travel, ())
-    return choose_travel(problem, make, options.travel, options.criterion)
-
-
-def choose_travel(
-    problem: Problem,
-    make: Make,
-    rule: str = "auto",
-    criterion: Criterion = "peak",
-    scans: tuple[int, ...] = (60, 600),
-) -> Choice:
-    """Choose a travel for which `make(travel)` stays inside the chart's domain.
+    """The problem's travel where it is given; else one that stays inside the chart's domain.
 
     Args:
         problem: Supplies the window of travels, and the limits that scale peaks and are kept where
             some travel inside the domain keeps them.
         make: The law, from travel to trajectory; None where it has no solution.
-        rule: "auto" for the best by the criterion, "middle" for the middle of the widest range.
-        criterion: "peak" for the least peak input, "margin" for the largest margin.
-        scans: Numbers of travels tried, the next one only if none of the last stays inside.
+        options: Supply the rule and the criterion of what is best.
 
     Raises:
         InfeasibleError: If no one-way motion exists at all.
         SingularError: If the law leaves the domain for every travel tried.
     """
-    for count in scans:
+    if problem.travel is not None:
+        return Choice(problem.travel, ())
+    for count in _SCANS:
         travels = candidate_travels(problem, count)
         good = score(problem, map(make, travels.tolist())).inside
         if good.any():
@@ -103,10 +90,10 @@ def choose_travel(
             changes=[BY_COLLOCATION],
         )
     ranges = _ranges(problem, travels, good, make)
-    if rule == "middle":
+    if options.travel == "middle":
         low, high = max(ranges, key=lambda r: r[1] - r[0])
         return Choice((low + high) / 2, ranges)
-    return Choice(_best(problem, make, ranges, criterion), ranges)
+    return Choice(_best(problem, make, ranges, options.criterion), ranges)
 
 
 def candidate_travels(problem: Problem, count: int) -> Array:

@@ -208,11 +208,9 @@ class _PointFamily:
         steps = np.full(grid.shape[1], 0.05 * size)
         if self.free:
             steps[0] = width
-        if grid.shape[1] == 0:  # nothing is free: one candidate
-            return search_candidates(
-                self.ends.problem, self.make, grid, steps, options.criterion, starts=0
-            )
-        return search_candidates(self.ends.problem, self.make, grid, steps, options.criterion)
+        starts = 2 if grid.shape[1] else 0  # where nothing is free there is one candidate
+        given = self.ends.problem, self.make, grid, steps, options.criterion
+        return search_candidates(*given, starts=starts)
 
     def _travels(self) -> Array:
         given = self.ends.problem.travel

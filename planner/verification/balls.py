@@ -177,10 +177,10 @@ class Ball:
         return Ball(self.c, self.b, (self.r + by) * ROUNDING_FACTOR)
 
 
-def _compose(p: Ball, value: Array, slope: Array, rest: Array, units: float = 8.0) -> Ball:
-    """g(p), from g(c), g'(c) and a bound of the rest; both right to `units` of their sizes."""
+def _compose(p: Ball, value: Array, slope: Array, rest: Array) -> Ball:
+    """g(p), from g(c), g'(c) and a bound of the rest; both right to 8 units of their sizes."""
     steep = np.abs(slope)
-    rounding = units * ROUNDING_UNIT * (np.abs(value) + steep * p.reach)
+    rounding = 8 * ROUNDING_UNIT * (np.abs(value) + steep * p.reach)
     return Ball(value, slope * p.b, (steep * p.r + rest + rounding) * ROUNDING_FACTOR)
 
 

@@ -101,8 +101,10 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     path = EnclosedMotion(motion, source)
     if isinstance(trajectory, RetimedTrajectory):
         path = EnclosedMotion(motion, source, frozenset("q"), trajectory)
-    evidence = Evidence(plan, path, plan_q)
-    claims = decide([proof for demand in problem.demands for proof in prove(demand, evidence)])
+    evidence, proofs = Evidence(plan, path, plan_q), list[Proof]()
+    for demand in problem.demands:
+        proofs += prove(demand, evidence)
+    claims = decide(proofs)
     gaps = [a - b for a, b in zip(plan_q, motion.states, strict=True)]
     most = np.array([np.max(gap.size) for gap in gaps])
     end, slip = np.array([gap.at_end() for gap in gaps]).swapaxes(0, 1)

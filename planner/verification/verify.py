@@ -342,7 +342,7 @@ def _limit_findings(plan: Plan, motion: Motion) -> list[_Finding]:
         return []
     columns = np.stack([side for *_, value in wanted for side in (value, -value)], axis=-1)
     values, times = (a.reshape(-1, 2).tolist() for a in greatest(cells, columns))
-    jumping, out = jumps(cells, motion.u), []
+    jumping, out = jumps(motion.u), []
     for (required, part, _), (most, minus_least), when in zip(wanted, values, times, strict=True):
         below = part.low + minus_least > most - part.high
         upper = not below or part.low == -part.high  # what is symmetric is told by its size

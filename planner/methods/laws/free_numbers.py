@@ -218,10 +218,7 @@ def choose_offset(
         return offset, {"offset": offset}
 
     def attempt(x: Array) -> ChainedTrajectory | None:
-        try:
-            return make(float(x[0])) if x[0] != 0 else None
-        except SingularError:
-            return None
+        return make(float(x[0])) if x[0] != 0 else None
 
     sizes = _OFFSETS * _open_window(ends.problem)
     grid = np.concatenate([-sizes, sizes, [mean]])[:, None]
@@ -268,12 +265,7 @@ def choose_swing(
 
     def attempt(x: Array) -> ChainedTrajectory | None:
         travel, amplitude = read(x)
-        if amplitude == 0:
-            return None
-        try:
-            return make(travel, amplitude)
-        except SingularError:
-            return None
+        return make(travel, amplitude) if amplitude != 0 else None
 
     grid, sizes = _grid(problem, given)
     found = search_candidates(problem, attempt, grid, sizes, options.criterion, starts=3)

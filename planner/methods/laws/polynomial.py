@@ -186,10 +186,7 @@ class _PointFamily:
         """The trajectory of free numbers x; None where the law has none."""
         if self.free and x[0] == 0:
             return None
-        try:
-            return trajectory_of(self.ends.problem, self.motion(x))
-        except SingularError:
-            return None
+        return trajectory_of(self.ends.problem, self.motion(x))
 
     def search(self, options: PolynomialOptions, known: LegMotion | None) -> BestCandidate:
         """The best of the family: from a known motion inside the domain, or from a scan."""

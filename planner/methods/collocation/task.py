@@ -193,11 +193,6 @@ def _check(made: Transcription, data: Bounds, answer: SolverAnswer, accepted: fl
     return Solution(iterate, objective, residual, ok, answer.status, answer.iterations)
 
 
-def can_jump(job: Task) -> bool:
-    """Whether nothing asks for inputs without jumps."""
-    return not (job.demands.rest or job.objective.smooth or job.problem.reads("du"))
-
-
 def transfer(old: Task, iterate: Iterate, new: Task) -> Iterate:
     """An iterate of one task as a start for another that differs in mesh or input kind."""
     q, u = pieces(old.made.form, old.mesh, iterate)

@@ -42,7 +42,7 @@ def test_a_remedy_has_been_tried_and_works(paper: planner.Problem) -> None:
     assert again.duration == pytest.approx(analysis.remedy.plan["duration_s"])
 
 
-def test_a_duration_too_short_is_proven(paper: planner.Problem) -> None:
+def test_a_duration_too_short_is_proven() -> None:
     problem = planner.load_problem(PROBLEMS / "unreachable.toml")
     analysis = check(problem, QUICK)
     assert analysis.proven_impossible
@@ -56,7 +56,7 @@ def test_a_duration_too_short_is_proven(paper: planner.Problem) -> None:
     assert remedy.plan["duration_s"] == pytest.approx(3.1, abs=0.05)
 
 
-def test_paper_figure_4_and_5(paper: planner.Problem) -> None:
+def test_paper_figure_4_and_5() -> None:
     for name, count in (("paper-fig4", 2), ("paper-fig5", 0)):
         problem = planner.load_problem(PROBLEMS / f"{name}.toml")
         analysis = check(problem, QUICK)

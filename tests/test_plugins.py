@@ -724,7 +724,7 @@ BREAKDOWNS: list[tuple[Any, str]] = [
     (plans_nothing, "returned None, which is no plan"),
     (plans_another, "returned a plan of another problem"),
     (junk(objective="high"), "returned what no plan file can hold"),
-    (junk(notes=None), "failed: TypeError"),
+    (junk(notes=None), "returned what no plan file can hold: its plan: 'notes' = None"),
     (junk(compensation="much"), "failed: AttributeError"),
     (junk(trajectory=Shaky()), "returned what no plan file can hold"),
     (junk(trajectory=None), "failed: AttributeError"),
@@ -776,7 +776,7 @@ def test_what_a_method_keeps_may_break_down_too(paper: planner.Problem, keeps: A
 def test_a_bug_of_planner_stays_one(
     paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    broken = replace(METHODS["polynomial"], made_by=breaks_down)
+    broken = replace(METHODS["polynomial"], plan=breaks_down)
     monkeypatch.setitem(METHODS, "polynomial", broken)
     with pytest.raises(ZeroDivisionError):
         planner.compare(paper, ["polynomial"], samples=2)

@@ -41,6 +41,7 @@ def test_outside_the_domain_is_refused_with_times(unlimited: planner.Problem) ->
     assert len(info.value.times_s) == 3  # z2 = 0 twice, and the last exit through theta1 = 0
     assert f"{info.value.times_s[0]:.4f}" in str(info.value)
     assert info.value.plan is not None
+    assert info.value.times_s == info.value.plan.domain.singular_times_s
     assert not info.value.plan.executable
     plan = planner.solve(problem, "polynomial", allow_singular=True)  # for study
     assert (plan.status, plan.verified, plan.executable) == ("singular", False, False)

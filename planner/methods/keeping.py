@@ -131,8 +131,9 @@ def refuse_unkept(problem: Problem, name: str, keeps: Keeps) -> None:
     Raises:
         NoPlanError: If there is one.
     """
-    goals = [each for each in problem.demands if isinstance(each, GOALS)]
-    if any(keeps(problem, each, part) == "never" for each in goals for part in each.parts):
+    parts = [(each, part) for each in problem.demands for part in each.parts]
+    never = [(each, part.label) for each, part in parts if keeps(problem, each, part) == "never"]
+    if any(isinstance(each, GOALS) for each, _ in never):
         if problem.system.has_user_coordinates:
             every = problem.system.user_coordinates
             names = ", ".join(every[i].name for i in np.flatnonzero(np.isnan(problem.user_goal)))
@@ -148,9 +149,9 @@ def refuse_unkept(problem: Problem, name: str, keeps: Keeps) -> None:
             f" leaves {names} free",
             changes=[replace(BY_COLLOCATION, words=words)],
         )
-    never = [label for label, answer in answers(problem, keeps).items() if answer == "never"]
     if never:
+        labels = ", ".join(dict.fromkeys(label for _, label in never))
         raise NoPlanError(
-            f"{problem.source}: the method '{name}' does not plan for {', '.join(never)}",
+            f"{problem.source}: the method '{name}' does not plan for {labels}",
             changes=[BY_COLLOCATION],
         )

@@ -47,11 +47,6 @@ class Change:
     method: str = ""
     defaults: bool = False
 
-    @property
-    def of_options(self) -> bool:
-        """Whether options of the method change, so that a plan is none of what was asked."""
-        return any(key.startswith("method.") for key in self.keys)
-
     def __str__(self) -> str:
         if self.method and not self.keys:
             return f"use the method '{self.method}'{self.words}"
@@ -195,8 +190,8 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
         return None
     shown = replace(tries.plan, problem=problem, verified=False, certificate=None)
     broken = verify(shown).violations
-    if not broken and not tries.change.of_options:
-        return tries.plan
+    if not broken and not any(key.startswith("method.") for key in tries.change.keys):
+        return tries.plan  # with other options a plan is none of what was asked
     error.advise(f"{changed_words(shown, broken) or tries.change} (tried)")
     if tries.change.without:
         error.blame(tries.change.without, replace(shown, status=error.status), broken)

@@ -31,19 +31,6 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class DeferredFunction:
-    """Where a function is, whose module (and with it, say, OSQP) is imported when it is wanted."""
-
-    module: str
-    name: str
-
-    def __call__(self) -> Callable[..., Plan]:
-        """The function."""
-        found: Callable[..., Plan] = getattr(import_module(self.module), self.name)
-        return found
-
-
-@dataclass(frozen=True)
 class Method:
     """An entry of the registry.
 
@@ -51,9 +38,9 @@ class Method:
         name: As users write it; also the name of its `[method.*]` table.
         summary: One line for listings.
         options: The table of its options.
-        made_by: What makes its plans, or where that is.
+        plan: From problem and options to a plan that is not verified yet.
         keeps: What it says before it searches: which parts of what is asked it keeps.
-        remade_by: The same from a plan of a neighbouring problem, or None.
+        replan: As `plan`, from a plan of a neighbouring problem; or None.
         refines: The method whose plan it starts from, or None. Where that finds none this finds
             none, so that `check` does not try it.
         finds_time: Whether it reports a too short duration by itself and finds a longer one.
@@ -62,21 +49,21 @@ class Method:
     name: str
     summary: str
     options: type[Any]
-    made_by: Callable[[Problem, Any], Plan] | DeferredFunction
+    plan: Callable[[Problem, Any], Plan]
     keeps: keeping.Keeps = keeping.nothing
-    remade_by: Callable[[Problem, Any, Plan], Plan] | DeferredFunction | None = None
+    replan: Callable[[Problem, Any, Plan], Plan] | None = None
     refines: str | None = None
     finds_time: bool = False
 
-    @property
-    def plan(self) -> Callable[[Problem, Any], Plan]:
-        """From problem and options to a plan that is not verified yet."""
-        return self.made_by() if isinstance(self.made_by, DeferredFunction) else self.made_by
 
-    @property
-    def replan(self) -> Callable[[Problem, Any, Plan], Plan] | None:
-        """The same as `plan` from a plan of a neighbouring problem, or None."""
-        return self.remade_by() if isinstance(self.remade_by, DeferredFunction) else self.remade_by
+def _function(module: str, name: str) -> Callable[..., Plan]:
+    """A function whose module (and with it, say, OSQP) is imported when it is called."""
+
+    def call(*given: Any) -> Plan:
+        plan: Plan = getattr(import_module(f"planner.methods.{module}"), name)(*given)
+        return plan
+
+    return call
 
 
 _ALL = (
@@ -84,53 +71,53 @@ _ALL = (
         "polynomial",
         "the paper's method: v1 constant, v2 polynomial, with constraint points",
         PolynomialOptions,
-        DeferredFunction("planner.methods.laws.polynomial", "plan_polynomial"),
+        _function("laws.polynomial", "plan_polynomial"),
         keeping.law(keeping.one_leg),
     ),
     Method(
         "piecewise",
         "multirate: v1 constant, v2 piecewise constant",
         PiecewiseOptions,
-        DeferredFunction("planner.methods.laws.piecewise", "plan_piecewise"),
+        _function("laws.piecewise", "plan_piecewise"),
         keeping.law(keeping.slots),
     ),
     Method(
         "sinusoid",
         "one period of v1 = a0 + a1 sin wt, v2 = sum of bj cos jwt",
         SinusoidOptions,
-        DeferredFunction("planner.methods.laws.sinusoids", "plan_sinusoid"),
+        _function("laws.sinusoids", "plan_sinusoid"),
         keeping.law(keeping.smooth),
     ),
     Method(
         "sinusoid_steps",
         "z1 and z2 first, then one further coordinate in each period of sinusoids",
         SinusoidStepsOptions,
-        DeferredFunction("planner.methods.laws.sinusoids", "plan_sinusoid_steps"),
+        _function("laws.sinusoids", "plan_sinusoid_steps"),
         keeping.law(keeping.steps),
     ),
     Method(
         "collocation",
         "optimal plans in joint coordinates within all limits, by direct collocation",
         CollocationOptions,
-        DeferredFunction("planner.methods.collocation.method", "plan_collocation"),
+        _function("collocation.method", "plan_collocation"),
         keeping.collocation,
-        DeferredFunction("planner.methods.collocation.method", "replan_collocation"),
+        _function("collocation.method", "replan_collocation"),
         finds_time=True,
     ),
     Method(
         "convex",
         "globally optimal path in the chart with its gap, or a certificate that none exists",
         ConvexOptions,
-        DeferredFunction("planner.methods.convex.method", "plan_convex"),
+        _function("convex.method", "plan_convex"),
         keeping.convex,
     ),
     Method(
         "desensitised",
         "least response to errors of inputs, start and constants, traded against effort",
         DesensitisedOptions,
-        DeferredFunction("planner.methods.desensitised.method", "plan_desensitised"),
+        _function("desensitised.method", "plan_desensitised"),
         keeping.desensitised,
-        DeferredFunction("planner.methods.desensitised.method", "plan_desensitised"),
+        _function("desensitised.method", "plan_desensitised"),
         refines="collocation",
         finds_time=True,
     ),
@@ -212,9 +199,9 @@ def register_method(
     owner = Owner.of(f"method '{name}'", plan)
     METHODS[name] = replace(
         entry,
-        made_by=ForeignPlans(owner, plan),
+        plan=ForeignPlans(owner, plan),
         keeps=ForeignKeeps(owner, keeps),
-        remade_by=replan and ForeignPlans(owner, replan),
+        replan=replan and ForeignPlans(owner, replan),
     )
     remember(f"method '{name}'")
 

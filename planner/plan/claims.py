@@ -106,14 +106,12 @@ class Certificate:
     def __str__(self) -> str:
         required = [c for c in self.claims if c.required]
         if self.ok:
-            return f"all {len(required)} requirements proven between the nodes; {self._distance()}"
+            off = f"true motion within {max(self.motion_error.values()):.1e} of the plan's"
+            return f"all {len(required)} requirements proven between the nodes; {off}"
         first = self.open[0]
         more = f" (and {len(self.open) - 1} more)" if len(self.open) > 1 else ""
         proven = len(required) - len(self.open)
         return f"{proven} of {len(required)} requirements proven; {first}{more}"
-
-    def _distance(self) -> str:
-        return f"true motion within {max(self.motion_error.values()):.1e} of the plan's"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready form, null where nothing is known; `certificate_from_dict` reads it."""

@@ -95,7 +95,7 @@ def peak_rates(trajectory: Trajectory) -> Array:
     """Largest |du₁/dt| and |du₂/dt|, shape (2,); infinite where an input jumps on the way."""
     reading = read_trajectory(trajectory)
     peaks = largest(reading.cells, slopes(reading.cells, reading.u))
-    return np.where(jumps(reading.cells, reading.u), np.inf, peaks)
+    return np.where(jumps(reading.u), np.inf, peaks)
 
 
 LEAST_TURN = 0.02
@@ -138,7 +138,7 @@ def slowing_factor(requirements: Sequence[Requirement], trajectory: Trajectory) 
         top, _ = greatest(cells, np.concatenate([values, -values], axis=-1))
         most, below = np.split(top, 2)
         slower_by = required.slowing_factor(-below, most)
-        jumping = jumps(cells, reading.u) if "du" in required.reads else np.zeros(2, bool)
+        jumping = jumps(reading.u) if "du" in required.reads else np.zeros(2, bool)
         indices = [part.index for part in required.parts] if required.is_direct else [0, 1]
         factors.append(np.inf if any(jumping[indices]) else float(np.max(slower_by)))
     return float(np.max(factors))

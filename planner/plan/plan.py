@@ -37,6 +37,20 @@ if TYPE_CHECKING:
 FORMAT = "planner-plan"
 VERSION = 1
 
+COPIED = (
+    "method",
+    "options",
+    "status",
+    "objective",
+    "objective_name",
+    "solve_time_s",
+    "build_time_s",
+    "iterations",
+    "verified",
+    "notes",
+)
+"""What a plan's file has as the plan itself has it."""
+
 COMPENSATED = "compensated"
 """After the name of a method: its plan compensated for the machine."""
 
@@ -262,16 +276,7 @@ class Plan:
             "version": VERSION,
             "problem": self.problem.to_dict(),
             "source": self.problem.source,
-            "method": self.method,
-            "options": dict(self.options),
-            "status": self.status,
-            "objective": self.objective,
-            "objective_name": self.objective_name,
-            "solve_time_s": self.solve_time_s,
-            "build_time_s": self.build_time_s,
-            "iterations": self.iterations,
-            "verified": self.verified,
-            "notes": dict(self.notes),
+            **{key: getattr(self, key) for key in COPIED},
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "trajectory": self.trajectory.to_dict(),
         }

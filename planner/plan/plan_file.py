@@ -12,7 +12,7 @@ from pydantic import Field, field_validator
 from planner.errors import InputError
 from planner.plan.claims import certificate_from_dict
 from planner.plan.clock import Clock
-from planner.plan.plan import FORMAT, ROUNDING, VERSION, Compensation, Plan
+from planner.plan.plan import COPIED, FORMAT, ROUNDING, VERSION, Compensation, Plan
 from planner.plan.trajectory import trajectory_from_dict
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import MOST_NUMBER
@@ -44,7 +44,7 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
             certificate=None if proven is None else certificate_from_dict(proven),
             why="" if data["verified"] else data.get("why", ""),
             compensation=made_from,
-            **{key: _read_back(data[key]) for key in _COPIED_KEYS},
+            **{key: _read_back(data[key]) for key in COPIED},
         )
     except (KeyError, TypeError) as error:
         raise InputError(f"{path} is not a complete plan file: {error!r}") from None
@@ -68,20 +68,6 @@ def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Cl
     if why:
         raise InputError(f"{path}: compensation.clock is none: {why}")
     return clock
-
-
-_COPIED_KEYS = (
-    "method",
-    "options",
-    "status",
-    "objective",
-    "objective_name",
-    "solve_time_s",
-    "build_time_s",
-    "iterations",
-    "verified",
-    "notes",
-)
 
 
 def _read_back(value: Any) -> Any:

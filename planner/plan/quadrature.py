@@ -368,7 +368,7 @@ def largest(cells: Cells, values: Array) -> Array:
     return np.asarray(np.max(value.reshape(2, -1), axis=0))
 
 
-def jumps(cells: Cells, values: Array) -> NDArray[np.bool_]:
+def jumps(values: Array) -> NDArray[np.bool_]:
     """Whether functions (16, C, F) jump between cells, by over `JUMP_TOLERANCE` of their size."""
     size = np.maximum(np.max(np.abs(values), axis=(0, 1)), 1e-12)
     return np.asarray(

@@ -94,6 +94,11 @@ class Ball:
         """δ, a bound of |f − c|."""
         return (np.abs(self.b) * RADIUS_COLUMN + self.r) * ROUNDING_FACTOR
 
+    @property
+    def ellipses(self) -> tuple[Array, Array, Array]:
+        """Centres, slopes and radii on the segment and the ellipses, shape (C, 9)."""
+        return self.c[:, POINTS:], self.b[:, POINTS:], self.r[:, POINTS:]
+
     def replace_rows(self, rows: Index, fresh: Index, new: Ball) -> Ball:
         """Some rows, those of a mask `fresh` replaced by other ones."""
         out = [x[rows] for x in _arrays(self)]
@@ -172,10 +177,10 @@ class Ball:
         return Ball(self.c, self.b, (self.r + by) * ROUNDING_FACTOR)
 
 
-def _compose(p: Ball, value: Array, slope: Array, rest: Array, units: float = 8.0) -> Ball:
-    """g(p), from g(c), g'(c) and a bound of the rest; both right to `units` of their sizes."""
+def _compose(p: Ball, value: Array, slope: Array, rest: Array) -> Ball:
+    """g(p), from g(c), g'(c) and a bound of the rest; both right to 8 units of their sizes."""
     steep = np.abs(slope)
-    rounding = units * ROUNDING_UNIT * (np.abs(value) + steep * p.reach)
+    rounding = 8 * ROUNDING_UNIT * (np.abs(value) + steep * p.reach)
     return Ball(value, slope * p.b, (steep * p.r + rest + rounding) * ROUNDING_FACTOR)
 
 

@@ -101,13 +101,15 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     path = EnclosedMotion(motion, source)
     if isinstance(trajectory, RetimedTrajectory):
         path = EnclosedMotion(motion, source, frozenset("q"), trajectory)
-    evidence = Evidence(plan, path, plan_q)
-    claims = decide([proof for demand in problem.demands for proof in prove(demand, evidence)])
+    evidence, proofs = Evidence(plan, path, plan_q), list[Proof]()
+    for demand in problem.demands:
+        proofs += prove(demand, evidence)
+    claims = decide(proofs)
     gaps = [a - b for a, b in zip(plan_q, motion.states, strict=True)]
-    most = np.array([float(np.max(gap.size)) for gap in gaps])
-    ends = [np.abs(end) - slip for end, slip in (gap.at_end() for gap in gaps)]
-    reached = max(float(np.max(np.nan_to_num(end, nan=-np.inf))) for end in ends)
-    low, high = (INTERPOLANT_TOLERANCE - x for x in (max(most.tolist()), max(reached, 0.0)))
+    most = np.array([np.max(gap.size) for gap in gaps])
+    end, slip = np.array([gap.at_end() for gap in gaps]).swapaxes(0, 1)
+    reached = np.max(np.nan_to_num(np.abs(end) - slip, nan=-np.inf), initial=0.0)
+    low, high = INTERPOLANT_TOLERANCE - float(np.max(most)), INTERPOLANT_TOLERANCE - float(reached)
     claims.append(path.claim(PLAN_DEVIATION, INTERPOLANT_TOLERANCE, low, high, np.nan))
     return claims, most, len(motion.cells.piece)
 
@@ -176,7 +178,7 @@ def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
     for part, value in zip(required.parts, values, strict=True):
         margins: list[Margin] = [(-1.0, value, part.high), (1.0, value, -part.low)]
         if required.final:
-            end, doubt = (float(x[-1]) for x in value.at_end())
+            end, doubt = np.array(value.at_end())[:, -1].tolist()
             slack = GOAL_TOLERANCE * part.scale
             margin = slack + min(end - part.low, part.high - end)
             proofs.append(motion.claim(part, slack, margin - doubt, margin + doubt, motion.end_s))
@@ -266,15 +268,10 @@ def _(chart: ChartDomain, evidence: Evidence) -> Iterable[Proof]:
 def _(start: Start, evidence: Evidence) -> Iterable[Proof]:
     """The plan's own q(t) begins there, as the true motion does."""
     (part,) = start.parts
-    ends = [
-        (float(q[0]), float(slip[0])) for q, slip in (model.at_begin() for model in evidence.plan_q)
-    ]
-    away = [
-        (abs(q - q0), slip) for (q, slip), q0 in zip(ends, evidence.plan.problem.start, strict=True)
-    ]
-    most, least = max(a + b for a, b in away), max(a - b for a, b in away)
-    bounds = GOAL_TOLERANCE - most, GOAL_TOLERANCE - least
-    return [evidence.path.claim(part, GOAL_TOLERANCE, *bounds, 0.0)]
+    q, slip = np.array([model.at_begin() for model in evidence.plan_q])[:, :, 0].T
+    away = np.abs(q - evidence.plan.problem.start)
+    low, high = (GOAL_TOLERANCE - float(np.max(x)) for x in (away + slip, away - slip))
+    return [evidence.path.claim(part, GOAL_TOLERANCE, low, high, 0.0)]
 
 
 @prove.register
@@ -283,7 +280,8 @@ def _(goal: Goal, evidence: Evidence) -> Iterable[Proof]:
     target = evidence.plan.problem.target
     for part in goal.parts:
         if not np.isnan(target[part.index]):
-            end, doubt = (float(x[-1]) for x in evidence.path.enclosure.states[part.index].at_end())
+            state = evidence.path.enclosure.states[part.index]
+            end, doubt = np.array(state.at_end())[:, -1].tolist()
             margin = GOAL_TOLERANCE - abs(end - target[part.index])
             bounds = margin - doubt, margin + doubt
             yield evidence.path.claim(part, GOAL_TOLERANCE, *bounds, evidence.path.end_s)

@@ -133,7 +133,7 @@ def _integral_on_ellipses(
     f: Ball, half: Array, middle: Array, doubt: Array
 ) -> tuple[Array, Array, Array]:
     """middle + ∫ f from the middle, on the segment and the ellipses."""
-    slope, bend, r = (x[:, POINTS:] for x in (f.c, f.b, f.r))
+    slope, bend, r = f.ellipses
     c, b = middle + half * bend / 4, half * slope
     rest = half * (np.abs(bend) * SQUARE_COLUMN[POINTS:] / 2 + r * RADIUS_COLUMN[POINTS:])
     rest = rest + doubt + 4 * ROUNDING_UNIT * (np.abs(c) + np.abs(b) * RADIUS_COLUMN[POINTS:])
@@ -296,13 +296,12 @@ def _on_ellipses(
         for i, f in zip(block, _rates(system, block, cells, known | trial, u), strict=True):
             middle, slip = p[i].c[:, ::2] @ signs, 2 * POINTS * ROUNDING_UNIT * p[i].norm
             c, b, r = _integral_on_ellipses(f, half, middle[:, None], doubt + slip[:, None])
-            now = trial[i].c[:, POINTS:], trial[i].b[:, POINTS:], trial[i].r[:, POINTS:]
+            now = trial[i].ellipses
             gap = np.abs(c - now[0]) + np.abs(b - now[1]) * RADIUS_COLUMN[POINTS:] + r
             fits &= gap * ROUNDING_FACTOR <= now[2]
             images.append((c, b, r))
         for i, (c, b, r) in zip(block, images, strict=True):
-            ellipses = out[i].c[:, POINTS:], out[i].b[:, POINTS:], out[i].r[:, POINTS:]
-            pairs = zip((c, b, r), ellipses, strict=True)
+            pairs = zip((c, b, r), out[i].ellipses, strict=True)
             out[i] = _replace_ellipses(out[i], *(np.where(fits, new, old) for new, old in pairs))
             trial[i] = _replace_ellipses(out[i], c, b, 1.2 * r)
     return out
@@ -310,8 +309,8 @@ def _on_ellipses(
 
 def _replace_ellipses(ball: Ball, c: Array, b: Array, r: Array) -> Ball:
     """The ball with other columns off the points."""
-    pairs = zip((ball.c, ball.b, ball.r), (c, b, r), strict=True)
-    return Ball(*(np.concatenate([old[:, :POINTS], new], axis=1) for old, new in pairs))
+    points = ball.c[:, :POINTS], ball.b[:, :POINTS], ball.r[:, :POINTS]
+    return Ball(*map(np.hstack, zip(points, (c, b, r), strict=True)))
 
 
 @lru_cache(maxsize=32)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
+from operator import attrgetter
 
 import numpy as np
 
@@ -160,11 +162,9 @@ def decide(proofs: list[Proof]) -> list[Claim]:
         margins = [margin for each in obligations for margin in each.margins]
         bounds = iter(least_values(margins, motion.enclosure.cells, scales))
         for each in obligations:
-            values = [next(bounds) for _ in each.margins]
-            guaranteed, worst = (
-                min(x.guaranteed for x in values),
-                min(values, key=lambda x: x.attained),
-            )
-            given = each.part, each.part.scale, guaranteed, worst.attained, worst.time_s
+            values = list(islice(bounds, len(each.margins)))
+            least = min(map(attrgetter("guaranteed"), values))
+            worst = min(values, key=attrgetter("attained"))
+            given = each.part, each.part.scale, least, worst.attained, worst.time_s
             verdicts[id(each)] = motion.claim(*given, each.required)
     return [verdicts.get(id(each), each) for each in proofs]  # type: ignore[arg-type]

@@ -71,8 +71,8 @@ class Expression:
 
     def reads(self, entry: int, argument: int) -> set[int]:
         """Which entries of an argument an entry of the value reads."""
-        inputs = (s[1] for k in self._needed[entry] if (s := self._steps[k])[0] == ca.OP_INPUT)
-        return {i[1] for i in inputs if i[0] == argument}
+        steps = [self._steps[k] for k in self._needed[entry]]
+        return {read[1] for of, read, _ in steps if of == ca.OP_INPUT and read[0] == argument}
 
     def __call__(self, *given: Sequence[Ball]) -> list[Ball]:
         """One ball per entry of the value."""
@@ -81,10 +81,10 @@ class Expression:
 
     def entry(self, i: int, given: ArgumentBalls, done: dict[Any, Ball]) -> Ball:
         """One entry; `done` keeps what was evaluated, for the next with the same arguments."""
+        deadline.check_stopped()
         for k in self._needed[i]:
             if k in done:
                 continue
-            deadline.check_stopped()
             operation, read, number = self._steps[k]
             if operation == ca.OP_INPUT:
                 done[k] = given[read[0]][read[1]]
@@ -96,7 +96,7 @@ class Expression:
                     done[pair[0]], done[pair[1]] = f.sine_cosine(done[read[0]])
                 done[k] = _CIRCULAR[operation](done[pair[0]], done[pair[1]])
             else:
-                done[k] = _ARITHMETIC[operation](*(done[j] for j in read))
+                done[k] = _ARITHMETIC[operation](*map(done.__getitem__, read))
         return done[self._ends[i]] if self._ends[i] >= 0 else Ball.constant(0.0)
 
 
@@ -104,7 +104,7 @@ def _product(a: Ball, b: Ball) -> Ball:
     """Cheaper where one of them is a number."""
     for one, other in ((a, b), (b, a)):
         if one.c.size == 1 and not one.r[0, 0] and not one.b[0, 0]:
-            return other * float(one.c[0, 0])
+            return other.scaled(one.c[0, 0])
     return a * b
 
 

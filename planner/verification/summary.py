@@ -129,7 +129,7 @@ def _largest(errors: Array) -> float:
 OF_EVERY_PLAN = {n: one for n, one in figures(PlanFigures).items() if not one.executable}
 """Those that a path which cannot be executed has too; the others are figures of comparisons."""
 
-SUMMARY_KEYS = (
+_OF_PLAN = (
     "method",
     "status",
     "verified",
@@ -138,6 +138,10 @@ SUMMARY_KEYS = (
     "solve_time_s",
     "build_time_s",
     "iterations",
+)
+
+SUMMARY_KEYS = (
+    *_OF_PLAN,
     *OF_EVERY_PLAN,
     "direction",
     "terminal_error",
@@ -170,14 +174,7 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
     names = [c.name for c in plan.problem.system.user_coordinates]
     out = dict.fromkeys(SUMMARY_KEYS)
     out |= {
-        "method": plan.method,
-        "status": plan.status,
-        "verified": plan.verified,
-        "objective": plan.objective,
-        "objective_name": plan.objective_name,
-        "solve_time_s": plan.solve_time_s,
-        "build_time_s": plan.build_time_s,
-        "iterations": plan.iterations,
+        **{key: getattr(plan, key) for key in _OF_PLAN},
         **{name: one.plan(plan, check) for name, one in OF_EVERY_PLAN.items() if one.plan},
         "direction": direction(plan),
         "terminal_error_deg": check.terminal_error_deg.tolist(),

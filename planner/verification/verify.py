@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,7 +115,7 @@ class _Finding:
     tolerance: float
     upper: bool = True
 
-    @property
+    @cached_property
     def margin(self) -> float:
         return self.limit - self.value if self.upper else self.value - self.limit
 
@@ -341,7 +342,7 @@ def _limit_findings(plan: Plan, motion: Motion) -> list[_Finding]:
         return []
     columns = np.stack([side for *_, value in wanted for side in (value, -value)], axis=-1)
     values, times = (a.reshape(-1, 2).tolist() for a in greatest(cells, columns))
-    jumping, out = jumps(cells, motion.u), []
+    jumping, out = jumps(motion.u), []
     for (required, part, _), (most, minus_least), when in zip(wanted, values, times, strict=True):
         below = part.low + minus_least > most - part.high
         upper = not below or part.low == -part.high  # what is symmetric is told by its size

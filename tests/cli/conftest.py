@@ -98,7 +98,7 @@ def law(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[..., Any]], None]
         def plan(problem: planner.Problem, options: Any) -> planner.Plan:
             return function(lambda: real.plan(problem, options))
 
-        monkeypatch.setitem(planner.METHODS, "polynomial", replace(real, made_by=plan))
+        monkeypatch.setitem(planner.METHODS, "polynomial", replace(real, plan=plan))
 
     return put
 

@@ -27,7 +27,7 @@ def long_job(problem, options):
     return law.plan(problem, options)
 
 law = planner.METHODS["polynomial"]
-planner.METHODS["polynomial"] = replace(law, made_by=long_job)
+planner.METHODS["polynomial"] = replace(law, plan=long_job)
 runpy.run_module("planner", run_name="__main__", alter_sys=True)
 """
 

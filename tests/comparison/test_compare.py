@@ -259,7 +259,7 @@ def test_an_unfinished_iterate_is_not_kept_as_a_plan(
     def give_up(problem: planner.Problem, options: object) -> planner.Plan:
         raise planner.NotConvergedError("stopped after 3 iterations", plan=iterate)
 
-    monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], made_by=give_up))
+    monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], plan=give_up))
     row = planner.compare(unlimited, ["polynomial"], samples=2).rows[0]
     assert (row.plan, row.replay, row.why) == (None, None, "stopped after 3 iterations")
 
@@ -360,7 +360,7 @@ def test_all_means_every_method_and_one_that_does_not_fit_stops_none(
 
     with restored():
         METHODS.clear()
-        METHODS.update(sinusoid=replace(like, name="sinusoid", made_by=unfit), polynomial=like)
+        METHODS.update(sinusoid=replace(like, name="sinusoid", plan=unfit), polynomial=like)
         result = planner.compare(quick, "all", samples=2)
         assert [row.label for row in result.rows] == ["sinusoid", "polynomial"]
         assert (result.rows[0].why, result.rows[1].solved) == ("works on cars only", True)
@@ -476,7 +476,7 @@ def test_a_reason_that_ends_in_a_list_stops_before_it(
     def refuse(problem: planner.Problem, options: object) -> planner.Plan:
         raise planner.NotConvergedError("it takes 10.98 s. In 10 s it breaks:\n  - input u1")
 
-    monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], made_by=refuse))
+    monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], plan=refuse))
     row = planner.compare(unlimited, ["polynomial"], samples=2).rows[0]
     assert row.why == "it takes 10.98 s"
 

@@ -88,7 +88,7 @@ def test_stop_ends_the_search(
             deadline.check()
             time.sleep(0.001)
 
-    entry = replace(METHODS["convex"], made_by=endless)
+    entry = replace(METHODS["convex"], plan=endless)
     monkeypatch.setitem(METHODS, "convex", entry)  # type: ignore[index]
     widget._hear(widget, {"ask": "change", "number": 7, "changes": [["method", "convex"]]}, [])
     assert begun.wait(60)

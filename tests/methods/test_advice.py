@@ -116,7 +116,7 @@ def test_other_methods_are_named_and_not_called(
     def called(*_: object) -> Plan:
         raise AssertionError
 
-    monkeypatch.setitem(METHODS, "collocation", replace(METHODS["collocation"], made_by=called))
+    monkeypatch.setitem(METHODS, "collocation", replace(METHODS["collocation"], plan=called))
     with pytest.raises(planner.InfeasibleError) as caught:
         planner.solve(paper.changed({"goal.travel": 0.0}), "convex")
     assert caught.value.changes == (BY_COLLOCATION,)

@@ -28,6 +28,7 @@ def test_printed_example_keeps_z2_negative_and_yet_has_no_theta1(
     assert not plan.domain.ok
     assert plan.domain.margin == pytest.approx(-0.221, abs=5e-4)  # cos²θ₁ would have to be 1.22
     assert "theta1 = 0" in plan.domain.label
+    assert np.isnan(plan.q(plan.domain.time_s)[1])
     enter, leave = plan.domain.exits_s
     z = plan.z(np.linspace(0, 10, 2001))
     outside = -z[:, 1] > g(z[:, 2], 0.870125, 0.711625)

@@ -176,10 +176,10 @@ def test_jumps_are_more_than_a_millionth_of_the_size() -> None:
     size = [0.0, 0.9e-6, 1.1e-6, 1.1e-5]
     values = np.stack([1 + s * after for s in size], axis=-1)
     values[..., 3] *= -10
-    np.testing.assert_array_equal(quadrature.jumps(cells, values), [False, False, True, True])
+    np.testing.assert_array_equal(quadrature.jumps(values), [False, False, True, True])
     large = 100 * np.stack([1 + s * after for s in size], axis=-1)
-    np.testing.assert_array_equal(quadrature.jumps(cells, large), [False, False, True, True])
-    assert not quadrature.jumps(Cells.of(np.array([0.0, 1.0])), values[:, :1]).any()
+    np.testing.assert_array_equal(quadrature.jumps(large), [False, False, True, True])
+    assert not quadrature.jumps(values[:, :1]).any()
 
 
 # -- the motion under an input -------------------------------------------------------------------

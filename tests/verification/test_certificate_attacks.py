@@ -207,7 +207,10 @@ def test_a_plan_whose_own_motion_is_another(optimal: planner.Plan) -> None:
     """Good inputs beside a q(t) that starts, or goes, elsewhere."""
     curve = optimal.trajectory.q_curve  # type: ignore[attr-defined]
     moved = _with(optimal, q_curve=BPoly(curve.c + np.array([0.0, 0.01, 0.0, 0.0]), curve.x))
-    assert _open_labels(moved) == {"start", "plan's q(t) against its integrated input"}
+    deviation = planner.certify(moved)["plan's q(t) against its integrated input"]
+    assert _open_labels(moved) == {"start", deviation.label}
+    assert deviation.status == "violated"
+    assert deviation.attained == pytest.approx(1e-4 - 0.01, abs=1e-6)
     c = curve.c.copy()
     c[1:-1, len(curve.x) // 2, 3] += 0.01
     assert "plan's q(t) against its integrated input" in _open_labels(

@@ -62,7 +62,7 @@ def inspect(task: Task, solution: Solution) -> Inspection:
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
     values = values[..., : task.problem.system.size]
     plan = _basis(form.scheme_kind, form.degree) @ values
-    curves = np.stack([plan, task.motion(iterate).states])
+    curves = np.stack([plan, task.motion(iterate)])
     gap = np.abs(curves[1] - curves[0])
     return Inspection(task, solution, curves, float(gap[-1, -1].max()), float(gap.max()))
 
@@ -84,7 +84,7 @@ def clears(task: Task, solution: Solution) -> bool:
         return True
     scale = np.array([part.scale for required in requirements for part in required.parts])
     iterate = solution.iterate
-    deep = excess(task, iterate, task.motion(iterate).states[None], requirements)
+    deep = excess(task, iterate, task.motion(iterate)[None], requirements)
     return bool(np.all(deep < scale / 2))
 
 

@@ -16,7 +16,6 @@ from planner.methods.collocation.long_arms.exact_motion import (
     has_only_limits,
 )
 from planner.methods.collocation.task import Solution, Task, transfer
-from planner.methods.collocation.transcription.bounds import spread_drawing_in
 from planner.methods.collocation.transcription.form import Mesh
 from planner.support import progress
 from planner.support.deadline import TimeUpError, time_share
@@ -128,9 +127,8 @@ def _tighter_motions(now: Inspection) -> Iterator[tuple[int, Inspection]]:
             tighter = _add_build_time(now.task, now.task.with_inner_rows())
         else:
             rounds += 1
-            more = spread_drawing_in(
-                now.excess, DRAWN_IN_ELSEWHERE if rounds == 1 else 1.0, times=rounds
-            )
+            broken, share = rounds * now.excess, DRAWN_IN_ELSEWHERE if rounds == 1 else 1.0
+            more = np.maximum(broken, share * np.max(broken, axis=0))
             tighter = replace(now.task, drawn=now.task.drawn + more)
         solution = tighter.solve_near(now.solution.iterate)
         now = inspect(tighter, solution) if solution.ok else replace(now, task=tighter)

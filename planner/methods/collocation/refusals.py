@@ -30,14 +30,6 @@ LONGER_DURATION = 1.05
 """Times the fastest motion found that is tried as a duration where that itself has no plan."""
 
 
-def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
-    """Why a search has no answer."""
-    assert search.last is not None
-    if search.fastest is not None:
-        return too_short(problem, search.fastest, search.options)
-    return no_motion(problem, search)
-
-
 def no_goal(problem: Problem) -> NoPlanError:
     """No place of the joints is found that meets a goal which leaves some free."""
     reach, tip = goal_reach(problem), problem.tip
@@ -78,11 +70,13 @@ def too_short(
     )
 
 
-def no_motion(problem: Problem, search: Pipeline) -> NoPlanError:
-    """No start led to a path, or no path to a motion.
+def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
+    """Its motions are too slow, or no start led to a path, or no path to a motion.
 
     A path is one in any time: where none was found, what may stand in the way is what paths keep.
     """
+    if search.fastest is not None:
+        return too_short(problem, search.fastest, search.options)
     assert search.last is not None
     solution, options = search.last[1], search.options
     plan, broken = iterate_plan(problem, *search.last, options)

@@ -17,7 +17,6 @@ from planner.methods.collocation.transcription.transcription import Transcriptio
 from planner.methods.collocation.transcription.unknowns import (
     STEPS,
     Iterate,
-    MotionSamples,
     curve,
     pieces,
     resimulate,
@@ -129,11 +128,11 @@ class Task:
         """The motion an iterate describes."""
         return curve(self.made.system, self.made.form, self.mesh, iterate)
 
-    def motion(self, iterate: Iterate) -> MotionSamples:
-        """The system's motion that the iterate's input really makes."""
+    def motion(self, iterate: Iterate) -> Array:
+        """The system's motion that the iterate's input really makes, see `resimulate`."""
         made = self.made
-        motion = resimulate(made.moved, self.mesh, iterate, made.start(self.problem))
-        return replace(motion, states=motion.states[..., : made.system.size])
+        states = resimulate(made.moved, self.mesh, iterate, made.start(self.problem))
+        return states[..., : made.system.size]
 
     def motion_apart(self, iterate: Iterate) -> Array:
         """The same in each interval from the iterate's own node, shape (K, M, N)."""
@@ -194,11 +193,6 @@ def _check(made: Transcription, data: Bounds, answer: SolverAnswer, accepted: fl
     return Solution(iterate, objective, residual, ok, answer.status, answer.iterations)
 
 
-def can_jump(job: Task) -> bool:
-    """Whether nothing asks for inputs without jumps."""
-    return not (job.demands.rest or job.objective.smooth or job.problem.reads("du"))
-
-
 def transfer(old: Task, iterate: Iterate, new: Task) -> Iterate:
     """An iterate of one task as a start for another that differs in mesh or input kind."""
     q, u = pieces(old.made.form, old.mesh, iterate)
@@ -216,7 +210,7 @@ def iterate_of_inputs(job: Task, duration: float, inputs: Array) -> Iterate:
     made, tau = job.made, job.made.form.scheme.points * STEPS
     shape = made.form.intervals, made.form.degree, made.moved.size
     still = Iterate(duration, np.empty(0), np.empty(shape), inputs)
-    states = resimulate(made.moved, job.mesh, still, made.start(job.problem)).states
+    states = resimulate(made.moved, job.mesh, still, made.start(job.problem))
     before = np.minimum(tau.astype(int), STEPS - 1)
     share = (tau - before)[:, None]
     points = (1 - share) * states[:, before] + share * states[:, before + 1]

@@ -243,9 +243,6 @@ FREE_DURATION_RATIO = 3.0
 def excursions(reversal: bool) -> list[Seed]:
     """First guesses in the order tried; without reversal the excursions are those of q₂ alone."""
 
-    def zero(s: Array) -> Array:
-        return np.zeros_like(s)
-
     def wave(size: float, count: int) -> Excursion:
         return lambda s: size * np.sin(count * np.pi * s)
 
@@ -256,7 +253,7 @@ def excursions(reversal: bool) -> list[Seed]:
             if not reversal and a < 0:
                 continue
             sign = sign_of(b) if not reversal else f"{sign_of(a)}{sign_of(b)}"
-            path = wave(a * AMPLITUDE[0], count) if reversal else zero
+            path = wave(a * AMPLITUDE[0], count) if reversal else np.zeros_like
             out.append(Seed(f"{name} {sign}", path, wave(b * AMPLITUDE[1], count)))
     order = [0, *range(1, len(out), 4), *range(2, len(out), 4)] if reversal else range(len(out))
     first = [out[k] for k in order]

@@ -57,39 +57,26 @@ class Choice:
     ranges: tuple[tuple[float, float], ...]
 
 
+_SCANS = (60, 600)
+"""Numbers of travels tried, the next one only if none of the last stays inside."""
+
+
 def travel_of(problem: Problem, make: Make, options: TravelOptions) -> Choice:
-    """The problem's travel where it is given, otherwise the one chosen by the options.
-
-    Raises:
-        InfeasibleError, SingularError: As `choose_travel`.
-    """
-    if problem.travel is not None:
-        return Choice(problem.travel, ())
-    return choose_travel(problem, make, options.travel, options.criterion)
-
-
-def choose_travel(
-    problem: Problem,
-    make: Make,
-    rule: str = "auto",
-    criterion: Criterion = "peak",
-    scans: tuple[int, ...] = (60, 600),
-) -> Choice:
-    """Choose a travel for which `make(travel)` stays inside the chart's domain.
+    """The problem's travel where it is given; else one that stays inside the chart's domain.
 
     Args:
         problem: Supplies the window of travels, and the limits that scale peaks and are kept where
             some travel inside the domain keeps them.
         make: The law, from travel to trajectory; None where it has no solution.
-        rule: "auto" for the best by the criterion, "middle" for the middle of the widest range.
-        criterion: "peak" for the least peak input, "margin" for the largest margin.
-        scans: Numbers of travels tried, the next one only if none of the last stays inside.
+        options: Supply the rule and the criterion of what is best.
 
     Raises:
         InfeasibleError: If no one-way motion exists at all.
         SingularError: If the law leaves the domain for every travel tried.
     """
-    for count in scans:
+    if problem.travel is not None:
+        return Choice(problem.travel, ())
+    for count in _SCANS:
         travels = candidate_travels(problem, count)
         good = score(problem, map(make, travels.tolist())).inside
         if good.any():
@@ -103,10 +90,10 @@ def choose_travel(
             changes=[BY_COLLOCATION],
         )
     ranges = _ranges(problem, travels, good, make)
-    if rule == "middle":
+    if options.travel == "middle":
         low, high = max(ranges, key=lambda r: r[1] - r[0])
         return Choice((low + high) / 2, ranges)
-    return Choice(_best(problem, make, ranges, criterion), ranges)
+    return Choice(_best(problem, make, ranges, options.criterion), ranges)
 
 
 def candidate_travels(problem: Problem, count: int) -> Array:
@@ -231,10 +218,7 @@ def choose_offset(
         return offset, {"offset": offset}
 
     def attempt(x: Array) -> ChainedTrajectory | None:
-        try:
-            return make(float(x[0])) if x[0] != 0 else None
-        except SingularError:
-            return None
+        return make(float(x[0])) if x[0] != 0 else None
 
     sizes = _OFFSETS * _open_window(ends.problem)
     grid = np.concatenate([-sizes, sizes, [mean]])[:, None]
@@ -252,30 +236,18 @@ _TRAVELS = 24
 """Travels scanned where it is free, each with all amplitudes; the best are then bettered."""
 
 
-@dataclass(frozen=True)
-class Swing:
-    """Free numbers of a sinusoidal law.
-
-    Attributes:
-        travel: z₁(T) − z₁(0).
-        amplitude: a₁/ω or α/ω, in the unit of z₁; a common factor where steps have their own.
-    """
-
-    travel: float
-    amplitude: float
-
-
 def choose_swing(
     problem: Problem,
-    make: Callable[[Swing], ChainedTrajectory],
+    make: Callable[[float, float], ChainedTrajectory],
     options: SinusoidOptions | SinusoidStepsOptions,
-) -> tuple[Swing, dict[str, Any]]:
+) -> tuple[float, float, dict[str, Any]]:
     """Travel and amplitude: the given ones, and the best by the criterion for what is left free.
 
+    The amplitude is a₁/ω or α/ω, in the unit of z₁; a common factor where steps have their own.
     Where no choice stays inside the domain, the one that leaves it least is returned.
 
     Returns:
-        The choice, and notes for the plan.
+        Travel, amplitude, and notes for the plan.
 
     Raises:
         InfeasibleError: If the travel is free and no one-way motion exists.
@@ -284,26 +256,21 @@ def choose_swing(
     if options.amplitude != "auto":
         given = 1.0 if isinstance(options.amplitude, list) else float(options.amplitude)
     if problem.travel is not None and given is not None:
-        return Swing(problem.travel, given), {}
+        return problem.travel, given, {}
 
-    def read(x: Array) -> Swing:
+    def read(x: Array) -> tuple[float, float]:
         rest = iter(x.tolist())
         travel = next(rest) if problem.travel is None else problem.travel
-        return Swing(travel, next(rest) if given is None else given)
+        return travel, next(rest) if given is None else given
 
     def attempt(x: Array) -> ChainedTrajectory | None:
-        swing = read(x)
-        if swing.amplitude == 0:
-            return None
-        try:
-            return make(swing)
-        except SingularError:
-            return None
+        travel, amplitude = read(x)
+        return make(travel, amplitude) if amplitude != 0 else None
 
     grid, sizes = _grid(problem, given)
     found = search_candidates(problem, attempt, grid, sizes, options.criterion, starts=3)
     notes = {"auto_motions_tried": found.tried, "auto_found_inside": found.inside}
-    return read(found.x), notes
+    return *read(found.x), notes
 
 
 def _grid(problem: Problem, given: float | None) -> tuple[Array, Array]:

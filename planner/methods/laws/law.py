@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -91,7 +91,7 @@ def finish(
     if not plan.domain.ok:
         if options.allow_singular:
             return replace(plan, status="singular")
-        refuse_outside(plan)
+        _refuse_outside(plan)
     fitted = fit_duration(problem, trajectory)
     return replace(plan, trajectory=fitted, objective=effort(fitted))
 
@@ -150,15 +150,13 @@ def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
     return trajectory.slowed(factor * (1 + 1e-9))
 
 
-def refuse_outside(plan: Plan) -> None:
+def _refuse_outside(plan: Plan) -> NoReturn:
     """Refuse a plan that leaves the chart's domain.
 
     Raises:
         SingularError: With the times at which it leaves and re-enters.
     """
     report = plan.domain
-    if report.ok:
-        return
     exits = ", ".join(f"{t:.4f}" for t in report.exits_s) or f"{report.time_s:.4f}"
     crossings = ", ".join(f"{t:.4f}" for t in report.z2_crossings_s)
     zero = (

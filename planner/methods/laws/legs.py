@@ -88,15 +88,16 @@ def steer(
     coefficients = orthogonal @ np.linalg.solve(triangular.T, wanted * scale)
     remainder = (wanted - rows @ coefficients) * scale
     coefficients += orthogonal @ np.linalg.solve(triangular.T, remainder)
-    v2, at = [], 0
+    v, v2, at = [], [], 0
     for leg, block in zip(legs, blocks, strict=True):
         v2.append(coefficients[at : at + leg.terms] @ block)
+        v.append(np.stack([np.full(leg.terms, leg.travel / leg.duration), v2[-1]], axis=1))
         at += leg.terms
     z = _propagate(start, legs, v2)
     curve = _stack(z, legs)
     size = np.maximum(np.max(np.abs(curve.c), axis=(0, 1)), 1.0)
     residual = float(np.max(np.abs(z[-1][-1] - goal) / size))
-    return LegMotion(curve, _stack(_inputs(legs, v2), legs), residual, condition)
+    return LegMotion(curve, _stack(v, legs), residual, condition)
 
 
 @lru_cache(maxsize=64)
@@ -152,13 +153,6 @@ def _z2_at(z: Sequence[Array], legs: Sequence[Leg], time: float) -> Array:
     x = 1 - (ends[k] - time) / legs[k].duration
     weights = basis(len(z[k]) - 1, np.array(x))
     return np.asarray(np.tensordot(weights, z[k][:, 1], axes=1))
-
-
-def _inputs(legs: Sequence[Leg], v2: Sequence[Array]) -> list[Array]:
-    out = []
-    for leg, w in zip(legs, v2, strict=True):
-        out.append(np.stack([np.full(len(w), leg.travel / leg.duration), w], axis=1))
-    return out
 
 
 def _stack(pieces: Sequence[Array], legs: Sequence[Leg]) -> Bernstein:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations, product
 from typing import Any
 
@@ -59,8 +59,7 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
 
     notes: dict[str, Any]
     if points is None:
-        chosen = choose_points(ends, solve, options)
-        travel, points, notes = chosen.travel, chosen.points, chosen.notes
+        travel, points, notes = choose_points(ends, solve, options)
     else:
         given = points
         choice = travel_of(problem, lambda d: trajectory_of(problem, solve(d, given)), options)
@@ -123,22 +122,9 @@ _DEVIATIONS = (np.zeros(1), np.linspace(-1.5, 1.5, 13), np.linspace(-1.5, 1.5, 7
 _SHARES = np.arange(1, 12) / 12
 
 
-@dataclass(frozen=True)
-class PointChoice:
-    """What `choose_points` found best.
-
-    Attributes:
-        travel: The travel; the problem's where it is given.
-        points: The constraint points.
-        notes: For the plan: how many motions were tried, and the cost reached with 0, 1, 2 points.
-    """
-
-    travel: float
-    points: tuple[Point, ...]
-    notes: dict[str, Any]
-
-
-def choose_points(ends: Ends, solve: Solve, options: PolynomialOptions) -> PointChoice:
+def choose_points(
+    ends: Ends, solve: Solve, options: PolynomialOptions
+) -> tuple[float, tuple[Point, ...], dict[str, Any]]:
     """Choose 0, 1 or 2 constraint points, and the travel where it is free.
 
     More points are taken only where they lower the cost by more than one percent. Where no choice
@@ -148,6 +134,10 @@ def choose_points(ends: Ends, solve: Solve, options: PolynomialOptions) -> Point
         ends: Start and goal.
         solve: The law, from travel and points to a motion.
         options: Supplies the criterion.
+
+    Returns:
+        The travel, the points, and notes for the plan: how many motions were tried, and the cost
+        reached with 0, 1, 2 points.
 
     Raises:
         InfeasibleError: If the travel is free and no one-way motion exists.
@@ -171,7 +161,7 @@ def choose_points(ends: Ends, solve: Solve, options: PolynomialOptions) -> Point
         "auto_cost_with_0_1_2_points": costs,
         "auto_found_inside": best.inside,
     }
-    return PointChoice(travel, points, notes)
+    return travel, points, notes
 
 
 class _PointFamily:
@@ -196,10 +186,7 @@ class _PointFamily:
         """The trajectory of free numbers x; None where the law has none."""
         if self.free and x[0] == 0:
             return None
-        try:
-            return trajectory_of(self.ends.problem, self.motion(x))
-        except SingularError:
-            return None
+        return trajectory_of(self.ends.problem, self.motion(x))
 
     def search(self, options: PolynomialOptions, known: LegMotion | None) -> BestCandidate:
         """The best of the family: from a known motion inside the domain, or from a scan."""
@@ -218,11 +205,9 @@ class _PointFamily:
         steps = np.full(grid.shape[1], 0.05 * size)
         if self.free:
             steps[0] = width
-        if grid.shape[1] == 0:  # nothing is free: one candidate
-            return search_candidates(
-                self.ends.problem, self.make, grid, steps, options.criterion, starts=0
-            )
-        return search_candidates(self.ends.problem, self.make, grid, steps, options.criterion)
+        starts = 2 if grid.shape[1] else 0  # where nothing is free there is one candidate
+        given = self.ends.problem, self.make, grid, steps, options.criterion
+        return search_candidates(*given, starts=starts)
 
     def _travels(self) -> Array:
         given = self.ends.problem.travel

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Literal
 
 import numpy as np
 
+from planner.errors import SingularError
 from planner.plan.measures import worst_margin
 from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.problem import Problem
@@ -254,6 +255,13 @@ class BestCandidate:
         return self.cost < 2
 
 
+def _attempt(make: Make, x: Array) -> ChainedTrajectory | None:
+    try:
+        return make(x)
+    except SingularError:
+        return None
+
+
 def search_candidates(
     problem: Problem,
     make: Make,
@@ -266,7 +274,8 @@ def search_candidates(
 
     Args:
         problem: Supplies limits and the chart's branch.
-        make: From free numbers (d,) to a trajectory; None where the law has no solution.
+        make: From free numbers (d,) to a trajectory; None, or a `SingularError`, where the law has
+            no solution.
         grid: Candidates to scan, shape (C, d).
         steps: Size of the first simplex, shape (d,) or (C, d).
         criterion: What to make best; domain and limits come first.
@@ -280,7 +289,7 @@ def search_candidates(
     def costs(points: Array, samples: int) -> Array:
         nonlocal tried
         tried += len(points)
-        return score(problem, map(make, points), samples).cost(criterion, *ends)
+        return score(problem, map(partial(_attempt, make), points), samples).cost(criterion, *ends)
 
     def refine(x: Array, step: Array, samples: int) -> tuple[float, Array]:
         result = minimize(

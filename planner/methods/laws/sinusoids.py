@@ -25,7 +25,7 @@ from math import factorial, pi
 import numpy as np
 
 from planner.errors import InputError, SingularError
-from planner.methods.laws.free_numbers import Swing, choose_swing
+from planner.methods.laws.free_numbers import choose_swing
 from planner.methods.laws.law import Ends, finish
 from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory
@@ -71,18 +71,18 @@ def plan_sinusoid(problem: Problem, options: SinusoidOptions) -> Plan:
     began = time.perf_counter()
     ends = Ends.of(problem)
 
-    def make(swing: Swing) -> ChainedTrajectory:
-        return _trajectory(problem, _motion(ends, swing))
+    def make(travel: float, amplitude: float) -> ChainedTrajectory:
+        return _trajectory(problem, _motion(ends, travel, amplitude))
 
-    swing, notes = choose_swing(problem, make, options)
-    motion = _motion(ends, swing)
+    travel, amplitude, notes = choose_swing(problem, make, options)
+    motion = _motion(ends, travel, amplitude)
     omega = 2 * np.pi / ends.duration
     notes |= {
-        "amplitude": swing.amplitude,
+        "amplitude": amplitude,
         "endpoint_residual": motion.residual,
         "condition_number": motion.condition,
         "unit_period": {
-            "a": [swing.travel, float(swing.amplitude * omega * ends.duration)],
+            "a": [travel, float(amplitude * omega * ends.duration)],
             "b": (motion.b * ends.duration).tolist(),
         },
     }
@@ -129,12 +129,12 @@ def sinusoids(start: Array, goal: Array, amplitude: float, duration: float) -> S
     return SinusoidMotion(grid, z, v, b / duration, residual, condition)
 
 
-def _motion(ends: Ends, swing: Swing) -> SinusoidMotion:
+def _motion(ends: Ends, travel: float, amplitude: float) -> SinusoidMotion:
     try:
-        return sinusoids(ends.start, ends.goal(swing.travel), swing.amplitude, ends.duration)
+        return sinusoids(ends.start, ends.goal(travel), amplitude, ends.duration)
     except np.linalg.LinAlgError:
         raise SingularError(
-            f"{ends.problem.source}: amplitude {swing.amplitude:g} with travel {swing.travel:g}"
+            f"{ends.problem.source}: amplitude {amplitude:g} with travel {travel:g}"
             " leaves the sinusoids' coefficients undetermined",
             advice="another method.sinusoid.amplitude",
         ) from None
@@ -181,22 +181,22 @@ def plan_sinusoid_steps(problem: Problem, options: SinusoidStepsOptions) -> Plan
     shares = _shares(problem, options, periods)
     pattern = _pattern(problem, options, periods)
 
-    def motion(swing: Swing) -> StepsMotion:
-        amplitudes = swing.amplitude * pattern
-        return steps(ends.start, ends.goal(swing.travel), amplitudes, shares * ends.duration)
+    def motion(travel: float, amplitude: float) -> StepsMotion:
+        amplitudes = amplitude * pattern
+        return steps(ends.start, ends.goal(travel), amplitudes, shares * ends.duration)
 
-    def make(swing: Swing) -> ChainedTrajectory:
-        made = motion(swing)
+    def make(travel: float, amplitude: float) -> ChainedTrajectory:
+        made = motion(travel, amplitude)
         return ChainedTrajectory(problem.system, made.z, made.v, problem.branch)
 
-    swing, notes = choose_swing(problem, make, options)
-    made = motion(swing)
+    travel, amplitude, notes = choose_swing(problem, make, options)
+    made = motion(travel, amplitude)
     notes |= {
-        "amplitudes": (swing.amplitude * pattern).tolist(),
+        "amplitudes": (amplitude * pattern).tolist(),
         "endpoint_residual": made.residual,
         "unit_betas": (made.betas * ends.duration).tolist(),
     }
-    return finish(problem, SINUSOID_STEPS, options, make(swing), notes, began)
+    return finish(problem, SINUSOID_STEPS, options, make(travel, amplitude), notes, began)
 
 
 def steps(start: Array, goal: Array, amplitudes: Array, durations: Array) -> StepsMotion:

@@ -25,7 +25,7 @@ def test_the_curve_passes_the_nodes_the_points_and_the_inputs(
     form = Form(3, kind, degree, input=kind_of_input)
     points, nodes = rng.normal(size=(3, degree, 3)), rng.normal(size=(4, 3))
     for k in range(3):  # an interval ends where the polynomial through node and points does
-        nodes[k + 1] = form.scheme.end @ np.concatenate([nodes[k : k + 1], points[k]])
+        nodes[k + 1] = form.scheme.bernstein[-1] @ np.concatenate([nodes[k : k + 1], points[k]])
     inputs = rng.normal(size=(3 + (kind_of_input == "linear"), 2))
     T = 4.0
     motion = curve(system, form, MESH, Iterate(T, nodes, points, inputs))

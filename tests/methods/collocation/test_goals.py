@@ -143,9 +143,7 @@ def test_free_joints_end_inside_their_limits(problem: planner.Problem) -> None:
     np.testing.assert_allclose(tip(plan), [0.2, 0.42], atol=1e-6)
 
 
-def test_the_best_of_all_branches_is_kept_and_named(
-    problem: planner.Problem, plan: planner.Plan
-) -> None:
+def test_the_best_of_all_branches_is_kept_and_named(plan: planner.Plan) -> None:
     tried = {entry["start"]: entry["objective"] for entry in plan.notes["tried"]}
     assert len(tried) == 4
     assert all(" towards (" in start for start in tried)

@@ -112,30 +112,28 @@ def test_the_fastest_of_a_kept_path_is_told_where_the_duration_is_too_short(
         planner.solve(PROBLEM.changed({"goal.duration": 8.0}), "collocation")
 
 
-def test_long_arms_climb_by_several_joints() -> None:
-    arm = {"kind": "manipulator", "joints": 5, "K": [0.87, 0.71, 0.58, 0.48], "k_g": 0.67}
-    start, goal = [30.0, -40.0, 20.0, -30.0, 10.0], [-40.0, 50.0, -20.0, 30.0, -15.0]
-    problem = PROBLEM.changed({"system": arm, "start.theta_deg": start, "goal.theta_deg": goal})
+@pytest.mark.parametrize(
+    ("start", "goal", "limit", "travel"),
+    [
+        ([30.0, -40.0, 20.0, -30.0, 10.0], [-40.0, 50.0, -20.0, 30.0, -15.0], 80.0, 0.0),
+        # the path of the shorter arm runs along its limits; what joint 1 adds needs room there
+        ([4.6, -27.8, 34.2, -30.3], [-7.4, 12.2, 29.5, -3.1], 40.0, "free"),
+    ],
+)
+def test_long_arms_climb_by_several_joints_within_their_limits(
+    start: list[float], goal: list[float], limit: float, travel: float | str
+) -> None:
+    n, K = len(start), [0.87, 0.71, 0.58, 0.48][: len(start) - 1]
+    arm = {"kind": "manipulator", "joints": n, "K": K, "k_g": 0.67}
+    asked = {"goal.theta_deg": goal, "goal.travel": travel, "limits.joint_deg": limit}
+    problem = PROBLEM.changed({"system": arm, "start.theta_deg": start, **asked})
     found = ladder._lift_shorter_path(collocation_task(problem, CollocationOptions(), 40))
     assert found is not None
-    assert found[1] in (3, 4)
+    assert found[1] in (n - 2, n - 1)
     q, u = found[0].q, found[0].u
-    assert q[[0, -1]] == pytest.approx(np.stack([problem.start, problem.target]), abs=1e-9)
-    assert np.max(np.abs(q[:, 1:])) <= np.deg2rad(80.0) + 1e-9
-    assert ends(problem.system, q[:-1], u) == pytest.approx(q[1:], abs=2e-6)
-
-
-def test_an_arm_climbs_within_narrow_limits() -> None:
-    """The path of the shorter arm runs along its limits; what joint 1 adds needs room there."""
-    arm = {"kind": "manipulator", "joints": 4, "K": [0.87, 0.71, 0.58], "k_g": 0.67}
-    start, goal = [4.6, -27.8, 34.2, -30.3], [-7.4, 12.2, 29.5, -3.1]
-    narrow = {"start.theta_deg": start, "goal.theta_deg": goal, "limits.joint_deg": 40.0}
-    free = {"goal.travel": "free", "goal.duration": "free"}
-    problem = PROBLEM.changed({"system": arm, **narrow, **free})
-    found = ladder._lift_shorter_path(collocation_task(problem, CollocationOptions(), 40))
-    assert found is not None
-    assert np.max(np.abs(found[0].q[:, 1:])) <= np.deg2rad(40.0) + 1e-9
-    q, u = found[0].q, found[0].u
+    end = np.where(np.isnan(problem.target), q[-1], problem.target)
+    assert q[[0, -1]] == pytest.approx(np.stack([problem.start, end]), abs=1e-9)
+    assert np.max(np.abs(q[:, 1:])) <= np.deg2rad(limit) + 1e-9
     assert ends(problem.system, q[:-1], u) == pytest.approx(q[1:], abs=2e-6)
 
 

@@ -56,7 +56,7 @@ def test_fewer_iterations_to_the_same_optimum(
     assert planner.verify(warm).ok
 
 
-def test_it_stays_on_the_same_way_round(paper: Problem) -> None:
+def test_it_stays_on_the_same_way_round() -> None:
     """Of the crossing's two local optima the one at hand is followed, without any search."""
     problem = planner.load_problem(PROBLEMS / "crossing.toml")
     bump = planner.solve(problem, "collocation", start="bump", starts=1)
@@ -100,13 +100,13 @@ def test_refusals(paper: Problem, found: Plan) -> None:
 def builds(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     """The transcriptions built, noted as it happens; there are none to begin with."""
     built: list[object] = []
-    inner = transcriptions.assemble
+    inner = transcriptions.interval_functions
 
     def counting(*args: Any) -> Any:
         built.append(args)
         return inner(*args)
 
-    monkeypatch.setattr(transcriptions, "assemble", counting)
+    monkeypatch.setattr(transcriptions, "interval_functions", counting)
     transcriptions.transcription.cache_clear()
     return built
 

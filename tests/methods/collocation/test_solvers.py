@@ -53,7 +53,7 @@ def test_solvers_agree(name: str, changes: Any, options: Any) -> None:
     assert list(found.values()) == pytest.approx([found["ipopt"]] * len(found), rel=1e-6)
 
 
-def test_who_is_first(paper: Problem) -> None:
+def test_who_is_first() -> None:
     def order(name: str, free: bool = False, discs: int = 0, **settings: Any) -> tuple[str, ...]:
         system = planner.load_problem(PROBLEMS / f"{name}.toml").system
         kept = tuple(Obstacle(k, 3, 0.0, 0.0, 0.0) for k in range(discs))

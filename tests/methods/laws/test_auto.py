@@ -149,9 +149,13 @@ def test_search_survives_laws_without_solution(unlimited: planner.Problem) -> No
     def nothing(_: np.ndarray) -> None:
         return None
 
-    found = search_candidates(unlimited, nothing, np.zeros((3, 1)), np.ones(1))
-    assert found.cost == 3
-    assert not found.inside
+    def refusing(_: np.ndarray) -> None:
+        raise planner.SingularError("no solution")
+
+    for law in (nothing, refusing):
+        found = search_candidates(unlimited, law, np.zeros((3, 1)), np.ones(1))
+        assert found.cost == 3
+        assert not found.inside
 
 
 def test_a_choice_leaves_what_the_proof_needs_to_a_limit(paper: planner.Problem) -> None:

@@ -20,7 +20,7 @@ from planner.methods.collocation.long_arms.bridges import (
     make_exact,
 )
 from planner.methods.collocation.path import needed_duration
-from planner.methods.collocation.task import Solution, Task, can_jump, stretch_to, task
+from planner.methods.collocation.task import Solution, Task, stretch_to, task
 from planner.methods.collocation.transcription.form import Mesh
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.support.arrays import Array
@@ -41,8 +41,9 @@ FREE_LIMIT_SHARE = 1e-4
 
 def has_only_limits(job: Task) -> bool:
     """Whether a task asks no more of a path than limits on joints and inputs."""
+    may_jump = not (job.demands.rest or job.objective.smooth or job.problem.reads("du"))
     plain = all(required.is_direct for required in job.problem.requirements)
-    return can_jump(job) and plain and not (job.problem.waypoints or job.made.form.augmented)
+    return may_jump and plain and not (job.problem.waypoints or job.made.form.augmented)
 
 
 def exact_motion(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution] | None:

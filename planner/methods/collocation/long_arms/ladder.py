@@ -23,8 +23,13 @@ from dataclasses import replace
 import numpy as np
 
 from planner.methods.collocation.candidates import seeds
-from planner.methods.collocation.long_arms.bridges import ChainEnds, Index, PieceChain, close_gaps
-from planner.methods.collocation.long_arms.bridges import ends_of as ends_of
+from planner.methods.collocation.long_arms.bridges import (
+    ChainEnds,
+    Index,
+    PieceChain,
+    close_gaps,
+    ends_of,
+)
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
     exact_motion,
@@ -102,7 +107,10 @@ def _solve_timing(own: Task, path: Iterate) -> Solution:
 def _lift_shorter_path(job: Task) -> tuple[PieceChain, int] | None:
     """The path, and the number of joints of the arm it began with."""
     problem = job.problem
-    below = _path(_shorter_arm_task(job))
+    short = _shorter_arm_task(job)
+    below = _search_path(short)
+    if below is None and short.problem.system.size > 3:
+        below = _lift_shorter_path(short)
     if below is None:
         return None
     path, joints = below
@@ -132,13 +140,6 @@ def _shorten(job: Task, path: PieceChain, ends: ChainEnds) -> PieceChain:
 
 def _length(path: PieceChain) -> float:
     return float(np.sum(np.max(np.abs(path.u), axis=1)))
-
-
-def _path(job: Task) -> tuple[PieceChain, int] | None:
-    found = _search_path(job)
-    if found is not None:
-        return found
-    return _lift_shorter_path(job) if job.problem.system.size > 3 else None
 
 
 def _search_path(job: Task) -> tuple[PieceChain, int] | None:

@@ -20,15 +20,13 @@ from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
 from planner.systems.linearisation import Linearisation, linearise
-from planner.systems.triangular_system import Coordinate, TriangularSystem
+from planner.systems.triangular_system import TriangularSystem
 
 DEGREES = 180 / np.pi
 """The response is weighed in degrees (lengths in their unit over 57.3): its size is near 1."""
 
 VARIANCE_ROUNDING = 1e-6 / DEGREES
 """Rounds off the square root of a variance that is zero, in its unit (rad, or that of z₂)."""
-
-CLOCK, EFFORT = "time", "effort"
 
 
 @dataclass(frozen=True)
@@ -55,24 +53,9 @@ class Augmented:
     metered: bool = False
 
     @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """Names of the states x."""
-        return (*self.system.coordinates, *(Coordinate(name, "") for name in self._made.names))
-
-    @property
-    def inputs(self) -> tuple[Coordinate, Coordinate]:
-        """The system's."""
-        return self.system.inputs
-
-    @property
-    def limited(self) -> tuple[int, ...]:
-        """The system's."""
-        return self.system.limited
-
-    @property
     def size(self) -> int:
         """Number of states."""
-        return self.system.size + len(self._made.names)
+        return self._made.size
 
     def rates_expr(self, x: Any, u: Any) -> list[Any]:
         """CasADi expressions of ẋ."""
@@ -111,7 +94,8 @@ class Augmented:
 
     @property
     def _passive(self) -> list[int]:
-        names = (f"start {self.system.coordinates[1].name}", f"gain {self.inputs[1].name}")
+        system = self.system
+        names = (f"start {system.coordinates[1].name}", f"gain {system.inputs[1].name}")
         return [p for p, (name, _) in enumerate(self.spread) if name in names]
 
     @cached_property
@@ -121,31 +105,29 @@ class Augmented:
 
 @dataclass(frozen=True, eq=False)
 class _Expressions:
-    """Names of the states w, and functions (x, u) to ẋ and x to W."""
+    """Number of the states x, and functions (x, u) to ẋ and x to W."""
 
-    names: list[str]
+    size: int
     rates: Any
     response: Pointwise
 
 
 def _expressions(made: Augmented) -> _Expressions:
-    form, system = linearise(made.system), made.system
-    names, states, rates, columns = list[str](), list[Any](), list[Any](), list[Any]()
+    form = linearise(made.system)
+    states, rates, columns = list[Any](), list[Any](), list[Any]()
     for error, sigma in made.spread:
         moving, column = _column(form, error)
         for i, state in moving.items():
-            names.append(f"{error} on {system.coordinates[i].name}")
             states.append(state)
             rates.append(form.A[i, :] @ column + form.forcing[error][i])
         columns.append(sigma * column)
     if ca.depends_on(ca.vertcat(ca.SX(), *rates), form.t):
-        names, states, rates = [*names, CLOCK], [*states, form.t], [*rates, ca.SX(1)]
+        states, rates = [*states, form.t], [*rates, ca.SX(1)]
     if made.metered:
-        names, states = [*names, EFFORT], [*states, ca.SX.sym(EFFORT)]
-        rates.append(ca.sumsqr(form.u))
+        states, rates = [*states, ca.SX.sym("effort")], [*rates, ca.sumsqr(form.u)]
     whole = ca.vertcat(form.q, *states)
     return _Expressions(
-        names,
+        whole.numel(),
         ca.Function("rates", [whole, form.u], [ca.vertcat(form.rates, *rates)]),
         Pointwise("response", [whole], ca.horzcat(*columns)),
     )

@@ -21,11 +21,6 @@ MOST_DRAWN_IN = 0.1
 a mesh far too coarse."""
 
 
-def spread_drawing_in(drawn: Array, share: float, times: float) -> Array:
-    """Each limit drawn in (K, R) so many times, and in all intervals by a share of the most."""
-    return np.asarray(np.maximum(times * drawn, share * np.max(times * drawn, axis=0)))
-
-
 @dataclass(frozen=True)
 class InputDemands:
     """What is asked of the inputs beside the problem's limits.

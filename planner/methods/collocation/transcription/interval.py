@@ -210,7 +210,7 @@ def _motion(
         after.append(x.T)
         rows.add("carried", 0, end, [x.T])
     if form.input == "linear":
-        for i in range(len(system.inputs)):
+        for i in range(2):
             after.append(x.u_right[i])
             rows.add("carried", i, end, [after[-1]])
     return ca.vertcat(*after)

@@ -67,13 +67,9 @@ class Program:
     outcome: Call
 
 
-def assemble(stage: Stage, layout: Layout, functions: IntervalFunctions) -> Program:
-    """Repeat one interval over the mesh."""
-    return _Assembly(stage, layout, functions).program()
-
-
 class _Assembly:
-    """Symbols of the whole: unknowns cut into one column an interval, then the last state."""
+    """One interval repeated over the mesh: unknowns cut into one column an interval, then the last
+    state."""
 
     def __init__(self, stage: Stage, layout: Layout, functions: IntervalFunctions) -> None:
         self.K, self.ny, self.nc = layout.intervals, layout.state, layout.control
@@ -235,5 +231,5 @@ def transcription(system: TriangularSystem, form: Form) -> Transcription:
         layout=places,
         labels=symbols.labels,
         height=symbols.height,
-        program=assemble(symbols, places, functions),
+        program=_Assembly(symbols, places, functions).program(),
     )

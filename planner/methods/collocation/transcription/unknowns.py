@@ -147,32 +147,17 @@ STEPS = 12
 """Steps an interval."""
 
 
-@dataclass(frozen=True, eq=False)
-class MotionSamples:
-    """Samples of the true motion.
+def resimulate(system: MovingSystem, mesh: Mesh, iterate: Iterate, start: Array) -> Array:
+    """Integrate an iterate's input from `start` (N,): samples of the true motion.
 
-    Attributes:
-        fractions: Of the duration, shape (K, STEPS + 1).
-        states: Shape (K, STEPS + 1, N); an interval's last sample is the next one's first.
+    Shape (K, STEPS + 1, N); an interval's last sample is the next one's first.
     """
-
-    fractions: Array
-    states: Array
-
-    @property
-    def end(self) -> Array:
-        """The state reached, shape (N,)."""
-        return np.asarray(self.states[-1, -1])
-
-
-def resimulate(system: MovingSystem, mesh: Mesh, iterate: Iterate, start: Array) -> MotionSamples:
-    """Integrate an iterate's input from `start` (N,)."""
     K = len(mesh.widths)
     given = start, mesh.widths * iterate.duration, *iterate.input_ends()
     states = np.empty((K, STEPS + 1, system.size))
     states[:, 1:] = _runner(system, K, through=True)(*given).reshape(K, STEPS, system.size)
     states[0, 0], states[1:, 0] = start, states[:-1, -1]
-    return MotionSamples(mesh.at(np.arange(STEPS + 1) / STEPS), states)
+    return states
 
 
 def resimulated_apart(system: MovingSystem, mesh: Mesh, iterate: Iterate) -> Array:

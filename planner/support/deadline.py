@@ -59,9 +59,10 @@ class Span:
 
     def outwards(self) -> Iterator[Span]:
         """It, and the blocks around it."""
-        yield self
-        if self.enclosing is not None:
-            yield from self.enclosing.outwards()
+        span: Span | None = self
+        while span is not None:
+            yield span
+            span = span.enclosing
 
     @property
     def ended_by(self) -> str:
@@ -160,8 +161,9 @@ def check_stopped() -> None:
     Raises:
         TimeUpError: If `end` was called.
     """
-    if any(span.verification_ended for span in _spans()):
-        raise time_up()
+    for span in _spans():
+        if span.verification_ended:
+            raise time_up()
 
 
 def time_up() -> TimeUpError:

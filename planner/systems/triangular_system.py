@@ -382,7 +382,7 @@ class PlanarArm(TriangularSystem):
                 f" {self.n}"
             )
 
-    @property
+    @cached_property
     def coordinates(self) -> tuple[Coordinate, ...]:
         """(φ, θ₁ … θₙ), all in radians."""
         angles = (Coordinate(f"theta{i}", "rad") for i in range(1, self.n + 1))

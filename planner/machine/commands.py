@@ -97,9 +97,6 @@ class CommandGrid(Protocol):
     t: Array
     running: NDArray[np.bool_]
 
-    def step_values(self, k: int) -> Array:
-        """What step k asks of both motors at its P points, shape (P, 2, S or 1)."""
-
     def block(self, first: int, last: int) -> Array:
         """What the steps first ≤ k < last ask for, shape (K, P, 2, S or 1)."""
 
@@ -153,13 +150,6 @@ class Command:
             out._delay = self._delay[chosen]
         return out
 
-    def step_values(self, k: int) -> Array:
-        """What step k asks of both motors at its P points, shape (P, 2, S or 1).
-
-        A held command has 2 points, the ends; a continuous one 3, the middle between them.
-        """
-        return np.asarray(self.block(k, k + 1)[0])
-
     def block(self, first: int, last: int) -> Array:
         """What the steps first ≤ k < last ask for, shape (K, P, 2, S or 1)."""
         if self._table is not None:
@@ -197,10 +187,6 @@ class CommandVariants:
         self._values = np.concatenate([values, nothing])
         self._after = np.concatenate([values[1:], values[-1:], nothing]) if is_linear else None
         self._resolution = draws["velocity_resolution_rad_s"][:, :1]
-
-    def step_values(self, k: int) -> Array:
-        """See `CommandGrid`; held commands have the same value at both of a step's points."""
-        return np.asarray(self.block(k, k + 1)[0])
 
     def block(self, first: int, last: int) -> Array:
         """See `CommandGrid`."""

@@ -14,22 +14,20 @@ contacts hold up to their capacity; below it they slip by creep_per_nm times tor
 where they are turned by more, as `contacts` says.
 Creep without load counts as a smaller rolling radius: it costs travel and no power.
 
-Stepped by `dynamic.c` where it is compiled, else by `march`, with the same numbers to rounding.
+`dynamic.c` does the same, with the same numbers to rounding.
 """
 
 from __future__ import annotations
 
-import ctypes
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine import compiled
 from planner.machine.commands import CommandGrid, Steps, lengths
 from planner.machine.disk_chain import DiskChain
 from planner.machine.machine import Draws, Machine
-from planner.machine.march import GAMMA, March, begin_march
+from planner.machine.march import begin_march
 from planner.machine.servos import Servos
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
@@ -152,7 +150,7 @@ class StepwiseMotion:
         orders, end = self._orders, len(self._lengths)
         for k in range(self._k, last):
             h = self._lengths[k]
-            speed, travel = self._servos.step(orders.step_values(k), h, bool(orders.running[k]))
+            speed, travel = self._servos.step(orders.block(k, k + 1)[0], h, bool(orders.running[k]))
             self._record(k, speed[0])
             self._plant.step(speed, travel, h)
             _note_slip(self._slip, k, h, self._plant.slipping)
@@ -238,7 +236,7 @@ class DynamicChain:
         self._march = march = begin_march(system, draws, q)
         self._place, self._masses, self._y = march.place, march.data, march.y
         self._shape, self._energy = (2, draws.count), march.energy
-        self._compiled, self._last = _compiled_step(self._march), np.inf
+        self._last = np.inf
         self.limited_s = np.zeros(self._shape)
 
     @property
@@ -298,39 +296,8 @@ class DynamicChain:
             travel: Likewise, from the start to each later point, (P−1, 2, S), rad.
             h: Length of the step, s.
         """
-        mean = np.ascontiguousarray(np.broadcast_to(travel[-1] / h, self._shape))
-        swing = np.ascontiguousarray(np.broadcast_to(speed[-1] - speed[0], self._shape))
+        mean = np.broadcast_to(travel[-1] / h, self._shape)
+        swing = np.broadcast_to(speed[-1] - speed[0], self._shape)
         lead, self._last = min(1.0, h / self._last) / 2, h
-        step = self._compiled or self._march.step
-        step(mean, swing, h, lead)
+        self._march.step(mean, swing, h, lead)
         self.limited_s += h * (self._march.pieces[:2] != 0)
-
-
-class _CompiledStep:
-    """`March.step` in compiled code."""
-
-    def __init__(self, function: Any, march: March) -> None:
-        function.argtypes = [ctypes.c_int64] * 3 + [ctypes.c_double] * 4 + [ctypes.c_void_p] * 8
-        kept = (
-            march.table, march.y, march.pieces, march.speed_change, march.energy, march.slipping
-        )  # fmt: skip
-        self._function, self._k_g, self._arrays = function, march.k_g, kept
-        self._size = (march.place.bodies.m, len(march.y))
-        self._masses, *self._state = (array.ctypes.data for array in kept)
-
-    def fits(self) -> bool:
-        """Whether the compiled code has room for the joints, and the same rows."""
-        return not self._function(*self._size, 0, 1.0, 0.5, GAMMA, 1.0, *[None] * 8)
-
-    def __call__(self, mean: Array, swing: Array, h: float, lead: float) -> None:
-        """See `March.step`."""
-        inputs = (self._masses, mean.ctypes.data, swing.ctypes.data)
-        size = (*self._size, mean.shape[1])
-        self._function(*size, h, lead, GAMMA, self._k_g, *inputs, *self._state)
-
-
-def _compiled_step(march: March) -> _CompiledStep | None:
-    """None where there is no compiled code that fits."""
-    function = getattr(compiled.library(), "planner_dynamic_march", None)
-    step = _CompiledStep(function, march) if function is not None else None
-    return step if step is not None and step.fits() else None

@@ -1,7 +1,8 @@
-"""Dynamic manipulators driven by hand, without plans."""
+"""Dynamic manipulators driven by hand, without plans; compiled code does their steps."""
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -10,6 +11,8 @@ import numpy as np
 from handmade import draws_of
 
 from planner import Manipulator
+from planner.machine import compiled
+from planner.machine.march import GAMMA, March
 from planner.machine.stepwise import DynamicChain
 
 INERTIA: dict[str, Any] = {
@@ -74,7 +77,29 @@ def start(n: int, samples: int = 1) -> np.ndarray:
 
 
 def chain(n: int = 3, samples: int = 1, **effects: Any) -> DynamicChain:
-    return DynamicChain(arm(n), draws_of(n, samples, **effects), start(n, samples))
+    return swift(DynamicChain(arm(n), draws_of(n, samples, **effects), start(n, samples)))
+
+
+def c_march(library: Any) -> Any:
+    """The function of C that does what `March.step` does."""
+    function = library.planner_dynamic_march
+    function.argtypes = [ctypes.c_int64] * 3 + [ctypes.c_double] * 4 + [ctypes.c_void_p] * 8
+    return function
+
+
+def swift(plant: DynamicChain) -> DynamicChain:
+    """The same with its steps in compiled code, where that is there."""
+    if compiled.library() is not None:
+        plant._march = CompiledMarch(**vars(plant._march))
+    return plant
+
+
+class CompiledMarch(March):
+    def step(self, mean: np.ndarray, swing: np.ndarray, h: float, lead: float) -> None:
+        state = (self.y, self.pieces, self.speed_change, self.energy, self.slipping)
+        given = [np.ascontiguousarray(each) for each in (self.table, mean, swing)]
+        sizes = (self.place.bodies.m, *self.y.shape, h, lead, GAMMA, self.k_g)
+        c_march(compiled.library())(*sizes, *(each.ctypes.data for each in (*given, *state)))
 
 
 def swing(t: float) -> np.ndarray:

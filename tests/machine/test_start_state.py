@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from driven import swift
 from handmade import arm_problem
 
 import planner
@@ -83,7 +84,8 @@ def test_with_inertia_a_wound_shaft_stays_wound() -> None:
     arm = arm_problem([10, 10, 10]).system
     q = np.deg2rad(np.array([[0.0], [10.0], [10.0], [10.0]]))
     for state, side in (("forward", 1), ("backward", -1)):
-        chain = DynamicChain(arm, draw(_machine(state, "dynamic"), 3, np.arange(1), 0), q)
+        draws = draw(_machine(state, "dynamic"), 3, np.arange(1), 0)
+        chain = swift(DynamicChain(arm, draws, q))
         assert chain.shaft_torque[:, 0] == pytest.approx([side * FRICTION] * 2)
         assert np.rad2deg(chain.gap[:, 0]) == pytest.approx([side * BACKLASH / 2] * 2)
         for _ in range(200):

@@ -98,7 +98,11 @@ class CommandGrid(Protocol):
     running: NDArray[np.bool_]
 
     def block(self, first: int, last: int) -> Array:
-        """What the steps first ≤ k < last ask for, shape (K, P, 2, S or 1)."""
+        """What the steps first ≤ k < last ask for at their P points, shape (K, P, 2, S or 1).
+
+        A held command has 2 points, the ends, with the same value at both; a continuous one 3, the
+        middle between them.
+        """
 
 
 class Command:
@@ -151,7 +155,7 @@ class Command:
         return out
 
     def block(self, first: int, last: int) -> Array:
-        """What the steps first ≤ k < last ask for, shape (K, P, 2, S or 1)."""
+        """See `CommandGrid`."""
         if self._table is not None:
             return self._table[first:last]
         times = self._times[first:last, :, None] - self._delay

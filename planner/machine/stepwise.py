@@ -61,29 +61,22 @@ class MachineMotion(Protocol):
         q: Recorded coordinates, (S, R, N).
         speed: Recorded speeds of the motors, (S, R, 2).
         deviation: Largest |true − plan| so far of each coordinate after the first, (S, N−1).
-        saturated_s: Seconds so far for which each motor was asked for more than its limit, (S, 2).
         slip: Seconds so far with a contact in gross slip; step in which that began; which contact
             it was (see `contacts.Transmission`); (S, 3), the last two −1 where there was none.
     """
 
     q: Array
     speed: Array
+    deviation: Array
+    slip: Array
 
     @property
     def coordinates(self) -> Array:
         """Coordinates, (N, S)."""
 
     @property
-    def deviation(self) -> Array:
-        """Largest |true − plan| so far of each coordinate after the first, (S, N−1)."""
-
-    @property
     def saturated_s(self) -> Array:
-        """Seconds so far for which each motor was asked for more than its limit, (2, S)."""
-
-    @property
-    def slip(self) -> Array:
-        """Gross slip so far, (S, 3)."""
+        """Seconds so far for which each motor was asked for more than its limit, (S, 2)."""
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
         """Go on from where it stands to the point `last` of the command's grid."""
@@ -119,8 +112,8 @@ class StepwiseMotion:
         self._servos = Servos(draws)
         self._plant = plant(plan, machine, draws, start)
         self._k = 0
-        self._gap = np.nan_to_num(np.abs(start[1:] - desired[0]))
-        self._slip = np.tile([0.0, -1.0, -1.0], (draws.count, 1))
+        self.deviation = np.nan_to_num(np.abs(start[1:] - desired[0])).T
+        self.slip = np.tile([0.0, -1.0, -1.0], (draws.count, 1))
         self.q = np.empty((draws.count, len(rows), len(start)))
         self.speed = np.empty((draws.count, len(rows), 2))
 
@@ -130,20 +123,10 @@ class StepwiseMotion:
         return self._plant.q
 
     @property
-    def deviation(self) -> Array:
-        """See `MachineMotion`."""
-        return np.asarray(self._gap.T)
-
-    @property
     def saturated_s(self) -> Array:
         """See `MachineMotion`."""
         limited = self._plant.limited_s if isinstance(self._plant, DynamicChain) else 0.0
         return np.asarray((self._servos.saturated_s + limited).T)
-
-    @property
-    def slip(self) -> Array:
-        """See `MachineMotion`."""
-        return self._slip
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
         """See `MachineMotion`."""
@@ -153,9 +136,9 @@ class StepwiseMotion:
             speed, travel = self._servos.step(orders.block(k, k + 1)[0], h, bool(orders.running[k]))
             self._record(k, speed[0])
             self._plant.step(speed, travel, h)
-            _note_slip(self._slip, k, h, self._plant.slipping)
+            _note_slip(self.slip, k, h, self._plant.slipping)
             gap = np.abs(self._plant.q[1:] - self._desired[k + 1])
-            np.fmax(self._gap, gap, out=self._gap)
+            np.fmax(self.deviation, gap.T, out=self.deviation)
             if tell and (k + 1) % REPORT_EVERY == 0:
                 tell(k + 1)
             if k + 1 == end:

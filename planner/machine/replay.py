@@ -15,7 +15,7 @@ from planner.machine.closed_loop import Feedback, encoder_readings
 from planner.machine.friction.contacts import contact_name
 from planner.machine.limits import MachineLimit, least_margins, limit_words, machine_limits
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
-from planner.machine.simulate import Progress, simulate
+from planner.machine.simulate import Progress, Recording, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.plan.samples import import_library, plan_facts
 from planner.support.arrays import Array
@@ -33,7 +33,7 @@ RECORD_S = 0.02
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Replay:
+class Replay(Recording):
     """Motions of a plan on S random samples of a machine.
 
     Attributes:
@@ -70,21 +70,6 @@ class Replay:
     machine: Machine
     seed: int
     numbers: NDArray[np.int64]
-    t: Array
-    q: Array
-    motor_rates: Array
-    peak_rates: Array
-    saturated_s: Array
-    slip_s: Array
-    slip_begin: Array
-    slip_contact: NDArray[np.int64]
-    margin: Array
-    margin_s: Array
-    terminal_error: Array
-    deviation: Array
-    effort: Array | None
-    fallbacks: NDArray[np.int64]
-    run_s: float
     again: Callable[[Sequence[int]], Replay]
 
     def __repr__(self) -> str:
@@ -282,8 +267,7 @@ def replay(
     recording = simulate(
         plan,
         used,
-        numbers,
-        seed,
+        draw(used, plan.problem.system.size - 1, numbers, seed),
         settle_s=settle_s,
         record_s=record_s,
         motions=motions,
@@ -296,26 +280,7 @@ def replay(
         return replay(plan, used, others, seed, back, settle_s=settle_s, record_s=record_s)
 
     return Replay(
-        plan=plan,
-        machine=used,
-        seed=seed,
-        numbers=numbers,
-        t=recording.t,
-        q=recording.q,
-        motor_rates=recording.speed,
-        peak_rates=recording.peak,
-        saturated_s=recording.saturated_s,
-        slip_s=recording.slip_s,
-        slip_begin=recording.slip_begin,
-        slip_contact=recording.slip_contact,
-        margin=recording.margin,
-        margin_s=recording.margin_s,
-        terminal_error=recording.end - plan.wanted(plan.duration),
-        deviation=recording.deviation,
-        effort=recording.effort,
-        fallbacks=recording.fallbacks,
-        run_s=recording.run_s,
-        again=again,
+        **vars(recording), plan=plan, machine=used, seed=seed, numbers=numbers, again=again
     )
 
 

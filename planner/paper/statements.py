@@ -17,7 +17,7 @@ import numpy as np
 
 from planner.machine.friction.contact_load import largest_load
 from planner.machine.machine import Machine, draw
-from planner.machine.simulate import simulate_draws
+from planner.machine.simulate import simulate
 from planner.paper.cases import paper_problem
 from planner.plan.plan import Plan
 from planner.solve import solve
@@ -128,7 +128,7 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
         for name in rows[0]
     }
     draws = replace(base, values={**base.values, **changed})
-    run = simulate_draws(plan, machine, draws, settle_s=SETTLE_S, record_s=STEP_S)
+    run = simulate(plan, machine, draws, settle_s=SETTLE_S, record_s=STEP_S)
     u = np.where((run.t < plan.duration)[:, None], plan.trajectory.u(run.t), 0.0)
     peak = np.max(np.abs(u), axis=0) / 100
     q = plan.trajectory.q(plan.t)
@@ -138,8 +138,8 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
     return PaperReplays(
         t=run.t,
         error=np.rad2deg(run.q - plan.trajectory.q(run.t))[:, :, 1:],
-        motors=run.speed / peak,
-        gap=(run.speed - u) / peak,
+        motors=run.motor_rates / peak,
+        gap=(run.motor_rates - u) / peak,
         largest=np.rad2deg(run.deviation),
         torque=load.motor_nm,
         torque_share=100 * load.motor_nm / draws["torque_limit_nm"][0],

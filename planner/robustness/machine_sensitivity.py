@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from planner.machine.machine import Machine, draw, machine_for
-from planner.machine.simulate import simulate_draws
+from planner.machine.replay import SETTLE_S
+from planner.machine.simulate import simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS, Effect
 from planner.support.arrays import Array
@@ -39,7 +40,6 @@ STEPS: Mapping[str, float] = {
 GRID_PARAMETERS = ("control_period_s", "delay_s")
 """Parameters that set the grid of times, which all machines of one replay share."""
 
-SETTLE_S = 0.5
 RECORDS = 200
 WRITE_STRIDE = 5
 """Every so many of the recorded times are written out."""
@@ -260,7 +260,7 @@ def _motions(
             values[step.effect] = np.full((effect.count(joints), count), effect.off_value)
         values[step.effect][step.index, 1 + 2 * place : 3 + 2 * place] = step.high, step.low
     draws = replace(base, values=values)
-    run = simulate_draws(plan, nominal, draws, settle_s=SETTLE_S, record_s=record)
+    run = simulate(plan, nominal, draws, settle_s=SETTLE_S, record_s=record)
     up, down = [run.q[0]] * len(steps), [run.q[0]] * len(steps)
     for place, k in enumerate(batch_steps):
         up[k], down[k] = run.q[1 + 2 * place], run.q[2 + 2 * place]
@@ -276,5 +276,5 @@ def _motions(
 def _motion(plan: Plan, machine: Machine, record_s: float) -> Array:
     """Recorded motion (R, N) of one machine."""
     draws = draw(machine, plan.problem.system.size - 1, np.arange(1), 0)
-    run = simulate_draws(plan, machine, draws, settle_s=SETTLE_S, record_s=record_s)
+    run = simulate(plan, machine, draws, settle_s=SETTLE_S, record_s=record_s)
     return np.asarray(run.q[0])

@@ -235,13 +235,27 @@ def _simulate_closed_loop(
 def _motion(
     plan: Plan, machine: Machine, draws: Draws, orders: CommandGrid, times: Array
 ) -> MachineMotion:
-    """Samples at the start: compiled where there is a kernel for them."""
+    """Samples at the start of a plan."""
     system = plan.problem.system
     if isinstance(system, Manipulator) and machine.fidelity == "quasi-static":
         refuse_sliding(plan, system, draws)
     start, rows = _start(plan, draws), np.searchsorted(orders.t, times)
     desired = plan.wanted(orders.t)[:, 1:, None]
     desired[orders.t < times[0]] = np.nan  # no deviation is counted before the plan's start
+    return begin_motion(plan, machine, draws, orders, desired, rows, start)
+
+
+def begin_motion(
+    plan: Plan,
+    machine: Machine,
+    draws: Draws,
+    orders: CommandGrid,
+    desired: Array,
+    rows: NDArray[np.int64],
+    start: Array,
+) -> MachineMotion:
+    """Samples at the start: compiled where there is a kernel for them; see `StepwiseMotion`."""
+    system = plan.problem.system
     few = machine.fidelity == "quasi-static" or system.size - 2 <= MOST_PASSIVE
     if isinstance(system, Manipulator) and few and library() is not None:
         return CompiledMotion(system, machine.fidelity, draws, orders, desired, rows, start)

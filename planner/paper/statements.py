@@ -154,11 +154,6 @@ def values(x: Array) -> dict[str, float]:
     }
 
 
-def coordinates(parameters: Mapping[str, float]) -> Array:
-    """The inverse of `values`, (P,)."""
-    return np.array([np.log(parameters[r.key] / r.centre) / r.width for r in FITTED_PARAMETERS])
-
-
 def settings(parameters: Mapping[str, float]) -> dict[str, float | list[float]]:
     """The machine's effects with these parameters: those of single joints as lists."""
     out: dict[str, float | list[float]] = {}

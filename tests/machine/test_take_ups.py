@@ -122,7 +122,9 @@ def test_commands_of_limited_rates_are_foretold_as_they_are_held_and_end_at_rest
     asked = plain.problem.changed({"goal.travel": float(plain.q(plain.duration)[0])})
     shape = Shape(plain, plain.problem.system, machine, CompensationTable())  # type: ignore[arg-type]
     variants = Variants(plain, machine, shape)
-    sent, foretold = variants.send(np.zeros((len(variants.knots), 2, 1)))
+    nothing = np.zeros((len(variants.knots), 2, 1))
+    sent = shape.commands(nothing, variants.knots)
+    foretold = variants.run(nothing, is_sent=True)
     commands = MotorCommands(shape.t, sent[:, :, 0], shape.clock, shape.is_linear)
     compensation = Compensation(plain, machine.to_dict(), shape.clock)
     _, prediction = follow.plan_with_commands(compensation, commands)

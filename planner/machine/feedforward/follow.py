@@ -60,11 +60,11 @@ def follow(
             shape = Shape(plan, system, machine, done, rest, most_away)
             correction = Correction(plan, machine, shape)
             try:
-                u = correction.commands() if done.correction else shape.commands()[:, :, 0]
+                if done.correction:
+                    correction.search()
             except TimeUpError:
                 was_cut_short = True
-                u = shape.commands(correction.values[:, :, None], correction.knots)[:, :, 0]
-            commands = MotorCommands(shape.t, u, shape.clock, shape.is_linear)
+            commands = MotorCommands(shape.t, correction.commands, shape.clock, shape.is_linear)
             compensation = Compensation(plan, machine.to_dict(), shape.clock)
             made, prediction = plan_with_commands(compensation, commands)
             error_deg = prediction.error_deg

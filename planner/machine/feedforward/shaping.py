@@ -125,22 +125,16 @@ class Shape:
             earlier += leg.seconds(self.tick)
         return out
 
-    def commands(self, corrections: Array | None = None, knots: Array | None = None) -> Array:
-        """What the motors are told in each tick, at the motors' resolution, (K, 2, S), rad/s.
+    def commands(self, corrections: Array, knots: Array, is_rounded: bool = True) -> Array:
+        """What the motors are told in each tick, (K, 2, S), rad/s.
 
         Args:
-            corrections: Of the motors' angles at the knots, shape (m, 2, S), rad; one of none when
-                left out.
+            corrections: Of the motors' angles at the knots, shape (m, 2, S), rad.
             knots: Their times, (m,), s.
+            is_rounded: Whether at the motors' resolution, as they are sent.
         """
-        angle = self._angle[:, :, None]
-        if corrections is not None and knots is not None:
-            angle = angle + self._added(corrections, knots)
-        return self._pursue(angle, self._grain)
-
-    def variants(self, corrections: Array, knots: Array) -> Array:
-        """The same for corrections (m, 2, S), without rounding: (K, 2, S)."""
-        return self._pursue(self._angle[:, :, None] + self._added(corrections, knots), np.zeros(2))
+        angle = self._angle[:, :, None] + self._added(corrections, knots)
+        return self._pursue(angle, self._grain if is_rounded else np.zeros(2))
 
     def _added(self, corrections: Array, knots: Array) -> Array:
         """What corrections (m, 2, S) add to the angles, (K+1, 2, S): straight between knots."""

@@ -48,7 +48,7 @@ class Plant(Protocol):
 
     @property
     def slipping(self) -> Array:
-        """Which contact of each slips grossly, (S,); see `contacts.Transmission`."""
+        """Which contact of each slips grossly, (S,); see `contacts.contact_name`."""
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance by h seconds under motor speeds (P, 2, S) and travels (P−1, 2, S)."""
@@ -62,7 +62,7 @@ class MachineMotion(Protocol):
         speed: Recorded speeds of the motors, (S, R, 2).
         deviation: Largest |true − plan| so far of each coordinate after the first, (S, N−1).
         slip: Seconds so far with a contact in gross slip; step in which that began; which contact
-            it was (see `contacts.Transmission`); (S, 3), the last two −1 where there was none.
+            it was (see `contacts.contact_name`); (S, 3), the last two −1 where there was none.
     """
 
     q: Array
@@ -229,7 +229,7 @@ class DynamicChain:
 
     @property
     def slipping(self) -> Array:
-        """Which contact of each slips grossly, (S,); see `contacts.Transmission`."""
+        """Which contact of each slips grossly, (S,); see `contacts.contact_name`."""
         return np.asarray(self._march.slipping[0])
 
     @property

@@ -32,7 +32,7 @@ from planner.machine.servos import Servos
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
 from planner.support.calculus import runge_kutta
-from planner.systems.manipulator import Manipulator, chain_inertia
+from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
 REPORT_EVERY = 250
@@ -217,9 +217,8 @@ class DynamicChain:
 
     def __init__(self, system: Manipulator, draws: Draws, q: Array) -> None:
         self._march = march = begin_march(system, draws, q)
-        self._place, self._masses, self._y = march.place, march.data, march.y
-        self._shape, self._energy = (2, draws.count), march.energy
-        self._last = np.inf
+        self._place, self._y, self._last = march.place, march.y, np.inf
+        self._shape = (2, draws.count)
         self.limited_s = np.zeros(self._shape)
 
     @property
@@ -236,40 +235,6 @@ class DynamicChain:
     def motor_rates(self) -> Array:
         """Speeds of the motors, behind their gearheads' ratio, (2, S), rad/s."""
         return self._y[self._place.bodies.motors]
-
-    @property
-    def shaft_torque(self) -> Array:
-        """Of the shafts into joints 2 … n, springs and damping, (n−1, S), N m."""
-        return np.asarray(self._y[self._place.torque][2:])
-
-    @property
-    def gap(self) -> Array:
-        """Where the axes of joints 2 … n are in their play, (n−1, S), rad; 0 is the middle."""
-        return np.asarray(self._y[self._place.gap][2:])
-
-    @property
-    def stored_J(self) -> Array:
-        """Kinetic energy, that of the shafts, and of the links' height, (S,), J."""
-        data, links = self._masses, self._place.bodies.links
-        v, twist = self._y[self._place.v].copy(), self._y[self._place.twist]
-        angles, v[links] = np.cumsum(self.q[1:], axis=0), np.cumsum(v[links], axis=0)
-        chain = chain_inertia(data.inertia[links], data.lengths, data.moments, angles)
-        kinetic = np.einsum("js,jks,ks->s", v[links], chain, v[links])
-        v[links] = 0.0
-        kinetic += np.sum(data.inertia * v * v, axis=0)
-        elastic = np.sum(data.stiffness * twist * twist, axis=0)
-        raised = np.sum(data.weights * np.sin(angles), axis=0)
-        return np.asarray((kinetic + elastic) / 2 + raised)
-
-    @property
-    def work_J(self) -> Array:
-        """Work of the motors so far, (S,), J."""
-        return np.asarray(self._energy[0])
-
-    @property
-    def lost_J(self) -> Array:
-        """What friction, slip and damping took of it, (S,), J; rigid teeth that meet take more."""
-        return np.asarray(self._energy[1])
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance by a step.

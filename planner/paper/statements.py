@@ -93,8 +93,7 @@ class PaperReplays:
         motors: Speed of the motors, (S, R, 2), as a percentage of each command's peak.
         gap: The same minus the command.
         largest: Largest |error| over all steps, (S, n), deg.
-        torque: Largest torque that the contacts ask of motor 1, (S,), N m.
-        torque_share: The same as a percentage of its limit.
+        torque_share: Largest torque that the contacts ask of motor 1, (S,), % of its limit.
     """
 
     t: Array
@@ -102,7 +101,6 @@ class PaperReplays:
     motors: Array
     gap: Array
     largest: Array
-    torque: Array
     torque_share: Array
 
     @property
@@ -124,7 +122,7 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
     base = draw(machine, joints, np.arange(len(points)), 0)
     rows = [settings(p) for p in points]
     changed = {
-        name: np.stack([np.resize(row[name], len(base[name])) for row in rows], axis=1)
+        name: np.broadcast_to(np.array([row[name] for row in rows]).T, base[name].shape)
         for name in rows[0]
     }
     draws = replace(base, values={**base.values, **changed})
@@ -141,7 +139,6 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
         motors=run.motor_rates / peak,
         gap=(run.motor_rates - u) / peak,
         largest=np.rad2deg(run.deviation),
-        torque=load.motor_nm,
         torque_share=100 * load.motor_nm / draws["torque_limit_nm"][0],
     )
 

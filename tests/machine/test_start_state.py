@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from driven import swift
+from driven import Driven
 from handmade import arm_problem
 
 import planner
 from planner import InputError, Machine
 from planner.machine.disk_chain import DiskChain
 from planner.machine.machine import draw
-from planner.machine.stepwise import DynamicChain
 
 BACKLASH, STIFFNESS, FRICTION, GEARHEAD = 2.0, 3.0, 0.15, 0.5
 W = BACKLASH / 2 + np.rad2deg(FRICTION / STIFFNESS)
@@ -85,7 +84,7 @@ def test_with_inertia_a_wound_shaft_stays_wound() -> None:
     q = np.deg2rad(np.array([[0.0], [10.0], [10.0], [10.0]]))
     for state, side in (("forward", 1), ("backward", -1)):
         draws = draw(_machine(state, "dynamic"), 3, np.arange(1), 0)
-        chain = swift(DynamicChain(arm, draws, q))
+        chain = Driven(arm, draws, q)
         assert chain.shaft_torque[:, 0] == pytest.approx([side * FRICTION] * 2)
         assert np.rad2deg(chain.gap[:, 0]) == pytest.approx([side * BACKLASH / 2] * 2)
         for _ in range(200):

@@ -238,7 +238,7 @@ class Correction:
         for k, (a, b) in enumerate(pairwise(begins)):
             part = u[a : max(b, a + 1)]
             # A tick or two at the limit is the play of a gearhead that is crossed.
-            low[k], high[k] = np.percentile(part, 10, axis=0), np.percentile(part, 90, axis=0)
+            low[k], high[k] = np.percentile(part, [10, 90], axis=0)
         least = np.minimum(-(shape.limit + low), 0.0) * spans
         most = np.maximum(shape.limit - high, 0.0) * spans
         return np.rad2deg(least).ravel(), np.rad2deg(most).ravel()

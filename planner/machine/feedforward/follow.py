@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.machine.feedforward.correction import Correction
-from planner.machine.feedforward.legs import MOST_AWAYS_DEG, Rest, compensable
+from planner.machine.feedforward.legs import MOST_AWAYS_DEG, Rest
 from planner.machine.feedforward.prediction import Prediction, predict
 from planner.machine.feedforward.shaping import MotorCommands, Shape
 from planner.machine.machine import Machine
@@ -45,7 +45,7 @@ def follow(
         TimeUpError: If there is no time for a first prediction.
     """
     problem, system = plan.problem, plan.problem.system
-    if not compensable(system) or not isinstance(system, Manipulator):
+    if not isinstance(system, Manipulator):
         raise InputError(
             f"{problem.source}: compensation is for arms with friction disks (system.kind ="
             f" 'manipulator'); a {system.kind} has no mechanism between motors and motion to"

@@ -259,15 +259,12 @@ def subdivide(times: Array, step: float) -> Array:
     return np.append(starts + inner * np.repeat(gaps / counts, counts), times[-1])
 
 
-def refine_times(
-    command: InputOfTime, times: Array, tolerance: float = QUADRATURE_TOLERANCE
-) -> Array:
+def refine_times(command: InputOfTime, times: Array) -> Array:
     """`times` with steps halved until Simpson's rule integrates the command over each of them.
 
     Args:
         command: Times (…) to values (…, 2); smooth inside each step, right-hand limits at jumps.
         times: Increasing; includes every jump.
-        tolerance: Largest estimated error a step, in the command's unit times seconds.
 
     Returns:
         The times, increasing, with what was added.
@@ -276,7 +273,7 @@ def refine_times(
     narrow = 4 * ROUNDING * max(1.0, abs(float(times[-1])))
     added = [times]
     while left.size:
-        rough = _simpson_gap(command, left, right) > tolerance
+        rough = _simpson_gap(command, left, right) > QUADRATURE_TOLERANCE
         rough &= right - left > narrow
         left, right = left[rough], right[rough]
         middle = left + (right - left) / 2

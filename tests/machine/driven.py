@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -77,6 +77,7 @@ def start(n: int, samples: int = 1) -> np.ndarray:
     return np.repeat(q[:, None], samples, axis=1)
 
 
+@cache
 def c_march(library: Any) -> Any:
     """The function of C that does what `March.step` does."""
     function = library.planner_dynamic_march
@@ -85,11 +86,23 @@ def c_march(library: Any) -> Any:
 
 
 class CompiledMarch(March):
-    def step(self, mean: np.ndarray, swing: np.ndarray, h: float, lead: float) -> None:
+    """The same steps in C; its arrays stay where they are."""
+
+    @cached_property
+    def table(self) -> np.ndarray:
+        return super().table
+
+    @cached_property
+    def places(self) -> list[int]:
         state = (self.y, self.pieces, self.speed_change, self.energy, self.slipping)
-        given = [np.ascontiguousarray(each) for each in (self.table, mean, swing)]
+        return [each.ctypes.data for each in (self.table, *state)]
+
+    def step(self, mean: np.ndarray, swing: np.ndarray, h: float, lead: float) -> None:
+        mean, swing = np.ascontiguousarray(mean), np.ascontiguousarray(swing)
+        masses, *state = self.places
         sizes = (self.place.bodies.m, *self.y.shape, h, lead, GAMMA, self.k_g)
-        c_march(compiled.library())(*sizes, *(each.ctypes.data for each in (*given, *state)))
+        inputs = (masses, mean.ctypes.data, swing.ctypes.data)
+        c_march(compiled.library())(*sizes, *inputs, *state)
 
 
 class Driven(DynamicChain):

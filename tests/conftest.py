@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -41,21 +39,3 @@ def paper() -> planner.Problem:
 def unlimited(paper: planner.Problem) -> planner.Problem:
     """The paper's example without any limit."""
     return paper.changed({"limits": {}})
-
-
-@pytest.fixture(scope="session")
-def one_run_up() -> Iterator[None]:
-    """The search of a run-up, half of a tracker's design, is made once for a plan and machine."""
-    from planner.machine.feedback import tracker  # slow to import
-
-    search, known = tracker.run_up, dict[Any, Any]()
-
-    def kept(plan: planner.Plan, machine: planner.Machine, options: Any) -> Any:
-        key = (id(plan), machine, options.run_up)
-        if key not in known:
-            known[key] = (plan, search(plan, machine, options))
-        return known[key][1]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tracker, "run_up", kept)
-        yield

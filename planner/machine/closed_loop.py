@@ -148,10 +148,6 @@ class FeedbackCommand:
             )
         room[:] = values[: len(room)]
 
-    def step_values(self, k: int) -> Array:
-        """See `CommandGrid`; a command has the same value at both of a step's points."""
-        return np.asarray(self.block(k, k + 1)[0])
-
     def block(self, first: int, last: int) -> Array:
         """See `CommandGrid`."""
         times = self.t[first:last, None] - self._delay - self._begin

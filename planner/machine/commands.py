@@ -97,11 +97,12 @@ class CommandGrid(Protocol):
     t: Array
     running: NDArray[np.bool_]
 
-    def step_values(self, k: int) -> Array:
-        """What step k asks of both motors at its P points, shape (P, 2, S or 1)."""
-
     def block(self, first: int, last: int) -> Array:
-        """What the steps first ≤ k < last ask for, shape (K, P, 2, S or 1)."""
+        """What the steps first ≤ k < last ask for at their P points, shape (K, P, 2, S or 1).
+
+        A held command has 2 points, the ends, with the same value at both; a continuous one 3, the
+        middle between them.
+        """
 
 
 class Command:
@@ -153,15 +154,8 @@ class Command:
             out._delay = self._delay[chosen]
         return out
 
-    def step_values(self, k: int) -> Array:
-        """What step k asks of both motors at its P points, shape (P, 2, S or 1).
-
-        A held command has 2 points, the ends; a continuous one 3, the middle between them.
-        """
-        return np.asarray(self.block(k, k + 1)[0])
-
     def block(self, first: int, last: int) -> Array:
-        """What the steps first ≤ k < last ask for, shape (K, P, 2, S or 1)."""
+        """See `CommandGrid`."""
         if self._table is not None:
             return self._table[first:last]
         times = self._times[first:last, :, None] - self._delay
@@ -197,10 +191,6 @@ class CommandVariants:
         self._values = np.concatenate([values, nothing])
         self._after = np.concatenate([values[1:], values[-1:], nothing]) if is_linear else None
         self._resolution = draws["velocity_resolution_rad_s"][:, :1]
-
-    def step_values(self, k: int) -> Array:
-        """See `CommandGrid`; held commands have the same value at both of a step's points."""
-        return np.asarray(self.block(k, k + 1)[0])
 
     def block(self, first: int, last: int) -> Array:
         """See `CommandGrid`."""
@@ -269,15 +259,12 @@ def subdivide(times: Array, step: float) -> Array:
     return np.append(starts + inner * np.repeat(gaps / counts, counts), times[-1])
 
 
-def refine_times(
-    command: InputOfTime, times: Array, tolerance: float = QUADRATURE_TOLERANCE
-) -> Array:
+def refine_times(command: InputOfTime, times: Array) -> Array:
     """`times` with steps halved until Simpson's rule integrates the command over each of them.
 
     Args:
         command: Times (…) to values (…, 2); smooth inside each step, right-hand limits at jumps.
         times: Increasing; includes every jump.
-        tolerance: Largest estimated error a step, in the command's unit times seconds.
 
     Returns:
         The times, increasing, with what was added.
@@ -286,7 +273,7 @@ def refine_times(
     narrow = 4 * ROUNDING * max(1.0, abs(float(times[-1])))
     added = [times]
     while left.size:
-        rough = _simpson_gap(command, left, right) > tolerance
+        rough = _simpson_gap(command, left, right) > QUADRATURE_TOLERANCE
         rough &= right - left > narrow
         left, right = left[rough], right[rough]
         middle = left + (right - left) / 2

@@ -269,7 +269,11 @@ class CompiledMotion:
         row[rows] = np.arange(len(rows))
         parameters = _parameters(system, draws)
         self._places = places(STATE_NUMBERS, n - 1)
-        self._state = _state(system, draws, start, np.nan_to_num(np.abs(start[1:] - desired[0])))
+        gap = np.nan_to_num(np.abs(start[1:] - desired[0]))
+        self._state = state = _state(system, draws, start, gap)
+        self.deviation, self.saturated_s, self.slip = (
+            state[:, self._places[name]] for name in ("gap", "saturated", "slip")
+        )
         self._arrays = {  # kept here as long as the kernel points into them
             "parameters": np.concatenate([*parameters.values()]).T.copy(),
             "length": np.array(lengths(orders.t)),
@@ -293,21 +297,6 @@ class CompiledMotion:
     def coordinates(self) -> Array:
         """See `MachineMotion`."""
         return np.concatenate([self._state[:, self._places[k]].T for k in ("first", "theta")])
-
-    @property
-    def deviation(self) -> Array:
-        """See `MachineMotion`."""
-        return self._state[:, self._places["gap"]]
-
-    @property
-    def saturated_s(self) -> Array:
-        """See `MachineMotion`."""
-        return self._state[:, self._places["saturated"]]
-
-    @property
-    def slip(self) -> Array:
-        """See `MachineMotion`."""
-        return self._state[:, self._places["slip"]]
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
         """See `MachineMotion`."""

@@ -32,7 +32,13 @@ from __future__ import annotations
 import numpy as np
 
 from planner.machine.friction.contact_load import gear_constants, weights
-from planner.machine.friction.contacts import Contacts
+from planner.machine.friction.contacts import (
+    SLIP_SPEED_RAD_S,
+    VARYING_EFFECTS,
+    chain_loads,
+    friction_capacity,
+    lateral_friction,
+)
 from planner.machine.machine import Draws
 from planner.machine.servos import integrals, to_end
 from planner.support.arrays import Array
@@ -48,16 +54,19 @@ class DiskChain:
         q: Coordinates at the start, (N, S).
 
     Attributes:
-        slipping: Which contact of each slips grossly, (S,); see `contacts.Transmission`.
+        slipping: Which contact of each slips grossly, (S,); see `contacts.contact_name`; −1 for
+            none.
     """
-
-    slipping: Array
 
     def __init__(self, system: Manipulator, draws: Draws, q: Array) -> None:
         self.slipping = np.full(draws.count, -1.0)
         k = gear_constants(system, draws)
-        self._k, self._k_g = list(k), system.k_g
-        self._contacts = Contacts(draws, k)
+        self._k, self._k_g = k, system.k_g
+        self._creep, self._creep_per_nm = draws["creep"], draws["creep_per_nm"]
+        self._lateral, self._capacity = lateral_friction(draws), friction_capacity(draws)
+        self._loaded = any(draws.has_effect(name) for name in VARYING_EFFECTS)
+        kept = np.repeat(1 - self._creep, len(k), axis=0)
+        self._unloaded = (kept, kept**2) if draws.has_effect("creep") else None
         self._motor = Play.gearhead(draws, 0, np.zeros(draws.count))
         self._motor.settle()
         self._joints = [Play.gearhead(draws, 1, q[1].copy())]
@@ -95,9 +104,7 @@ class DiskChain:
         last = len(self._k) - 1
         self._load()
         disk = self._geared(speed[:, 0], travel[-1, 0], h)
-        passed = self._contacts.transmission(self._joints[1:], self._cosines, disk[-1])
-        if passed is not None and passed.slipping is not None:
-            self.slipping = passed.slipping
+        passed = self._passed_on(disk[-1]) if self._loaded else self._unloaded
         ways = list(travel[:, 1])
         for j, k in enumerate(self._k):
             c = self._turned(j, ways, h)
@@ -106,8 +113,8 @@ class DiskChain:
             disk = disk * c
             gain = k
             if passed is not None:
-                disk *= passed.stage[j]
-                gain = k * passed.branch[j]
+                disk *= passed[0][j]
+                gain = k * passed[1][j]
             driven = disk * c
             driven *= c
             ways = [gain * way for way in integrals(driven, h)]
@@ -129,6 +136,35 @@ class DiskChain:
         turned = self._motor.move(travel, h) - before
         still = travel == 0
         return np.asarray(speed * np.where(still, 1.0, turned / np.where(still, 1.0, travel)))
+
+    def _passed_on(self, speed: Array) -> tuple[Array, Array]:
+        """Parts of the rate V cosθ that P₁ of each stage passes on now, and P₂ with P₃, (n−1, S).
+
+        Args:
+            speed: Of the first disk, (S,), rad/s.
+        """
+        cosines, joints = self._cosines, self._joints[1:]
+        # A joint at more than 90 degrees reverses the direction of what it drives.
+        turning: Array = np.sign(speed) * np.cumprod(np.sign(cosines), axis=0)
+        steady = np.stack([joint.torque(way) for joint, way in zip(joints, turning, strict=True)])
+        rising = self._rising(turning, speed) if any(joint.damped for joint in joints) else None
+        lateral, capacity = self._lateral, self._capacity
+        loads, parts, _ = chain_loads(cosines, self._k, steady, lateral, capacity, rising)
+        slips = (parts <= 0.0) & (np.abs(speed) > SLIP_SPEED_RAD_S)
+        flat = np.swapaxes(slips, 0, 1).reshape(-1, slips.shape[-1])
+        self.slipping = np.where(flat.any(axis=0), flat.argmax(axis=0), -1.0)
+        carried = np.minimum(np.abs(loads), capacity)
+        parts *= np.maximum(1.0 - self._creep - self._creep_per_nm * carried, 0.0)
+        return parts[0], parts[1] * parts[2]
+
+    def _rising(self, turning: Array, speed: Array) -> Array:
+        """What the joints' damping adds at full speed, (n−1, S)."""
+        torques, disk = np.empty_like(self._cosines), np.abs(speed)
+        for j, joint in enumerate(self._joints[1:]):
+            c = np.abs(self._cosines[j])
+            torques[j] = joint.damping(turning[j]) * self._k[j] * c * c * c * disk
+            disk = disk * c
+        return torques
 
     def _turned(self, i: int, ways: list[Array], h: float) -> Array:
         """Turn axis i by the travels to each later point; cosθᵢ at all points, (P, S)."""

@@ -77,7 +77,7 @@ class March:
         pieces: Of all laws at the end of the last step, (6+5m, S); see `StageLaws`.
         speed_change: Change of the speeds of disks and links over the last step, (1+2m, S), rad/s.
         energy: Work of the motors so far, and what friction, slip and damping took, (2, S), J.
-        slipping: Which contact slips grossly, (1, S); see `contacts.Transmission`.
+        slipping: Which contact slips grossly, (1, S); see `contacts.contact_name`.
     """
 
     data: Masses

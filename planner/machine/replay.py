@@ -15,7 +15,7 @@ from planner.machine.closed_loop import Feedback, encoder_readings
 from planner.machine.friction.contacts import contact_name
 from planner.machine.limits import MachineLimit, least_margins, limit_words, machine_limits
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
-from planner.machine.simulate import Progress, simulate
+from planner.machine.simulate import Progress, Recording, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.plan.samples import import_library, plan_facts
 from planner.support.arrays import Array
@@ -33,7 +33,7 @@ RECORD_S = 0.02
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Replay:
+class Replay(Recording):
     """Motions of a plan on S random samples of a machine.
 
     Attributes:
@@ -70,21 +70,6 @@ class Replay:
     machine: Machine
     seed: int
     numbers: NDArray[np.int64]
-    t: Array
-    q: Array
-    motor_rates: Array
-    peak_rates: Array
-    saturated_s: Array
-    slip_s: Array
-    slip_begin: Array
-    slip_contact: NDArray[np.int64]
-    margin: Array
-    margin_s: Array
-    terminal_error: Array
-    deviation: Array
-    effort: Array | None
-    fallbacks: NDArray[np.int64]
-    run_s: float
     again: Callable[[Sequence[int]], Replay]
 
     def __repr__(self) -> str:
@@ -197,17 +182,54 @@ class Replay:
         """Number of the sample with the largest E; `replay(…, samples=[worst])` reproduces it."""
         return int(self.numbers[np.argmax(self.index_E_deg)])
 
-    # Views are made of replays; these only make them easy to reach, and import them when asked.
-
     def to_frame(self) -> pandas.DataFrame:
-        """One row per machine, errors and settings; see `planner.machine.replay.replay_frame`."""
+        """One row per machine: its errors, and every parameter that differs between machines.
 
-        return replay_frame(self)
+        Index: number of the sample. Columns: E_deg (eq. 29), terminal_E_deg, terminal_NAME_deg for
+        each angle, then settings by name, with _1, _2 ... where there is one per motor or joint.
+
+        Raises:
+            InputError: If pandas is not installed.
+        """
+        columns: dict[str, Array] = {}
+        if self.angles:
+            columns |= {"E_deg": self.index_E_deg, "terminal_E_deg": self.terminal_E_deg}
+        coordinates = self.plan.problem.system.coordinates
+        for i, error in zip(self.angles, self.terminal_error_deg.T, strict=True):
+            columns[f"terminal_{coordinates[i].name}_deg"] = error
+        for name, values in self.draws.values.items():
+            for k, row in enumerate(values, start=1):
+                if np.ptp(row) > 0:
+                    columns[name if len(values) == 1 else f"{name}_{k}"] = row
+        pandas = import_library("pandas")
+        frame = pandas.DataFrame(columns, index=pandas.Index(self.numbers, name="sample"))
+        frame.attrs = {**plan_facts(self.plan), "seed": self.seed}
+        return frame
 
     def to_xarray(self) -> xarray.Dataset:
-        """Motions kept, by sample, time and name; see `planner.machine.replay.replay_dataset`."""
+        """True motions and motor speeds of the machines whose motions are kept, over sample and
+        time.
 
-        return replay_dataset(self)
+        Raises:
+            InputError: If xarray is not installed.
+        """
+        system = self.plan.problem.system
+        dataset: xarray.Dataset = import_library("xarray").Dataset(
+            {
+                "q": (("sample", "time", "coordinate"), self.q),
+                "motor_rates": (("sample", "time", "input"), self.motor_rates),
+                "terminal_error": (("sample", "coordinate"), self.terminal_error[: len(self.q)]),
+            },
+            coords={
+                "sample": self.numbers[: len(self.q)],
+                "time": ("time", self.t, {"units": "s"}),
+                "coordinate": [c.name for c in system.coordinates],
+                "input": [c.name for c in system.inputs],
+                "unit_of_q": ("coordinate", [c.unit for c in system.coordinates]),
+            },
+            attrs={**plan_facts(self.plan), "seed": self.seed},
+        )
+        return dataset
 
     def summary(self) -> dict[str, Any]:
         """The numbers of a comparison table, JSON-ready, in degrees and seconds.
@@ -282,8 +304,7 @@ def replay(
     recording = simulate(
         plan,
         used,
-        numbers,
-        seed,
+        draw(used, plan.problem.system.size - 1, numbers, seed),
         settle_s=settle_s,
         record_s=record_s,
         motions=motions,
@@ -296,26 +317,7 @@ def replay(
         return replay(plan, used, others, seed, back, settle_s=settle_s, record_s=record_s)
 
     return Replay(
-        plan=plan,
-        machine=used,
-        seed=seed,
-        numbers=numbers,
-        t=recording.t,
-        q=recording.q,
-        motor_rates=recording.speed,
-        peak_rates=recording.peak,
-        saturated_s=recording.saturated_s,
-        slip_s=recording.slip_s,
-        slip_begin=recording.slip_begin,
-        slip_contact=recording.slip_contact,
-        margin=recording.margin,
-        margin_s=recording.margin_s,
-        terminal_error=recording.end - plan.wanted(plan.duration),
-        deviation=recording.deviation,
-        effort=recording.effort,
-        fallbacks=recording.fallbacks,
-        run_s=recording.run_s,
-        again=again,
+        **vars(recording), plan=plan, machine=used, seed=seed, numbers=numbers, again=again
     )
 
 
@@ -340,53 +342,3 @@ def _check(seed: int, settle_s: float, record_s: float | None, motions: int | No
         raise InputError(f"record_s = {record_s}: must be a time > 0, in seconds, or None")
     if motions is not None and (not isinstance(motions, int) or motions < 0):
         raise InputError(f"motions = {motions!r:.40}: must be a number of samples, or None for all")
-
-
-def replay_frame(replay: Replay) -> pandas.DataFrame:
-    """One row per machine: its errors, and every parameter that differs between machines.
-
-    Index: number of the sample. Columns: E_deg (eq. 29), terminal_E_deg, terminal_NAME_deg for each
-    angle, then settings by name, with _1, _2 ... where there is one per motor or joint.
-
-    Raises:
-        InputError: If pandas is not installed.
-    """
-    columns: dict[str, Array] = {}
-    if replay.angles:
-        columns |= {"E_deg": replay.index_E_deg, "terminal_E_deg": replay.terminal_E_deg}
-    coordinates = replay.plan.problem.system.coordinates
-    for i, error in zip(replay.angles, replay.terminal_error_deg.T, strict=True):
-        columns[f"terminal_{coordinates[i].name}_deg"] = error
-    for name, values in replay.draws.values.items():
-        for k, row in enumerate(values, start=1):
-            if np.ptp(row) > 0:
-                columns[name if len(values) == 1 else f"{name}_{k}"] = row
-    pandas = import_library("pandas")
-    frame = pandas.DataFrame(columns, index=pandas.Index(replay.numbers, name="sample"))
-    frame.attrs = {**plan_facts(replay.plan), "seed": replay.seed}
-    return frame
-
-
-def replay_dataset(replay: Replay) -> xarray.Dataset:
-    """True motions and motor speeds of the machines whose motions are kept, over sample and time.
-
-    Raises:
-        InputError: If xarray is not installed.
-    """
-    system = replay.plan.problem.system
-    dataset: xarray.Dataset = import_library("xarray").Dataset(
-        {
-            "q": (("sample", "time", "coordinate"), replay.q),
-            "motor_rates": (("sample", "time", "input"), replay.motor_rates),
-            "terminal_error": (("sample", "coordinate"), replay.terminal_error[: len(replay.q)]),
-        },
-        coords={
-            "sample": replay.numbers[: len(replay.q)],
-            "time": ("time", replay.t, {"units": "s"}),
-            "coordinate": [c.name for c in system.coordinates],
-            "input": [c.name for c in system.inputs],
-            "unit_of_q": ("coordinate", [c.unit for c in system.coordinates]),
-        },
-        attrs={**plan_facts(replay.plan), "seed": replay.seed},
-    )
-    return dataset

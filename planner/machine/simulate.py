@@ -40,109 +40,59 @@ FEWEST_TIMES = 3
 """Start, end and rest, which are always recorded, say nothing of limits on the way."""
 
 Progress = Callable[[int, int], None]
-Tell = Callable[[float], None]
+Tell = Callable[[int, int], None]
+"""Told the number of steps in all, and how many are done."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What happened to S samples.
-
-    Attributes:
-        t: Recorded times, (R,), s.
-        q: True coordinates then of the M samples whose motions are kept, the first, (M, R, N).
-        speed: Speeds of their motors then, (M, R, 2); after a jump, where there is one.
-        end: True coordinates at the last time, (S, N).
-        peak: Largest |speed| of each motor at the recorded times, (S, 2).
-        deviation: Largest |q − plan| of each coordinate after the first over all steps from the
-            plan's start, (S, N−1).
-        saturated_s: Seconds each motor was asked for more than its limit of speed or torque,
-            (S, 2).
-        slip_s: Seconds in which a contact was in gross slip, (S,).
-        slip_begin: When that began, (S,), s; NaN where there was none.
-        slip_contact: Which contact it was, (S,); see `contacts.contact_name`; −1
-            where there was none.
-        margin: Least distance from each limit at the recorded times, negative beyond, (S, P); NaN
-            where no times were recorded; see `machine.limits`.
-        margin_s: When that was, (S, P), s.
-        effort: ∫ u₁² + u₂² dt of the controller's commands, (S,); None in open loop.
-        fallbacks: Number of control steps in which the controller used a fallback command, (S,).
-        run_s: From the first command to the end of the last, s.
-    """
+    """What happened to S samples; the attributes are those of `planner.Replay`."""
 
     t: Array
     q: Array
-    speed: Array
-    end: Array
-    peak: Array
-    deviation: Array
+    motor_rates: Array
+    peak_rates: Array
     saturated_s: Array
     slip_s: Array
     slip_begin: Array
     slip_contact: NDArray[np.int64]
     margin: Array
     margin_s: Array
+    terminal_error: Array
+    deviation: Array
     effort: Array | None
     fallbacks: NDArray[np.int64]
     run_s: float
 
-    def allocate(self, count: int, motions: int) -> Recording:
-        """Arrays like these for so many samples, and for the motions of so many, not filled in."""
-        rows = dict.fromkeys(_SAMPLE_FIELDS, count) | dict.fromkeys(_MOTION_FIELDS, motions)
-        empty: dict[str, Any] = {
-            name: np.empty((size, *array.shape[1:]), array.dtype)
-            for name, size in rows.items()
-            if (array := getattr(self, name)) is not None
-        }
-        return replace(self, **empty)
 
-    def put(self, part: Recording, first: int) -> None:
-        """Fill in a part, from the sample `first` on."""
-        for name in (*_SAMPLE_FIELDS, *_MOTION_FIELDS):
-            array = getattr(self, name)
-            if array is not None:
-                there = array[first : first + len(part.end)]
-                there[:] = getattr(part, name)[: len(there)]
+def _allocate(part: Recording, count: int, motions: int) -> Recording:
+    """Arrays like these for so many samples, and for the motions of so many, not filled in."""
+    rows = dict.fromkeys(_SAMPLE_FIELDS, count) | dict.fromkeys(_MOTION_FIELDS, motions)
+    empty: dict[str, Any] = {
+        name: np.empty((size, *array.shape[1:]), array.dtype)
+        for name, size in rows.items()
+        if (array := getattr(part, name)) is not None
+    }
+    return replace(part, **empty)
 
 
-_MOTION_FIELDS = ("q", "speed")
+def _put(whole: Recording, part: Recording, first: int) -> None:
+    """Fill in a part, from the sample `first` on."""
+    for name in (*_SAMPLE_FIELDS, *_MOTION_FIELDS):
+        array = getattr(whole, name)
+        if array is not None:
+            there = array[first : first + len(part.fallbacks)]
+            there[:] = getattr(part, name)[: len(there)]
+
+
+_MOTION_FIELDS = ("q", "motor_rates")
 _SAMPLE_FIELDS = (
-    "end", "peak", "deviation", "saturated_s", "slip_s", "slip_begin", "slip_contact", "margin",
-    "margin_s", "effort", "fallbacks",
+    "peak_rates", "saturated_s", "slip_s", "slip_begin", "slip_contact", "margin", "margin_s",
+    "terminal_error", "deviation", "effort", "fallbacks",
 )  # fmt: skip
 
 
 def simulate(
-    plan: Plan,
-    machine: Machine,
-    numbers: NDArray[np.int64],
-    seed: int,
-    *,
-    settle_s: float,
-    record_s: float | None,
-    motions: int | None = None,
-    feedback: Feedback | None = None,
-    progress: Progress | None = None,
-) -> Recording:
-    """Run an executable plan through the samples `numbers` (S,) of a machine.
-
-    Raises:
-        InputError: If the machine does not match the system, the plan's input, or what feedback
-            commands, is not finite, or the motions would take too much memory.
-    """
-    draws = draw(machine, plan.problem.system.size - 1, numbers, seed)
-    return simulate_draws(
-        plan,
-        machine,
-        draws,
-        settle_s=settle_s,
-        record_s=record_s,
-        motions=motions,
-        feedback=feedback,
-        progress=progress,
-    )
-
-
-def simulate_draws(
     plan: Plan,
     machine: Machine,
     draws: Draws,
@@ -153,13 +103,14 @@ def simulate_draws(
     feedback: Feedback | None = None,
     progress: Progress | None = None,
 ) -> Recording:
-    """Run an executable plan through given single machines.
+    """Run an executable plan through single machines.
 
     What all samples share is taken from `machine`: step and control period. Motions are kept of
     the first `motions` samples, by default of all.
 
     Raises:
-        InputError: As `simulate`.
+        InputError: If the machine does not match the system, the plan's input, or what feedback
+            commands, is not finite, or the motions would take too much memory.
     """
     count = draws.count
     kept = count if motions is None else min(motions, count)
@@ -175,12 +126,12 @@ def simulate_draws(
     chunks = [slice(k, k + block) for k in range(0, count, block)]
     whole: Recording | None = None
     for i, chosen in enumerate(chunks):
-        tell = partial(_tell, progress, i, len(chunks)) if progress else None
+        tell = partial(_tell, progress, i, len(chunks))
         part = run(plan, machine, draws, chosen, times, tell)
-        if kept == len(part.end) == count:
+        if kept == block == count:
             return part
-        whole = whole or part.allocate(count, kept)
-        whole.put(part, chosen.start)
+        whole = whole or _allocate(part, count, kept)
+        _put(whole, part, chosen.start)
         del part  # and its motions, before the next block makes its own
     assert whole is not None
     return whole
@@ -242,13 +193,15 @@ def _simulate_open_loop(
     draws: Draws,
     chosen: slice,
     times: Array,
-    tell: Tell | None,
+    tell: Tell,
     command: Command,
 ) -> Recording:
     """A run of the samples under the plan's own command."""
     block_draws = draws.part(chosen)
     motion = _motion(plan, machine, block_draws, command.part(chosen), times)
-    _advance(motion, len(command.t) - 1, len(command.t) - 1, tell)
+    steps = len(command.t) - 1
+    motion.advance(steps, partial(tell, steps))
+    tell(steps, steps)
     return _recording(plan, block_draws, times, motion, command.t)
 
 
@@ -258,7 +211,7 @@ def _simulate_closed_loop(
     draws: Draws,
     chosen: slice,
     times: Array,
-    tell: Tell | None,
+    tell: Tell,
     feedback: Feedback,
     one_delay: bool,
 ) -> Recording:
@@ -269,10 +222,11 @@ def _simulate_closed_loop(
     motion = _motion(plan, machine, block_draws, fed, times)
     steps = len(fed.t) - 1
     for i, k in enumerate(fed.reading_steps):
-        _advance(motion, k, steps, tell)
+        motion.advance(k, partial(tell, steps))
         read = encoder_readings(plan.problem.system, block_draws, motion.coordinates)
         fed.set_command(i, controller(float(fed.readings[i]), read))
-    _advance(motion, steps, steps, tell)
+    motion.advance(steps, partial(tell, steps))
+    tell(steps, steps)
     out = _recording(plan, block_draws, times, motion, fed.t)
     run_s = controller.lead_s + controller.end_s
     return replace(out, effort=fed.effort, fallbacks=controller.fallbacks, run_s=run_s)
@@ -281,31 +235,36 @@ def _simulate_closed_loop(
 def _motion(
     plan: Plan, machine: Machine, draws: Draws, orders: CommandGrid, times: Array
 ) -> MachineMotion:
-    """Samples at the start: compiled where there is a kernel for them."""
+    """Samples at the start of a plan."""
     system = plan.problem.system
     if isinstance(system, Manipulator) and machine.fidelity == "quasi-static":
         refuse_sliding(plan, system, draws)
     start, rows = _start(plan, draws), np.searchsorted(orders.t, times)
     desired = plan.wanted(orders.t)[:, 1:, None]
     desired[orders.t < times[0]] = np.nan  # no deviation is counted before the plan's start
+    return begin_motion(plan, machine, draws, orders, desired, rows, start)
+
+
+def begin_motion(
+    plan: Plan,
+    machine: Machine,
+    draws: Draws,
+    orders: CommandGrid,
+    desired: Array,
+    rows: NDArray[np.int64],
+    start: Array,
+) -> MachineMotion:
+    """Samples at the start: compiled where there is a kernel for them; see `StepwiseMotion`."""
+    system = plan.problem.system
     few = machine.fidelity == "quasi-static" or system.size - 2 <= MOST_PASSIVE
     if isinstance(system, Manipulator) and few and library() is not None:
         return CompiledMotion(system, machine.fidelity, draws, orders, desired, rows, start)
     return StepwiseMotion(plan, machine, draws, orders, desired, rows, start)
 
 
-def _advance(motion: MachineMotion, last: int, steps: int, tell: Tell | None) -> None:
-    motion.advance(last, partial(_share, tell, steps) if tell else None)
-    if tell and last == steps:
-        tell(1.0)
-
-
-def _share(tell: Tell, steps: int, done: int) -> None:
-    tell(done / steps)
-
-
-def _tell(progress: Progress, before: int, runs: int, share: float) -> None:
-    progress(int(PROGRESS_PARTS * (before + share)), PROGRESS_PARTS * runs)
+def _tell(progress: Progress | None, before: int, runs: int, steps: int, done: int) -> None:
+    if progress:
+        progress(int(PROGRESS_PARTS * (before + done / steps)), PROGRESS_PARTS * runs)
 
 
 def _recording(
@@ -319,10 +278,10 @@ def _recording(
     return Recording(
         t=times,
         q=motion.q,
-        speed=motion.speed,
-        end=motion.q[:, -1].copy(),  # of itself, so that the motions can go
+        motor_rates=motion.speed,
         # One motor after the other takes a twentieth of the time of both at once.
-        peak=np.stack([np.abs(motion.speed[..., i]).max(axis=1) for i in (0, 1)], axis=1),
+        peak_rates=np.stack([np.abs(motion.speed[..., i]).max(axis=1) for i in (0, 1)], axis=1),
+        terminal_error=motion.q[:, -1] - plan.wanted(plan.duration),
         deviation=motion.deviation.copy(),
         saturated_s=motion.saturated_s.copy(),
         slip_s=slip_s,

@@ -14,27 +14,25 @@ contacts hold up to their capacity; below it they slip by creep_per_nm times tor
 where they are turned by more, as `contacts` says.
 Creep without load counts as a smaller rolling radius: it costs travel and no power.
 
-Stepped by `dynamic.c` where it is compiled, else by `march`, with the same numbers to rounding.
+`dynamic.c` does the same, with the same numbers to rounding.
 """
 
 from __future__ import annotations
 
-import ctypes
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.machine import compiled
 from planner.machine.commands import CommandGrid, Steps, lengths
 from planner.machine.disk_chain import DiskChain
 from planner.machine.machine import Draws, Machine
-from planner.machine.march import GAMMA, March, begin_march
+from planner.machine.march import begin_march
 from planner.machine.servos import Servos
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
 from planner.support.calculus import runge_kutta
-from planner.systems.manipulator import Manipulator, chain_inertia
+from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
 REPORT_EVERY = 250
@@ -50,7 +48,7 @@ class Plant(Protocol):
 
     @property
     def slipping(self) -> Array:
-        """Which contact of each slips grossly, (S,); see `contacts.Transmission`."""
+        """Which contact of each slips grossly, (S,); see `contacts.contact_name`."""
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance by h seconds under motor speeds (P, 2, S) and travels (P−1, 2, S)."""
@@ -63,29 +61,22 @@ class MachineMotion(Protocol):
         q: Recorded coordinates, (S, R, N).
         speed: Recorded speeds of the motors, (S, R, 2).
         deviation: Largest |true − plan| so far of each coordinate after the first, (S, N−1).
-        saturated_s: Seconds so far for which each motor was asked for more than its limit, (S, 2).
         slip: Seconds so far with a contact in gross slip; step in which that began; which contact
-            it was (see `contacts.Transmission`); (S, 3), the last two −1 where there was none.
+            it was (see `contacts.contact_name`); (S, 3), the last two −1 where there was none.
     """
 
     q: Array
     speed: Array
+    deviation: Array
+    slip: Array
 
     @property
     def coordinates(self) -> Array:
         """Coordinates, (N, S)."""
 
     @property
-    def deviation(self) -> Array:
-        """Largest |true − plan| so far of each coordinate after the first, (S, N−1)."""
-
-    @property
     def saturated_s(self) -> Array:
-        """Seconds so far for which each motor was asked for more than its limit, (2, S)."""
-
-    @property
-    def slip(self) -> Array:
-        """Gross slip so far, (S, 3)."""
+        """Seconds so far for which each motor was asked for more than its limit, (S, 2)."""
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
         """Go on from where it stands to the point `last` of the command's grid."""
@@ -121,8 +112,8 @@ class StepwiseMotion:
         self._servos = Servos(draws)
         self._plant = plant(plan, machine, draws, start)
         self._k = 0
-        self._gap = np.nan_to_num(np.abs(start[1:] - desired[0]))
-        self._slip = np.tile([0.0, -1.0, -1.0], (draws.count, 1))
+        self.deviation = np.nan_to_num(np.abs(start[1:] - desired[0])).T
+        self.slip = np.tile([0.0, -1.0, -1.0], (draws.count, 1))
         self.q = np.empty((draws.count, len(rows), len(start)))
         self.speed = np.empty((draws.count, len(rows), 2))
 
@@ -132,32 +123,22 @@ class StepwiseMotion:
         return self._plant.q
 
     @property
-    def deviation(self) -> Array:
-        """See `MachineMotion`."""
-        return np.asarray(self._gap.T)
-
-    @property
     def saturated_s(self) -> Array:
         """See `MachineMotion`."""
         limited = self._plant.limited_s if isinstance(self._plant, DynamicChain) else 0.0
         return np.asarray((self._servos.saturated_s + limited).T)
-
-    @property
-    def slip(self) -> Array:
-        """See `MachineMotion`."""
-        return self._slip
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
         """See `MachineMotion`."""
         orders, end = self._orders, len(self._lengths)
         for k in range(self._k, last):
             h = self._lengths[k]
-            speed, travel = self._servos.step(orders.step_values(k), h, bool(orders.running[k]))
+            speed, travel = self._servos.step(orders.block(k, k + 1)[0], h, bool(orders.running[k]))
             self._record(k, speed[0])
             self._plant.step(speed, travel, h)
-            _note_slip(self._slip, k, h, self._plant.slipping)
+            _note_slip(self.slip, k, h, self._plant.slipping)
             gap = np.abs(self._plant.q[1:] - self._desired[k + 1])
-            np.fmax(self._gap, gap, out=self._gap)
+            np.fmax(self.deviation, gap.T, out=self.deviation)
             if tell and (k + 1) % REPORT_EVERY == 0:
                 tell(k + 1)
             if k + 1 == end:
@@ -236,9 +217,8 @@ class DynamicChain:
 
     def __init__(self, system: Manipulator, draws: Draws, q: Array) -> None:
         self._march = march = begin_march(system, draws, q)
-        self._place, self._masses, self._y = march.place, march.data, march.y
-        self._shape, self._energy = (2, draws.count), march.energy
-        self._compiled, self._last = _compiled_step(self._march), np.inf
+        self._place, self._y, self._last = march.place, march.y, np.inf
+        self._shape = (2, draws.count)
         self.limited_s = np.zeros(self._shape)
 
     @property
@@ -248,47 +228,13 @@ class DynamicChain:
 
     @property
     def slipping(self) -> Array:
-        """Which contact of each slips grossly, (S,); see `contacts.Transmission`."""
+        """Which contact of each slips grossly, (S,); see `contacts.contact_name`."""
         return np.asarray(self._march.slipping[0])
 
     @property
     def motor_rates(self) -> Array:
         """Speeds of the motors, behind their gearheads' ratio, (2, S), rad/s."""
         return self._y[self._place.bodies.motors]
-
-    @property
-    def shaft_torque(self) -> Array:
-        """Of the shafts into joints 2 … n, springs and damping, (n−1, S), N m."""
-        return np.asarray(self._y[self._place.torque][2:])
-
-    @property
-    def gap(self) -> Array:
-        """Where the axes of joints 2 … n are in their play, (n−1, S), rad; 0 is the middle."""
-        return np.asarray(self._y[self._place.gap][2:])
-
-    @property
-    def stored_J(self) -> Array:
-        """Kinetic energy, that of the shafts, and of the links' height, (S,), J."""
-        data, links = self._masses, self._place.bodies.links
-        v, twist = self._y[self._place.v].copy(), self._y[self._place.twist]
-        angles, v[links] = np.cumsum(self.q[1:], axis=0), np.cumsum(v[links], axis=0)
-        chain = chain_inertia(data.inertia[links], data.lengths, data.moments, angles)
-        kinetic = np.einsum("js,jks,ks->s", v[links], chain, v[links])
-        v[links] = 0.0
-        kinetic += np.sum(data.inertia * v * v, axis=0)
-        elastic = np.sum(data.stiffness * twist * twist, axis=0)
-        raised = np.sum(data.weights * np.sin(angles), axis=0)
-        return np.asarray((kinetic + elastic) / 2 + raised)
-
-    @property
-    def work_J(self) -> Array:
-        """Work of the motors so far, (S,), J."""
-        return np.asarray(self._energy[0])
-
-    @property
-    def lost_J(self) -> Array:
-        """What friction, slip and damping took of it, (S,), J; rigid teeth that meet take more."""
-        return np.asarray(self._energy[1])
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance by a step.
@@ -298,39 +244,8 @@ class DynamicChain:
             travel: Likewise, from the start to each later point, (P−1, 2, S), rad.
             h: Length of the step, s.
         """
-        mean = np.ascontiguousarray(np.broadcast_to(travel[-1] / h, self._shape))
-        swing = np.ascontiguousarray(np.broadcast_to(speed[-1] - speed[0], self._shape))
+        mean = np.broadcast_to(travel[-1] / h, self._shape)
+        swing = np.broadcast_to(speed[-1] - speed[0], self._shape)
         lead, self._last = min(1.0, h / self._last) / 2, h
-        step = self._compiled or self._march.step
-        step(mean, swing, h, lead)
+        self._march.step(mean, swing, h, lead)
         self.limited_s += h * (self._march.pieces[:2] != 0)
-
-
-class _CompiledStep:
-    """`March.step` in compiled code."""
-
-    def __init__(self, function: Any, march: March) -> None:
-        function.argtypes = [ctypes.c_int64] * 3 + [ctypes.c_double] * 4 + [ctypes.c_void_p] * 8
-        kept = (
-            march.table, march.y, march.pieces, march.speed_change, march.energy, march.slipping
-        )  # fmt: skip
-        self._function, self._k_g, self._arrays = function, march.k_g, kept
-        self._size = (march.place.bodies.m, len(march.y))
-        self._masses, *self._state = (array.ctypes.data for array in kept)
-
-    def fits(self) -> bool:
-        """Whether the compiled code has room for the joints, and the same rows."""
-        return not self._function(*self._size, 0, 1.0, 0.5, GAMMA, 1.0, *[None] * 8)
-
-    def __call__(self, mean: Array, swing: Array, h: float, lead: float) -> None:
-        """See `March.step`."""
-        inputs = (self._masses, mean.ctypes.data, swing.ctypes.data)
-        size = (*self._size, mean.shape[1])
-        self._function(*size, h, lead, GAMMA, self._k_g, *inputs, *self._state)
-
-
-def _compiled_step(march: March) -> _CompiledStep | None:
-    """None where there is no compiled code that fits."""
-    function = getattr(compiled.library(), "planner_dynamic_march", None)
-    step = _CompiledStep(function, march) if function is not None else None
-    return step if step is not None and step.fits() else None

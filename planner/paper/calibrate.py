@@ -167,15 +167,10 @@ def write(calibration: Calibration, path: str | Path) -> Path:
     Raises:
         InputError: If the folder cannot be written or holds something else.
     """
-    c = calibration
-    medians = {
-        name: np.median(run.largest_error_deg, axis=0).tolist() for name, run in c.replays.items()
-    }
     with folder(path) as place:
-        figure = picture(c.plan, c.motions, c.data)
+        figure = picture(calibration.plan, calibration.motions, calibration.data)
         figure.savefig(place / "calibration.png", dpi=110, bbox_inches="tight")
-        text = page(c.fit, c.sideways, c.settings, c.data, c.motions, medians, MACHINES)
-        (place / "README.md").write_text(text, encoding="utf-8")
+        (place / "README.md").write_text(page(calibration), encoding="utf-8")
     return Path(path)
 
 
@@ -197,39 +192,21 @@ method, at the travel of least peak input that stays inside the chart's domain.
 """
 
 
-def page(
-    fit: Fit,
-    sideways: Mapping[float, Fit],
-    settings: Mapping[str, Any],
-    data: Sequence[DataSet],
-    motions: Mapping[str, PaperReplays],
-    medians: Mapping[str, Sequence[float]],
-    machines: int,
-) -> str:
-    """Markdown.
-
-    Args:
-        fit: The most probable parameters.
-        sideways: The same for other ratios of sideways to driving friction.
-        settings: The preset's entries for them.
-        data: How well each set of data determines the parameters.
-        motions: The nominal machine, by fidelity.
-        medians: Median of the largest error of each angle over machines with spreads, deg.
-        machines: Number of machines.
-    """
+def page(calibration: Calibration) -> str:
+    """Markdown."""
     return "\n".join(
         [
             _HEAD.format(made_by=made_by("planner calibrate --out results/calibration")),
             "## The paper's statements and the preset\n",
-            _statements(fit),
+            _statements(calibration.fit),
             "## Friction sideways is not in the paper\n",
-            _sideways(sideways),
+            _sideways(calibration.sideways),
             "## The two fidelities\n",
-            _fidelities(motions, medians, machines),
+            _fidelities(calibration.motions, calibration.replays),
             "## Parameters\n",
-            _parameters(settings, data),
+            _parameters(calibration.settings, calibration.data),
             "## What can be identified\n",
-            _identification(data),
+            _identification(calibration.data),
             "## Not fitted\n",
             _fixed_parameters(),
         ]
@@ -280,9 +257,8 @@ theta2 would exceed 5 degrees.
 """
 
 
-def _fidelities(
-    motions: Mapping[str, PaperReplays], medians: Mapping[str, Sequence[float]], machines: int
-) -> str:
+def _fidelities(motions: Mapping[str, PaperReplays], replays: Mapping[str, Replay]) -> str:
+    machines = len(next(iter(replays.values())).numbers)
     columns: list[Column[str]] = [
         Column("fidelity", "", str, left=True),
         Column("largest errors", "deg", lambda f: _slashed(motions[f].largest[0]), left=True),
@@ -290,7 +266,7 @@ def _fidelities(
         Column(
             f"median largest of {machines} machines",
             "deg",
-            lambda f: _slashed(medians[f]),
+            lambda f: _slashed(np.median(replays[f].largest_error_deg, axis=0)),
             left=True,
         ),
         Column(

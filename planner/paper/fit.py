@@ -64,14 +64,12 @@ class Fit:
         parameters: The same in their units, rounded to the digits of the preset.
         values: What the paper's statements come to with them.
         motor_nm: Largest torque of motor 1 in the paper's motion, N m.
-        evaluations: How many times x was looked at.
     """
 
     x: Array
     parameters: dict[str, float]
     values: Array
     motor_nm: float
-    evaluations: int
 
     @property
     def distance(self) -> float:
@@ -111,7 +109,7 @@ def fit(plan: Plan, **changes: Any) -> Fit:
     from scipy.optimize import least_squares  # slow to import
 
     slopes: dict[bytes, Array] = {}
-    counted, x, evaluations = ~BOUNDS, np.zeros(len(FITTED_PARAMETERS)), 0
+    counted, x = ~BOUNDS, np.zeros(len(FITTED_PARAMETERS))
 
     def residuals(x: Array) -> Array:
         quantities = statement_values(plan, difference_points(x), **changes)
@@ -123,12 +121,12 @@ def fit(plan: Plan, **changes: Any) -> Fit:
         solution = least_squares(
             residuals, x, lambda x: slopes[x.tobytes()], xtol=FIT_TOLERANCE, ftol=FIT_TOLERANCE**2
         )
-        x, evaluations = solution.x, evaluations + int(solution.nfev)
+        x = solution.x
         parameters = {name: to_preset_digits(value) for name, value in values(x).items()}
         quantities = statement_values(plan, [parameters], **changes)[0]
         if not np.any((quantities > TARGETS) & ~counted):
             motor = quantities[-1] / 100 * parameters["torque_limit_nm"]
-            return Fit(x, parameters, quantities, float(motor), evaluations)
+            return Fit(x, parameters, quantities, float(motor))
         counted = counted | (quantities > TARGETS)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from planner.machine.friction.contact_load import largest_load
 from planner.machine.machine import Machine, draw
-from planner.machine.simulate import simulate_draws
+from planner.machine.simulate import simulate
 from planner.paper.cases import paper_problem
 from planner.plan.plan import Plan
 from planner.solve import solve
@@ -93,8 +93,7 @@ class PaperReplays:
         motors: Speed of the motors, (S, R, 2), as a percentage of each command's peak.
         gap: The same minus the command.
         largest: Largest |error| over all steps, (S, n), deg.
-        torque: Largest torque that the contacts ask of motor 1, (S,), N m.
-        torque_share: The same as a percentage of its limit.
+        torque_share: Largest torque that the contacts ask of motor 1, (S,), % of its limit.
     """
 
     t: Array
@@ -102,7 +101,6 @@ class PaperReplays:
     motors: Array
     gap: Array
     largest: Array
-    torque: Array
     torque_share: Array
 
     @property
@@ -124,11 +122,11 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
     base = draw(machine, joints, np.arange(len(points)), 0)
     rows = [settings(p) for p in points]
     changed = {
-        name: np.stack([np.resize(row[name], len(base[name])) for row in rows], axis=1)
+        name: np.broadcast_to(np.array([row[name] for row in rows]).T, base[name].shape)
         for name in rows[0]
     }
     draws = replace(base, values={**base.values, **changed})
-    run = simulate_draws(plan, machine, draws, settle_s=SETTLE_S, record_s=STEP_S)
+    run = simulate(plan, machine, draws, settle_s=SETTLE_S, record_s=STEP_S)
     u = np.where((run.t < plan.duration)[:, None], plan.trajectory.u(run.t), 0.0)
     peak = np.max(np.abs(u), axis=0) / 100
     q = plan.trajectory.q(plan.t)
@@ -138,10 +136,9 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
     return PaperReplays(
         t=run.t,
         error=np.rad2deg(run.q - plan.trajectory.q(run.t))[:, :, 1:],
-        motors=run.speed / peak,
-        gap=(run.speed - u) / peak,
+        motors=run.motor_rates / peak,
+        gap=(run.motor_rates - u) / peak,
         largest=np.rad2deg(run.deviation),
-        torque=load.motor_nm,
         torque_share=100 * load.motor_nm / draws["torque_limit_nm"][0],
     )
 
@@ -152,11 +149,6 @@ def values(x: Array) -> dict[str, float]:
         r.key: r.centre * float(np.exp(r.width * xi))
         for r, xi in zip(FITTED_PARAMETERS, x, strict=True)
     }
-
-
-def coordinates(parameters: Mapping[str, float]) -> Array:
-    """The inverse of `values`, (P,)."""
-    return np.array([np.log(parameters[r.key] / r.centre) / r.width for r in FITTED_PARAMETERS])
 
 
 def settings(parameters: Mapping[str, float]) -> dict[str, float | list[float]]:

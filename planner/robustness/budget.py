@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
 from planner.machine.replay import SETTLE_S
-from planner.machine.simulate import simulate_draws
+from planner.machine.simulate import simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS, effect_words
 from planner.robustness.sobol import (
@@ -291,7 +291,7 @@ class _BudgetRun:
         return out
 
     def _given(self, machine: Machine, draws: Draws) -> Array:
-        run = simulate_draws(self.plan, machine, draws, settle_s=SETTLE_S, record_s=None)
+        run = simulate(self.plan, machine, draws, settle_s=SETTLE_S, record_s=None)
         coordinates = self.plan.problem.system.coordinates[1:]
         angles = [i for i, c in enumerate(coordinates) if c.unit == "rad"]
         return np.asarray(np.rad2deg(run.deviation[:, angles].max(axis=1)))

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from planner.machine.machine import Machine, draw, machine_for
-from planner.machine.simulate import simulate_draws
+from planner.machine.replay import SETTLE_S
+from planner.machine.simulate import simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS, Effect
 from planner.support.arrays import Array
@@ -39,7 +40,6 @@ STEPS: Mapping[str, float] = {
 GRID_PARAMETERS = ("control_period_s", "delay_s")
 """Parameters that set the grid of times, which all machines of one replay share."""
 
-SETTLE_S = 0.5
 RECORDS = 200
 WRITE_STRIDE = 5
 """Every so many of the recorded times are written out."""
@@ -170,15 +170,8 @@ class MachineSensitivity:
         }
 
 
-@dataclass(frozen=True)
-class _Perturbation:
-    effect: str
-    index: int
-    element: str
-    value: float
-    spread: float
-    low: float
-    high: float
+Step = tuple[MachineEntry, int]
+"""A parameter without its response yet, and its place among the effect's values."""
 
 
 def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> MachineSensitivity:
@@ -194,31 +187,25 @@ def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> Mac
     refuse_inexecutable(plan)
     distribution = machine_for(plan.problem.machine, machine)
     system = plan.problem.system
-    steps, omitted = [], {}
-    for name, effect in EFFECTS.items():
-        perturbations = list(_steps(distribution, system, name, effect))
-        steps += perturbations
-        if not perturbations:
-            omitted[name] = "off; it has no value to step from"
-    t, nominal, up, down = _motions(plan, distribution, steps)
+    steps = [
+        step
+        for name, effect in EFFECTS.items()
+        for step in _steps(distribution, system, name, effect)
+    ]
+    stepped = {entry.effect for entry, _ in steps}
+    omitted = {k: "off; it has no value to step from" for k in EFFECTS if k not in stepped}
+    t, nominal, pairs = _motions(plan, distribution, steps)
     angles = [i for i, c in enumerate(system.coordinates) if i and c.unit == "rad"]
-    entries = []
-    for k, step in enumerate(steps):
-        slope = np.rad2deg(up[k][:, angles] - down[k][:, angles]) / (step.high - step.low)
-        unit = EFFECTS[step.effect].unit
-        entries.append(
-            MachineEntry(
-                step.effect, step.element, unit, step.value, step.spread, step.low, step.high, slope
-            )
-        )
+    entries = [
+        replace(entry, along=np.rad2deg(up - down)[:, angles] / (entry.high - entry.low))
+        for (entry, _), (up, down) in zip(steps, pairs, strict=True)
+    ]
     error = np.rad2deg(nominal[-1] - plan.q(plan.duration))[angles]
     names = tuple(system.coordinates[i].name for i in angles)
     return MachineSensitivity(plan, distribution, names, t, error, tuple(entries), omitted)
 
 
-def _steps(
-    machine: Machine, system: TriangularSystem, name: str, effect: Effect
-) -> Iterator[_Perturbation]:
+def _steps(machine: Machine, system: TriangularSystem, name: str, effect: Effect) -> Iterator[Step]:
     """One step for each element of an effect; none where it is off and has no finite neutral."""
     on = machine.effects.get(name)
     if on is None and not (np.isfinite(effect.off_value) and not effect.positive):
@@ -232,7 +219,8 @@ def _steps(
         low, high = max(value - size, effect.low), min(value + size, effect.high)
         if effect.positive:
             low = max(low, value / 2)
-        yield _Perturbation(name, i, _element(system, effect, i), value, float(spread), low, high)
+        element, none = _element(system, effect, i), np.empty(0)
+        yield MachineEntry(name, element, effect.unit, value, float(spread), low, high, none), i
 
 
 def _element(system: TriangularSystem, effect: Effect, i: int) -> str:
@@ -244,37 +232,33 @@ def _element(system: TriangularSystem, effect: Effect, i: int) -> str:
 
 
 def _motions(
-    plan: Plan, machine: Machine, steps: list[_Perturbation]
-) -> tuple[Array, Array, list[Array], list[Array]]:
-    """Recorded times, the nominal motion (R, N), and those of the upper and lower machines."""
+    plan: Plan, machine: Machine, steps: list[Step]
+) -> tuple[Array, Array, list[tuple[Array, Array]]]:
+    """Recorded times, the nominal motion (R, N), and each step's on its upper and lower machine."""
     nominal, joints = machine.nominal(), plan.problem.system.size - 1
     record = plan.duration / RECORDS
-    batch_steps = [k for k, s in enumerate(steps) if s.effect not in GRID_PARAMETERS]
-    count = 1 + 2 * len(batch_steps)
+    together = [step for step in steps if step[0].effect not in GRID_PARAMETERS]
+    count = 1 + 2 * len(together)
     base = draw(nominal, joints, np.arange(count), 0)
     values = {name: value.copy() for name, value in base.values.items()}
-    for place, k in enumerate(batch_steps):
-        step = steps[k]
-        effect = EFFECTS[step.effect]
-        if step.effect not in values:
-            values[step.effect] = np.full((effect.count(joints), count), effect.off_value)
-        values[step.effect][step.index, 1 + 2 * place : 3 + 2 * place] = step.high, step.low
+    for place, (entry, index) in enumerate(together):
+        effect = EFFECTS[entry.effect]
+        if entry.effect not in values:
+            values[entry.effect] = np.full((effect.count(joints), count), effect.off_value)
+        values[entry.effect][index, 1 + 2 * place : 3 + 2 * place] = entry.high, entry.low
     draws = replace(base, values=values)
-    run = simulate_draws(plan, nominal, draws, settle_s=SETTLE_S, record_s=record)
-    up, down = [run.q[0]] * len(steps), [run.q[0]] * len(steps)
-    for place, k in enumerate(batch_steps):
-        up[k], down[k] = run.q[1 + 2 * place], run.q[2 + 2 * place]
-    for k, step in enumerate(steps):
-        if step.effect in GRID_PARAMETERS:
-            up[k], down[k] = (
-                _motion(plan, nominal.with_(**{step.effect: value}), record)
-                for value in (step.high, step.low)
-            )
-    return run.t, run.q[0], up, down
+    run = simulate(plan, nominal, draws, settle_s=SETTLE_S, record_s=record)
 
+    def alone(entry: MachineEntry, value: float) -> Array:
+        other = nominal.with_(**{entry.effect: value})
+        one = draw(other, joints, np.arange(1), 0)
+        return np.asarray(simulate(plan, other, one, settle_s=SETTLE_S, record_s=record).q[0])
 
-def _motion(plan: Plan, machine: Machine, record_s: float) -> Array:
-    """Recorded motion (R, N) of one machine."""
-    draws = draw(machine, plan.problem.system.size - 1, np.arange(1), 0)
-    run = simulate_draws(plan, machine, draws, settle_s=SETTLE_S, record_s=record_s)
-    return np.asarray(run.q[0])
+    pairs = zip(run.q[1::2], run.q[2::2], strict=True)
+    both = [
+        (alone(entry, entry.high), alone(entry, entry.low))
+        if entry.effect in GRID_PARAMETERS
+        else next(pairs)
+        for entry, _ in steps
+    ]
+    return run.t, run.q[0], both

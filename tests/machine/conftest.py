@@ -47,11 +47,10 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 @pytest.fixture
 def use(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
-    """`use(library)`: whole replays by it, and steps by it or `step`; None is NumPy."""
+    """`use(library)`: replays, and steps of `driven.chain`, by it; None is NumPy."""
 
-    def patch(whole: Any, step: Any = ...) -> None:
-        found = whole if step is ... else step
-        monkeypatch.setattr("planner.machine.simulate.library", lambda: whole)
+    def patch(found: Any) -> None:
+        monkeypatch.setattr("planner.machine.simulate.library", lambda: found)
         monkeypatch.setattr(compiled, "library", lambda: found)
 
     return patch

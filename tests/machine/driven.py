@@ -1,16 +1,20 @@
-"""Dynamic manipulators driven by hand, without plans."""
+"""Dynamic manipulators driven by hand, without plans; compiled code does their steps."""
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 from handmade import draws_of
 
 from planner import Manipulator
+from planner.machine import compiled
+from planner.machine.march import GAMMA, March
 from planner.machine.stepwise import DynamicChain
+from planner.systems.manipulator import chain_inertia
 
 INERTIA: dict[str, Any] = {
     "motor_inertia_kgm2": 0.01,
@@ -73,8 +77,79 @@ def start(n: int, samples: int = 1) -> np.ndarray:
     return np.repeat(q[:, None], samples, axis=1)
 
 
-def chain(n: int = 3, samples: int = 1, **effects: Any) -> DynamicChain:
-    return DynamicChain(arm(n), draws_of(n, samples, **effects), start(n, samples))
+@cache
+def c_march(library: Any) -> Any:
+    """The function of C that does what `March.step` does."""
+    function = library.planner_dynamic_march
+    function.argtypes = [ctypes.c_int64] * 3 + [ctypes.c_double] * 4 + [ctypes.c_void_p] * 8
+    return function
+
+
+class CompiledMarch(March):
+    """The same steps in C; its arrays stay where they are."""
+
+    @cached_property
+    def table(self) -> np.ndarray:
+        return super().table
+
+    @cached_property
+    def places(self) -> list[int]:
+        state = (self.y, self.pieces, self.speed_change, self.energy, self.slipping)
+        return [each.ctypes.data for each in (self.table, *state)]
+
+    def step(self, mean: np.ndarray, swing: np.ndarray, h: float, lead: float) -> None:
+        mean, swing = np.ascontiguousarray(mean), np.ascontiguousarray(swing)
+        masses, *state = self.places
+        sizes = (self.place.bodies.m, *self.y.shape, h, lead, GAMMA, self.k_g)
+        inputs = (masses, mean.ctypes.data, swing.ctypes.data)
+        c_march(compiled.library())(*sizes, *inputs, *state)
+
+
+class Driven(DynamicChain):
+    """Compiled code does its steps, where that is there; it tells of its torques and energies."""
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        if compiled.library() is not None:
+            self._march = CompiledMarch(**vars(self._march))
+
+    @property
+    def shaft_torque(self) -> np.ndarray:
+        """Of the shafts into joints 2 … n, springs and damping, (n−1, S), N m."""
+        return np.asarray(self._y[self._place.torque][2:])
+
+    @property
+    def gap(self) -> np.ndarray:
+        """Where the axes of joints 2 … n are in their play, (n−1, S), rad; 0 is the middle."""
+        return np.asarray(self._y[self._place.gap][2:])
+
+    @property
+    def stored_J(self) -> np.ndarray:
+        """Kinetic energy, that of the shafts, and of the links' height, (S,), J."""
+        data, links = self._march.data, self._place.bodies.links
+        v, twist = self._y[self._place.v].copy(), self._y[self._place.twist]
+        angles, v[links] = np.cumsum(self.q[1:], axis=0), np.cumsum(v[links], axis=0)
+        chain = chain_inertia(data.inertia[links], data.lengths, data.moments, angles)
+        kinetic = np.einsum("js,jks,ks->s", v[links], chain, v[links])
+        v[links] = 0.0
+        kinetic += np.sum(data.inertia * v * v, axis=0)
+        elastic = np.sum(data.stiffness * twist * twist, axis=0)
+        raised = np.sum(data.weights * np.sin(angles), axis=0)
+        return np.asarray((kinetic + elastic) / 2 + raised)
+
+    @property
+    def work_J(self) -> np.ndarray:
+        """Work of the motors so far, (S,), J."""
+        return np.asarray(self._march.energy[0])
+
+    @property
+    def lost_J(self) -> np.ndarray:
+        """What friction, slip and damping took of it, (S,), J; rigid teeth that meet take more."""
+        return np.asarray(self._march.energy[1])
+
+
+def chain(n: int = 3, samples: int = 1, **effects: Any) -> Driven:
+    return Driven(arm(n), draws_of(n, samples, **effects), start(n, samples))
 
 
 def swing(t: float) -> np.ndarray:
@@ -83,7 +158,7 @@ def swing(t: float) -> np.ndarray:
 
 
 def drive(
-    plant: DynamicChain,
+    plant: Driven,
     steps: int,
     speed: Speeds = swing,
     end: float = 1.0,

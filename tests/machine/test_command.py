@@ -44,7 +44,7 @@ STEPS = plan_of(
 
 def values(command: Command, part: int, sample: int = 0) -> np.ndarray:
     """What every step asks for at its first point (0), or at its last (-1), shape (M, 2)."""
-    steps = [command.step_values(k) for k in range(len(command.t) - 1)]
+    steps = [command.block(k, k + 1)[0] for k in range(len(command.t) - 1)]
     return np.array([s[part, :, min(sample, s.shape[2] - 1)] for s in steps])
 
 

@@ -131,6 +131,18 @@ def effects_of(C: float, eps: float, loads: tuple[float, float]) -> dict[str, An
     }
 
 
+def rates_of(q: np.ndarray, **effects: Any) -> tuple[np.ndarray, DiskChain]:
+    """Of the passive joints at q (N, 1) while motor 1 turns at 1 rad/s; and the chain."""
+    n, h = len(q) - 1, 1e-6
+    plant = DiskChain(arm(n), draws_of(n, **effects), q)
+    plant.step(
+        np.array([1.0, 0.0])[None, :, None].repeat(3, 0),
+        h * np.array([[[0.5], [0.0]], [[1.0], [0.0]]]),
+        h,
+    )
+    return (plant.q - q)[2:, 0] / h, plant
+
+
 @pytest.mark.parametrize("case", CHAINS)
 def test_a_chain_of_six(case: tuple[float, float, float, float, tuple[float, float]]) -> None:
     first, second, C, eps, loads = case
@@ -138,13 +150,7 @@ def test_a_chain_of_six(case: tuple[float, float, float, float, tuple[float, flo
     k = system.k_g * system.K
     exact, _ = simulated(angles, C, eps, k[0] * np.array(loads), [k[1] / k[0]])
     q = np.array([0.0, *angles, 0.1])[:, None]
-    plant, h = DiskChain(system, draws_of(3, **effects_of(C, eps, loads)), q), 1e-6
-    plant.step(
-        np.array([1.0, 0.0])[None, :, None].repeat(3, 0),
-        h * np.array([[[0.5], [0.0]], [[1.0], [0.0]]]),
-        h,
-    )
-    rates = (plant.q - q)[2:, 0] / h
+    rates, plant = rates_of(q, **effects_of(C, eps, loads))
     assert rates == pytest.approx(k[0] * exact, abs=1e-4)
     assert (plant.slipping[0] >= 0) == (min(rates) == 0)
 
@@ -172,16 +178,8 @@ def test_plain_disks_turn_a_joint_by_the_cosine_of_three_angles(degrees: float) 
     """Equal contacts without load, at any force: not cos³θ, and standstill from 30 degrees."""
     system, q = arm(2), np.array([0.0, np.deg2rad(degrees), 0.1])[:, None]
     for C in (0.5, 5.0):
-        plant, h = (
-            DiskChain(system, draws_of(2, friction_capacity_nm=C, lateral_friction=1.0), q),
-            1e-6,
-        )
-        plant.step(
-            np.array([1.0, 0.0])[None, :, None].repeat(3, 0),
-            h * np.array([[[0.5], [0.0]], [[1.0], [0.0]]]),
-            h,
-        )
-        ratio = (plant.q - q)[2, 0] / h / (system.k_g * system.K[0])
+        rates, _ = rates_of(q, friction_capacity_nm=C, lateral_friction=1.0)
+        ratio = rates[0] / (system.k_g * system.K[0])
         assert ratio == pytest.approx(max(0.0, np.cos(3 * np.deg2rad(degrees))), abs=1e-5)
     exact, _ = simulated(np.deg2rad([degrees]), C, 1.0, [0.0])
     assert exact[0] == pytest.approx(ratio, abs=2e-4)

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven import EVENTS, chain, drive
+from driven import EVENTS, CompiledMarch, c_march, chain, drive
 from handmade import arm_problem, inputs, plan_from
 
 from planner import Machine, replay
-from planner.machine import stepwise as dynamic
-from planner.machine.bodies import StageLaws
+from planner.machine.bodies import StageLaws, StateRows
+from planner.machine.compiled import MOST_PASSIVE
+from planner.machine.march import GAMMA
 
 
 def jumps(t: float) -> np.ndarray:
@@ -27,7 +28,7 @@ def test_both_give_the_same(library: Any, use: Any, name: str, n: int) -> None:
     for which in (library, None):
         use(which)
         plant = chain(n, samples=3, **effects)
-        assert (plant._compiled is None) is (which is None)
+        assert isinstance(plant._march, CompiledMarch) is (which is not None)
         history = drive(plant, 80, jumps, 0.4, lambda plant=plant: plant._y.copy())
         found.append((history, plant.work_J, plant.lost_J))
     for ours, theirs in zip(*found, strict=True):
@@ -35,14 +36,13 @@ def test_both_give_the_same(library: Any, use: Any, name: str, n: int) -> None:
     assert len(set(found[0][1])) == 3
 
 
-def test_code_that_counts_otherwise_is_not_used(library: Any, use: Any) -> None:
-    use(library)
-    assert chain(17)._compiled is not None
-    assert chain(18)._compiled is None  # it has room for 16 passive joints
-    plant = chain(3)
-    compiled_step = dynamic._CompiledStep(library.planner_dynamic_march, plant._march)
-    compiled_step._size = (2, len(plant._y) + 1)
-    assert not compiled_step.fits()
+def test_code_counts_rows_as_python_does_and_says_what_it_has_no_room_for(library: Any) -> None:
+    def refused(m: int, rows: int) -> bool:
+        return bool(c_march(library)(m, rows, 0, 1.0, 0.5, GAMMA, 1.0, *[None] * 8))
+
+    assert not refused(MOST_PASSIVE, StateRows(MOST_PASSIVE).count)
+    assert refused(MOST_PASSIVE + 1, StateRows(MOST_PASSIVE + 1).count)
+    assert refused(2, StateRows(2).count + 1)
 
 
 WHOLE: dict[str, dict[str, Any]] = {
@@ -61,18 +61,17 @@ WHOLE: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("name", WHOLE)
 @pytest.mark.parametrize("n", [pytest.param(2, marks=pytest.mark.campaign), 3])
 def test_whole_replays_are_the_same(library: Any, use: Any, name: str, n: int) -> None:
-    """In the compiled loop, with compiled steps in Python's, and in NumPy alone."""
     u = inputs(([1.2], [0.5, 0.1]), ([-0.8], [0.3]), breaks=[0.0, 0.2, 0.4])
     plan = plan_from(arm_problem(list(range(10, 10 + n)), end=0.4), u, pieces=10)
     machine = Machine.prototype(fidelity="dynamic", step_s=0.005, **WHOLE[name])
     runs = []
-    for whole, step in ((library, library), (None, library), (None, None)):
-        use(whole, step)
+    for which in (library, None):
+        use(which)
         runs.append(replay(plan, machine, samples=3, seed=1, settle_s=0.1))
     assert len(set(runs[0].q[:, -1, 2])) == 3
-    for other in runs[1:]:
-        for part in ("q", "motor_rates", "saturated_s", "slip_s", "deviation"):
-            assert getattr(runs[0], part) == pytest.approx(getattr(other, part), abs=1e-12, rel=0)
+    for part in ("q", "motor_rates", "saturated_s", "slip_s", "deviation"):
+        compiled, stepwise = (getattr(run, part) for run in runs)
+        assert compiled == pytest.approx(stepwise, abs=1e-12, rel=0)
     if name == "little torque":
         assert np.all(runs[0].saturated_s > 0.05)
 

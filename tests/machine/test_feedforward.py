@@ -42,6 +42,12 @@ def shape(plan: Plan, machine: planner.Machine, **options: Any) -> Shape:
     return Shape(plan, plan.problem.system, machine, table)  # type: ignore[arg-type]
 
 
+def told(plan: Plan, machine: planner.Machine, **options: Any) -> np.ndarray:
+    """Commands without a correction, (K, 2)."""
+    nothing = np.zeros((2, 2, 1)), np.array([0.0, 1.0])
+    return shape(plan, machine, **options).commands(*nothing)[:, :, 0]
+
+
 def missed_deg(plan: Plan, machine: planner.Machine, after_s: float = 0.0, **options: Any) -> float:
     """Largest error after a time on the nominal machine, of a plan's commands shaped like that."""
     table = CompensationTable(**{**NONE, **options})
@@ -166,7 +172,7 @@ def test_commands_keep_every_limit_whatever_the_plan(
     plan = driven(problem, speeds)
     table: dict[str, Any] = {"lag": True, "gearheads": True, "back_off": True, "take_up": True}
     table["preparation"] = "forward" if prepared else False
-    u = shape(plan, planner.Machine.prototype(), **table).commands()[:, :, 0]
+    u = told(plan, planner.Machine.prototype(), **table)
     assert np.all(np.max(np.abs(u), axis=0) <= np.array([0.5, 0.4]) * (1 + 1e-9))
     jumps = np.abs(np.diff(np.concatenate([np.zeros((1, 2)), u]), axis=0))
     assert np.max(jumps) <= rate * 0.01 * (1 + 1e-6)
@@ -181,7 +187,7 @@ def driven(problem: planner.Problem, speeds: list[float]) -> Plan:
 
 def test_rounding_of_one_tick_is_made_good_in_the_next(plan: Plan) -> None:
     machine = planner.Machine.ideal(velocity_resolution_rad_s=0.05, control_period_s=0.01)
-    turned = np.cumsum(shape(plan, machine).commands()[:, :, 0] * 0.01, axis=0)
+    turned = np.cumsum(told(plan, machine) * 0.01, axis=0)
     t = np.linspace(0.0, 10.0, 100_001)
     asked = np.cumsum(plan.u((t[:-1] + t[1:]) / 2) * 1e-4, axis=0)[99::100]
     assert np.max(np.abs(turned - asked)) < 0.05 * 0.01

@@ -139,15 +139,13 @@ def test_an_arm_of_four_joints_is_found(tmp_path: Path) -> None:
     np.testing.assert_allclose(lost_deg(found.machine, 4), lost_deg(arm, 4), atol=0.03)
 
 
-def test_numpy_and_the_kernel_agree_on_a_log(
-    paper: Problem, plan: Plan, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_numpy_and_the_kernel_agree_on_a_log(paper: Problem, plan: Plan, use: Any) -> None:
     parameters = Parameters(PRESET, paper.system)  # type: ignore[arg-type]
     one = LogModel(emulate_log(plan, ARM), paper, parameters)
     x = np.stack([np.zeros(len(parameters.rows)), np.full(len(parameters.rows), 0.3)])
     offsets = np.deg2rad([[0.1, -0.2, 0.3], [0.0, 0.0, 0.0]])
     compiled = one.angles(x, offsets)
-    monkeypatch.setattr(model, "library", lambda: None)
+    use(None)
     np.testing.assert_allclose(one.angles(x, offsets), compiled, atol=1e-9)
 
 

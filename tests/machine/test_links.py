@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from driven import INERTIA, arm, chain, constant, drive, start
+from driven import INERTIA, Driven, arm, chain, constant, drive, start
 from handmade import draws_of
 from scipy.integrate import solve_ivp
 
@@ -58,7 +58,7 @@ def exact_motion(theta: np.ndarray, rates: np.ndarray, times: np.ndarray) -> np.
     return solve_ivp(slope, ends, [*theta, *rates], "DOP853", times, rtol=1e-11, atol=1e-12).y[:3].T
 
 
-def free_links(**more: Any) -> DynamicChain:
+def free_links(**more: Any) -> Driven:
     """Three links thrown into motion in the middle of wide play, touched by nothing."""
     plant = chain(3, **effects(), gearhead_backlash_deg=45, backlash_deg=45, **more)
     plant._y[plant._place.bodies.links, 0] = [1.0, -2.0, 1.5]

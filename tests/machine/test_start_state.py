@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from driven import Driven
 from handmade import arm_problem
 
 import planner
 from planner import InputError, Machine
 from planner.machine.disk_chain import DiskChain
 from planner.machine.machine import draw
-from planner.machine.stepwise import DynamicChain
 
 BACKLASH, STIFFNESS, FRICTION, GEARHEAD = 2.0, 3.0, 0.15, 0.5
 W = BACKLASH / 2 + np.rad2deg(FRICTION / STIFFNESS)
@@ -83,7 +83,8 @@ def test_with_inertia_a_wound_shaft_stays_wound() -> None:
     arm = arm_problem([10, 10, 10]).system
     q = np.deg2rad(np.array([[0.0], [10.0], [10.0], [10.0]]))
     for state, side in (("forward", 1), ("backward", -1)):
-        chain = DynamicChain(arm, draw(_machine(state, "dynamic"), 3, np.arange(1), 0), q)
+        draws = draw(_machine(state, "dynamic"), 3, np.arange(1), 0)
+        chain = Driven(arm, draws, q)
         assert chain.shaft_torque[:, 0] == pytest.approx([side * FRICTION] * 2)
         assert np.rad2deg(chain.gap[:, 0]) == pytest.approx([side * BACKLASH / 2] * 2)
         for _ in range(200):

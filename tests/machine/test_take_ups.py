@@ -15,7 +15,6 @@ from planner import Plan
 from planner.machine.feedback.means import lost_motion
 from planner.machine.feedforward import follow
 from planner.machine.feedforward.legs import (
-    Rest,
     axis_rates,
     evenest_drive,
     legs_of,
@@ -122,7 +121,9 @@ def test_commands_of_limited_rates_are_foretold_as_they_are_held_and_end_at_rest
     asked = plain.problem.changed({"goal.travel": float(plain.q(plain.duration)[0])})
     shape = Shape(plain, plain.problem.system, machine, CompensationTable())  # type: ignore[arg-type]
     variants = Variants(plain, machine, shape)
-    sent, foretold = variants.send(np.zeros((len(variants.knots), 2, 1)))
+    nothing = np.zeros((len(variants.knots), 2, 1))
+    sent = shape.commands(nothing, variants.knots)
+    foretold = variants.run(nothing, is_sent=True)
     commands = MotorCommands(shape.t, sent[:, :, 0], shape.clock, shape.is_linear)
     compensation = Compensation(plain, machine.to_dict(), shape.clock)
     _, prediction = follow.plan_with_commands(compensation, commands)
@@ -177,18 +178,18 @@ def test_the_drive_misses_what_axes_need_by_the_least() -> None:
 
 def test_what_is_known_before_the_start_is_not_taken_up_again(turning: Plan) -> None:
     system, machine = turning.problem.system, planner.Machine.prototype()
-    lost, (way, _) = lost_motion(system, machine), reversals(turning)
+    way, _ = reversals(turning)
     options = CompensationTable(take_up=False, back_off=False, correction=False)
 
-    def drive(axes: np.ndarray) -> float:
-        rest = Rest(axes, np.zeros(2))
-        legs = legs_of(turning, system, machine, options, 0.01, rest)  # type: ignore[arg-type]
+    def drive(state: str) -> float:
+        known = machine.with_(start_state=state)
+        legs = legs_of(turning, system, known, options, 0.01)  # type: ignore[arg-type]
         return way * legs[0].angles[-1, 0] if legs else 0.0
 
-    unwound = drive(np.zeros(2))
-    assert unwound > 0
-    assert drive(way * lost) == 0.0
-    assert drive(-way * lost) == pytest.approx(2 * unwound, rel=0.1)
+    along, against = ("forward", "backward")[:: int(way)]
+    assert drive("unwound") == drive("unknown") > 0
+    assert drive(along) == 0.0
+    assert drive(against) == pytest.approx(2 * drive("unwound"), rel=0.1)
 
 
 def test_preparation_is_no_longer_than_it_is_worth(turning: Plan) -> None:

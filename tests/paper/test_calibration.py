@@ -19,7 +19,6 @@ from planner.paper.fit import BOUNDS, TOLERANCES, Fit, statement_values
 from planner.paper.statements import (
     FITTED_PARAMETERS,
     FIXED_PARAMETERS,
-    coordinates,
     move,
     nominal_machine,
     values,
@@ -52,6 +51,11 @@ def test_the_preset_is_the_calibration(made: Calibration) -> None:
             assert float(f"{ours:.3g}") == ours
     fit = coordinates(preset_values())
     assert np.max(np.abs(fit - made.fit.x)) < 0.02  # of a standard deviation of the range
+
+
+def coordinates(parameters: dict[str, float]) -> np.ndarray:
+    """The inverse of `values`."""
+    return np.array([np.log(parameters[r.key] / r.centre) / r.width for r in FITTED_PARAMETERS])
 
 
 def parts(setting: object) -> list[float]:

@@ -23,7 +23,7 @@ TRACKER = Tracker()
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _needs_a_compiler(one_run_up: None) -> None:
+def _needs_a_compiler() -> None:
     if compiler() is None:
         pytest.skip("no C compiler")
 

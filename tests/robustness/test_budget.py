@@ -11,7 +11,7 @@ from printed import printed
 import planner
 from planner import Budget, Machine, error_budget, replay
 from planner.machine.machine import Draws
-from planner.machine.simulate import Recording, simulate_draws
+from planner.machine.simulate import Recording, simulate
 from planner.problem.tables.machine_effects import EFFECTS, effect_words
 
 STEP = 0.01
@@ -114,10 +114,10 @@ def test_many_machines_are_looked_at_block_by_block(
 
     def counted(of: planner.Plan, there: Machine, draws: Draws, **more: Any) -> Recording:
         sizes.append(draws.count)
-        return simulate_draws(of, there, draws, **more)
+        return simulate(of, there, draws, **more)
 
     monkeypatch.setattr("planner.robustness.budget.BLOCK_MACHINES", 3)
-    monkeypatch.setattr("planner.robustness.budget.simulate_draws", counted)
+    monkeypatch.setattr("planner.robustness.budget.simulate", counted)
     assert data() == together
     assert max(sizes) <= 3 * (2 + 2 * len(machine.effects))
 

@@ -6,6 +6,7 @@ Also the tracker's clock.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 
@@ -65,7 +66,9 @@ class Course:
             self._followed, self._late = plan.compensates, self.start
         times, angles = turn_angles(self._followed, DEFAULT_TICK_S)
         times = times + self._late
-        angles = _output_angles(angles, play / 2) if self.is_predicted else angles
+        if self.is_predicted:
+            motors = zip(angles.T, play / 2, strict=True)
+            angles = np.stack([through_play(*motor) for motor in motors], axis=1)
         self._commanded: list[tuple[Array, Array]] = []
         for i in range(2):
             # A compensated plan's commands are early already.
@@ -129,12 +132,13 @@ def turn_angles(plan: Plan, tick: float) -> tuple[Array, Array]:
     return times, np.concatenate([np.zeros((1, 2)), angles])
 
 
-def _output_angles(angles: Array, half: Array) -> Array:
-    """What gearheads with play of ± `half` (2,) pass on of angles (M, 2); from its middle."""
-    out = np.zeros_like(angles)
-    for k in range(1, len(angles)):
-        out[k] = np.clip(out[k - 1], angles[k] - half, angles[k] + half)
-    return out
+def through_play(angles: Array, half: float) -> Array:
+    """What follows angles (M,) behind play of ± `half`; it begins at the first."""
+    room = zip((angles[1:] - half).tolist(), (angles[1:] + half).tolist(), strict=True)
+    follow = accumulate(
+        room, lambda last, ends: min(max(last, ends[0]), ends[1]), initial=float(angles[0])
+    )
+    return np.array([*follow])
 
 
 DEFAULT_TICK_S = 0.01

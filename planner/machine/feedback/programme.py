@@ -227,12 +227,10 @@ class ProgrammeResult:
     Attributes:
         c: The solution; None when there is none.
         infeasible: Whether no point keeps all limits; otherwise, without a solution, it was late.
-        iterations: OSQP's iterations.
     """
 
     c: Array | None
     infeasible: bool
-    iterations: int
 
 
 class Solver:
@@ -296,7 +294,7 @@ class Solver:
         if result.info.rho_updates:
             self._osqp.update_settings(rho=OSQP_STEP)
         self.solve_count += 1
-        status, iterations = result.info.status_val, result.info.iter
+        status = result.info.status_val
         if status == SOLVED_STATUS:
-            return ProgrammeResult(np.array(result.x), False, iterations)
-        return ProgrammeResult(None, status in INFEASIBLE_STATUSES, iterations)
+            return ProgrammeResult(np.array(result.x), False)
+        return ProgrammeResult(None, status in INFEASIBLE_STATUSES)

@@ -24,11 +24,12 @@ The limits that hold for this motion hold for the tracker's commands too (`input
 
 from __future__ import annotations
 
+from itertools import accumulate
+
 import numpy as np
 
 from planner.errors import InputError, UntrackableError
-from planner.machine.feedback.course import RunUp, first_motion, turns_back
-from planner.machine.feedback.estimate import Forecast, Pose
+from planner.machine.feedback.course import RunUp, first_motion, through_play, turns_back
 from planner.machine.feedback.means import (
     gearhead_play,
     input_limit,
@@ -107,11 +108,9 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
         )
     speed = np.array([DRIVE_SHARE, SWING_SHARE]) * input_scale(plan, machine)
     speed = np.minimum(speed, np.maximum(_coasting_speed(machine), LEAST_SPEED_SHARE * speed))
-    play = gearhead_play(system, machine)
-    forecast = Forecast(system, play[0], STEP_S)
-    lost = np.concatenate([play[1:] / 2, lost])[:, None]
+    lost = np.concatenate([gearhead_play(system, machine) / 2, lost])
     behind = max(np.deg2rad(BACK_DEG), BACK_SPREADS * float(lost_spread(machine, system.n).max()))
-    return _Approach(plan, forecast, lost, first, speed, behind).solve()
+    return _Approach(plan, lost, first, speed, behind).solve()
 
 
 def _coasting_speed(machine: Machine) -> Array:
@@ -146,28 +145,19 @@ class _Approach:
 
     Args:
         plan: The plan.
-        forecast: The nominal machine.
-        lost: Lost motion of each joint, (n, 1), rad.
+        lost: Lost motion of each coordinate, (N,), rad: of the first that of motor 1's gearhead.
         way: Signs of the plan's first inputs, (2,).
         speed: Of the drive and of swings of θ₁, (2,), rad/s.
         behind: How far the last joint goes back, rad.
     """
 
-    def __init__(
-        self,
-        plan: Plan,
-        forecast: Forecast,
-        lost: Array,
-        way: Array,
-        speed: Array,
-        behind: float,
-    ) -> None:
-        self._forecast, self._lost = forecast, lost
+    def __init__(self, plan: Plan, lost: Array, way: Array, speed: Array, behind: float) -> None:
+        self._rates, self._lost = plan.problem.system.rates, lost
         begins = plan.q if turns_back(plan) else plan.wanted  # as the course does
         self._start, self._way, self._speed = begins(plan.lead_s), way, speed
         self._rate = plan.problem.limits.input_rate
         self._most = plan.problem.limits.joint[1] - np.deg2rad(APPROACH_DEG)
-        self._back = self._drive(34.0, -1, float(lost[-1, 0]) + behind)
+        self._back = self._drive(34.0, -1, float(lost[-1]) + behind)
 
     def solve(self) -> RunUp:
         """The run-up whose nominal motion ends at the plan's start."""
@@ -176,7 +166,7 @@ class _Approach:
         def miss(drives: Array) -> Array:
             return np.asarray((self._motion(self._inputs(drives))[-1] - self._start)[2:])
 
-        guess = 3 * self._back * np.ones(len(self._lost) - 1)
+        guess = 3 * self._back * np.ones(len(self._lost) - 2)
         solution = least_squares(miss, guess, bounds=(0.0, np.inf), diff_step=1e-2)
         u = self._inputs(solution.x)
         q = self._motion(u)
@@ -186,14 +176,14 @@ class _Approach:
     def _drive(self, theta1_deg: float, joint: int, angle: float) -> float:
         """How far the drive turns while the axis of a joint turns by an angle, rad."""
         q = self._start.copy()
-        q[1] = np.deg2rad(theta1_deg) if len(self._lost) > 2 else q[1]
-        return float(angle / self._forecast.rates(q, np.array([1.0, 0.0]))[joint])
+        q[1] = np.deg2rad(theta1_deg) if len(self._lost) > 3 else q[1]
+        return float(angle / self._rates(q, np.array([1.0, 0.0]))[joint])
 
     def _inputs(self, drives: Array) -> Array:
         """Inputs of each step, (m, 2), for the travels of the stages forward, (n−1,)."""
         start = self._start[1]
         before = start - self._way[1] * np.deg2rad(APPROACH_DEG)
-        if len(self._lost) > 2:
+        if len(self._lost) > 3:
             at_last = self._drive(20.0, 2, np.deg2rad(FINAL_BACK_DEG))
             travels = LEGS[:, 1:] @ np.array([-self._back, *drives, at_last])
             places = np.minimum(np.deg2rad(LEGS[:, 0]), self._most) * (1 if start >= 0 else -1)
@@ -215,13 +205,24 @@ class _Approach:
         return np.asarray(travel * shape / (shape.sum(axis=0) * STEP_S))
 
     def _motion(self, u: Array) -> Array:
-        """Coordinates before, between and after the steps, (m+1, N), of the nominal machine."""
-        q = self._start[:, None]
-        pose, out = Pose(q, q[1:], np.zeros(1)), [self._start]
-        for step in STEP_S * u:
-            pose = self._forecast.predict(pose, step[:, None], self._lost, np.ones_like(self._lost))
-            out.append(pose.q[:, 0])
-        return np.stack(out)
+        """Coordinates before, between and after the steps, (m+1, N), of the nominal machine.
+
+        One coordinate after the other: each rate depends on those before it alone, and on the
+        drive, whose coordinate is the last.
+        """
+        turns, half = STEP_S * u, float(self._lost[0])
+        side = accumulate(
+            turns[:, 0].tolist(), lambda last, turn: min(max(last + turn, -half), half), initial=0.0
+        )
+        places = np.array([*side])
+        turns[:, 0] = places[:-1] + turns[:, 0] - places[1:]
+        q = np.repeat(self._start[None], len(u) + 1, axis=0)
+        for i in (*range(1, len(self._start)), 0):
+            middle = q[:-1] + self._rates(q[:-1], turns) / 2
+            steps = self._rates(middle, turns)[:, i]
+            axis = np.cumsum([self._start[i], *steps])
+            q[:, i] = through_play(axis, float(self._lost[i])) if i else axis
+        return q
 
 
 EXCESS_TRAVEL_SHARE = 0.05

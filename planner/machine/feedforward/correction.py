@@ -120,8 +120,13 @@ class Correction:
         broken = float(np.max(np.maximum(-runs.margins, 0.0), initial=0.0))
         return float(np.hypot(norm, rough)) + PIN_PRICES[power] * missed + 100.0 * broken
 
+    @property
     def commands(self) -> Array:
-        """The corrected commands, (K, 2), rad/s.
+        """The commands with the correction, as they are sent, (K, 2), rad/s."""
+        return self._shape.commands(self.values[:, :, None], self.knots)[:, :, 0]
+
+    def search(self) -> None:
+        """Find the correction.
 
         Raises:
             TimeUpError: If there is no time left; what was found till then is kept.
@@ -129,10 +134,9 @@ class Correction:
         now = self._variants.run(self.values[:, :, None])[0]
         for power in PIN_PRICES:
             now = self._go_on(now, power)
-        commands, now = self._pin()
+        now = self._pin()
         missed = float(np.max(np.abs(now.pins)))
         self.keeps_all = bool(missed < PINNED_DEG and np.min(now.margins, initial=0.0) >= -SAFE)
-        return commands
 
     def _go_on(self, now: Runs, power: int) -> Runs:
         """The rounds for one norm; what they lead to."""
@@ -200,7 +204,7 @@ class Correction:
         rows = [D, slopes.margins.T[near]]
         low_input, high_input = self._input_room()
         free = np.full(int(near.sum()), np.inf)
-        low = np.concatenate([low_input, -np.minimum(now.margins[near], np.inf)])
+        low = np.concatenate([low_input, -now.margins[near]])
         high = np.concatenate([high_input, free])
         bounds, out = sp.csc_matrix(np.concatenate(rows)), []
         for damping in weights:
@@ -227,22 +231,21 @@ class Correction:
         """How much the correction may change between knots, (2(m−1),) each, degrees: the inputs'
         limits leave that beside the commands as they are."""
         shape = self._shape
-        u = shape.variants(self.values[:, :, None], self.knots)[:, :, 0]
+        u = shape.commands(self.values[:, :, None], self.knots, is_rounded=False)[:, :, 0]
         begins = np.searchsorted(shape.t[:-1], self.knots)
         spans = np.diff(self.knots)[:, None]
         low, high = np.empty((len(spans), 2)), np.empty((len(spans), 2))
         for k, (a, b) in enumerate(pairwise(begins)):
             part = u[a : max(b, a + 1)]
             # A tick or two at the limit is the play of a gearhead that is crossed.
-            low[k], high[k] = np.percentile(part, 10, axis=0), np.percentile(part, 90, axis=0)
+            low[k], high[k] = np.percentile(part, [10, 90], axis=0)
         least = np.minimum(-(shape.limit + low), 0.0) * spans
         most = np.maximum(shape.limit - high, 0.0) * spans
         return np.rad2deg(least).ravel(), np.rad2deg(most).ravel()
 
-    def _pin(self) -> tuple[Array, Runs]:
-        """Bring goal and waypoints alone to where they should be: commands, and their motion."""
-        sent, runs = self._variants.send(self.values[:, :, None])
-        commands, now = sent[:, :, 0], runs[0]
+    def _pin(self) -> Runs:
+        """Bring goal and waypoints alone to where they should be; the motion."""
+        now = self._variants.run(self.values[:, :, None], is_sent=True)[0]
         for _ in range(END_ROUNDS):
             missed = float(np.max(np.abs(now.pins)))
             if missed <= np.rad2deg(PIN_TOLERANCE_RAD):
@@ -254,18 +257,16 @@ class Correction:
                 break
             if is_dear and missed <= GOOD_DEG:
                 more = self._best_of(self._knot_steps(missed), now, KNOT_GAIN)
-                if more and np.max(np.abs(more[3].pins)) > (1 - LEAST_GAIN) * missed:
+                if more and np.max(np.abs(more[2].pins)) > (1 - LEAST_GAIN) * missed:
                     more = None  # else it is tried again and again
                 both = [each for each in (found, more) if each]
                 found = min(both, default=None, key=itemgetter(0))
             if not found:
                 break
-            _, self.values, commands, now = found
-        return commands, now
+            _, self.values, now = found
+        return now
 
-    def _best_of(
-        self, steps: Array, now: Runs, gain: float
-    ) -> tuple[float, Array, Array, Runs] | None:
+    def _best_of(self, steps: Array, now: Runs, gain: float) -> tuple[float, Array, Runs] | None:
         """The step (m, 2, S) that costs least of those that leave little of a miss.
 
         Args:
@@ -274,12 +275,12 @@ class Correction:
             gain: What is little, as a part of it; where none leaves that, the least.
 
         Returns:
-            By how much it is worse, degrees, the correction, its commands and its motion; None
-            where none leaves less.
+            By how much it is worse, degrees, the correction and its motion; None where none leaves
+            less.
         """
         missed = float(np.max(np.abs(now.pins)))
         tried = self.values[:, :, None] + np.concatenate([p * steps for p in PARTS], axis=2)
-        sent, runs = self._variants.send(tried)
+        runs = self._variants.run(tried, is_sent=True)
         kept = np.min(runs.margins, axis=1, initial=0.0)
         kept = kept >= min(-SAFE, float(np.min(now.margins, initial=0.0)))
         misses = np.where(kept, np.abs(runs.pins).max(axis=1), np.inf)
@@ -289,7 +290,7 @@ class Correction:
         price = np.abs(runs.errors).max(axis=1) + PIN_PRICE * misses
         k = int(np.argmin(np.where(misses <= enough, price, np.inf)))
         worse = float(price[k] - np.abs(now.errors).max() - PIN_PRICE * missed)
-        return worse, tried[:, :, k], sent[:, :, k], runs[k]
+        return worse, tried[:, :, k], runs[k]
 
     def _knot_steps(self, missed: float) -> Array:
         """Changes of one motor from a knot on, as large as a miss asks for, (m, 2, S), rad.

@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.machine.feedforward.correction import Correction
-from planner.machine.feedforward.legs import MOST_AWAYS_DEG, Rest, compensable
+from planner.machine.feedforward.legs import MOST_AWAYS_DEG
 from planner.machine.feedforward.prediction import Prediction, predict
 from planner.machine.feedforward.shaping import MotorCommands, Shape
 from planner.machine.machine import Machine
@@ -27,9 +27,7 @@ CUT_SHORT_WORDS = "ended the compensation; these are the best commands so far"
 """What a plan says for which there was too little time."""
 
 
-def follow(
-    plan: Plan, machine: Machine, options: CompensationTable, rest: Rest | None = None
-) -> Plan:
+def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
     """The compensated plan, not verified.
 
     Where time is up before it is corrected, it is the best that there was time for, and says so.
@@ -38,14 +36,13 @@ def follow(
         plan: An executable plan.
         machine: The machine; its spreads count for nothing.
         options: What is done.
-        rest: The machine's state before; unwound when left out.
 
     Raises:
         InputError: If the system is no arm with friction disks.
         TimeUpError: If there is no time for a first prediction.
     """
     problem, system = plan.problem, plan.problem.system
-    if not compensable(system) or not isinstance(system, Manipulator):
+    if not isinstance(system, Manipulator):
         raise InputError(
             f"{problem.source}: compensation is for arms with friction disks (system.kind ="
             f" 'manipulator'); a {system.kind} has no mechanism between motors and motion to"
@@ -57,14 +54,14 @@ def follow(
     ways = [(options, most_away) for most_away in MOST_AWAYS_DEG] + [(without, MOST_AWAYS_DEG[0])]
     with time_limit(None) as span:
         for done, most_away in ways:
-            shape = Shape(plan, system, machine, done, rest, most_away)
+            shape = Shape(plan, system, machine, done, most_away)
             correction = Correction(plan, machine, shape)
             try:
-                u = correction.commands() if done.correction else shape.commands()[:, :, 0]
+                if done.correction:
+                    correction.search()
             except TimeUpError:
                 was_cut_short = True
-                u = shape.commands(correction.values[:, :, None], correction.knots)[:, :, 0]
-            commands = MotorCommands(shape.t, u, shape.clock, shape.is_linear)
+            commands = MotorCommands(shape.t, correction.commands, shape.clock, shape.is_linear)
             compensation = Compensation(plan, machine.to_dict(), shape.clock)
             made, prediction = plan_with_commands(compensation, commands)
             error_deg = prediction.error_deg

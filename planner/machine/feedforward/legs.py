@@ -25,7 +25,7 @@ import numpy as np
 from planner.machine.feedback.course import first_motion, turn_angles, turns_back
 from planner.machine.feedback.means import input_limit, input_scale, lost_motion
 from planner.machine.feedback.run_up import REST_S
-from planner.machine.machine import Machine
+from planner.machine.machine import Machine, draw_start
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import MotionPoint
@@ -94,25 +94,11 @@ class Leg:
         return tick * (len(self.angles) - 1)
 
 
-@dataclass(frozen=True, eq=False)
-class Rest:
-    """What the machine's state is before the preparation.
-
-    Attributes:
-        axes: How far each passive axis is ahead of its joint, shape (N−2,), rad: 0 where shafts
-            were unwound by hand, ± its lost motion where the drive has just moved it.
-        gearheads: Where each motor is in the play of its gearhead, shape (2,), from −1 to 1.
-    """
-
-    axes: Array
-    gearheads: Array
-
-    @classmethod
-    def of_machine(cls, machine: Machine, system: Manipulator) -> Rest:
-        """What `machine.start_state` says; in the middle where that is unwound or unknown."""
-        words = machine.start_state * (system.n if len(machine.start_state) == 1 else 1)
-        side = np.array([{"forward": 1.0, "backward": -1.0}.get(word, 0.0) for word in words])
-        return cls(side[1:] * lost_motion(system, machine), side[[1, 0]])
+def start_shares(machine: Machine, system: Manipulator) -> Array:
+    """Where gears stand before the start, as `Draws.start`, (1+n,); in the middle, 0, where that is
+    unwound or unknown."""
+    first = np.zeros(1, dtype=np.int64)
+    return np.nan_to_num(draw_start(machine.nominal(), system.n, first, 0))[:, 0]
 
 
 def legs_of(
@@ -121,7 +107,6 @@ def legs_of(
     machine: Machine,
     options: CompensationTable,
     tick: float,
-    rest: Rest,
     most_away: float = MOST_AWAYS_DEG[0],
 ) -> list[Leg]:
     """The legs of a plan, in their order.
@@ -129,10 +114,9 @@ def legs_of(
     Args:
         plan: The plan.
         system: Its arm.
-        machine: Mean backlash, friction and stiffness.
+        machine: Mean backlash, friction and stiffness, and how it stands before.
         options: Which of them are wanted.
         tick: Length of a tick, s.
-        rest: The machine's state before.
         most_away: One of `MOST_AWAYS_DEG`.
     """
     out: list[Leg] = []
@@ -140,7 +124,7 @@ def legs_of(
     if not np.any(lost > 0):
         return out
     way, turns = reversals(plan)
-    needs = lost - way * rest.axes
+    needs = lost - way * start_shares(machine, system)[2:] * lost
     if options.preparation == "forward" and way:
         out.append(preparation(plan, system, machine, way, needs, tick))
     if options.take_up:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.machine.machine import Machine
+from planner.machine.machine import Machine, draw
 from planner.machine.replay import SETTLE_S
 from planner.machine.simulate import Progress, simulate
 from planner.plan.clock import Clock
@@ -48,15 +48,10 @@ def predict(plan: Plan, machine: Machine, progress: Progress | None = None) -> P
         machine: The machine; its spreads count for nothing.
         progress: As of `planner.machine.replay.replay`.
     """
-    nominal, first = machine.nominal(), np.zeros(1, dtype=np.int64)
+    nominal = machine.nominal()
+    draws = draw(nominal, plan.problem.system.size - 1, np.zeros(1, dtype=np.int64), 0)
     run = simulate(
-        plan,
-        nominal,
-        first,
-        0,
-        settle_s=SETTLE_S,
-        record_s=machine.step_s,
-        progress=progress,
+        plan, nominal, draws, settle_s=SETTLE_S, record_s=machine.step_s, progress=progress
     )
     return Prediction(run.t, run.q[0], end_of(run.t, run.q, plan.clock)[0], run.deviation[0])
 

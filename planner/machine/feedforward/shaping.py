@@ -23,8 +23,8 @@ from planner.machine.feedback.course import DEFAULT_TICK_S, turn_angles
 from planner.machine.feedback.means import gearhead_play, input_limit, shift_of
 from planner.machine.feedforward.legs import (
     MOST_AWAYS_DEG,
-    Rest,
     legs_of,
+    start_shares,
 )
 from planner.machine.machine import Machine
 from planner.plan.clock import Clock
@@ -67,9 +67,8 @@ class Shape:
     Args:
         plan: An executable plan.
         system: Its arm.
-        machine: Its means are what is allowed for.
+        machine: Its means are what is allowed for, and its `start_state`.
         options: What is done.
-        rest: The machine's state before; as its `start_state` says when left out.
         most_away: As of `legs_of`.
 
     Attributes:
@@ -87,13 +86,12 @@ class Shape:
         system: Manipulator,
         machine: Machine,
         options: CompensationTable,
-        rest: Rest | None = None,
         most_away: float = MOST_AWAYS_DEG[0],
     ) -> None:
         hold = machine.effects.get("control_period_s")
         self.tick = tick = hold.value[0] if hold else DEFAULT_TICK_S
-        self._rest = rest = Rest.of_machine(machine, system) if rest is None else rest
-        self.legs = legs = legs_of(plan, system, machine, options, tick, rest, most_away)
+        self._sides = start_shares(machine, system)[:2]
+        self.legs = legs = legs_of(plan, system, machine, options, tick, most_away)
         self.clock = Clock.held(plan.duration, [(leg.place_s, leg.seconds(tick)) for leg in legs])
         self.t: Array = tick * np.arange(
             1 + int(np.ceil(self.clock.t[-1] / tick - 1e-9)), dtype=np.float64
@@ -125,22 +123,16 @@ class Shape:
             earlier += leg.seconds(self.tick)
         return out
 
-    def commands(self, corrections: Array | None = None, knots: Array | None = None) -> Array:
-        """What the motors are told in each tick, at the motors' resolution, (K, 2, S), rad/s.
+    def commands(self, corrections: Array, knots: Array, is_rounded: bool = True) -> Array:
+        """What the motors are told in each tick, (K, 2, S), rad/s.
 
         Args:
-            corrections: Of the motors' angles at the knots, shape (m, 2, S), rad; one of none when
-                left out.
+            corrections: Of the motors' angles at the knots, shape (m, 2, S), rad.
             knots: Their times, (m,), s.
+            is_rounded: Whether at the motors' resolution, as they are sent.
         """
-        angle = self._angle[:, :, None]
-        if corrections is not None and knots is not None:
-            angle = angle + self._added(corrections, knots)
-        return self._pursue(angle, self._grain)
-
-    def variants(self, corrections: Array, knots: Array) -> Array:
-        """The same for corrections (m, 2, S), without rounding: (K, 2, S)."""
-        return self._pursue(self._angle[:, :, None] + self._added(corrections, knots), np.zeros(2))
+        angle = self._angle[:, :, None] + self._added(corrections, knots)
+        return self._pursue(angle, self._grain if is_rounded else np.zeros(2))
 
     def _added(self, corrections: Array, knots: Array) -> Array:
         """What corrections (m, 2, S) add to the angles, (K+1, 2, S): straight between knots."""
@@ -160,7 +152,7 @@ class Shape:
             grain: Speeds are multiples of this, (2,), rad/s; 0 for any.
         """
         if np.any(self._half):
-            angle = angle + _ahead_of_play(angle, self._half, self._rest.gearheads)
+            angle = angle + _ahead_of_play(angle, self._half, self._sides)
         tick, limit, rate = self.tick, self.limit[:, None], self._rate[:, None]
         if not np.any(np.isfinite(rate)):
             return self._pursue_by_speed(angle, grain[:, None])

@@ -109,17 +109,16 @@ class Variants:
             out.append((point.q, when))
         return out
 
-    def run(self, corrections: Array, values: Array | None = None) -> Runs:
+    def run(self, corrections: Array, is_sent: bool = False) -> Runs:
         """What variants of the correction lead to.
 
         Args:
             corrections: At the knots, (m, 2, S).
-            values: Their commands (K, 2, S), where these are to be simulated as they will be sent,
-                and on the machine as it is; else a smoother and quicker one serves.
+            is_sent: Whether their commands are simulated as they will be sent, and on the machine
+                as it is; else smoother ones on a quicker one serve.
         """
-        shape, machine = self.shape, self._machine
-        if values is None:
-            machine, values = self._coarse, shape.variants(corrections, self.knots)
+        shape, machine = self.shape, self._machine if is_sent else self._coarse
+        values = shape.commands(corrections, self.knots, is_rounded=is_sent)
         is_linear = shape.is_linear and not machine.effects.get("control_period_s")  # else held
         q = simulate_variants(self._plan, machine, shape.t, values, is_linear, self._times)
         return self._judge(q)
@@ -153,11 +152,6 @@ class Variants:
         """q(T), shape (N,): the goal, and where it leaves coordinates free what the plan chose."""
         goal = self._plan.problem.target
         return np.where(np.isnan(goal), self._plan.trajectory.q(self._plan.duration), goal)
-
-    def send(self, corrections: Array) -> tuple[Array, Runs]:
-        """Commands (K, 2, S) for corrections (m, 2, S) as they are sent, and where they lead."""
-        sent = self.shape.commands(corrections, self.knots)
-        return sent, self.run(corrections, sent)
 
     def slopes(self, values: Array, now: Runs, probe: float) -> Runs:
         """Derivatives by the corrections at the knots after the first: (2(m−1), …), by degrees.

@@ -28,10 +28,6 @@ for all contacts, since the paper prints no contact force.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol
-
 import numpy as np
 
 from planner.machine.machine import Draws
@@ -171,98 +167,10 @@ def _share(grip: Grip, steady: Array, whole: Array) -> tuple[Array, Array]:
 
 
 def contact_name(contact: int) -> str:
-    """What a user calls a contact of `Transmission.slipping`: "P2 at joint 1"."""
+    """What a user calls a contact, "P2 at joint 1", of its number 3 j + 0, 1, 2 for P₁, P₂, P₃ of
+    stage j, the first from motor 1 on."""
     return f"P{contact % 3 + 1} at joint {contact // 3 + 1}"
-
-
-class Connection(Protocol):
-    """From a driven axis to its joint."""
-
-    damped: bool
-
-    def torque(self, turning: Array) -> Array:
-        """What the joint asks of its axis, (S,), N m, for directions of motion (S,)."""
-
-    def damping(self, turning: Array) -> Array:
-        """What comes on top for each rad/s of the joint, (S,), N m s/rad."""
-
-
-@dataclass(frozen=True, eq=False)
-class Transmission:
-    """Parts of the rate V cosθ that contacts pass on.
-
-    Attributes:
-        stage: P₁ of each stage, (n−1, S or 1).
-        branch: P₂ and P₃ of each stage together, likewise.
-        slipping: Which contact slips grossly, (S,): 3 j + 0, 1, 2 for P₁, P₂, P₃ of stage j, the
-            first from motor 1 on; −1 for none. None where none can.
-    """
-
-    stage: Array
-    branch: Array
-    slipping: Array | None = None
 
 
 VARYING_EFFECTS = ("creep_per_nm", "friction_capacity_nm")
 """Effects by which what a contact passes on changes along the motion."""
-
-
-class Contacts:
-    """The friction contacts of S manipulators, without inertia.
-
-    Args:
-        draws: The machines.
-        k: Gear constants k₂ … kₙ of each, (n−1, S).
-    """
-
-    def __init__(self, draws: Draws, k: Array) -> None:
-        self._k = k
-        self._creep = draws["creep"]
-        self._creep_per_nm = draws["creep_per_nm"]
-        self._lateral, self._capacity = lateral_friction(draws), friction_capacity(draws)
-        self._loaded = any(draws.has_effect(name) for name in VARYING_EFFECTS)
-        kept = np.repeat(1 - self._creep, len(k), axis=0)
-        self._unloaded = Transmission(kept, kept**2) if draws.has_effect("creep") else None
-
-    def transmission(
-        self, joints: Sequence[Connection], cosines: Array, speed: Array
-    ) -> Transmission | None:
-        """What is passed on now; None when all is.
-
-        Args:
-            joints: The connections of joints 2 … n, which know the torques.
-            cosines: Of θ₁ … θₙ₋₁, (n−1, S).
-            speed: Of the first disk, (S,), rad/s.
-        """
-        if not self._loaded:
-            return self._unloaded
-        # A joint at more than 90 degrees reverses the direction of what it drives.
-        turning: Array = np.sign(speed) * np.cumprod(np.sign(cosines), axis=0)
-        steady = np.stack([joint.torque(way) for joint, way in zip(joints, turning, strict=True)])
-        loads, parts, _ = chain_loads(
-            cosines,
-            self._k,
-            steady,
-            self._lateral,
-            self._capacity,
-            self._rising(joints, cosines, turning, speed),
-        )
-        slips = (parts <= 0.0) & (np.abs(speed) > SLIP_SPEED_RAD_S)
-        flat = np.swapaxes(slips, 0, 1).reshape(-1, slips.shape[-1])
-        slipping = np.where(flat.any(axis=0), flat.argmax(axis=0), -1.0)
-        carried = np.minimum(np.abs(loads), self._capacity)
-        parts *= np.maximum(1.0 - self._creep - self._creep_per_nm * carried, 0.0)
-        return Transmission(parts[0], parts[1] * parts[2], slipping)
-
-    def _rising(
-        self, joints: Sequence[Connection], cosines: Array, turning: Array, speed: Array
-    ) -> Array | None:
-        """What the joints' damping adds at full speed, (n−1, S); None where there is none."""
-        if not any(joint.damped for joint in joints):
-            return None
-        torques, disk = np.empty_like(cosines), np.abs(speed)
-        for j, joint in enumerate(joints):
-            c = np.abs(cosines[j])
-            torques[j] = joint.damping(turning[j]) * self._k[j] * c * c * c * disk
-            disk = disk * c
-        return torques

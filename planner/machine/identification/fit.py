@@ -57,19 +57,13 @@ class Fit:
 
     Attributes:
         x: Parameters, (P,).
-        offsets: Of each log, (L, n), rad.
         spread: Standard deviation of x by the bootstrap, (P,); 1 is the prior's.
         residual: Root mean square of angles minus readings of each log and joint, (L, n), rad.
-        cost: What was minimised.
-        steps: Evaluations of residuals and derivatives, of all starts.
     """
 
     x: Array
-    offsets: Array
     spread: Array
     residual: Array
-    cost: float
-    steps: int
 
 
 def fit(
@@ -91,7 +85,7 @@ def fit(
     from scipy.optimize import least_squares  # slow to import
 
     problem, random = _LeastSquares(models, parameters), np.random.default_rng(seed)
-    best, steps = None, 0
+    best = None
     for start in range(starts):
         z = np.zeros(problem.size)
         if start:
@@ -111,7 +105,6 @@ def fit(
             xtol=TOLERANCE,
             ftol=TOLERANCE,
         )
-        steps += int(solution.nfev)
         if best is None or solution.cost < best.cost:
             best = solution
     assert best is not None
@@ -123,7 +116,7 @@ def fit(
         np.sqrt(np.mean(g[m.known :] ** 2, axis=0)) for m, g in zip(models, gaps, strict=True)
     ]
     spread = problem.bootstrap(best.x, random)
-    return Fit(x, offsets, spread, np.array(residual), float(best.cost), steps)
+    return Fit(x, spread, np.array(residual))
 
 
 def _share(tell: Tell, start: int, starts: int, count: int) -> None:

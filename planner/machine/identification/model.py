@@ -13,13 +13,11 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.machine.commands import Command
-from planner.machine.compiled import CompiledMotion, library
 from planner.machine.identification.parameters import Parameters
-from planner.machine.stepwise import MachineMotion, StepwiseMotion
+from planner.machine.simulate import begin_motion
 from planner.plan.log import Log
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator
 
 KNOWN_DEG = 1.0
 """A joint that has moved so far is pushed: it is ten times what an encoder is off."""
@@ -52,8 +50,7 @@ class LogModel:
     """
 
     def __init__(self, log: Log, problem: Problem, parameters: Parameters) -> None:
-        assert isinstance(problem.system, Manipulator)
-        self.log, self._system, self._parameters = log, problem.system, parameters
+        self.log, self._parameters = log, parameters
         self._plan = log.plan(problem)
         self.known = known_row(log, parameters.preset.fidelity == "dynamic")
         self.noise = reading_noise(log)
@@ -71,21 +68,9 @@ class LogModel:
         start[1:] += offsets.T
         draws = self._parameters.draws(x)
         desired = np.zeros((len(self._command.t), len(start) - 1, 1))
-        motion: MachineMotion
-        if library() is None:
-            motion = StepwiseMotion(
-                self._plan, self._machine, draws, self._command, desired, self._rows, start
-            )
-        else:
-            motion = CompiledMotion(
-                self._system,
-                self._machine.fidelity,
-                draws,
-                self._command,
-                desired,
-                self._rows,
-                start,
-            )
+        motion = begin_motion(
+            self._plan, self._machine, draws, self._command, desired, self._rows, start
+        )
         motion.advance(len(self._command.t) - 1)
         return np.asarray(motion.q[:, :, 1:])
 

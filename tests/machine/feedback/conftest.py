@@ -13,11 +13,6 @@ from planner.machine.feedforward.follow import follow
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _searched_once(one_run_up: None) -> None:
-    """Designs of the same plan share their run-up."""
-
-
 @pytest.fixture(scope="session")
 def smooth(paper: planner.Problem) -> Plan:
     """The polynomial close to its best travel; its peak input is 0.58 rad/s."""

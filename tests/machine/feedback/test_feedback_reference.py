@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 import planner
 from planner import Machine, Manipulator, Plan
 from planner.machine.feedback.estimate import Estimate, Forecast, History, Pose, reading_variance
-from planner.machine.feedback.means import lost_motion
+from planner.machine.feedback.means import gearhead_play, lost_motion
 from planner.machine.feedback.reference import _direction
-from planner.machine.feedback.run_up import hindrance, run_up
+from planner.machine.feedback.run_up import STEP_S, hindrance, run_up
 from planner.machine.feedback.tracker import TrackerDesign, design
 from planner.problem.tables.problem_file import FeedbackTable
 
@@ -171,6 +171,27 @@ def test_the_run_up_ends_where_and_as_the_plan_begins(smooth: Plan, machine: Mac
     assert drive.max() > 0.1
     assert np.all(np.abs(task.ref.feed) <= smooth.problem.limits.input + 1e-12)
     assert np.all(np.abs(task.ref.q[:, 1:]) <= np.deg2rad(80))
+
+
+@pytest.mark.parametrize("joints", [2, 3])
+def test_the_run_up_moves_as_is_forecast_step_by_step(joints: int) -> None:
+    """All coordinates at once, as the tracker forecasts, give what one after the other does."""
+    ends = [1.0] * joints, [30.0] * joints
+    problem = planner.Problem.manipulator(*ends, duration=10, input_rad_s=0.5)
+    plan, machine = planner.solve(problem), Machine.prototype()
+    found = run_up(plan, machine, FeedbackTable())
+    assert found is not None
+    play = gearhead_play(problem.system, machine)
+    lost = np.concatenate([play[1:] / 2, lost_motion(problem.system, machine)])[:, None]
+    forecast, start = Forecast(problem.system, play[0], STEP_S), plan.q(0.0)[:, None]
+    poses = [Pose(start, start[1:], np.zeros(1))]
+    for u in found.u:
+        poses.append(forecast.predict(poses[-1], STEP_S * u[:, None], lost, np.ones_like(lost)))
+    q = np.stack([pose.q[:, 0] for pose in poses])
+    assert found.q[-1] == pytest.approx(plan.q(0.0))
+    assert found.q == pytest.approx(
+        q + np.linspace(0.0, 1.0, len(q))[:, None] * (plan.q(0.0) - q[-1]), abs=1e-12
+    )
 
 
 def test_a_run_up_is_made_only_where_it_helps(smooth: Plan, machine: Machine) -> None:

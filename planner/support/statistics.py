@@ -11,7 +11,6 @@ difference stands beside it, since with a thousand machines any difference is si
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
@@ -71,17 +70,11 @@ def percentile_interval(values: Array, percent: float) -> tuple[float, float]:
     Returns:
         Its ends, two of the values; NaN where so few values cannot bound it.
     """
-    from scipy.special import betainc, betaincc  # slow to import
+    from scipy.stats import quantile_test  # slow to import
 
-    ordered, n, p = np.sort(values), len(values), percent / 100
-    tail = (1 - CONFIDENCE) / 2
-    # The incomplete beta functions are the binomial distribution, and what is above it.
-    low = bisect_left(range(n), tail, key=lambda k: betaincc(k + 1, n - k, p)) - 1
-    high = bisect_left(range(n), -tail, key=lambda k: -betainc(k + 1, n - k, p))
-    return (
-        float(ordered[low]) if low >= 0 else np.nan,
-        float(ordered[high]) if high < n else np.nan,
-    )
+    test = quantile_test(values, q=np.median(values), p=percent / 100)
+    low, high = test.confidence_interval(CONFIDENCE)
+    return float(low), float(high)
 
 
 def differences(
@@ -107,13 +100,10 @@ def differences(
 
 
 def _sign_test(gap: Array) -> float:
-    from scipy.special import betaincc  # slow to import
+    from scipy.stats import binomtest  # slow to import
 
     less, unequal = int(np.sum(gap < 0)), int(np.count_nonzero(gap))
-    few = min(less, unequal - less)
-    if 2 * few == unequal:
-        return 1.0
-    return min(1.0, 2 * float(betaincc(few + 1, unequal - few, 0.5)))
+    return float(binomtest(less, unequal).pvalue) if unequal else 1.0
 
 
 def holm(p_values: list[float]) -> list[float]:

@@ -170,6 +170,19 @@ def test_what_is_allowed_above_a_limit_grows_with_it(
     assert ("input u2" in broken) == (above > 1e-6 * limit)
 
 
+def test_a_disc_behind_the_base_is_as_far_from_the_first_link_as_from_the_base(
+    good: planner.Plan,
+) -> None:
+    """The same distance at all times, and no number may be lost for that: 1 − 0.3 m."""
+    data = good.problem.to_dict()
+    data["system"]["link_lengths"] = [1.2, 0.5, 0.5]
+    data["obstacles"] = [{"centre_m": [-0.6, -0.8], "radius_m": 0.3}]
+    problem = planner.Problem.from_dict(data)
+    path = replace(good.trajectory, system=problem.system)
+    check = planner.verify(replace(good, problem=problem, trajectory=path))
+    assert check.margins["clearance of link 1 from obstacle 1"] == pytest.approx(0.7, abs=1e-12)
+
+
 @pytest.mark.parametrize("off", [0.01, -0.01])
 def test_a_tip_that_is_missed_is_told_on_either_side(good: planner.Plan, off: float) -> None:
     angles = np.cumsum(good.q(10.0)[1:])

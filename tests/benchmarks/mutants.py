@@ -81,7 +81,7 @@ GROUPS = {
         " tests/verification/test_certificate_limits.py"
         " tests/verification/test_certificate_plans.py"
         " tests/verification/test_certificate_attacks.py"
-        " tests/methods/collocation/test_places.py",
+        " tests/methods/collocation/test_places.py tests/verification/test_verdict.py",
     ),
     "requirements": (
         ["problem/requirements/limits.py", "problem/requirements/places.py"],

@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import BPoly
 
+from planner import Trailers
 from planner.plan.curves import Cells
+from planner.plan.trajectory import StateTrajectory
 from planner.verification import balls
 from planner.verification import models as series
 from planner.verification.balls import POINTS, RADIUS_COLUMN, RHO, Ball, models, polynomial_balls
-from planner.verification.enclosure import integral
+from planner.verification.enclosure import enclose, integral
 from planner.verification.functions import _SUPPORTED, Expression, balls_on_cells
 from planner.verification.input_models import _composite
 from planner.verification.models import halves
@@ -304,6 +306,30 @@ def test_integrals_of_lines() -> None:
             middle = (mp.mpf(0.3) - 1) / 2  # ∫ from −1 to 0, over half the width
             exact = middle + (mp.mpf(0.3) * z + z * z) / 2
             assert _holds(found, 0, column, z, exact), column
+
+
+def test_a_trailer_behind_a_car_that_goes_straight_on() -> None:
+    """Its angle reads itself, and tan β/2 falls as e^(−vt/l): at complex times too, hardly more."""
+    rng, breaks, length = np.random.default_rng(11), np.array([0.0, 0.3, 0.7]), 2.0
+    start = np.array([0.0, 0.0, 0.8, 0.1, 0.0])  # x, steering, hitch, heading of the trailer, y
+    still = np.tile(start, (1, 2, 1))
+    speed = np.tile([1.5, 0.0], (1, 2, 1))
+    path = StateTrajectory(Trailers([length], 1.0), BPoly(still, breaks), BPoly(speed, breaks))
+    cells = Cells.of(breaks)
+    with np.errstate(all="ignore"):
+        motion = enclose(path, cells, balls_on_cells(path.u_curve, cells), start)
+    hitch, heading = motion.q[2:4]
+    assert np.max(hitch.r[:, : POINTS + 1]) < 1e-2  # a line is 3e-3 off
+    assert np.max(hitch.remainder) < 1e-12
+    for cell in range(2):
+        low, high = (mp.mpf(float(v)) for v in breaks[cell : cell + 2])
+        for column in range(COLUMNS):
+            z = _place(rng, column)
+            at = _node(column) if column < POINTS else z
+            fallen = mp.exp(-1.5 * ((low + high) / 2 + at * (high - low) / 2) / length)
+            exact = 2 * mp.atan(mp.tan(mp.mpf(0.8) / 2) * fallen)
+            assert _holds(hitch, cell, column, z, exact), (cell, column)
+            assert _holds(heading, cell, column, z, mp.mpf(0.1) + mp.mpf(0.8) - exact)
 
 
 def test_lines_where_ellipses_say_nothing() -> None:

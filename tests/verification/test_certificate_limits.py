@@ -108,6 +108,7 @@ def test_rates_and_jumps(arc: planner.Plan) -> None:
     certificate = planner.certify(planner.Plan(limited, "by hand", {}, flat))
     assert certificate["rate of input u1"].status == "violated"
     assert certificate["rate of input u1"].time_s == pytest.approx(0.2)
+    assert certificate["rate of input u1"].attained == -np.inf  # no rate is as great as a jump's
     assert certificate["rate of input u2"].status == "proven"
 
 

@@ -203,6 +203,7 @@ def test_of_a_compensated_plan_only_what_is_known_is_claimed(compensated: planne
     assert proven == {"duration", "input u1", "input u2"}
     assert {claim.status for claim in certificate.open} == {"undecided"}
     assert "emulated machine" in certificate["goal theta1"].why
+    assert certificate.cells == len(compensated.t) - 1  # each piece is a polynomial
     longer = compensated.problem.changed({"goal.duration": 11})
     assert planner.certify(replace(compensated, problem=longer))["duration"].status == "violated"
     tight = compensated.problem.changed({"limits.input_rad_s": 0.1})

@@ -85,7 +85,7 @@ report: $(VENV)/.dev
 	@$(BIN)/python tests/benchmarks/pictures.py
 
 explorer: $(VENV)/.dev
-	@PLANNER_SCREENSHOTS=results/explorer $(BIN)/python -m pytest -s tests/browser/test_explorer_page.py
+	@PLANNER_SCREENSHOTS=results/explorer $(BIN)/python -m pytest -s -m campaign tests/browser/test_explorer_page.py
 
 notebook: $(VENV)/.notebook
 	@$(BIN)/python -m jupyterlab --notebook-dir=notebooks quick-tour.ipynb

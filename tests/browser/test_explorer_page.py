@@ -14,6 +14,9 @@ from typing import Any
 import pytest
 from lab_server import lab_server
 
+# CI runs these and `make explorer` does: server, kernels and browser take as long as 150 other tests.
+pytestmark = pytest.mark.campaign
+
 ROOT = Path(__file__).parents[2]
 SOURCE = """import planner
 problem = planner.load_problem("paper.toml", {"goal.travel": 0.82})
@@ -187,7 +190,6 @@ def test_the_explorer_follows_sliders_pointer_and_buttons(show: Any, tmp_path: P
     print(f"slider to picture: {polynomial:.0f} ms polynomial, {collocation:.0f} ms collocation")
 
 
-@pytest.mark.campaign  # CI runs it too: a kernel and a page of its own take seven seconds
 def test_where_a_compensated_plan_waits_is_shaded_on_light_and_on_dark(
     loaded: Any, tmp_path: Path
 ) -> None:
@@ -315,7 +317,6 @@ def test_new_settings_end_a_search_that_is_under_way(show: Any) -> None:
     assert time.monotonic() - began < 8
 
 
-@pytest.mark.campaign
 def test_reset_ends_a_search_that_is_under_way(show: Any) -> None:
     page = show("slow")
     slide(page, "goal.duration", 500)

@@ -201,6 +201,8 @@ def test_z2_at_an_end(theta1: float, side: int, margin: float, says: str | None)
     q = np.array([np.nan, np.deg2rad(theta1), 0.3])
     said = Z2Margin(margin, side).contradiction("goal", q, planner.Unicycle())
     assert said is None if says is None else says in (said or "")
+    at_start = Z2Margin(margin, side).contradiction("start", q, planner.Unicycle())
+    assert "the sign at the start;" in at_start if at_start else says is None
     assert Z2Margin(margin, side).contradiction("waypoint 1", q, planner.Unicycle()) is None
     at = MotionPoint(planner.Unicycle(), q[:, None] * np.ones(3))
     np.testing.assert_allclose(
@@ -227,6 +229,24 @@ def test_a_waypoint_is_as_far_as_its_worst_coordinate() -> None:
     np.testing.assert_array_equal(point.distance(q), [0.5, 0.0, 0.75])
     (part,) = point.parts
     assert (part.label, part.unit, part.high) == ("distance from waypoint 2", "rad", 0.0)
+
+
+@pytest.mark.parametrize(
+    ("place", "held", "beside"),
+    [
+        ([0.5, 0.4, np.nan, np.nan], [], (0, 1)),
+        ([0.5, np.nan, 1.0, 2.0], [0, 1], (0,)),
+        ([np.nan, np.nan, 1.0, np.nan], [0], ()),
+        ([0.5, 0.4, 1.0, 2.0], [0, 1, 2, 3], ()),
+    ],
+)
+def test_what_a_waypoint_gives_is_held_by_q_or_beside_it(
+    place: list[float], held: list[int], beside: tuple[int, ...]
+) -> None:
+    """A coin's heading and roll are coordinates of q; its x and y are functions of all of q."""
+    point = Waypoint(1, np.array(place), None, "", planner.Coin(0.3))
+    assert np.flatnonzero(~np.isnan(point.q)).tolist() == held
+    assert point.beside_q == beside
 
 
 def test_clearances_of_a_bent_arm() -> None:

@@ -21,6 +21,7 @@ from planner import (
     Unicycle,
     chained_form,
 )
+from planner.systems.triangular_system import arm_points_expr
 
 every_system = pytest.mark.parametrize("name", NAMES)
 INDEPENDENT = [name for name in NAMES if not name.startswith("custom")]
@@ -91,8 +92,8 @@ def test_wheels_roll_without_slip_and_bodies_are_rigid(
     assert isinstance(system, Unicycle | Car | Trailers)
     q = data.draw(points(system, 0.0, 1.2))
     rates, h = system.rates(q, u), 1e-6
-    where, ahead = system.axle_points(q), system.axle_points(q + h * rates)
-    velocity = (ahead - system.axle_points(q - h * rates)) / (2 * h)
+    behind, where, ahead = system.axle_points(q + h * np.outer([-1, 0, 1], rates))
+    velocity = (ahead - behind) / (2 * h)
     headings = _headings(system, q)
     across = np.stack([-np.sin(headings), np.cos(headings)], axis=-1)
     np.testing.assert_allclose(np.sum(velocity * across, axis=-1), 0, atol=1e-7)
@@ -169,6 +170,8 @@ def test_arm_points_are_a_chain_of_links() -> None:
     np.testing.assert_allclose(np.linalg.norm(np.diff(found[0], axis=0), axis=-1), [1.0, 2.0, 0.5])
     same = Manipulator([0.8, 0.7], link_lengths=[1.0, 2.0, 0.5]).arm_points(theta)
     np.testing.assert_array_equal(same, found)
+    traced = np.array(arm_points_expr(theta[0].tolist(), arm.link_lengths))
+    np.testing.assert_allclose(traced, found[0], atol=1e-15)
 
 
 @every_system
@@ -180,6 +183,12 @@ def test_coordinates_have_names_and_units(name: str) -> None:
     assert all(system.coordinates[i].unit == "rad" for i in system.limited) or name[:3] == "cus"
     assert {c.unit for c in system.user_coordinates} <= {"m", "rad"}
     assert len({c.name for c in system.user_coordinates}) == system.size
+
+
+def test_a_rate_has_the_unit_per_second() -> None:
+    rates = {"m": "m/s", "rad": "rad/s", "m/s": "m/s^2", "rad/s": "rad/s^2"}
+    cart = Unicycle()
+    assert {c.unit: c.rate_unit for c in (*cart.coordinates, *cart.inputs)} == rates
 
 
 def test_equal_systems_are_equal() -> None:

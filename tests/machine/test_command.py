@@ -13,6 +13,7 @@ from scipy.interpolate import BPoly
 from planner import InputError
 from planner.machine.commands import (
     Command,
+    CommandVariants,
     ContinuousSource,
     TableSource,
     merge_times,
@@ -100,6 +101,24 @@ def test_a_delay_for_each_sample(period: float | None) -> None:
         assert got[~near_jump] == pytest.approx(expected[~near_jump], abs=1e-9)
         if i:
             assert np.array_equal(values(part, 0, i - 1)[:, 0], got)
+
+
+@pytest.mark.parametrize("is_linear", [False, True])
+def test_each_variant_is_what_its_ticks_say(is_linear: bool) -> None:
+    """Held, or straight from one tick's beginning to the next's, and the last held."""
+    t, delay = np.array([0.0, 0.3, 0.5, 1.0]), 0.0137
+    asked = np.random.default_rng(0).normal(size=(3, 2, 4))
+    draws = draws_of(samples=4, delay_s=delay)
+    variants = CommandVariants(t, asked, is_linear, draws, 1e-2, STOPS)
+    middle = (variants.t[1:] + variants.t[:-1]) / 2 - delay
+    on = (middle > 0) & (middle < 1)
+    assert np.array_equal(variants.running, middle + delay < 1)
+    found = variants.block(0, len(middle))[:, 1]
+    for motor, sample in np.ndindex(2, 4):
+        ticks = asked[:, motor, sample]
+        held = ticks[np.searchsorted(t[1:3], middle)]
+        wanted = np.interp(middle, t[:3], ticks) if is_linear else held
+        assert found[:, motor, sample] == pytest.approx(np.where(on, wanted, 0), abs=1e-12)
 
 
 def test_resolution_rounds_to_the_nearest_step() -> None:

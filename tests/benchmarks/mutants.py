@@ -95,7 +95,7 @@ GROUPS = {
             for name in ["manipulator", "ball_gear", "vehicles", "custom", "triangular_system"]
         ],
         "tests/systems tests/problem/test_problem_files.py tests/problem/test_problem.py"
-        " tests/report/test_mechanism.py",
+        " tests/report/test_mechanism.py tests/machine/test_links.py",
     ),
     "machine": (
         [

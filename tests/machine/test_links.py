@@ -14,7 +14,12 @@ from scipy.integrate import solve_ivp
 from planner import InputError
 from planner.machine.march import LEAST_DRAG
 from planner.machine.stepwise import DynamicChain
-from planner.systems.manipulator import chain_inertia, mass_matrix
+from planner.systems.manipulator import (
+    centrifugal_torques,
+    chain_inertia,
+    mass_matrix,
+    on_joints,
+)
 
 MASS, LENGTH, CENTRE, OWN = [0.9, 0.7, 0.5], [0.3, 0.25, 0.2], [0.15, 0.1, 0.12], [4e-3, 3e-3, 2e-3]
 """Of three links: kg, m, m from the joint to the centre of mass, kg m^2 about that."""
@@ -94,6 +99,23 @@ def test_two_links_have_the_mass_matrix_of_the_textbook() -> None:
     c = float(np.cos(theta[1, 0]))
     want = [[alpha + 2 * beta * c, delta + beta * c], [delta + beta * c, delta]]
     assert found == pytest.approx(np.array(want), rel=1e-12)
+
+
+def test_three_links_are_pushed_back_as_lagrange_says() -> None:
+    """d/dt ∂T/∂θ̇ − ∂T/∂θ without acceleration; ∂²T/∂θ̇² is the mass matrix."""
+    q, v = ca.SX.sym("q", 3), ca.SX.sym("v", 3)
+    energy = kinetic(ca.vertsplit(q), ca.vertsplit(v))
+    momentum = ca.gradient(energy, v)
+    pushed = ca.jtimes(momentum, q, v) - ca.gradient(energy, q)
+    of = ca.Function("of", [q, v], [ca.jacobian(momentum, v), pushed])
+    own, moments, lengths = (np.array(x)[:, None] for x in effects().values())
+    theta, rates = np.array([[0.4], [0.9], [-0.3]]), np.array([[1.0], [-2.0], [1.5]])
+    mass, torques = (np.array(x) for x in of(theta, rates))
+    angles, turns = np.cumsum(theta, axis=0), np.cumsum(rates, axis=0)
+    found = mass_matrix(chain_inertia(own, lengths, moments, angles))[..., 0]
+    assert found == pytest.approx(mass, rel=1e-12)
+    found = on_joints(centrifugal_torques(lengths, moments, angles, turns))
+    assert found == pytest.approx(torques, rel=1e-12)
 
 
 def test_a_free_joint_stays_behind_when_joint_1_turns() -> None:

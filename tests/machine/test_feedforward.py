@@ -72,6 +72,14 @@ def test_gearheads_are_crossed_at_each_reversal(plan: Plan) -> None:
     assert missed_deg(plan, machine, after_s=9.0, gearheads=True) < 0.02
 
 
+@pytest.mark.parametrize("states", [("forward", "backward"), ("backward", "forward")])
+def test_gearheads_are_crossed_from_where_each_stood(plan: Plan, states: tuple[str, str]) -> None:
+    """Joint 1 stands apart from the others, whose side is that of motor 1."""
+    start = [states[0], states[1], states[1]]
+    machine = planner.Machine.ideal(gearhead_backlash_deg=1.0, start_state=start)
+    assert missed_deg(plan, machine, after_s=9.0, gearheads=True) < 0.02
+
+
 def test_all_axes_take_up_their_play_at_one_angle(plan: Plan) -> None:
     machine = planner.Machine.prototype(coulomb_friction_nm=0.19)  # as much lost by each
     names = ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
@@ -84,6 +92,22 @@ def test_all_axes_take_up_their_play_at_one_angle(plan: Plan) -> None:
     rate = K[0] * 0.668811 * np.cos(theta1) ** 3
     assert leg.angles[-1, 0] == pytest.approx(lost / rate, rel=1e-2)
     assert leg.angles[-1, 1] == pytest.approx(0.0, abs=1e-12)  # joint 1 is back
+
+
+@pytest.mark.parametrize("theta1", [8.0, -8.0])
+def test_joint_1_swings_to_the_side_on_which_it_stands(theta1: float) -> None:
+    """On which side of straight joint 2 stands is nothing to the rates of the axes."""
+    machine, lost = planner.Machine.ideal(), np.full(2, 0.02)
+    angles = []
+    for theta2 in (30.0, -30.0):
+        problem = arm_problem([theta1, theta2, 5.0], limits={"input_rad_s": 0.5})
+        stands = driven(problem, [0.1] * 3)
+        leg = preparation(stands, stands.problem.system, machine, 1.0, lost, 0.01)  # type: ignore[arg-type]
+        angles.append(leg.angles)
+    swing = np.sign(theta1) * angles[0][:, 1]
+    assert np.min(swing) >= 0
+    assert np.max(swing) > np.deg2rad(10)
+    np.testing.assert_allclose(angles[1], angles[0], atol=1e-12)
 
 
 def test_the_preparation_moves_no_passive_joint_and_never_back(plan: Plan) -> None:

@@ -14,15 +14,18 @@ import planner
 from planner import Plan
 from planner.machine.feedback.means import lost_motion
 from planner.machine.feedforward import follow
+from planner.machine.feedforward.correction import Correction
 from planner.machine.feedforward.legs import (
     axis_rates,
     evenest_drive,
     legs_of,
     preparation,
     reversals,
+    stopping_s,
+    take_ups,
 )
 from planner.machine.feedforward.shaping import MotorCommands, Shape
-from planner.machine.feedforward.variants import Variants
+from planner.machine.feedforward.variants import Runs, Variants
 from planner.plan.plan import Compensation
 from planner.problem.tables.problem_file import CompensationTable
 from planner.report.panels import span
@@ -174,6 +177,47 @@ def test_the_drive_misses_what_axes_need_by_the_least() -> None:
     drive, miss = evenest_drive(rates, np.array([3.0, 3.0]))
     assert drive.tolist() == pytest.approx([2.0, 3.0])
     assert miss.tolist() == pytest.approx([1.0, 0.0])
+
+
+def test_a_take_up_tells_what_each_axis_lacks(turning: Plan) -> None:
+    """By the arm's own rates: what the drive turns the axis by, beside what it needs."""
+    system, needs = turning.problem.system, np.array([0.10, 0.06])
+    way, turns = reversals(turning)
+    (leg,) = take_ups(turning, system, MACHINE, way, turns, needs, 0.01, 2.0)  # type: ignore[arg-type]
+    turned = system.rates(turning.q(leg.place_s), np.array([leg.angles[-1, 0], 0.0]))[2:]
+    np.testing.assert_allclose(leg.misses, np.abs(np.abs(turned) - needs), atol=1e-12)
+    assert leg.misses[0] == pytest.approx(leg.misses[1])  # which is the least
+
+
+def test_motors_come_back_from_where_they_stop(turning: Plan) -> None:
+    """From 0.5 rad/s at 2 rad/s^2: 0.0625 rad too far in 0.25 s, and back from rest to rest."""
+    limits = {"limits.input_rad_s": 0.5, "limits.input_rate_rad_s2": 2.0}
+    plan = replace(turning, problem=turning.problem.changed(limits))
+    back_s = 2 * np.sqrt(2 * (0.0625 / 2) / 2.0)
+    assert stopping_s(plan, planner.Machine.ideal()) == pytest.approx(0.25 + back_s)
+    assert stopping_s(turning, planner.Machine.ideal()) == 0
+
+
+@pytest.mark.parametrize(
+    ("gain", "size", "taken"),
+    [(0.75, 1.0, 0.5), (0.1, 1.0, 1.0), (0.75, 0.4, 0.4), (0.9, 0.4, 0.2), (0.75, -1.0, None)],
+)
+def test_the_cheapest_step_that_leaves_little_of_a_miss_is_taken(
+    turning: Plan, monkeypatch: pytest.MonkeyPatch, gain: float, size: float, taken: float | None
+) -> None:
+    """Here a step leaves 1 - its size of the miss; the smaller, the less it costs the motion."""
+
+    def run(self: Variants, values: np.ndarray, *given: Any, **named: Any) -> Runs:
+        steps = values[-1, 0, :, None]
+        return Runs(100 * np.abs(steps), 1 - steps, np.ones_like(steps))
+
+    monkeypatch.setattr(Variants, "run", run)
+    shape = Shape(turning, turning.problem.system, MACHINE, CompensationTable())  # type: ignore[arg-type]
+    correction = Correction(turning, MACHINE, shape)
+    now = correction._variants.run(correction.values[:, :, None])[0]
+    steps = np.full((len(correction.knots), 2, 1), size)
+    found = correction._best_of(steps, now, gain)
+    assert (found and found[1][-1, 0]) == taken
 
 
 def test_what_is_known_before_the_start_is_not_taken_up_again(turning: Plan) -> None:

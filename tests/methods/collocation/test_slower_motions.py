@@ -13,8 +13,14 @@ from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.candidates import seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain, cut_finer, ends_of
 from planner.methods.collocation.method import collocation_task
-from planner.methods.collocation.path import clock, path_task, refine_path, search
-from planner.methods.collocation.task import Task
+from planner.methods.collocation.path import (
+    clock,
+    needed_duration,
+    path_task,
+    refine_path,
+    search,
+)
+from planner.methods.collocation.task import Task, stretch_to, transfer
 from planner.plan.measures import effort
 from planner.problem.tables.method_options import CollocationOptions
 from planner.support import deadline
@@ -44,8 +50,12 @@ def found(job: Task) -> Any:
 def test_the_same_guesses_find_the_same_paths_whatever_the_duration_is() -> None:
     problems = [ARM, *(ARM.changed({"goal.duration": T}) for T in (20.0, 200.0))]
     jobs = [collocation_task(problem, OPTIONS, 40) for problem in problems]
-    logs = [[*search(job, seeds("auto", 2), 2)][-1].log for job in jobs]
-    assert logs[0] == logs[1] == logs[2]
+    ends = [[*search(job, seeds("auto", 2), 2)][-1] for job in jobs]
+    assert ends[0].log == ends[1].log == ends[2].log
+    needed = needed_duration(ARM, jobs[0].mesh, ends[0].solved[-1].solution.iterate)
+    assert 20 < needed < 200
+    held = [end.latest and end.latest[1].iterate.duration for end in ends]
+    assert held == [pytest.approx(needed), None, 200.0]
 
 
 @pytest.mark.parametrize(
@@ -108,9 +118,25 @@ def test_by_its_clock_an_input_of_a_path_is_at_its_limit_all_the_time(
     assert share.max() <= 1 + 1e-9
     assert np.median(share) > 0.99
     assert np.diff(own.mesh.edges) == pytest.approx(1 / len(own.mesh.widths))
+    assert len(own.mesh.widths) >= max(100, 1.5 * len(free.mesh.widths))
+    assert motion.nodes[0, : ARM.system.size] == pytest.approx(ARM.start, abs=1e-9)
     # At the path's own constant speed the whole would wait for its steepest place.
     rates = np.abs(solution.iterate.inputs) / ARM.limits.input
     assert motion.duration < solution.iterate.duration * rates.max()
+
+
+@pytest.mark.parametrize("rate", [0.3, 0.01])
+def test_a_path_run_as_fast_as_its_limits_let_it_is_at_one_of_them(
+    job: Task, found: Any, rate: float
+) -> None:
+    problem = ARM.changed({"limits.input_rate_rad_s2": rate})
+    own = collocation_task(problem, OPTIONS, 40)
+    path = transfer(path_task(job), found.distinct[0].solution.iterate, own)
+    motion = stretch_to(path, needed_duration(problem, own.mesh, path))
+    left, right = motion.input_ends()
+    rates = (right - left) / (own.mesh.widths * motion.duration)[:, None]
+    shares = np.abs(left) / ARM.limits.input, np.abs(right) / ARM.limits.input, np.abs(rates) / rate
+    assert max(float(share.max()) for share in shares) == pytest.approx(1.0)
 
 
 def test_all_pieces_of_a_path_are_halved_where_little_turns_in_them() -> None:

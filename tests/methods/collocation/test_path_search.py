@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 import planner
-from planner.methods.collocation import task
+from planner.methods.collocation import pipeline, task
+from planner.methods.collocation.path import PathSearch, SeedPath
+from planner.methods.collocation.pipeline import Best, Pipeline
 from planner.methods.collocation.solvers import Settings
+from planner.problem.tables.method_options import CollocationOptions
+from planner.support import deadline
 from planner.support.progress import Progress
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
@@ -42,6 +47,58 @@ def test_where_the_drive_turns_back_more_starts_are_tried() -> None:
 def test_a_search_among_random_starts_does_not_end_early() -> None:
     plan = planner.solve(ONE_WAY, "collocation", start="wander", starts=5, attempts=5)
     assert len(plan.notes["tried"]) == 5
+
+
+def test_paths_that_differ_are_counted_once() -> None:
+    efforts: list[Any] = [SimpleNamespace(objective=effort) for effort in (3.0, 1.0, 2.0, 3.0, 2.0)]
+    found = PathSearch(solved=[SeedPath(str(k), effort) for k, effort in enumerate(efforts)])
+    assert [path.seed for path in found.distinct] == ["1", "2", "0"]
+
+
+@pytest.mark.parametrize(("branches", "enough"), [(1, 7), (2, 4), (3, 3), (9, 1)])
+def test_branches_of_a_goal_share_the_starts(
+    monkeypatch: pytest.MonkeyPatch, branches: int, enough: int
+) -> None:
+    asked: list[int] = []
+
+    def nothing(job: Any, guesses: Any, enough: int, simple: bool) -> Any:
+        asked.append(enough)
+        yield PathSearch()
+
+    monkeypatch.setattr(pipeline, "search", nothing)
+    monkeypatch.setattr(pipeline.RoutePaths, "of", lambda *_: None)
+    goal: Any = SimpleNamespace(free=(2,), divided=False)
+    job: Any = SimpleNamespace(mesh=SimpleNamespace(marks=()))
+    options, make = CollocationOptions(starts=7, attempts=9), lambda *_: job
+    assert [*Pipeline([goal] * branches, options, make, Best(1e-6))._find_paths(0, job)] == []
+    assert asked == [enough]
+
+
+def test_paths_are_timed_on_a_mesh_that_is_given() -> None:
+    given: Any = {"start": "wander", "starts": 1, "intervals": 30, "refinements": 0}
+    assert len(planner.solve(ONE_WAY, "collocation", **given).t) == 31
+
+
+def test_where_time_is_limited_the_best_exact_motion_is_held(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One is made as soon as there is a path; else there is time for it at the end."""
+    made, path = iter([2.0, 3.0, 1.0]), SimpleNamespace()
+    monkeypatch.setattr(pipeline, "has_only_limits", lambda _: True)
+    monkeypatch.setattr(
+        pipeline, "exact_motion", lambda *_: (path, SimpleNamespace(objective=next(made)))
+    )
+    best: Any = Best(1e-6)
+    best.take_chain(path, path)
+    assert best.exact is None
+    held = []
+    with deadline.time_limit(100.0):
+        best.take_chain(path, path)
+        held.append(best.exact[1].objective)
+    for _ in range(2):
+        best.make_exact()
+        held.append(best.exact[1].objective)
+    assert held == [2.0, 2.0, 1.0]
 
 
 def test_a_search_leaves_fatrop_alone(monkeypatch: pytest.MonkeyPatch) -> None:

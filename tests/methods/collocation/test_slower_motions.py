@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,11 +19,13 @@ from planner.methods.collocation.method import collocation_task
 from planner.methods.collocation.path import (
     clock,
     needed_duration,
+    path_intervals,
     path_task,
     refine_path,
     search,
 )
-from planner.methods.collocation.task import Task, stretch_to, transfer
+from planner.methods.collocation.task import Solution, Task, stretch_to, transfer
+from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.plan.measures import effort
 from planner.problem.tables.method_options import CollocationOptions
 from planner.support import deadline
@@ -97,14 +102,32 @@ def test_a_refined_path_keeps_between_its_nodes_what_a_coarse_one_leaves(
     assert inspection.excess.max() < left[worst] / 5
 
 
+def test_a_path_that_is_its_true_motion_is_refined_no_further() -> None:
+    problem = planner.Problem.manipulator([1, 1, 1], [30, 30, 30], duration=None, joint_deg=80)
+    job = collocation_task(problem, OPTIONS, 40)
+    *_, found = search(job, seeds("straight"), 1)
+    free, solution = path_task(job), found.solved[0].solution
+    assert refine_path(free, solution) == (free, solution)
+
+
+def test_a_path_wants_intervals_by_how_far_its_inputs_turn(job: Task, found: Any) -> None:
+    """Where joints have 40 degrees a quarter of a radian each; by 20, so that paths share them."""
+    turned, path = 30.5, found.distinct[0].solution.iterate
+    inputs = np.tile([turned / path.duration, 0.0], (len(path.inputs), 1))
+    count = path_intervals(path_task(job), replace(path, inputs=inputs))
+    assert count % 20 == 0
+    assert turned / count <= 0.25 < turned / (count - 20)
+
+
+@pytest.mark.parametrize(("intervals", "most"), [(150, 1), (60, 3)])
 def test_long_paths_that_cannot_be_refined_are_given_up_soon(
-    job: Task, found: Any, monkeypatch: pytest.MonkeyPatch
+    job: Task, found: Any, monkeypatch: pytest.MonkeyPatch, intervals: int, most: int
 ) -> None:
     tries: list[Any] = []
-    monkeypatch.setattr(route_paths, "path_intervals", lambda *_: 150)
+    monkeypatch.setattr(route_paths, "path_intervals", lambda *_: intervals)
     monkeypatch.setattr(route_paths, "refine_path", lambda *path: tries.append(path))
     assert route_paths.RoutePaths.of(job, found, mesh_given=False).refined == []
-    assert len(found.distinct) > 1 == len(tries)
+    assert len(found.distinct) > most == len(tries)
 
 
 def test_by_its_clock_an_input_of_a_path_is_at_its_limit_all_the_time(
@@ -151,6 +174,37 @@ def test_all_pieces_of_a_path_are_halved_where_little_turns_in_them() -> None:
     assert len(halved.u) == 8
     assert halved.u.sum(axis=0) == pytest.approx(u.sum(axis=0))
     assert np.abs(halved.gap).max() < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("fastest_s", "wanted_s", "found"),
+    [
+        (10.0, 20.0, [True]),
+        (10.0, 10.0, [True]),
+        (0.1, 0.101, [True]),
+        (10.0, 9.6, [False]),
+        (10.0, 9.0, []),
+    ],
+)
+def test_the_fastest_motion_is_slowed_down_as_it_is_where_no_solver_betters_it(
+    monkeypatch: pytest.MonkeyPatch, fastest_s: float, wanted_s: float, found: list[bool]
+) -> None:
+    """One a little too slow may become faster; one far too slow is not tried."""
+
+    def solution(iterate: Iterate, ok: bool) -> Solution:
+        return Solution(iterate, 0.0, 0.0, ok, "", 0)
+
+    own: Any = SimpleNamespace(objective=None, for_problem=lambda *_: own)
+    own.solve, own.judge = (partial(solution, ok=ok) for ok in (False, True))
+    quick = own.judge(Iterate(fastest_s, np.zeros((2, 4)), np.zeros((1, 1, 4)), np.ones((1, 2))))
+    motion = pipeline.Motion("straight", "guesses", own, quick)
+    polished = SimpleNamespace(task=own, solution=quick)
+    monkeypatch.setattr(pipeline.Pipeline, "run", lambda _: (motion, polished))
+    asked = replace(ARM, duration=wanted_s)
+    hasty = pipeline.Pipeline([asked], OPTIONS, lambda *_: own, pipeline.Best(1e-6))
+    slower = [motion.solution for motion in hasty._slower_motions()]
+    assert [each.ok for each in slower] == found
+    assert all(each.iterate.duration == wanted_s for each in slower)
 
 
 def test_the_fastest_motion_is_no_answer_where_time_is_up_before_it_is_slowed_down(

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from lab_server import lab_server
 
-# CI runs these and `make explorer` does: server, kernels and browser take as long as 150 other tests.
+# CI and `make explorer` run these: server, kernels and browser take as long as 150 other tests.
 pytestmark = pytest.mark.campaign
 
 ROOT = Path(__file__).parents[2]

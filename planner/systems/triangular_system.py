@@ -40,7 +40,7 @@ class Coordinate:
     @property
     def rate_unit(self) -> str:
         """Unit of its rate ("rad/s" gives "rad/s^2")."""
-        return f"{self.unit}^2" if self.unit.endswith("/s") else f"{self.unit}/s"
+        return f"{self.unit}^2" if self.unit.endswith("/s") else f"{self.unit or 1}/s"
 
 
 class TriangularSystem(ABC):

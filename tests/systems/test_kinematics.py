@@ -21,7 +21,7 @@ from planner import (
     Unicycle,
     chained_form,
 )
-from planner.systems.triangular_system import arm_points_expr
+from planner.systems.triangular_system import Coordinate, arm_points_expr
 
 every_system = pytest.mark.parametrize("name", NAMES)
 INDEPENDENT = [name for name in NAMES if not name.startswith("custom")]
@@ -189,6 +189,7 @@ def test_a_rate_has_the_unit_per_second() -> None:
     rates = {"m": "m/s", "rad": "rad/s", "m/s": "m/s^2", "rad/s": "rad/s^2"}
     cart = Unicycle()
     assert {c.unit: c.rate_unit for c in (*cart.coordinates, *cart.inputs)} == rates
+    assert Coordinate("a", "").rate_unit == "1/s"
 
 
 def test_equal_systems_are_equal() -> None:

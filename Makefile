@@ -11,7 +11,7 @@
 #   make robustness  the tracker on good and bad machines, to results/feedback (some minutes)
 #   make controller  the tracker in C beside the one in Python, to results/controller (some minutes)
 #   make sensitivity  plans that mind errors less, to results/sensitivity (some minutes)
-#   make compensation  plans that know the hardware, to results/compensation (a minute)
+#   make compensation  plans that know the hardware, to results/compensation (ten minutes)
 #   make identification  machines from logs, home to end, to results/identification (half an hour)
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer

@@ -189,13 +189,19 @@ class Study:
         return cells, [*np.concatenate([np.percentile(v, [50, 95]) for v in runs]).tolist(), took]
 
     def starts(self) -> str:
-        """Methods, plain and compensated for an unwound arm, on arms that stood otherwise."""
+        """Methods, plain, compensated for an unwound arm, and for how it stood."""
         states = get_args(StartState)
+        machines = [Machine.prototype(start_state=state) for state in states]
         cells = []
         for method, options in METHODS.items():
             plain = planner.solve(self.plain.problem, method, **options)
-            for label, plan in (("", plain), (" compensated", planner.compensate(plain))):
-                runs = [self.run(plan, Machine.prototype(start_state=state)) for state in states]
+            rows = {
+                "": [plain] * len(states),
+                " compensated": [planner.compensate(plain)] * len(states),
+                " compensated, told": [planner.compensate(plain, each) for each in machines],
+            }
+            for label, plans in rows.items():
+                runs = list(map(self.run, plans, machines))
                 cells.append([f"{method}{label}, E", *(pair(r.index_E_deg) for r in runs)])
                 cells.append(["end", *(pair(r.terminal_E_deg) for r in runs)])
         return table(["plan", *states], cells)

@@ -111,11 +111,10 @@ def _possible_path(path: str | Path) -> Path:
     """
     wanted = expect_path(path)
     try:
-        wanted.resolve()
-        os.lstat(wanted)
+        os.stat(wanted)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
         pass  # told better below
-    except (OSError, RuntimeError, ValueError) as error:
+    except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise InputError(f"cannot write {shorten(str(path))}: {reason}; use another name") from None
     return wanted

@@ -114,10 +114,12 @@ processors: $(VENV)/.dev
 installed: $(VENV)/.dev
 	@$(BIN)/python tests/installed/legs.py
 
+# A kernel that does not compile is left out in silence: there need be no compiler.
 check lint: $(VENV)/.dev
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/ruff format --check --quiet . || { echo "not in the house format; run: make format"; exit 1; }
 	@$(BIN)/mypy
+	@! command -v $(CC) >/dev/null || $(CC) -std=c99 -Wall -Wextra -Werror -fsyntax-only -DSOURCE=0 $(filter %.c,$(KERNEL))
 
 format: $(VENV)/.dev
 	@$(BIN)/ruff check --quiet --fix . ; $(BIN)/ruff format .

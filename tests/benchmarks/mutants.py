@@ -330,7 +330,8 @@ def outcomes(group: str, session: Path) -> list[Mutant]:
 def page(found: list[Mutant], given: argparse.Namespace) -> str:
     """The table, and every survivor with what is known about it."""
     version, later = (
-        run(["git", "rev-parse", "--short", name], CLONE).strip() for name in ("HEAD", "FETCH_HEAD")
+        run(["git", "rev-parse", "--short=7", name], CLONE).strip()
+        for name in ("HEAD", "FETCH_HEAD")
     )
     again = any(m.again for m in found)
     still = [m for m in found if m.open]

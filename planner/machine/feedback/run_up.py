@@ -24,8 +24,6 @@ The limits that hold for this motion hold for the tracker's commands too (`input
 
 from __future__ import annotations
 
-from itertools import accumulate
-
 import numpy as np
 
 from planner.errors import InputError, UntrackableError
@@ -210,12 +208,9 @@ class _Approach:
         One coordinate after the other: each rate depends on those before it alone, and on the
         drive, whose coordinate is the last.
         """
-        turns, half = STEP_S * u, float(self._lost[0])
-        side = accumulate(
-            turns[:, 0].tolist(), lambda last, turn: min(max(last + turn, -half), half), initial=0.0
-        )
-        places = np.array([*side])
-        turns[:, 0] = places[:-1] + turns[:, 0] - places[1:]
+        turns = STEP_S * u
+        motor = np.cumsum([0.0, *turns[:, 0]])
+        turns[:, 0] = np.diff(through_play(motor, float(self._lost[0])))
         q = np.repeat(self._start[None], len(u) + 1, axis=0)
         for i in (*range(1, len(self._start)), 0):
             middle = q[:-1] + self._rates(q[:-1], turns) / 2

@@ -17,6 +17,7 @@ from planner.methods.judgement import judge_plan
 from planner.methods.keeping import refuse_unkept
 from planner.methods.refusal import Change, advise
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
+from planner.methods.stay import plan_stay
 from planner.plan.plan import Plan, expect_plan, refuse_inexecutable
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
@@ -152,7 +153,9 @@ def solve_and_check(
 
 
 def _plan_by_method(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> Plan:
-    """What a method makes of a problem, unless it can be refused beforehand."""
+    """What a method makes of a problem, unless there is nothing to do or it can be refused."""
+    if still := plan_stay(problem, entry.name, options):
+        return still
     if not entry.finds_time:
         refuse_too_short(problem)
     refuse_unkept(problem, entry.name, entry.keeps)

@@ -9,12 +9,10 @@ import numpy as np
 from planner.methods.collocation.transcription.form import Mesh, Objective
 from planner.methods.collocation.transcription.transcription import Transcription
 from planner.methods.collocation.transcription.unknowns import Index
+from planner.methods.stay import SHORTEST_S
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
-
-SHORTEST_S = 1e-3
-"""Least duration that a free one may take, in seconds."""
 
 MOST_DRAWN_IN = 0.1
 """Largest share of half the room between low and high by which a limit is drawn in; more would mean

@@ -32,9 +32,9 @@ from .methods.registry import METHODS as METHODS
 from .methods.registry import register_method as register_method
 from .plan.claims import Certificate as Certificate
 from .plan.claims import Claim as Claim
-from .plan.log import Log as Log
-from .plan.log import read_log as read_log
 from .plan.plan import Plan as Plan
+from .plan.recorded.log import Log as Log
+from .plan.recorded.log import read_log as read_log
 from .plan.samples import Samples as Samples
 from .plan.samples import load_samples as load_samples
 from .problem.conditions import Limits as Limits

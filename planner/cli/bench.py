@@ -16,7 +16,7 @@ from planner.machine.identification.identify import Identification, predict_run
 from planner.machine.identification.identify import identify as run_identification
 from planner.machine.machine import Machine, load_machine
 from planner.methods.motions import MOTIONS
-from planner.plan.log import read_log
+from planner.plan.recorded.log import read_log
 from planner.report.figures.recorded import plot_run, start_of
 from planner.support.files import refuse_unwritable
 from planner.support.user_tables import allowed_hint

@@ -35,9 +35,9 @@ from planner.cli.output import (
 )
 from planner.errors import NoPlanError
 from planner.methods.registry import find_method
-from planner.plan.log import read_log
 from planner.plan.measures import effort
 from planner.plan.plan import Plan
+from planner.plan.recorded.log import read_log
 from planner.problem.problem import Problem
 from planner.solve import solve_and_check
 from planner.support.files import refuse_unwritable

@@ -21,8 +21,8 @@ from planner.machine.friction.contact_load import refuse_sliding
 from planner.machine.limits import least_margins
 from planner.machine.machine import Draws, Machine, draw
 from planner.machine.stepwise import MachineMotion, StepwiseMotion
-from planner.plan.log import RECORDED
 from planner.plan.plan import Plan
+from planner.plan.recorded.log import RECORDED
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator

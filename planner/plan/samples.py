@@ -5,7 +5,6 @@ Plans and replays as pandas frames and xarray datasets.
 
 from __future__ import annotations
 
-import csv
 import importlib
 import io
 import zlib
@@ -19,8 +18,9 @@ import numpy as np
 from planner.errors import InputError
 from planner.plan.plan import Plan
 from planner.plan.quadrature import POINTS, read_trajectory
+from planner.plan.recorded.number_table import read_table
 from planner.support.arrays import Array
-from planner.support.files import SAMPLES_BYTES, expect_path, read_bytes, read_text
+from planner.support.files import SAMPLES_BYTES, expect_path, read_bytes
 from planner.support.package import how_to_install
 from planner.systems.triangular_system import Coordinate
 
@@ -181,10 +181,9 @@ def load_samples(path: str | Path) -> Samples:
 
 
 def _from_csv(path: Path) -> Samples:
-    text = read_text(path, SAMPLES_BYTES, "samples are CSV")
-    header, *rows = csv.reader(io.StringIO(text, newline=""))
-    values = [[float(cell) if cell else np.nan for cell in row] for row in rows]
-    return Samples.from_table(header, np.array(values, dtype=float))
+    table = read_table(path, "samples are CSV", lambda name: name == "t_s")
+    values = table.numbers(dict.fromkeys(range(len(table.names)), "nan"))
+    return Samples.from_table(table.names, np.column_stack([*values.values()]))
 
 
 def _from_mat(path: Path) -> Samples:

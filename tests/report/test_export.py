@@ -358,7 +358,7 @@ def test_bad_names_are_refused(
         ("x.txt", "", "must end in"),
         ("x.csv", "", "does not hold the samples"),
         ("x.csv", "a,b\n1,2\n", "does not hold the samples"),
-        ("x.csv", "t_s,a_1,b_1,u_1,w_1,m_1,n_1,z1,z2,v1,v2\n1,2\n", "does not hold the samples"),
+        ("x.csv", "t_s,a_1,b_1,u_1,w_1,m_1,n_1,z1,z2,v1,v2\n1,2\n", "line 2: 2 cells"),
         ("x.csv", "t_s,a_1,b_1,u_1,w_1,m_1,n_1,z1,z9,v1,v2\n1,2,3,4,5,6,7,8,9,10,11\n", "z9"),
         ("x.mat", "hello", "does not hold the samples"),
     ],
@@ -369,6 +369,19 @@ def test_files_that_hold_no_samples(tmp_path: Path, name: str, text: str, says: 
         load_samples(tmp_path / name)
     with pytest.raises(planner.InputError, match="cannot read"):
         load_samples(tmp_path / "missing.csv")
+
+
+def test_samples_that_a_spreadsheet_saved_are_read(law: planner.Plan, tmp_path: Path) -> None:
+    """Semicolons, decimal commas and a byte order mark; a cell that is no number is named."""
+    path = export_moving(law, tmp_path / "x.csv", rate_hz=5)
+    samples, text = load_samples(path), path.read_text("utf-8")
+    path.write_text(text.replace(",", ";").replace(".", ","), "utf-8-sig")
+    np.testing.assert_array_equal(load_samples(path).table, samples.table)
+    path.write_text(text.replace("\n0.2,", "\n1_0,"), "utf-8")
+    with pytest.raises(
+        planner.InputError, match=r"x\.csv, line 3: column 't_s' is '1_0', which is"
+    ):
+        load_samples(path)
 
 
 def test_other_systems_name_their_columns(tmp_path: Path) -> None:

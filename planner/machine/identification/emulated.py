@@ -8,8 +8,8 @@ from planner.machine.closed_loop import encoder_readings
 from planner.machine.feedback.course import DEFAULT_TICK_S
 from planner.machine.machine import Machine, machine_for
 from planner.machine.replay import replay
-from planner.plan.log import Log
 from planner.plan.plan import Plan, expect_plan
+from planner.plan.recorded.log import Log
 from planner.support.arrays import Array
 
 NOISE_DEG = 0.03

@@ -15,7 +15,7 @@ from planner.machine.identification.fit import Fit, fit
 from planner.machine.identification.model import KNOWN_DEG, LogModel
 from planner.machine.identification.parameters import Parameter, Parameters
 from planner.machine.machine import Machine, machine_for
-from planner.plan.log import Log, expect_log
+from planner.plan.recorded.log import Log, expect_log
 from planner.problem.problem import Problem, expect_problem
 from planner.support.arrays import Array
 from planner.support.files import toml, write_text

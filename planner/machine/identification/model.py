@@ -15,7 +15,7 @@ from planner.errors import InputError
 from planner.machine.commands import Command
 from planner.machine.identification.parameters import Parameters
 from planner.machine.simulate import begin_motion
-from planner.plan.log import Log
+from planner.plan.recorded.log import Log
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
 

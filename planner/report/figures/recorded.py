@@ -8,8 +8,8 @@ import numpy as np
 
 from planner.errors import expect
 from planner.machine.identification.identify import Identification
-from planner.plan.log import Log, expect_log
 from planner.plan.plan import Plan, expect_plan
+from planner.plan.recorded.log import Log, expect_log
 from planner.report.figures.style import COLOURS, GRID_STYLE, grid, heading, legend, symbol
 from planner.support.arrays import Array
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from planner.comparison.rows import FEEDBACK, plain_label
 from planner.errors import InputError
-from planner.plan.log import RECORDED
 from planner.plan.plan import Plan, expect_plan
+from planner.plan.recorded.log import RECORDED
 from planner.support.arrays import Array
 from planner.support.calculus.extremes import sample_times
 from planner.support.tables import clean_text

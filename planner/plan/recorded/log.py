@@ -7,10 +7,7 @@ the first row, angles radians.
 
 from __future__ import annotations
 
-import csv
-import io
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,30 +15,18 @@ import numpy as np
 
 from planner.errors import InputError, expect
 from planner.plan.plan import Plan
+from planner.plan.recorded.columns import find_columns, parse_name
+from planner.plan.recorded.number_table import Blanks, NumberTable, read_table
 from planner.plan.samples import MAX_ROWS
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem, expect_problem
 from planner.support.arrays import Array
 from planner.support.calculus.bernstein import Bernstein
-from planner.support.files import SAMPLES_BYTES, read_text, write_text
-from planner.support.tables import csv_text, line
-from planner.support.user_tables import allowed_hint
+from planner.support.files import write_text
+from planner.support.tables import csv_text
 
 RECORDED = "recorded"
 """Method and status of a plan that is a recorded run."""
-
-UNITS: dict[str, dict[str, float]] = {
-    "t": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
-    "u": {"rad_s": 1.0, "deg_s": np.pi / 180, "rpm": np.pi / 30},
-    "theta": {"rad": 1.0, "deg": np.pi / 180},
-    "motor": {"rad": 1.0, "deg": np.pi / 180},
-}
-"""What each kind of column may be measured in, and how much that is in SI units."""
-
-COLUMN = re.compile(
-    r"(t|u[12]|theta[1-9]|motor[12])(?:(?:_|\s*[(\[]\s*|\s+)([a-z_/]*)\s*[)\]]?)?", re.I
-)
-"""A column's name with its unit: theta1_deg, "theta1 (deg)", "u1 [rad/s]"; "torque" is none."""
 
 LEAST_ROWS = 50
 """Fewer rows are half a second at the usual 100 Hz: no joint has left its backlash by then."""
@@ -204,9 +189,11 @@ def expect_log(value: object) -> None:
 def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
     """Read a recorded run of an arm.
 
-    A CSV file with one header line: `t`, `u1`, `u2`, `theta1` … `thetan`, each with its unit, as in
-    `t_s`, `u1_rad_s`, `theta1_deg` or "theta1 (deg)". Angles of both motors, `motor1_rad` and
-    `motor2_rad`, are read where they are given; other columns are left out.
+    A table with a header: `t`, `u1`, `u2`, `theta1` … `thetan`, each with its unit, as in `t_s`,
+    `u1_rad_s`, `theta1_deg`, "θ1 [°]" or "theta1 (deg)", or with a line of units below the header.
+    Angles of both motors, `motor1_rad` and `motor2_rad`, are read where they are given; other
+    columns are left out. A blank command holds the one above it. What separates cells, the decimal
+    mark, comments and encodings are those of any program: `planner.plan.recorded.number_table`.
 
     Args:
         path: The file.
@@ -217,23 +204,27 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
     Raises:
         InputError: If the file cannot be read, a column or its unit is missing, a cell is no
             number, there are fewer than 50 rows, times do not increase or have a gap, or angles
-            jump or are in another unit than the header says. The message names column and row.
+            jump or are in another unit than the header says. The message names line and column.
     """
-    text = read_text(path, SAMPLES_BYTES, "a log is CSV")
-    table = [row for row in csv.reader(io.StringIO(text, newline="")) if any(row)]
-    header = [name.strip() for name in table[0]] if table else []
-    places = _columns(header, columns or {}, path)
-    rows = table[1:]
-    if not LEAST_ROWS <= len(rows) <= MAX_ROWS:
+    names = columns or {}
+    table = read_table(
+        path,
+        "a log is CSV",
+        lambda cell: parse_name(cell) is not None or cell.strip() in names.values(),
+        may_be_cut=True,
+    )
+    places = find_columns(table, names)
+    if not LEAST_ROWS <= len(table.rows) <= MAX_ROWS:
         raise InputError(
-            f"{path} has {len(rows)} rows of readings; a log has {LEAST_ROWS} to {MAX_ROWS:,}"
+            f"{path} has {len(table.rows)} rows of readings; a log has {LEAST_ROWS} to {MAX_ROWS:,}"
         )
-    values = {
-        name: _numbers(rows, place, header[place], path) * factor
-        for name, (place, factor) in places.items()
+    blanks: dict[int, Blanks] = {
+        place: "held" if name in ("u1", "u2") else "refused" for name, (place, _) in places.items()
     }
+    numbers = table.numbers(blanks)
+    values = {name: numbers[place] * factor for name, (place, factor) in places.items()}
     joints = sum(name.startswith("theta") for name in values)
-    t = _times(values["t"], path)
+    t = _times(values["t"], table)
     log = Log(
         t=t,
         u=np.stack([values["u1"], values["u2"]], axis=1),
@@ -243,84 +234,26 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
         else None,
         source=str(path),
     )
-    _refuse_jumps(log)
+    _refuse_jumps(log, table)
     _refuse_wrong_units(log)
     return log
 
 
-def _columns(
-    header: Sequence[str], given: Mapping[str, str], path: str | Path
-) -> dict[str, tuple[int, float]]:
-    """For each quantity the place of its column, and what its unit is in SI units."""
-    expect(Mapping, given, 'columns maps names to those of the file: {"theta1_rad": "pos[0]"}')
-    names = {name: name for name in header} | {theirs: ours for ours, theirs in given.items()}
-    for ours, theirs in given.items():
-        if theirs not in header:
-            raise InputError(
-                f"{path} has no column '{line(theirs)}' (for {ours});"
-                f" {allowed_hint(theirs, header)}"
-            )
-        if not COLUMN.fullmatch(ours):
-            raise InputError(
-                f"columns: '{line(ours)}' is no quantity with its unit, such as t_s, u1_rad_s,"
-                " theta1_deg"
-            )
-    out: dict[str, tuple[int, float]] = {}
-    for place, column in enumerate(header):
-        match = COLUMN.fullmatch(names[column])
-        if not match:
-            continue
-        name, unit = match[1].lower(), (match[2] or "").lower().replace("/", "_")
-        units = UNITS[name.rstrip("123456789")]
-        if unit not in units:
-            said = f"has the unit '{unit}'" if unit else "has no unit"
-            raise InputError(
-                f"{path}: column '{line(column)}' {said}; write one of"
-                f" {', '.join(f'{name}_{each}' for each in units)}, or name the column in `columns`"
-            )
-        if name in out:
-            raise InputError(f"{path} has two columns for {name}: '{line(column)}' is the second")
-        out[name] = place, units[unit]
-    joints = sum(name.startswith("theta") for name in out)
-    wanted = ["t", "u1", "u2", *(f"theta{i + 1}" for i in range(max(2, joints)))]
-    if missing := [name for name in wanted if name not in out]:
-        there = ", ".join(f"'{line(name)}'" for name in header) or "nothing"
-        raise InputError(
-            f"{path} has no column for {', '.join(missing)}; a log has t, u1, u2, theta1 ... thetan"
-            f" with units, as in t_s,u1_rad_s,u2_rad_s,theta1_deg (its header has {there})"
-        )
-    return out
-
-
-def _numbers(rows: Sequence[Sequence[str]], place: int, name: str, path: str | Path) -> Array:
-    out = np.empty(len(rows))
-    for k, row in enumerate(rows):
-        cell = row[place].strip() if place < len(row) else ""
-        try:
-            out[k] = float(cell)
-        except ValueError:
-            out[k] = np.nan
-        if not np.isfinite(out[k]):
-            what = f"'{line(cell)}', which is no number" if cell else "empty"
-            raise InputError(f"{path}, row {k + 2}: column '{line(name)}' is {what}")
-    return out
-
-
-def _times(t: Array, path: str | Path) -> Array:
+def _times(t: Array, table: NumberTable) -> Array:
     """Times from 0, evened out where they are even but for rounding."""
     t = t - t[0]
     steps = np.diff(t)
     if np.any(steps <= 0):
         k = int(np.argmax(steps <= 0))
         raise InputError(
-            f"{path}, row {k + 3}: time goes from {t[k]:.6g} to {t[k + 1]:.6g} s; it must increase"
-            " from row to row"
+            f"{table.line(k + 1)}: time goes from {t[k]:.6g} to {t[k + 1]:.6g} s; it must"
+            " increase from row to row"
         )
     usual = float(np.median(steps))
     if np.any(steps > GAP_RATIO * usual):
         k = int(np.argmax(steps))
         raise InputError(
-            f"{path}, row {k + 3}: a gap of {steps[k]:.4g} s after t = {t[k]:.6g} s, in rows that"
+            f"{table.line(k + 1)}: a gap of {steps[k]:.4g} s after t = {t[k]:.6g} s, in rows that"
             f" follow each other every {usual:.4g} s; what the motors were told meanwhile is not"
             " known, so record again, or keep the rows on one side of it alone"
         )
@@ -328,7 +261,7 @@ def _times(t: Array, path: str | Path) -> Array:
     return np.asarray(even if np.max(np.abs(t - even)) < EVEN_SHARE * usual else t)
 
 
-def _refuse_jumps(log: Log) -> None:
+def _refuse_jumps(log: Log, table: NumberTable) -> None:
     allowed = np.deg2rad(JUMP_DEG + MOST_RATE_DEG_S * np.diff(log.t))
     jumps = np.abs(np.diff(log.theta, axis=0)) - allowed[:, None]
     if np.any(jumps > 0):
@@ -342,7 +275,7 @@ def _refuse_jumps(log: Log) -> None:
             else "a wrong reading, or a wrong unit"
         )
         raise InputError(
-            f"{log.source}, row {k + 3}: theta{i + 1} jumps from {before:.5g} to {after:.5g} deg at"
+            f"{table.line(int(k) + 1)}: theta{i + 1} jumps from {before:.5g} to {after:.5g} deg at"
             f" t = {log.t[k + 1]:.5g} s: {advice}"
         )
 

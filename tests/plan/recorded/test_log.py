@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from planner import InputError, Log, Machine, Problem, emulate_log, read_log, replay, solve
+from planner import (
+    InputError,
+    InputWarning,
+    Log,
+    Machine,
+    Problem,
+    emulate_log,
+    read_log,
+    replay,
+    solve,
+)
 
 T = 0.01 * np.arange(101)
 U = np.stack([np.where(T < 0.9, 0.3, 0.0), 0.4 * np.sin(2 * np.pi * T)], axis=1)
@@ -72,6 +83,65 @@ def test_columns_of_another_program_are_named_by_a_map(tmp_path: Path) -> None:
         read_log(path, {**dict(zip(ours, theirs, strict=True)), "angle": "temperature"})
 
 
+@pytest.mark.parametrize(
+    "header",
+    [
+        "time_s,u1_rad_s,u2_rad_s,θ1 [°],θ2 [°],θ3 [°]",
+        "Time (s),U_1 (rad/s),U_2 (rad/s),θ₁ (deg),θ₂ (deg),θ₃ (deg)",
+        "t / s,u1 / (rad/s),u2 / (rad s⁻¹),ϑ1 / °,ϑ2 / °,ϑ3 / º",
+        "timestamp [sec],u1 [rad·s^-1],u2 rad/sec,theta1 in degrees,theta2: deg,theta 3 [°]",
+        "t,u1,u2,theta1,theta2,theta3\ns,rad/s,[rad/s],°,(deg),degrees",
+        "T_motor,t_s,u1_rad_s,u1_measured_rad_s,u2_rad_s,theta1_deg,theta1_ref_deg,theta2_deg,"
+        "theta3_deg,torque",
+    ],
+)
+def test_names_and_units_are_spelled_in_many_ways(tmp_path: Path, header: str) -> None:
+    columns = [T, *U.T, *np.rad2deg(THETA).T]
+    if "torque" in header:
+        columns = [7 * T, T, U[:, 0], 9 * T, U[:, 1], np.rad2deg(THETA[:, 0]), 9 * T]
+        columns += [*np.rad2deg(THETA[:, 1:]).T, T]
+    log = read_log(write(tmp_path / "a.csv", header, *columns))
+    np.testing.assert_allclose(np.c_[log.t, log.u, log.theta], np.c_[T, U, THETA], atol=1e-9)
+    semicolons = tmp_path / "b.csv"
+    text = (tmp_path / "a.csv").read_text("utf-8").replace(",", ";").replace(".", ",")
+    semicolons.write_text(text, encoding="utf-16")
+    np.testing.assert_array_equal(read_log(semicolons).theta, log.theta)
+
+
+def test_a_unit_below_the_header_may_not_be_another(tmp_path: Path) -> None:
+    header = "t_s,u1_rad_s,u2_rad_s,theta1_deg,theta2,theta3\ns,rad/s,rad/s,rad,rad,rad"
+    with pytest.raises(InputError, match="'theta1_deg' has the unit 'deg', but 'rad' in the line"):
+        read_log(write(tmp_path / "a.csv", header, T, *U.T, *THETA.T))
+
+
+def test_a_blank_command_holds_the_one_above_and_a_blank_angle_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", HEADER, T, *U.T, *THETA.T)
+    rows = [row.split(",") for row in path.read_text("utf-8").splitlines()]
+    blank = []
+    for above, row in pairwise(rows):
+        if row[1] == above[1]:
+            blank.append(row)
+    assert len(blank) > 90
+    for row in blank:
+        row[1] = ""
+    path.write_text("\n".join(map(",".join, rows)) + "\n", "utf-8")
+    np.testing.assert_allclose(read_log(path).u, U, atol=1e-9)
+    rows[1][2] = ""
+    path.write_text("\n".join(map(",".join, rows)) + "\n", "utf-8")
+    with pytest.raises(InputError, match="line 2: column 'u2_rad_s' is empty"):
+        read_log(path)
+
+
+def test_the_last_row_of_a_log_that_was_cut_is_left_out(tmp_path: Path) -> None:
+    """A number cut inside is another number: 5.73 degrees was read as 5."""
+    whole = write(tmp_path / "a.csv", HEADER, T, *U.T, *THETA.T).read_text("utf-8")
+    for cut in (1, 2, 5, 9):
+        (tmp_path / "b.csv").write_text(whole[:-cut], "utf-8")
+        with pytest.warns(InputWarning, match="line 102 does not end"):
+            log = read_log(tmp_path / "b.csv")
+        np.testing.assert_allclose(log.theta, THETA[:-1], atol=1e-9)
+
+
 HEADER = "t_s,u1_rad_s,u2_rad_s,theta1_rad,theta2_rad,theta3_rad"
 
 
@@ -85,10 +155,14 @@ def changed(column: int, row: int, value: float) -> list[np.ndarray]:
     ("header", "columns", "words"),
     [
         (HEADER, [T[:40], *U[:40].T, *THETA[:40].T], r"has 40 rows of readings; a log has 50 to"),
-        (HEADER, changed(0, 50, 0.2), r"row 52: time goes from 0\.49 to 0\.2 s; it must increase"),
-        (HEADER, [T + (T > 0.5), *U.T, *THETA.T], r"row 53: a gap of 1\.01 s after t = 0\.5 s"),
-        (HEADER, changed(4, 7, np.nan), r"row 9: column 'theta2_rad' is 'nan', which is no number"),
-        (HEADER, changed(5, 30, 0.9), r"row 33: theta3 jumps from .* deg at t = 0\.31 s: a wrong"),
+        (HEADER, changed(0, 50, 0.2), r"line 52: time goes from 0\.49 to 0\.2 s; it must increase"),
+        (HEADER, [T + (T > 0.5), *U.T, *THETA.T], r"line 53: a gap of 1\.01 s after t = 0\.5 s"),
+        (
+            HEADER,
+            changed(4, 7, np.nan),
+            r"line 9: column 'theta2_rad' is 'nan', which is no number",
+        ),
+        (HEADER, changed(5, 30, 0.9), r"line 33: theta3 jumps from .* deg at t = 0\.31 s: a wrong"),
         (
             HEADER,
             [T, *U.T, *(THETA + 2 * np.pi * (T > 0.6)[:, None]).T],
@@ -106,13 +180,17 @@ def changed(column: int, row: int, value: float) -> list[np.ndarray]:
             r"not turn as u2 .* \(correlation -1\.00\)",
         ),
         (HEADER, [T, *U.T[::-1], *THETA.T], "check sign and order of the motors' columns"),
-        (HEADER.replace("t_s", "time"), [T, *U.T, *THETA.T], r"no column for t; .*'time'"),
+        (
+            HEADER.replace("t_s", "time"),
+            [T, *U.T, *THETA.T],
+            r"column 'time' has no unit; write one of t_s, t_ms",
+        ),
         (
             HEADER.replace("theta2_rad", "theta2"),
             [T, *U.T, *THETA.T],
             "'theta2' has no unit; write",
         ),
-        (HEADER.replace("u2_rad_s", "u2_m_s"), [T, *U.T, *THETA.T], "'u2_m_s' has the unit 'm_s'"),
+        (HEADER.replace("u2_rad_s", "u2_m_s"), [T, *U.T, *THETA.T], "'u2_m_s' has the unit 'm/s'"),
         (HEADER.replace("theta3_rad", "theta2_deg"), [T, *U.T, *THETA.T], "two columns for theta2"),
         (HEADER.replace("theta2", "theta4"), [T, *U.T, *THETA.T], "no column for theta2"),
         (HEADER.replace("u1_rad_s", "speed"), [T, *U.T, *THETA.T], r"no column for u1; .*'speed'"),
@@ -131,8 +209,8 @@ def test_an_empty_cell_and_an_empty_file_are_refused(tmp_path: Path) -> None:
     path = write(tmp_path / "a.csv", HEADER, T, *U.T, *THETA.T)
     lines = path.read_text("utf-8").splitlines()
     lines[9] = lines[9].rsplit(",", 1)[0] + ","
-    path.write_text("\n".join(lines), "utf-8")
-    with pytest.raises(InputError, match="row 10: column 'theta3_rad' is empty"):
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+    with pytest.raises(InputError, match="line 10: column 'theta3_rad' is empty"):
         read_log(path)
     path.write_text("", "utf-8")
     with pytest.raises(InputError, match="no column for t, u1, u2, theta1, theta2"):

@@ -1,0 +1,135 @@
+"""Which columns of a recorded run hold what, and in which units: `find_columns`."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Mapping
+
+import numpy as np
+
+from planner.errors import InputError, expect
+from planner.plan.recorded.number_table import NumberTable
+from planner.support.tables import line
+from planner.support.user_tables import allowed_hint
+
+UNITS: dict[str, dict[str, float]] = {
+    "t": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "u": {"rad/s": 1.0, "deg/s": np.pi / 180, "rpm": np.pi / 30},
+    "theta": {"rad": 1.0, "deg": np.pi / 180},
+    "motor": {"rad": 1.0, "deg": np.pi / 180},
+}
+"""What each kind of column may be measured in, and how much that is in SI units."""
+
+SPELLINGS = {
+    "sec": "s", "second": "s", "seconds": "s", "msec": "ms", "μs": "us", "°": "deg",
+    "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
+    "1/min": "rpm", "min-1": "rpm", "r/min": "rpm", "rev/min": "rpm",
+}  # fmt: skip
+
+_QUANTITY = re.compile(
+    r"(?:(t|time|timestamp)|(u|theta|θ|motor)[ _]?([1-9]))(?![^\W_])\s*(.*)", re.S
+)
+_BEFORE_UNIT = re.compile(r"^(?:[_/,:]|in\b)?\s*")
+
+
+def parse_name(name: str) -> tuple[str, str] | None:
+    """Quantity and unit of a column's name, or None if it is no quantity of a log.
+
+    `theta1_deg`, "theta1 (deg)", "θ₁ / °" and "Theta_1 in degrees" are all ("theta1", "deg").
+    """
+    match = _QUANTITY.fullmatch(_plain(name))
+    if not match:
+        return None
+    time, kind, number, rest = match.groups()
+    quantity = "t" if time else f"{'theta' if kind == 'θ' else kind}{number}"
+    return quantity, parse_unit(_BEFORE_UNIT.sub("", rest))
+
+
+def parse_unit(text: str) -> str:
+    """A unit as `UNITS` spells it, or what it is; "" for no unit."""
+    unit = re.sub(r"[\s·*^()\[\]{}]", "", _plain(text)).replace("_per_", "/").replace("_", "/")
+    unit = SPELLINGS.get(unit, re.sub(r"(?<=\w|°)s-1$", "/s", unit))
+    if unit in SPELLINGS.values():
+        return unit
+    return "/".join(SPELLINGS.get(part, part) for part in unit.split("/"))
+
+
+def _plain(text: str) -> str:
+    """Lower case, with subscripts and superscripts as plain digits, and one sign for degrees."""
+    text = unicodedata.normalize("NFKC", text.replace("º", "°")).casefold()
+    return text.replace("\u2212", "-").strip()
+
+
+def find_columns(table: NumberTable, given: Mapping[str, str]) -> dict[str, tuple[int, float]]:
+    """For each quantity the place of its column, and what its unit is in SI units.
+
+    Args:
+        table: The table, whose header and line of units are read.
+        given: Names as `read_log` knows them, with units, to those of the table.
+
+    Raises:
+        InputError: If a column or a unit is missing or unknown, or a quantity has two columns.
+    """
+    expect(Mapping, given, 'columns maps names to those of the file: {"theta1_rad": "pos[0]"}')
+    for ours, theirs in given.items():
+        if theirs not in table.names:
+            raise InputError(
+                f"{table.source} has no column '{line(theirs)}' (for {ours});"
+                f" {allowed_hint(theirs, table.names)}"
+            )
+        if not parse_name(ours):
+            raise InputError(
+                f"columns: '{line(ours)}' is no quantity with its unit, such as t_s, u1_rad_s,"
+                " theta1_deg"
+            )
+    found: dict[str, tuple[int, float]] = {}
+    unfit: dict[str, str] = {}
+    meant = {theirs: ours for ours, theirs in given.items()}
+    named = {(parse_name(name) or ("", ""))[0] for name in given}
+    for place, column in enumerate(table.names):
+        quantity, unit = parse_name(meant.get(column, column)) or ("", "")
+        if not quantity or (quantity in named and column not in meant):
+            continue
+        below = parse_unit(table.units[place])
+        units = UNITS[quantity.rstrip("123456789")]
+        if unit and below in units and unit in units and below != unit:
+            raise InputError(
+                f"{table.source}: column '{line(column)}' has the unit '{unit}', but '{below}' in"
+                " the line below the header"
+            )
+        unit = unit or below
+        if unit not in units:
+            said = f"has the unit '{unit}'" if unit else "has no unit"
+            unfit.setdefault(quantity, f"column '{line(column)}' {said}")
+        elif quantity in found:
+            raise InputError(
+                f"{table.source} has two columns for {quantity}: '{line(column)}' is the second"
+            )
+        else:
+            found[quantity] = place, units[unit]
+    _refuse_missing(table, found, unfit)
+    return found
+
+
+def _refuse_missing(
+    table: NumberTable, found: Mapping[str, tuple[int, float]], unfit: Mapping[str, str]
+) -> None:
+    joints = sum(name.startswith("theta") for name in {**found, **unfit})
+    wanted = ["t", "u1", "u2", *(f"theta{i + 1}" for i in range(max(2, joints)))]
+    missing = [name for name in wanted if name not in found]
+    for name in missing:
+        if name in unfit:
+            units = UNITS[name.rstrip("123456789")]
+            allowed = ", ".join(f"{name}_{each.replace('/', '_')}" for each in units)
+            raise InputError(
+                f"{table.source}: {unfit[name]}; write one of {allowed}, or name the column in"
+                " `columns`"
+            )
+    if missing:
+        there = ", ".join(f"'{line(name)}'" for name in table.names) or "nothing"
+        raise InputError(
+            f"{table.source} has no column for {', '.join(missing)}; a log has t, u1, u2,"
+            " theta1 ... thetan with units, as in t_s,u1_rad_s,u2_rad_s,theta1_deg (its header has"
+            f" {there})"
+        )

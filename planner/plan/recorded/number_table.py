@@ -1,0 +1,297 @@
+"""Tables of numbers that other programs wrote: `read_table`.
+
+Spreadsheets, loggers and NumPy write the same numbers in many ways. What separates cells and which
+mark is the decimal one is decided by the whole file, never by one cell; what the file leaves open
+is refused by name. No reader among our dependencies does that: `csv.Sniffer` guesses from letters,
+and `float` and NumPy take "1_0" for 10.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from planner.errors import InputError, InputWarning
+from planner.support.arrays import Array
+from planner.support.files import SAMPLES_BYTES, read_bytes
+from planner.support.tables import line as one_line
+
+Blanks = Literal["refused", "held", "nan"]
+"""What a blank cell means: nothing that can be used, the value above it, or "not a number"."""
+
+JUDGED_LINES = 1000
+"""So many lines tell what separates cells; those behind them must follow."""
+
+_END = re.compile(r"\r\n|\r|\n")
+_COMMENT = re.compile(r"\s*(?:#+|%+|//)\s*")
+_SEPARATOR_LINE = re.compile(r"sep=(.)\s*", re.I)  # a spreadsheet's first line
+_BINARY = re.compile("[\x00-\x08\x0e-\x1f]")
+_PLAIN = str.maketrans({"\u2212": "-", "\u00a0": " ", "\u2009": " ", "\u202f": " ", "\u2019": "'"})
+"""The minus, the spaces and the apostrophe that print, as those that a keyboard has."""
+
+_NAME_WITH_UNIT = re.compile(r"\S+(?:\s+[\[(][^\])]*[\])])?")  # "u1 [rad/s]" is one name
+
+BLANK = " "
+SEPARATORS = (";", "\t", "|")
+"""Never part of a number, so they separate cells wherever most lines have one."""
+
+
+def _number(decimal: str, other: str) -> re.Pattern[str]:
+    """A number with this decimal mark: thousands in groups of three, or none; never "0,123"."""
+    groups = rf"[1-9]\d{{0,2}}(?P<group>[{other}' ])\d{{3}}(?:(?P=group)\d{{3}})*"
+    return re.compile(
+        rf"[+-]?(?:(?:{groups}|\d+)(?:[{decimal}]\d*)?|[{decimal}]\d+)(?:e[+-]?\d+)?",
+        re.I | re.ASCII,
+    )
+
+
+_NUMBERS = {".": _number(".", ","), ",": _number(",", ".")}
+
+
+@dataclass(frozen=True, eq=False)
+class NumberTable:
+    """The cells of a table of numbers, as text.
+
+    Attributes:
+        source: Its file.
+        names: What its header calls its columns; none if it has no header.
+        units: What the line below the header says of them; "" where that is no line of units.
+        rows: Its rows, each with as many cells as there are names.
+        lines: Number of each row's line in the file, from 1.
+        separator: What separates cells; a blank stands for any number of them.
+    """
+
+    source: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    rows: Sequence[Sequence[str]]
+    lines: Sequence[int]
+    separator: str
+
+    def numbers(self, blanks: Mapping[int, Blanks]) -> dict[int, Array]:
+        """The numbers in some columns, each (R,).
+
+        Args:
+            blanks: For each such column, by its place, what a blank cell means.
+
+        Raises:
+            InputError: If a cell is no number, or the file leaves open which number; names file,
+                line, column and cell.
+        """
+        cells = {
+            place: [row[place].strip().translate(_PLAIN) for row in self.rows] for place in blanks
+        }
+        for place, meaning in blanks.items():
+            if meaning == "held":
+                cells[place] = _held(cells[place])
+        decimal = self._decimal_mark(cells, {p for p, each in blanks.items() if each == "nan"})
+        dropped = str.maketrans("", "", "' " + ("," if decimal == "." else "."))
+        out = {}
+        for place, texts in cells.items():
+            plain = (text.translate(dropped).replace(",", ".") for text in texts)
+            out[place] = np.array([float(text or "nan") for text in plain])
+            if np.any(large := np.isinf(out[place])):
+                raise InputError(f"{self.cell(int(np.argmax(large)), place)}: too large a number")
+        return out
+
+    def line(self, row: int) -> str:
+        """A row in words: file and line."""
+        return f"{self.source}, line {self.lines[row]}"
+
+    def cell(self, row: int, place: int) -> str:
+        """A cell in words: file, line, column and what it holds."""
+        text = one_line(self.rows[row][place], 60)
+        name = one_line(self.names[place])
+        return f"{self.line(row)}: column '{name}' is " + (f"'{text}'" if text else "empty")
+
+    def _decimal_mark(self, cells: Mapping[int, Sequence[str]], may_be_blank: set[int]) -> str:
+        """The mark with which every cell is a number.
+
+        Raises:
+            InputError: If there is none, or each of the two gives other numbers.
+        """
+        first: dict[str, tuple[int, int]] = {}  # by the marks with which it is a number
+        for place, texts in cells.items():
+            for k, text in enumerate(texts):
+                if (text.isdecimal() and text.isascii()) or (not text and place in may_be_blank):
+                    continue
+                marks = "".join(m for m, number in _NUMBERS.items() if number.fullmatch(text))
+                if not marks:
+                    why = ", which is no number" if text else ""
+                    raise InputError(f"{self.cell(k, place)}{why}")
+                if "." in text or "," in text:
+                    first.setdefault(marks, (k, place))
+        if "." in first and "," in first:
+            point, comma = (self.cell(*first[mark]) for mark in ".,")
+            raise InputError(
+                f"{point}, with a decimal point, but {comma.removeprefix(self.source)[2:]},"
+                " with a decimal comma"
+            )
+        if "," in first:
+            return ","
+        if "." in first or ".," not in first:
+            return "."
+        k, place = first[".,"]
+        text = cells[place][k]
+        if self.separator == "," and "," not in text:
+            return "."  # who separates cells by commas writes points
+        raise InputError(
+            f"{self.cell(k, place)}, which is {text.replace(',', '.')} or"
+            f" {re.sub('[.,]', '', text)}, and no other cell tells which; write another count of"
+            " decimals, or thousands without a mark"
+        )
+
+
+def _held(cells: Sequence[str]) -> list[str]:
+    """Blanks filled with what stands above them; those at the top stay."""
+    out, last = [], ""
+    for cell in cells:
+        last = cell or last
+        out.append(last)
+    return out
+
+
+def read_table(
+    path: str | Path, what: str, known: Callable[[str], bool], *, may_be_cut: bool = False
+) -> NumberTable:
+    """Read a table of numbers, whoever wrote it.
+
+    Cells are separated by semicolons, tabs, bars, commas or blanks and may be quoted. Comments
+    begin with #, % or //; the header may be one. Lines above the header and a line of units below
+    it are allowed, as are empty lines, and any of UTF-8, UTF-16 and Windows' own encoding.
+
+    Args:
+        path: The file.
+        what: What it should be, for the message ("a log is CSV").
+        known: Whether a cell is the name of a column; the line with most of them is the header.
+        may_be_cut: Whether the writer may have been stopped: a last line that does not end is then
+            left out, with a warning, since its last number may lack digits.
+
+    Raises:
+        InputError: If the file cannot be read or is no text, or a row has another number of cells
+            than the header.
+    """
+    text = _decode(read_bytes(path, SAMPLES_BYTES), path, what)
+    lines = [(k, each) for k, each in enumerate(_END.split(text), start=1) if each.strip()]
+    told = _SEPARATOR_LINE.fullmatch(lines[0][1]) if lines else None
+    lines = lines[1:] if told else lines
+    plain = [each for _, each in lines[:JUDGED_LINES] if not _COMMENT.match(each)]
+    separator = told[1] if told else _find_separator(plain)
+    first, width = _find_rows([each for _, each in lines], separator, plain)
+    above = [_split_head(each, separator, width) for _, each in lines[: first + 1]]
+    head = _find_header(above, first, known)
+    names = above[head] if head >= 0 else []
+    units = above[head + 1] if head + 1 < first else []
+    units = units if len(units) >= len(names) else [""] * len(names)
+    cells = [
+        (number, _split(each, separator))
+        for number, each in lines[max(first, head + 1) :]
+        if not _COMMENT.match(each)
+    ]
+    cells = [(number, row) for number, row in cells if any(map(str.strip, row))]
+    if cells and may_be_cut and text[-1] not in "\r\n":
+        number, _ = cells.pop()
+        warnings.warn(
+            f"{path}, line {number} does not end: it may have been cut, and is left out",
+            InputWarning,
+            stacklevel=3,
+        )
+    for number, row in cells:
+        if names and (len(row) < len(names) or any(map(str.strip, row[len(names) :]))):
+            more = separator == "," and len(row) > len(names)
+            marks = "; is the decimal mark a comma, too?" if more else ""
+            raise InputError(
+                f"{path}, line {number}: {len(row)} cells, but the header names {len(names)}"
+                f" columns{marks}"
+            )
+    return NumberTable(
+        source=str(path),
+        names=tuple(names),
+        units=tuple(units[: len(names)]),
+        rows=[row for _, row in cells],
+        lines=[number for number, _ in cells],
+        separator=separator,
+    )
+
+
+def _find_rows(lines: Sequence[str], separator: str, judged: Sequence[str]) -> tuple[int, int]:
+    """Index of the first line that is a row of numbers, and how many cells it has."""
+    counts = [_count_numbers(_split(each, separator)) for each in judged]
+    usual = float(np.median([count for count in counts if count] or [1]))
+    for k, each in enumerate(lines):
+        cells = [] if _COMMENT.match(each) else _split(each, separator)
+        if cells and _count_numbers(cells) >= usual / 2:
+            return k, len(cells)
+    return len(lines), 0
+
+
+def _find_header(above: Sequence[Sequence[str]], first: int, known: Callable[[str], bool]) -> int:
+    """Index of the header in the lines up to the first row, which it is if its names are numbers;
+    -1 if there is none."""
+    most = [sum(map(known, cells)) for cells in above]
+    if any(most):
+        return int(np.argmax(most))
+    return max(range(first), key=lambda k: len(above[k]), default=-1)
+
+
+def _decode(content: bytes, path: str | Path, what: str) -> str:
+    marks = {codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
+    coding = marks.get(content[:2], "utf-8-sig")
+    if coding == "utf-8-sig" and b"\0" in content[:2]:
+        coding = "utf-16-be" if content[:1] == b"\0" else "utf-16-le"
+    for each in (coding, "cp1252"):
+        try:
+            text = content.decode(each)
+        except UnicodeDecodeError:
+            continue
+        if not _BINARY.search(text):
+            return text
+    raise InputError(f"{path} is not a text file; {what}, best in UTF-8")
+
+
+def _find_separator(lines: Sequence[str]) -> str:
+    with_digits = [each for each in lines if any(map(str.isdigit, each))]
+    for separator in SEPARATORS:
+        if 2 * sum(separator in each for each in with_digits) > len(with_digits):
+            return separator
+    return max((",", BLANK), key=lambda s: sum(_count_numbers(_split(x, s)) for x in with_digits))
+
+
+def _split(text: str, separator: str) -> list[str]:
+    if separator == BLANK:
+        return text.split()
+    if '"' not in text:
+        return text.split(separator)
+    return next(csv.reader([text], delimiter=separator, skipinitialspace=True))
+
+
+def _split_head(text: str, separator: str, width: int) -> list[str]:
+    """The cells of a line above the rows.
+
+    The separator is the rows' own if it gives as many cells as they have, else the one that does:
+    NumPy separates numbers by blanks, and its header as the user wrote it.
+    """
+    text = _COMMENT.sub("", text, count=1) if _COMMENT.match(text) else text
+    ways = [_split(text, each) for each in (separator, *SEPARATORS, ",")]
+    ways.append(_NAME_WITH_UNIT.findall(text))
+    cells = next((cells for cells in ways if len(cells) == width), ways[0])
+    cells = [cell.strip() for cell in cells]
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
+
+
+def _count_numbers(cells: Sequence[str]) -> int:
+    """How many cells look like numbers; a single one is a line of text with a number in it."""
+    if len(cells) < 2:
+        return 0
+    plain = [cell.strip().translate(_PLAIN) for cell in cells]
+    return sum(any(number.fullmatch(cell) for number in _NUMBERS.values()) for cell in plain)

@@ -15,6 +15,7 @@
 #   make identification  machines from logs, home to end, to results/identification (half an hour)
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
+#   make gallery   the pictures of docs/gallery.md, to results/gallery (a minute)
 #   make notebook  Jupyter with the notebooks, the explorer in the first of them
 #   make docs      the documentation, to out/docs/index.html; warnings are errors
 #   make test      what CI runs: lint, types, tests
@@ -36,7 +37,7 @@ KERNEL := planner/machine/kernel.c planner/machine/dynamic.c planner/machine/lay
 
 .DEFAULT_GOAL := compare
 .PHONY: compare suite bench stress coverage mutants paper robustness controller sensitivity compensation \
-  identification report explorer notebook docs test \
+  identification report explorer gallery notebook docs test \
   processors installed check lint format generated clean
 
 compare: $(VENV)/.run
@@ -86,6 +87,9 @@ report: $(VENV)/.dev
 
 explorer: $(VENV)/.dev
 	@PLANNER_SCREENSHOTS=results/explorer $(BIN)/python -m pytest -s -m campaign tests/browser/test_explorer_page.py
+
+gallery: $(VENV)/.run
+	@MPLBACKEND=Agg $(BIN)/python tests/benchmarks/gallery.py
 
 notebook: $(VENV)/.notebook
 	@$(BIN)/python -m jupyterlab --notebook-dir=notebooks quick-tour.ipynb

@@ -61,7 +61,15 @@ def plain_marks(app: Any, what: str, name: str, thing: Any, options: Any, lines:
         lines[k] = pages.escaped(line)
 
 
+def link_copies(app: Any, name: str, source: list[str]) -> None:
+    """Links to notebooks are those of the repository; the site has copies inside this folder."""
+    source[0] = source[0].replace("](../../notebooks/", "](../notebooks/")
+    if "/" not in name:
+        source[0] = source[0].replace("](../notebooks/", "](notebooks/")
+
+
 def setup(app: Any) -> None:
-    """Write the generated pages, then build."""
-    pages.write(HERE)
+    """Copy what lies outside this folder, then build."""
+    pages.copy_sources(HERE)
+    app.connect("source-read", link_copies)
     app.connect("autodoc-process-docstring", plain_marks, priority=900)

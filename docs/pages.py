@@ -1,20 +1,18 @@
-"""The pages that are made from the program itself: commands, methods, problem file, machine."""
+"""The pages of the reference that are made from the program (`make generated`)."""
 
 from __future__ import annotations
 
-import io
-import os
 import re
 import shutil
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
-from unittest import mock
 
+import typer
 from pydantic import BaseModel
 
 import planner
-from planner.cli.app import COMMANDS, main
+from planner.cli.app import COMMANDS, load_command
+from planner.cli.output import add_common_options
 from planner.problem.tables.kinds import FILES
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
@@ -34,46 +32,38 @@ KEEPING = {"kept": "kept", "judged": "checked", "never": "refused"}
 ROOT = Path(__file__).parents[1]
 
 
-def write(docs: Path) -> None:
-    """Write every generated page, and copy the notebooks, where they differ from what is there."""
-    made = docs / "_generated"
-    made.mkdir(exist_ok=True)
-    for name, text in {
-        "commands.md": commands(),
-        "formats.txt": formats(),
-        "methods.md": methods(),
-        "problem-file.md": problem_file(),
-        "machine.md": machine(),
-        "sweep-file.md": sweep_file(),
-        "design-file.md": design_file(),
-    }.items():
-        _put(made / name, text)
-    (docs / "notebooks").mkdir(exist_ok=True)
-    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
-        _put(docs / "notebooks" / path.name, path.read_text(encoding="utf-8"))
-    shutil.copytree(ROOT / "problems", docs / "problems", dirs_exist_ok=True)
-    pictures = ["explorer/refused", "paper/mechanism", "compensation/compensation"]
-    pictures += ["coverage/coverage", "design/design", "compare/effort", "sensitivity/trade-off"]
-    for picture in [*pictures, "identification/identification"]:
-        name = picture.rpartition("/")[2].replace("refused", "explorer")
-        shutil.copyfile(ROOT / "results" / f"{picture}.png", made / f"{name}.png")
-    coin = planner.solve(planner.load_problem(ROOT / "problems/coin.toml"))
-    planner.report.plot_arm(coin)[0].savefig(made / "coin.png", dpi=80)
+REFERENCE = ROOT / "docs" / "reference"
+
+
+def pages() -> dict[Path, str]:
+    """By path: the text of each page in docs/reference that is made from the program."""
+    return {
+        REFERENCE / f"{make.__name__.replace('_', '-')}.md": make()
+        for make in (commands, methods, problem_file, machine, formats, sweep_file, design_file)
+    }
+
+
+def copy_sources(docs: Path) -> None:
+    """Copy notebooks and the problems that they read, since Sphinx reads nothing outside docs."""
+    for name in ("notebooks", "problems"):
+        shutil.copytree(
+            ROOT / name,
+            docs / name,
+            dirs_exist_ok=True,
+            ignore=shutil.ignore_patterns(".ipynb_checkpoints"),
+        )
 
 
 def formats() -> str:
-    """The table of export formats, for the page that includes it."""
-    rows = [("format", "endings", "content", "read it with"), ("---",) * 4]
-    for name, one in FORMATS.items():
-        reader = f"`{one.reader}`" if one.reader else ""
-        rows.append((f"`{name}`", ", ".join(one.endings), one.holds, reader))
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
-
-
-def _put(path: Path, text: str) -> None:
-    """Leave the file alone when nothing changes, so that nothing is built anew."""
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        path.write_text(text, encoding="utf-8")
+    """What `planner export` writes."""
+    rows = [
+        [f"`{name}`", ", ".join(one.endings), one.holds, f"`{one.reader}`" if one.reader else ""]
+        for name, one in FORMATS.items()
+    ]
+    about = "`planner export PLAN --out FILE`: the ending of FILE, or `--format`, says which."
+    return f"# Export formats\n\n{about}\n\n" + _table(
+        ["format", "endings", "content", "read it with"], rows
+    )
 
 
 def escaped(line: str) -> str:
@@ -89,18 +79,24 @@ def escaped(line: str) -> str:
 
 
 def commands() -> str:
-    """The help text of every command."""
-    parts = ["# Commands\n", "What `planner COMMAND --help` prints.\n"]
-    parts += [f"## planner {name}\n\n```text\n{_help(name)}\n```\n" for name in COMMANDS]
+    """The help of every command, and a table of its options."""
+    parts = ["# Commands\n", "`planner COMMAND --help` prints the same in a terminal.\n"]
+    parts += [f"## planner {name}\n\n{_command(name)}" for name in COMMANDS]
     return "\n".join(parts)
 
 
-def _help(name: str) -> str:
-    """What the command prints for --help, 92 columns wide."""
-    said = io.StringIO()
-    with redirect_stdout(said), mock.patch.dict(os.environ, COLUMNS="92", NO_COLOR="1"):
-        main([name, "--help"])
-    return said.getvalue().rstrip()
+def _command(name: str) -> str:
+    single = typer.Typer(add_completion=False, rich_markup_mode=None)
+    single.command(name)(add_common_options(load_command(name)))
+    command = typer.main.get_command(single)
+    rows = []
+    for one in command.params:
+        words = one.opts if one.opts[0].startswith("-") else [one.metavar or one.name]
+        value = f" {one.metavar}" if one.metavar and words == one.opts else ""
+        cell = ", ".join(f"`{word}{value}`" for word in words)
+        rows.append([cell, (one.help or "").replace("|", "\\|")])
+    text = (command.help or "").replace("\b\n", "")
+    return f"```text\n{text}\n```\n\n" + _table(["option", "what it is"], rows)
 
 
 # -- tables ------------------------------------------------------------------------------------

@@ -1,13 +1,15 @@
 """Files that are written from tables of the package: `make generated`.
 
 `planner/methods/options.pyi` is what editors and type checkers know of the keywords of `solve`;
-`planner/machine/layout.h` is what Python hands over to compiled code.
+`planner/machine/layout.h` is what Python hands over to compiled code; `docs/pages.py` makes the
+pages of the reference.
 """
 
 from __future__ import annotations
 
 import inspect
 import json
+import sys
 import types
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -18,6 +20,9 @@ from planner.machine import compiled
 from planner.methods.registry import METHODS
 
 HOME = Path(planner.__file__).parent
+sys.path.append(str(Path(__file__).parents[1] / "docs"))
+import pages  # noqa: E402
+
 OWN = tuple(METHODS.values())
 """Those of the planner itself; other tests may register more."""
 
@@ -46,7 +51,11 @@ _FORM = """
 
 def files() -> dict[Path, str]:
     """By path: what each file is to hold."""
-    return {HOME / "methods" / "options.pyi": stub(), HOME / "machine" / "layout.h": layout()}
+    return {
+        HOME / "methods" / "options.pyi": stub(),
+        HOME / "machine" / "layout.h": layout(),
+        **pages.pages(),
+    }
 
 
 def stub() -> str:

@@ -5,6 +5,7 @@ No other file of the suite uses anything from there.
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from dataclasses import replace
@@ -22,6 +23,7 @@ sys.path.append(str(Path(__file__).parent / "benchmarks"))
 
 import collocation
 import frameworks
+import gallery
 import identification
 import replay
 from bench_cases import cases
@@ -37,6 +39,27 @@ def test_an_answer_passes_only_if_its_inputs_lead_to_the_goal_within_limits(pape
     assert collocation.judged(paper, astray)[0] > collocation.GOAL_TOLERANCE
     narrow = paper.changed({"limits.input_rad_s": [0.5, 0.12]})
     assert collocation.judged(narrow, outcome)[1] > 0.01
+
+
+@pytest.mark.parametrize(
+    ("code", "picture"), list(gallery.blocks()), ids=[path.stem for _, path in gallery.blocks()]
+)
+def test_a_block_of_the_gallery_draws(
+    code: str, picture: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a smaller sample."""
+    assert picture.exists()
+    monkeypatch.chdir(gallery.PAGE.parents[1])
+    figure = gallery.figure_of(
+        re.sub(r"samples=\d+", "samples=10", code).replace("budget(plan,", "budget(plan, base=8,")
+    )
+    assert all(axes.has_data() for axes in figure.axes if axes.axison)
+
+
+def test_there_are_ten_pictures_in_the_gallery() -> None:
+    pictures = sorted(path for _, path in gallery.blocks())
+    assert len(pictures) == 10
+    assert pictures == sorted(pictures[0].parent.glob("*.png"))
 
 
 def test_frameworks_that_are_not_installed_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,6 +47,22 @@ def test_files_that_are_named_are_there() -> None:
         assert (path.parent if path.stem == "NAME" else path).exists(), name
 
 
+def test_links_lead_to_files_of_the_repository() -> None:
+    """As they do where the pages are read without being built; the site alone has `toctree`."""
+    pages = [
+        *ROOT.glob("*.md"),
+        *ROOT.glob("docs/**/*.md"),
+        *ROOT.glob("results/**/*.md"),
+    ]  # no copies of notebooks are .md
+    broken = [
+        f"{path.relative_to(ROOT)}: {link}"
+        for path in pages
+        for link in re.findall(r"\]\((?!https?:|#)([^)#\s]+)", path.read_text(encoding="utf-8"))
+        if not (path.parent / link).exists()
+    ]
+    assert broken == []
+
+
 def test_targets_of_make_are_those_that_are_told() -> None:
     """None of them is the name of a folder that would keep make from its work."""
     lines = re.findall(r"^([a-z][a-z ]*):(?!=)", MAKEFILE.replace("\\\n", " "), flags=re.M)

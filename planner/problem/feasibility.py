@@ -95,10 +95,22 @@ def _end(name: str, problem: Problem, q: Array) -> End:
 
 @dataclass(frozen=True)
 class DurationBound:
-    """Duration (seconds) below which no plan exists, with the reason; zero if there is no bound."""
+    """Duration below which no plan exists.
+
+    Attributes:
+        seconds: The duration; zero if there is no bound.
+        reason: Why, in words.
+        judged: Seconds below which no plan is verified either, which may miss goal and limits by
+            the tolerances of `verify`.
+    """
 
     seconds: float
     reason: str
+    judged: float = 0.0
+
+
+GOAL_MISS, LIMIT_MISS = 2e-5, 1e-6
+"""What `verify` accepts at the goal (rad or m) and at a limit (relative)."""
 
 
 def least_duration(problem: Problem) -> DurationBound:
@@ -116,13 +128,14 @@ def least_duration(problem: Problem) -> DurationBound:
         f"{coordinate.name} must move {_format_value(distance[i], unit)} and moves at most"
         f" {_format_value(rates[i], unit)}/s within the input limits"
     )
-    return DurationBound(float(needed[i]), reason if needed[i] > 0 else "")
+    judged = float(np.max((distance - GOAL_MISS) / rates)) / (1 + LIMIT_MISS)
+    return DurationBound(float(needed[i]), reason if needed[i] > 0 else "", max(judged, 0.0))
 
 
 def why_too_short(problem: Problem) -> str | None:
     """Why no plan of any kind keeps the duration, in words; None where nothing shows that."""
     bound = least_duration(problem)
-    if problem.duration is None or problem.duration >= bound.seconds * (1 - 1e-9):
+    if problem.duration is None or problem.duration >= bound.judged:
         return None
     return (
         f"no plan of any kind exists: {bound.reason}, which takes {bound.seconds:.4g} s;"

@@ -5,7 +5,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.problem.feasibility import chart_ends_report, least_duration, refuse_too_short
+from planner.problem.feasibility import (
+    GOAL_MISS,
+    LIMIT_MISS,
+    chart_ends_report,
+    least_duration,
+    refuse_too_short,
+)
+from planner.verification.verify import GOAL_TOLERANCE, LIMIT_TOLERANCE
 from planner.problem.nonholonomy import nonholonomy
 
 # -- the least duration ---------------------------------------------------------------------
@@ -40,6 +47,16 @@ def test_refusal_is_sharp(paper: planner.Problem) -> None:
     refuse_too_short(paper.changed({"goal.duration": bound * 1.001}))
     with pytest.raises(planner.InfeasibleError, match=r"no plan of any kind exists: theta3"):
         refuse_too_short(paper.changed({"goal.duration": bound * 0.999}))
+
+
+def test_what_is_verified_is_not_called_infeasible(paper: planner.Problem) -> None:
+    """Joint 1 alone turns at its limit: tolerances of goal and limits let it end a little early."""
+    turn = paper.changed({"goal.theta_deg": [30, 1, 1], "goal.travel": 0, "limits.z2_margin": None})
+    bound = least_duration(turn).seconds
+    early = turn.changed({"goal.duration": bound * (1 - 5e-7)})
+    assert planner.solve(early).verified
+    refuse_too_short(early)
+    assert (GOAL_MISS, LIMIT_MISS) == (GOAL_TOLERANCE, LIMIT_TOLERANCE)
 
 
 @pytest.mark.parametrize("n", [2, 3, 5])

@@ -61,6 +61,20 @@ class Band:
         return len(self.K) > 0
 
     @property
+    def edge(self) -> float:
+        """Least sin²θ₁ that the cap keeps."""
+        return float(1 - self.cap_factor ** (2 / 3 if len(self.K) == 1 else 1))
+
+    @property
+    def words(self) -> str:
+        """What is asked of paths, for a refusal: a proof that there is none says no more."""
+        if not self.complete:
+            return f"with |z2| >= {self.floor:.4g}"
+        parts = [f"|z2| >= {self.floor:.4g}"] if self.floor > 0 else []
+        parts += [f"sin^2(theta1) >= {self.edge:.4g}"] if self.edge > 0 else []
+        return "inside the chart's domain" + (f" with {' and '.join(parts)}" if parts else "")
+
+    @property
     def z3_range(self) -> tuple[float, float]:
         """Where the cap is concave."""
         return (0.0, float(self.K[1])) if len(self.K) == 2 else (-np.inf, np.inf)

@@ -12,6 +12,7 @@ import numpy as np
 from planner.errors import InfeasibleError, InputError, NoPlanError, NotConvergedError
 from planner.methods.convex.band import Band, band_of
 from planner.methods.convex.global_optimum import (
+    MOST_SLOPE,
     BestTravel,
     BoundAboveCeiling,
     ClassOptimum,
@@ -261,9 +262,9 @@ def _no_path(problem: Problem, shape: Shape, band: Band, found: BestTravel) -> N
             ways = None
         return NotConvergedError(f"{problem.source}: {why}", advice=ways, changes=changes)
     first = found.refusals[0]
-    floor = f", with |z2| >= {band.floor:.4g}," if np.isfinite(band.floor) else ""
+    steepest = "" if band.complete else f" and |dz2/dtau| up to {MOST_SLOPE:.0e}"
     proof = (
-        f"of {_class_words(shape)} none inside the chart's domain{floor} reaches the goal at travel"
+        f"of {_class_words(shape)} none {band.words}{steepest} reaches the goal at travel"
         f" {first.frame.travel:.6g}: certificate of {int(np.sum(first.proof.multipliers > 1e-9))}"
         f" conditions, margin {first.proof.margin:.2g}"
     )
@@ -271,7 +272,9 @@ def _no_path(problem: Problem, shape: Shape, band: Band, found: BestTravel) -> N
     if window is not None:
         proof += f"; motions without reversal have travels between {window.low:.6g} and"
         proof += f" {window.high:.6g} rad"
-    ways = "a smaller limits.z2_margin, or more method.convex.pieces"
+    ways = "a smaller limits.z2_margin"
+    ways += " or method.convex.edge" if band.complete else ""
+    ways += ", or more method.convex.pieces"
     if problem.travel is None:
         why = f"{len(found.refusals)} of {found.tried} travels tried are proven to have no path"
         why = f"{problem.source}: {why}; for one, {proof}"

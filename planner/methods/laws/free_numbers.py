@@ -1,19 +1,21 @@
 """The free numbers of laws: the travel, the offset of the first of two legs, the amplitude.
 
-A travel that is left free is scanned, what stays in the domain is kept, and the best refined. The
-offset is how far the first leg goes, where z₁ ends as it began. For sinusoids it is chosen how far
-z₁ swings, and how far it travels.
+A travel that is left free is scanned, what stays in the domain is kept, and the best refined. A
+law of legs that finds none turns back: travel zero, in two legs. The offset is how far the first
+of them goes. For sinusoids it is chosen how far z₁ swings, and how far it travels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import wraps
+from typing import Any, TypeVar
 
 import numpy as np
 
-from planner.errors import InfeasibleError, InputError, SingularError
+from planner.errors import InputError, SingularError
 from planner.methods.laws.law import Ends
 from planner.methods.laws.scores import (
     Criterion,
@@ -24,10 +26,12 @@ from planner.methods.laws.scores import (
     search_candidates,
 )
 from planner.methods.refusal import BY_COLLOCATION
+from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import (
+    LawOptions,
     LegOptions,
     SinusoidOptions,
     SinusoidStepsOptions,
@@ -57,6 +61,41 @@ class Choice:
     ranges: tuple[tuple[float, float], ...]
 
 
+Options = TypeVar("Options", bound=LawOptions)
+
+Law = Callable[[Problem, Options], Plan]
+
+
+def one_way_or_back(plan: Law[Options]) -> Law[Options]:
+    """A law of legs that, with the travel free, goes out and back where it has no path one way.
+
+    Args:
+        plan: The law. With the travel free it seeks a path one way; with travel zero it makes two
+            legs, out and back. It raises `SingularError` where the chart's domain is left.
+    """
+
+    @wraps(plan)
+    def planned(problem: Problem, options: Options) -> Plan:
+        if problem.travel is not None:
+            return plan(problem, options)
+        began, refusal = time.perf_counter(), None
+        window = travel_window(problem)
+        if window is None or not window.empty:
+            try:
+                return plan(problem, options)
+            except SingularError as error:
+                refusal = error
+        try:
+            back = plan(replace(problem, travel=0.0), options)
+        except SingularError as error:
+            failed = refusal or error
+            failed.advise()  # another travel is no advice: they have been tried
+            raise failed from None
+        return replace(back, problem=problem, solve_time_s=time.perf_counter() - began)
+
+    return planned
+
+
 _SCANS = (60, 600)
 """Numbers of travels tried, the next one only if none of the last stays inside."""
 
@@ -71,7 +110,6 @@ def travel_of(problem: Problem, make: Make, options: TravelOptions) -> Choice:
         options: Supply the rule and the criterion of what is best.
 
     Raises:
-        InfeasibleError: If no one-way motion exists at all.
         SingularError: If the law leaves the domain for every travel tried.
     """
     if problem.travel is not None:
@@ -99,19 +137,12 @@ def travel_of(problem: Problem, make: Make, options: TravelOptions) -> Choice:
 def candidate_travels(problem: Problem, count: int) -> Array:
     """About `count` travels, increasing, spread over the window of one-way motions; none is zero.
 
-    Raises:
-        InfeasibleError: If the window is empty.
+    Where no window is known, or it is empty, they lie either way of zero.
     """
     window = travel_window(problem)
-    if window is None:
+    if window is None or window.empty:
         half = np.linspace(0, _open_window(problem), count // 2 + 1)[1:]
         return np.concatenate([-half[::-1], half])
-    if window.empty:
-        raise InfeasibleError(
-            f"{problem.source}: no motion without reversal exists: {window.reason}",
-            advice="goal.travel = 0 (two legs, out and back)",
-            changes=[BY_COLLOCATION],
-        )
     low, high = sorted((window.low, window.high), key=abs)
     if not np.isfinite(high):
         high = 5 * low
@@ -248,9 +279,6 @@ def choose_swing(
 
     Returns:
         Travel, amplitude, and notes for the plan.
-
-    Raises:
-        InfeasibleError: If the travel is free and no one-way motion exists.
     """
     given: float | None = None
     if options.amplitude != "auto":
@@ -267,18 +295,38 @@ def choose_swing(
         travel, amplitude = read(x)
         return make(travel, amplitude) if amplitude != 0 else None
 
-    grid, sizes = _grid(problem, given)
-    found = search_candidates(problem, attempt, grid, sizes, options.criterion, starts=3)
-    notes = {"auto_motions_tried": found.tried, "auto_found_inside": found.inside}
+    found, tried = None, 0
+    for travels in _swing_travels(problem):
+        grid, sizes = _grid(problem, travels, given)
+        other = search_candidates(problem, attempt, grid, sizes, options.criterion, starts=3)
+        tried += other.tried
+        if found is None or other.cost < found.cost:
+            found = other
+        if found.inside:
+            break
+    assert found is not None
+    notes = {"auto_motions_tried": tried, "auto_found_inside": found.inside}
     return *read(found.x), notes
 
 
-def _grid(problem: Problem, given: float | None) -> tuple[Array, Array]:
+def _swing_travels(problem: Problem) -> Iterator[Array]:
+    """The travel, or those to scan; more where no motion is found with these.
+
+    A sinusoid turns back within its period, so that the window of one-way motions is a good guess
+    and no limit.
+    """
+    if problem.travel is not None:
+        yield np.array([problem.travel])
+        return
+    window = travel_window(problem)
+    if window is not None and not window.empty:
+        yield candidate_travels(problem, _TRAVELS)
+    widest = _open_window(problem)
+    yield np.linspace(-widest, widest, _TRAVELS + 1)
+
+
+def _grid(problem: Problem, travels: Array, given: float | None) -> tuple[Array, Array]:
     """Candidates (C, d) and the size of a first step from each."""
-    if problem.travel is None:
-        travels = candidate_travels(problem, _TRAVELS)
-    else:
-        travels = np.array([problem.travel])
     width = np.ptp(travels) / len(travels)
     rows, steps = [], []
     for travel in travels:

@@ -168,12 +168,15 @@ def _refuse_outside(plan: Plan) -> NoReturn:
     which = (
         f"the {plan.method} plan" if tried is None else f"the best {plan.method} plan of {tried}"
     )
+    travel = plan.problem.travel_key
+    point = " or constraint point" if "points" in plan.options else ""
+    free = plan.problem.travel is None
     raise SingularError(
         f"{plan.problem.source}: {which} leaves the domain of the chained-form chart"
         f" at t = {exits} s (worst margin {report.margin:.4g} at t = {report.time_s:.4f} s:"
         f" {report.label}){zero}",
         times_s=report.singular_times_s,
         plan=plan,
-        advice=f"another {plan.problem.travel_key} (or 'free') or constraint point",
+        advice=None if free else f"another {travel} (or 'free'){point}",
         changes=[BY_COLLOCATION],
     )

@@ -11,7 +11,7 @@ import time
 import numpy as np
 
 from planner.errors import InputError, SingularError
-from planner.methods.laws.free_numbers import choose_offset, travel_of
+from planner.methods.laws.free_numbers import choose_offset, one_way_or_back, travel_of
 from planner.methods.laws.law import Ends, even_legs, finish, summary, trajectory_of
 from planner.methods.laws.legs import LegMotion, steer
 from planner.plan.plan import Plan
@@ -22,6 +22,7 @@ from planner.problem.tables.method_options import PiecewiseOptions
 NAME = "piecewise"
 
 
+@one_way_or_back
 def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
     """Steer with v₁ constant and v₂ constant on each of equally long slots.
 
@@ -31,7 +32,6 @@ def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
     Raises:
         SingularError: If start or goal are not in one branch of the chart, or the path leaves its
             domain (unless `options.allow_singular`), with the times.
-        InfeasibleError: If the travel is free and no one-way motion exists.
         InputError: If there are fewer slots than conditions.
     """
     began = time.perf_counter()

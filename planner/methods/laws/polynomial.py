@@ -18,7 +18,12 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, SingularError
-from planner.methods.laws.free_numbers import candidate_travels, choose_offset, travel_of
+from planner.methods.laws.free_numbers import (
+    candidate_travels,
+    choose_offset,
+    one_way_or_back,
+    travel_of,
+)
 from planner.methods.laws.law import Ends, even_legs, finish, summary, trajectory_of
 from planner.methods.laws.legs import LegMotion, Point, steer
 from planner.methods.laws.scores import BestCandidate, search_candidates
@@ -31,6 +36,7 @@ from planner.support.arrays import Array
 NAME = "polynomial"
 
 
+@one_way_or_back
 def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
     """Steer with v₁ constant and v₂ a polynomial, through given or chosen constraint points.
 
@@ -41,7 +47,6 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
         SingularError: If start or goal are not in one branch of the chart, or the path leaves its
             domain (unless `options.allow_singular`), with the times; or if it does so for every
             choice of points and travel tried.
-        InfeasibleError: If the travel is free and no one-way motion exists.
         InputError: If a constraint point lies outside the motion or contradicts another.
     """
     began = time.perf_counter()
@@ -138,9 +143,6 @@ def choose_points(
     Returns:
         The travel, the points, and notes for the plan: how many motions were tried, and the cost
         reached with 0, 1, 2 points.
-
-    Raises:
-        InfeasibleError: If the travel is free and no one-way motion exists.
     """
     best: BestCandidate | None = None
     known: LegMotion | None = None

@@ -66,7 +66,6 @@ def plan_sinusoid(problem: Problem, options: SinusoidOptions) -> Plan:
         SingularError: If start or goal are not in one branch of the chart, or the path leaves its
             domain (unless `options.allow_singular`), with the times; or if it does so for every
             amplitude and travel tried.
-        InfeasibleError: If the travel is free and no one-way motion exists.
     """
     began = time.perf_counter()
     ends = Ends.of(problem)
@@ -172,7 +171,6 @@ def plan_sinusoid_steps(problem: Problem, options: SinusoidStepsOptions) -> Plan
         SingularError: If start or goal are not in one branch of the chart, or the path leaves its
             domain (unless `options.allow_singular`), with the times; or if it does so for every
             amplitude and travel tried.
-        InfeasibleError: If the travel is free and no one-way motion exists.
         InputError: If the lists of amplitudes or shares do not have one entry a step.
     """
     began = time.perf_counter()

@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 import planner
 from planner.plan.measures import peak_inputs, peak_rates
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
+from planner.solve import solve_and_check
 
 PIECES = 20
 
@@ -274,6 +275,15 @@ def test_empty_class_has_a_certificate_and_a_way_out(wide: planner.Problem) -> N
     assert caught.value.advice is not None
     travel = float(caught.value.advice.split("goal.travel = ")[1].split()[0])
     assert optimality(plan_only(wide.changed({"goal.travel": travel})))["kind"] == "global"
+
+
+def test_a_proof_names_the_distance_from_the_edge_that_it_is_about(wide: planner.Problem) -> None:
+    ends = {"start.theta_deg": [20, 20, 20], "goal.theta_deg": [20, 30, 30], "limits": {}}
+    problem = wide.changed({**ends, "goal.travel": 0.318})
+    with pytest.raises(planner.InfeasibleError, match=r"sin\^2\(theta1\) >= 0\.05849 ") as caught:
+        solve_and_check(problem, "convex", advice=False, edge=0.099)  # half the ends' distance
+    assert "method.convex.edge" in str(caught.value.advice)
+    assert planner.solve(problem, "convex").verified
 
 
 def test_no_travel_at_all(wide: planner.Problem) -> None:

@@ -15,6 +15,7 @@ from planner.methods.laws.scores import (
     search_candidates,
 )
 from planner.plan.trajectory import ChainedTrajectory
+from planner.solve import solve_and_check
 
 
 @pytest.fixture(scope="module")
@@ -84,11 +85,51 @@ def test_says_when_nothing_is_found(unlimited: planner.Problem) -> None:
     assert not plan.domain.ok
 
 
-@pytest.mark.parametrize("method", ["polynomial", "piecewise", "sinusoid", "sinusoid_steps"])
-def test_says_when_no_one_way_motion_exists(unlimited: planner.Problem, method: str) -> None:
+LAWS = ("polynomial", "piecewise", "sinusoid", "sinusoid_steps")
+
+
+@pytest.mark.parametrize("method", LAWS)
+def test_what_no_law_finds_is_not_called_infeasible(
+    unlimited: planner.Problem, method: str
+) -> None:
+    """No motion one way exists, and none is found out and back; the second proves nothing."""
     problem = unlimited.changed({"goal.theta_deg": [30.0, 30.0, 0.5]})
-    with pytest.raises(planner.InfeasibleError, match="no motion without reversal"):
-        planner.solve(problem, method)
+    with pytest.raises(planner.SingularError, match="the best .* leaves the domain") as caught:
+        solve_and_check(problem, method, advice=False)
+    assert "travel" not in str(caught.value.advice)  # it is free
+
+
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [([23.1, 16.2, 15.5], [23.1, 16.2, 15.5]), ([26.7, 19.1, 36.6], [26.78, 19.4, 36.4])],
+    ids=["start is the goal", "passive joints apart"],
+)
+@pytest.mark.parametrize("method", LAWS)
+def test_a_free_travel_turns_back(
+    unlimited: planner.Problem, method: str, start: list[float], goal: list[float]
+) -> None:
+    turned = {"start.theta_deg": start, "goal.theta_deg": goal, "goal.travel": "free"}
+    problem = unlimited.changed({**turned, "goal.duration": 40.0})
+    plan = planner.solve(problem, method)
+    assert plan.verified
+    assert plan.problem == problem
+    assert np.ptp(np.sign(plan.u(np.linspace(0, 40, 801))[:, 0])) == 2  # out and back
+
+
+def test_a_sinusoid_is_not_bound_to_the_window(unlimited: planner.Problem) -> None:
+    """Within the window of one-way motions this law leaves the chart at every travel tried."""
+    ends = {
+        "start.theta_deg": [25.0, 17.0, 10.0],
+        "goal.theta_deg": [29.0, 17.3, 10.6],
+        "goal.travel": "free",
+    }
+    problem = unlimited.changed(ends)
+    plan = planner.solve(problem, "sinusoid")
+    window = planner.travel_window(problem)
+    assert window is not None
+    assert not window.empty
+    assert plan.verified
+    assert plan.travel not in window
 
 
 def test_free_duration(paper: planner.Problem) -> None:

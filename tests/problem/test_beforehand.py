@@ -12,8 +12,8 @@ from planner.problem.feasibility import (
     least_duration,
     refuse_too_short,
 )
-from planner.verification.verify import GOAL_TOLERANCE, LIMIT_TOLERANCE
 from planner.problem.nonholonomy import nonholonomy
+from planner.verification.verify import GOAL_TOLERANCE, LIMIT_TOLERANCE
 
 # -- the least duration ---------------------------------------------------------------------
 

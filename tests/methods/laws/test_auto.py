@@ -94,7 +94,7 @@ def test_what_no_law_finds_is_not_called_infeasible(
 ) -> None:
     """No motion one way exists, and none is found out and back; the second proves nothing."""
     problem = unlimited.changed({"goal.theta_deg": [30.0, 30.0, 0.5]})
-    with pytest.raises(planner.SingularError, match="the best .* leaves the domain") as caught:
+    with pytest.raises(planner.SingularError, match=r"the best .* leaves the domain") as caught:
         solve_and_check(problem, method, advice=False)
     assert "travel" not in str(caught.value.advice)  # it is free
 

@@ -139,6 +139,8 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
     yield "status", status
     travel = number(summary["travel_rad"])
     yield f"travel of {path.name}", f"{travel} {path.unit}, {summary['direction']}"
+    if turn := problem.heading_turn:
+        yield "turn of heading", turn
     yield "duration", f"{number(summary['duration_s'])} s"
     objective = f"{number(summary['objective'])}, {summary['objective_name']}"
     if "compensation" in notes:

@@ -176,6 +176,10 @@ EXCLUDED_KEYS = frozenset({"phi_rad", "travel", "duration"})
 """Has a control of its own, or (the disk's first angle) changes no motion."""
 
 
+WHOLE_KEYS = (JOINTS_KEY, "goal.turns")
+"""Numbers of the task that are whole."""
+
+
 def task_controls(state: State, travel_key: str) -> list[Control]:
     """One slider a number of the tables `system`, `start` and `goal`."""
     file, first = parse_file(state.base.to_dict(), state.base.source), State(state.base)
@@ -224,5 +228,5 @@ def _sliders(group: str, key: str, now: Any, usual: Any, help_text: str) -> Iter
         constant = group == GROUPS["system"] and key != JOINTS_KEY
         yield Control(
             group, label, "slider", key, now, (k,) if listed else (), value, *ends,
-            log=constant, integer=key == JOINTS_KEY, unit=unit, help=help_text,
+            log=constant, integer=key in WHOLE_KEYS, unit=unit, help=help_text,
         )  # fmt: skip

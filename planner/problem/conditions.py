@@ -81,18 +81,10 @@ def bare_limits(tables: ProblemFile) -> Limits:
     return Limits(given.inputs(), given.input_rates(), *coordinates, margin)
 
 
-def waypoints_of(tables: ProblemFile, system: TriangularSystem, source: str) -> list[Waypoint]:
-    """The waypoints of a problem file.
-
-    Raises:
-        InputError: If one names a coordinate that there is not.
-    """
-    try:
-        states = tables.waypoint_states([c.name for c in system.user_coordinates])
-    except ValueError as error:
-        raise InputError(f"{source}: {error}") from None
+def waypoints_of(tables: ProblemFile, system: TriangularSystem) -> list[Waypoint]:
+    """The waypoints of a problem file."""
     out = []
-    for k, (table, w) in enumerate(zip(tables.waypoints, states, strict=True), 1):
+    for k, (table, w) in enumerate(zip(tables.waypoints, tables.waypoint_states(), strict=True), 1):
         given = zip(system.user_coordinates, ~np.isnan(w), strict=True)
         units = {c.unit for c, known in given if known}
         unit = units.pop() if len(units) == 1 else ""

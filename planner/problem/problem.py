@@ -142,7 +142,7 @@ class Problem:
             machine=tables.machine,
             feedback=tables.feedback,
             compensation=tables.compensation,
-            waypoints=tuple(waypoints_of(tables, system, source)),
+            waypoints=tuple(waypoints_of(tables, system)),
             obstacles=obstacles,
             further=tuple(further_requirements(tables, system, source)),
             self_collision=self_collision_of(tables, system, source),
@@ -319,6 +319,11 @@ class Problem:
     def travel_change(self, travel: float | None) -> dict[str, Any]:
         """The dotted key that sets this travel (None: free), with its value."""
         return parse_file(self.to_dict(), self.source).travel_change(travel)
+
+    @property
+    def heading_turn(self) -> str:
+        """How a vehicle's heading turns from start to goal, in words; empty for other systems."""
+        return parse_file(self.to_dict(), self.source).turn_words()
 
     @property
     def has_travel_key(self) -> bool:

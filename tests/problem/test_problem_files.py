@@ -81,7 +81,7 @@ def test_vehicle_travel_is_from_start_to_goal() -> None:
         ("car", {"limits.input_rad_s": 1.0}, "limits.input_rad_s"),
         ("car", {"limits.speed": 1.0}, "speed_m_s"),
         ("car", {"limits.z2_margin": 0.1}, "limits.z2_margin"),
-        ("unicycle", {"goal.heading_deg": 361}, "goal.heading_deg"),
+        ("unicycle", {"goal.heading_deg": 36001}, "goal.heading_deg"),
         ("unicycle", {"goal.y_m": float("nan")}, "goal.y_m"),
         ("trailers", {"start.hitch_deg": [1]}, "start.hitch_deg has 1 values"),
         ("trailers", {"limits.hitch_deg": [1, 2, 3]}, "limits.hitch_deg has 3 values"),

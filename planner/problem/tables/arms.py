@@ -244,7 +244,7 @@ class ArmFile(ProblemFile):
         """Largest |q|, shape (n+1,), radians; infinite where there is none."""
         return np.array([np.inf, *bound_deg(self.limits.joint_deg, self.system.joints)])
 
-    def waypoint_states(self, coordinates: list[str]) -> list[Array]:
+    def waypoint_states(self) -> list[Array]:
         """q of each waypoint, shape (n+1,), radians, NaN where free."""
         out = []
         for point in self.waypoints:

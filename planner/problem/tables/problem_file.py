@@ -8,11 +8,11 @@ the limits of arms are in `arms`, and so on.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, field_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
@@ -179,9 +179,11 @@ class WaypointTable(Table):
 class NamedWaypoint(WaypointTable):
     """A waypoint by coordinate names."""
 
-    q: dict[str, float] = Field(
+    q: dict[str, float | list[float]] = Field(
         min_length=1,
-        description="Some coordinates by name, in their units (rad, m); the others are free.",
+        description="Some coordinates; the others are free. NAME_deg is an angle in degrees and"
+        " NAME_m a length in m, as in start and goal (of angles that are numbered a list); NAME"
+        " alone is in the coordinate's own unit (rad, m).",
     )
 
 
@@ -296,12 +298,12 @@ class ProblemFile(Table):
         return self.joint_limits()
 
     @abstractmethod
-    def waypoint_states(self, coordinates: list[str]) -> list[Array]:
-        """User coordinates of each waypoint, shape (N,), NaN where free.
+    def waypoint_states(self) -> list[Array]:
+        """User coordinates of each waypoint, shape (N,), NaN where free."""
 
-        Raises:
-            ValueError: If one names a coordinate that there is not.
-        """
+    def turn_words(self) -> str:
+        """How a vehicle's heading turns between start and goal, in words; empty for others."""
+        return ""
 
     def tip(self) -> dict[str, float]:
         """What the goal asks of an arm's tip, by name; only arms have one."""
@@ -312,16 +314,26 @@ class ProblemFile(Table):
         return []
 
 
+SUFFIXES = {"_deg": ("rad", np.pi / 180), "_m": ("m", 1.0)}
+"""Endings of a coordinate's key: the unit of coordinates that may have it, and its size in that."""
+
+
 class NamedFile(ProblemFile):
-    """A problem file whose waypoints name coordinates."""
+    """A problem file whose waypoints name coordinates.
+
+    Attributes:
+        largest_angles: Largest angle in rad that a waypoint may give, by the coordinate's name
+            without its number; what is larger looks like degrees.
+    """
 
     places: ClassVar[str] = """
-#   Waypoints, any number: values of some coordinates, in m and rad. Without a time the plan chooses
-#   when to pass.
+#   Waypoints, any number: values of some coordinates. NAME_deg is in degrees, NAME_m in m; NAME
+#   alone is in rad or m. Without a time the plan chooses when to pass.
 #   [[waypoints]]
 #   q = { COORDINATE = 0.5 }
 #   time = 2.0
 """
+    largest_angles: ClassVar[Mapping[str, float]] = {}
 
     waypoints: list[NamedWaypoint] = Field(
         default_factory=list,
@@ -329,13 +341,50 @@ class NamedFile(ProblemFile):
         description="Places the motion must pass through.",
     )
 
-    def waypoint_states(self, coordinates: list[str]) -> list[Array]:
+    @model_validator(mode="after")
+    def _check_waypoints(self) -> NamedFile:
+        NamedFile.waypoint_states(self)
+        return self
+
+    def waypoint_states(self) -> list[Array]:
         """User coordinates of each waypoint, shape (N,), NaN where free."""
+        coordinates = self.build_system().user_coordinates
+        units = {c.name: c.unit for c in coordinates}
+        states = []
         for number, point in enumerate(self.waypoints):
-            for name in point.q:
-                if name not in coordinates:
-                    raise ValueError(
-                        f"waypoints[{number}].q has no coordinate '{name}';"
-                        f" {allowed_hint(name, coordinates)}"
-                    )
-        return [np.array([p.q.get(name, np.nan) for name in coordinates]) for p in self.waypoints]
+            given: dict[str, float] = {}
+            for key, value in point.q.items():
+                where = f"waypoints[{number}].q"
+                for name, each in self._meant(where, key, value, units).items():
+                    if name in given:
+                        raise ValueError(f"{where} gives '{name}' twice; leave out '{key}'")
+                    given[name] = each
+            states.append(np.array([given.get(name, np.nan) for name in units]))
+        return states
+
+    def _meant(
+        self, where: str, key: str, value: float | list[float], units: dict[str, str]
+    ) -> dict[str, float]:
+        """The coordinates that a key gives, in their own units."""
+        ending = next((end for end in SUFFIXES if key.endswith(end) and key not in units), "")
+        word, (unit, size) = key.removesuffix(ending), SUFFIXES.get(ending, ("", 1.0))
+        numbered = [name for name in units if name.rstrip("0123456789") == word != name]
+        names = numbered if isinstance(value, list) and numbered else [word]
+        if unknown := [n for n in names if n not in units or (ending and units[n] != unit)]:
+            both = {"rad": "_deg", "m": "_m"}
+            allowed = [*units, *(n + both[u] for n, u in units.items() if u in both)]
+            hint = allowed_hint(key if unknown == [word] else unknown[0], allowed)
+            raise ValueError(f"{where} has no coordinate '{key}'; {hint}")
+        values = value if isinstance(value, list) else [value]
+        if len(values) != len(names):
+            raise ValueError(
+                f"{where}.{key} has {len(values)} values; it gives {len(names)}: {', '.join(names)}"
+            )
+        most = self.largest_angles.get(word.rstrip("0123456789"), np.inf)
+        for name, each in zip(names, values, strict=True):
+            if not ending and abs(each) > most:
+                raise ValueError(
+                    f"{where}.{name} = {each:g} is in radians and at most {most:.4g} either way;"
+                    f" it looks like degrees, which are {name}_deg = {each:g}"
+                )
+        return {name: size * each for name, each in zip(names, values, strict=True)}

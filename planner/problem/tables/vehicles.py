@@ -1,10 +1,13 @@
 """The tables of a problem file for unicycle, car and trailers.
 
-They share positions in m, headings in degrees, and x as the path coordinate.
+They share positions in m, headings in degrees, and x as the path coordinate. Headings are a circle:
+350 degrees is -10 degrees, and a vehicle turns the nearest way unless `goal.turns` says otherwise.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -22,9 +25,15 @@ from planner.support.arrays import Array
 from planner.support.user_tables import Positive, Table
 from planner.systems.vehicles import Car, Trailers, Unicycle
 
-Degrees = Annotated[float, Field(ge=-360, le=360)]
+Degrees = Annotated[float, Field(ge=-36000, le=36000)]
+"""A heading, with any whole turns; who writes more than a hundred of them has made a slip."""
+
 SteeringDeg = Annotated[float, Field(gt=-90, lt=90)]
 HitchDeg = Annotated[float, Field(gt=-180, lt=180)]
+
+FULL_TURN = 2 * np.pi
+TURN_ROUNDING = 1e-9
+"""Turns by which half a turn may be off, as written in degrees."""
 
 
 class PoseStart(Table):
@@ -40,7 +49,16 @@ class PoseGoal(GoalTable):
 
     x_m: Free | float = Field(description="Position along the x axis in m, or 'free'.")
     y_m: float = Field(description="Position across it in m.")
-    heading_deg: Degrees = Field(0.0, description="Heading from the x axis in degrees.")
+    heading_deg: Degrees = Field(
+        0.0,
+        description="Heading from the x axis in degrees; 370 is 10, see turns.",
+    )
+    turns: Annotated[int, Field(ge=-100, le=100)] | None = Field(
+        None,
+        description="Whole turns of the heading beyond the nearest way, positive to the left. By"
+        " default none: the vehicle turns the nearest way that limits.heading_deg allows.",
+        examples=[1],
+    )
 
 
 class VehicleLimits(BaseLimits):
@@ -77,7 +95,14 @@ class VehicleFile(NamedFile):
 
     In `start`, `goal` and `limits` an angle of the system has the key NAME_deg, and those that are
     numbered, NAME1, NAME2 ..., one for all of them: a number, or a list. A key may be left out.
+    The heading of each place, waypoints in their order, is the one nearest to the place before.
     """
+
+    largest_angles: ClassVar[Mapping[str, float]] = {
+        "heading": FULL_TURN,
+        "steering": FULL_TURN / 4,
+        "hitch": FULL_TURN / 2,
+    }
 
     start: PoseStart = Field(default_factory=PoseStart)
     goal: PoseGoal
@@ -95,11 +120,51 @@ class VehicleFile(NamedFile):
 
     def start_state(self) -> Array:
         """q(0), shape (N,), in m and radians."""
-        return np.array([self.start.x_m, *self.angles(self.start, 0.0), self.start.y_m])
+        return self._turned([self.start.x_m, *self.angles(self.start, 0.0), self.start.y_m], 0)
 
     def goal_state(self) -> Array:
         """q(T), shape (N,); NaN first, since the travel speaks of that coordinate."""
-        return np.array([np.nan, *self.angles(self.goal, 0.0), self.goal.y_m])
+        return self._turned([np.nan, *self.angles(self.goal, 0.0), self.goal.y_m], -1)
+
+    def waypoint_states(self) -> list[Array]:
+        """q of each waypoint, shape (N,), NaN where free."""
+        return [self._turned(q, k) for k, q in enumerate(super().waypoint_states(), 1)]
+
+    def _turned(self, q: Sequence[float] | Array, place: int) -> Array:
+        out = np.array(q)
+        out[self._heading_index] = self.headings[place]
+        return out
+
+    @property
+    def _heading_index(self) -> int:
+        return [c.name for c in self.build_system().coordinates].index("heading")
+
+    @cached_property
+    def headings(self) -> list[float]:
+        """Headings of start, waypoints in the file's order and goal, radians; NaN where free."""
+        limit = getattr(self.limits, "heading_deg", None)
+        i, most = self._heading_index, float(np.deg2rad(limit or np.inf))
+        ends = [self.angles(table, 0.0)[i - 1] for table in (self.start, self.goal)]
+        passed = [float(q[i]) for q in super().waypoint_states()]
+        timed = all(point.time for point in self.waypoints)
+        order = sorted(range(len(passed)), key=lambda k: self.waypoints[k].time or 0.0)
+        start = ends[0] if abs(ends[0]) <= most else nearest_turn(ends[0], 0.0, np.inf)
+        before = start
+        for k in order if timed else range(len(passed)):
+            if not np.isnan(passed[k]):
+                before = passed[k] = nearest_turn(passed[k], before, most)
+        extra = self.goal.turns
+        goal = nearest_turn(ends[1], before, most if extra is None else np.inf)
+        return [start, *passed, goal + FULL_TURN * (extra or 0)]
+
+    def turn_words(self) -> str:
+        """How the heading turns between start and goal, in words."""
+        turn = np.rad2deg(self.headings[-1] - self.headings[0])
+        extra = self.goal.turns or 0
+        way = f"goal.turns = {extra} beyond the nearest way" if extra else "the nearest way"
+        if abs(turn) > 180 + 1e-6 and not extra:
+            way = "by way of the waypoints" if self.waypoints else "within limits.heading_deg"
+        return f"{turn:.4g} deg, {way}"
 
     def joint_limits(self) -> Array:
         """Largest |q|, shape (N,); infinite where there is none, as of x and y."""
@@ -112,6 +177,19 @@ class VehicleFile(NamedFile):
     def travel_change(self, travel: float | None) -> dict[str, Any]:
         """The key that sets the travel, and its value."""
         return {"goal.x_m": "free" if travel is None else self.start.x_m + travel}
+
+
+def nearest_turn(angle: float, before: float, most: float) -> float:
+    """The angle plus those whole turns that bring it nearest to the one before, radians.
+
+    Of the angles within `most` on either side of zero, if there are any. Of two that are equally
+    near it is the one with fewer turns.
+    """
+    turns = (angle - before) / FULL_TURN
+    nearest = -np.copysign(max(0.0, np.ceil(abs(turns) - 0.5 - TURN_ROUNDING)), turns)
+    others = sorted((nearest - 1, nearest + 1), key=lambda k: abs(turns + k))
+    near = [angle + FULL_TURN * k for k in (nearest, *others)]
+    return float(next((each for each in near if abs(each) <= most), near[0]))
 
 
 class CarTable(Table):

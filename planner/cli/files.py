@@ -45,9 +45,9 @@ def export(
         str | None,
         typer.Option(
             "--joints",
-            metavar="A,B",
-            help=f"For {fitting('joint_names')}: the two joint names that the robot's controller"
-            " knows.",
+            metavar="A,B,...",
+            help=f"For {fitting('joint_names')}: the names of the two motors that the robot's"
+            " controller knows, or of all joints of the arm (theta1,theta2,theta3).",
         ),
     ] = None,
     real: Annotated[
@@ -67,6 +67,8 @@ def export(
       planner export plan.json --format mat --out plan.mat
       planner plan arm.toml --set limits.input_rate_rad_s2=2.0 --out rest.json
       planner export rest.json --format ros2 --joints disk,joint1 --out ros.yaml
+      planner export rest.json --joints theta1,theta2,theta3 --out arm.yaml
+      planner export rest.json --out arm.urdf
       planner export rest.json --format c --real float --out controller
     """
     name = find_format(out, format)

@@ -15,6 +15,7 @@ import json
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -25,6 +26,7 @@ from planner.machine.machine import Machine
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.samples import ARRAYS, RATE_HZ, Samples, commands, motor_angles, sample
+from planner.report.urdf import urdf_text
 from planner.support.arrays import Array
 from planner.support.files import (
     folder,
@@ -101,6 +103,13 @@ FORMATS: dict[str, Format] = {
         (".mat",),
         lambda plan, asked: _mat(plan, sample(plan, asked.rate_hz)),
         "planner.load_samples",
+    ),
+    "urdf": Format(
+        "the arm for ROS and RViz: link lengths, joint limits, joints named as the coordinates",
+        (".urdf",),
+        lambda plan, _: urdf_text(plan),
+        options=(),
+        commanded=False,
     ),
     "c": Format(
         "folder with the tracker of the plan in C99, a self-test and a page on its use",
@@ -269,13 +278,15 @@ def joint_trajectory(
     """The message as nested dictionaries and lists.
 
     Positions are those of the two motors' axes (`planner.plan.samples.motor_angles`). Velocities
-    are the inputs, accelerations their slopes (the one after it at a corner).
+    are the inputs, accelerations their slopes (the one after it at a corner). With the names of the
+    joints they are those of the joints, as RViz shows them with the format `urdf`.
 
     Args:
         plan: A plan that starts and ends at rest and passes `verify`.
         rate_hz: Points per second.
-        joint_names: Two names, as the robot's controller knows them; by default "phi1" and the name
-            of the second coordinate for arms, the inputs' names elsewhere.
+        joint_names: Two names, as the robot's controller knows the motors; by default "phi1" and
+            the name of the second coordinate for arms, the inputs' names elsewhere. Or the names of
+            all joints of an arm: "theta1", "theta2" …
 
     Raises:
         InputError: If the plan breaks a requirement, moves at an end, or its inputs jump; the
@@ -284,9 +295,13 @@ def joint_trajectory(
     names = _names(plan, joint_names)
     _refuse_unfit(plan)
     t = sample(plan, rate_hz).t
-    u, slopes = plan.u(t), input_slopes(plan, t)
+    if names == _joints(plan) and joint_names is not None:
+        positions = plan.q(t)[:, 1:]
+        velocities: Callable[[Array], Array] = partial(_joint_rates, plan)
+    else:
+        positions, velocities = motor_angles(plan, t), plan.u
+    u, slopes = velocities(t), time_slopes(plan, velocities, t)
     u[[0, -1]] = 0.0
-    positions = motor_angles(plan, t)
     points = [
         {
             "positions": positions[k].tolist(),
@@ -314,8 +329,12 @@ def yaml_text(message: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def input_slopes(plan: Plan, t: Array) -> Array:
-    """du/dt, shape (m, 2), at times t (m,); the right-hand one at a corner, the left at the end.
+def _joint_rates(plan: Plan, t: Array) -> Array:
+    return np.asarray(plan.problem.system.rates(plan.q(t), plan.u(t))[..., 1:])
+
+
+def time_slopes(plan: Plan, function: Callable[[Array], Array], t: Array) -> Array:
+    """Of a function of a plan's time its slopes at times t (m,); the right-hand one at a corner.
 
     Central differences inside the smooth piece that t belongs to.
     """
@@ -324,7 +343,7 @@ def input_slopes(plan: Plan, t: Array) -> Array:
     step = DIFFERENCE_SHARE * (right - left)
     middle = np.clip(t, left + step, right - 1.001 * step)
     before, after = middle - step, middle + step
-    return np.asarray((plan.u(after) - plan.u(before)) / (after - before)[:, None])
+    return np.asarray((function(after) - function(before)) / (after - before)[:, None])
 
 
 def moving_inputs(plan: Plan, time: float) -> list[str]:
@@ -373,14 +392,24 @@ def _refuse_unfit(plan: Plan) -> None:
         )
 
 
-def _names(plan: Plan, names: Sequence[str] | None) -> list[str]:
+def _joints(plan: Plan) -> list[str]:
+    """Names of an arm's joints; a vehicle has none."""
     system = plan.problem.system
+    return [c.name for c in system.coordinates[1:]] if hasattr(system, "arm_points") else []
+
+
+def _names(plan: Plan, names: Sequence[str] | None) -> list[str]:
+    joints = _joints(plan)
     if names is None:
-        arm = hasattr(system, "arm_points")
-        return ["phi1", system.coordinates[1].name] if arm else [c.name for c in system.inputs]
+        return ["phi1", joints[0]] if joints else [c.name for c in plan.problem.system.inputs]
     names = [str(name).strip() for name in names]
+    if names == joints:
+        return names
     if len(set(names)) != 2 or len(names) != 2 or not all(names):
-        raise InputError(f"joint names {', '.join(names)!r}: give two different names")
+        raise InputError(
+            f"joint names {', '.join(names)!r}: give two different names, of the"
+            f" motors{', or ' + ', '.join(joints) if joints else ''}"
+        )
     return names
 
 

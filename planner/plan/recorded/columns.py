@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from planner.errors import InputError, expect
+from planner.errors import InputError
 from planner.plan.recorded.number_table import NumberTable
 from planner.support.tables import line
 from planner.support.user_tables import allowed_hint
@@ -71,7 +71,6 @@ def find_columns(table: NumberTable, given: Mapping[str, str]) -> dict[str, tupl
     Raises:
         InputError: If a column or a unit is missing or unknown, or a quantity has two columns.
     """
-    expect(Mapping, given, 'columns maps names to those of the file: {"theta1_rad": "pos[0]"}')
     for ours, theirs in given.items():
         if theirs not in table.names:
             raise InputError(

@@ -15,6 +15,7 @@ import numpy as np
 
 from planner.errors import InputError, expect
 from planner.plan.plan import Plan
+from planner.plan.recorded.bag import is_bag, read_bag
 from planner.plan.recorded.columns import find_columns, parse_name
 from planner.plan.recorded.number_table import Blanks, NumberTable, read_table
 from planner.plan.samples import MAX_ROWS
@@ -195,11 +196,13 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
     columns are left out. A blank command holds the one above it. What separates cells, the decimal
     mark, comments and encodings are those of any program: `planner.plan.recorded.number_table`.
 
+    Of a ROS 2 bag (extra `ros`) `columns` names the topics: `planner.plan.recorded.bag`.
+
     Args:
-        path: The file.
-        columns: Where the file calls its columns otherwise, as one exported from a ROS 2 bag does:
-            names as above with the unit to the file's own, for example `{"t_ns": "stamp",
-            "theta1_rad": "/joint_states/position[0]"}`.
+        path: The file, or the bag's folder.
+        columns: Where the file calls its columns otherwise: names as above with the unit to the
+            file's own, for example `{"t_ns": "stamp", "theta1_rad": "pos[0]"}`; of a bag
+            `{"theta1_rad": "/joint_states/position[theta1]", "u1_rad_s": "/commands/data[0]"}`.
 
     Raises:
         InputError: If the file cannot be read, a column or its unit is missing, a cell is no
@@ -207,11 +210,16 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
             jump or are in another unit than the header says. The message names line and column.
     """
     names = columns or {}
-    table = read_table(
-        path,
-        "a log is CSV",
-        lambda cell: parse_name(cell) is not None or cell.strip() in names.values(),
-        may_be_cut=True,
+    expect(Mapping, names, 'columns maps names to those of the file: {"theta1_rad": "pos[0]"}')
+    table = (
+        read_bag(path, names)
+        if is_bag(path)
+        else read_table(
+            path,
+            "a log is CSV",
+            lambda cell: parse_name(cell) is not None or cell.strip() in names.values(),
+            may_be_cut=True,
+        )
     )
     places = find_columns(table, names)
     if not LEAST_ROWS <= len(table.rows) <= MAX_ROWS:

@@ -67,6 +67,7 @@ class NumberTable:
         rows: Its rows, each with as many cells as there are names.
         lines: Number of each row's line in the file, from 1.
         separator: What separates cells; a blank stands for any number of them.
+        item: What a row is called in messages.
     """
 
     source: str
@@ -75,6 +76,7 @@ class NumberTable:
     rows: Sequence[Sequence[str]]
     lines: Sequence[int]
     separator: str
+    item: str = "line"
 
     def numbers(self, blanks: Mapping[int, Blanks]) -> dict[int, Array]:
         """The numbers in some columns, each (R,).
@@ -104,7 +106,7 @@ class NumberTable:
 
     def line(self, row: int) -> str:
         """A row in words: file and line."""
-        return f"{self.source}, line {self.lines[row]}"
+        return f"{self.source}, {self.item} {self.lines[row]}"
 
     def cell(self, row: int, place: int) -> str:
         """A cell in words: file, line, column and what it holds."""

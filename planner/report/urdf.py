@@ -1,0 +1,66 @@
+"""An arm as URDF, the robot description of ROS: `urdf_text`.
+
+The joints have the names of the arm's coordinates, so that RViz moves them by a trajectory of
+`joint_trajectory` with these names. See https://wiki.ros.org/urdf/XML.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+
+from planner.errors import InputError
+from planner.plan.plan import Plan
+from planner.systems.triangular_system import PlanarArm
+
+THICKNESS = 0.08
+"""Width of a drawn link, as a part of the mean link length."""
+
+
+def urdf_text(plan: Plan) -> str:
+    """The arm of a plan: a base, and for each joint a link that turns about the vertical.
+
+    Lengths are those of `link_lengths`, in m. A joint's range is its limit in the problem, or one
+    turn each way. URDF wants a greatest speed, too: that of the plan; it knows no torques, so that
+    `effort` is 0.
+
+    Raises:
+        InputError: If the plan's system is no planar arm.
+    """
+    system = plan.problem.system
+    if not isinstance(system, PlanarArm):
+        raise InputError(f"a {system.kind} is no arm of links; urdf is for arms")
+    lengths = np.asarray(system.link_lengths, dtype=float)
+    names = [coordinate.name for coordinate in system.coordinates[1:]]
+    most = plan.problem.limits.joint[1:]
+    times = np.linspace(0.0, plan.duration, 1001)
+    speeds = np.abs(np.gradient(plan.q(times)[:, 1:], times, axis=0)).max(axis=0)
+    width = float(THICKNESS * lengths.mean())
+    robot = ET.Element("robot", name="planner_arm")
+    _add_link(robot, "base", 2 * width, width, 0.0)
+    for i, (name, length) in enumerate(zip(names, lengths, strict=True)):
+        _add_link(robot, f"link{i + 1}", float(length), width, float(length) / 2)
+        joint = ET.SubElement(robot, "joint", name=name, type="revolute")
+        ET.SubElement(joint, "parent", link=f"link{i}" if i else "base")
+        ET.SubElement(joint, "child", link=f"link{i + 1}")
+        ET.SubElement(joint, "origin", xyz=f"{lengths[i - 1] if i else 0.0!s} 0 0", rpy="0 0 0")
+        ET.SubElement(joint, "axis", xyz="0 0 1")
+        reach = float(most[i]) if np.isfinite(most[i]) else 2 * np.pi
+        limits = {"lower": -reach, "upper": reach, "effort": 0.0, "velocity": float(speeds[i])}
+        ET.SubElement(joint, "limit", {key: repr(value) for key, value in limits.items()})
+    _add_link(robot, "tip", width / 2, width / 2, 0.0)
+    joint = ET.SubElement(robot, "joint", name="tip_joint", type="fixed")
+    ET.SubElement(joint, "parent", link=f"link{len(lengths)}")
+    ET.SubElement(joint, "child", link="tip")
+    ET.SubElement(joint, "origin", xyz=f"{lengths[-1]!s} 0 0", rpy="0 0 0")
+    ET.indent(robot)
+    return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
+
+
+def _add_link(robot: ET.Element, name: str, length: float, width: float, middle: float) -> None:
+    """A box along x, whose middle lies so far from the link's joint."""
+    visual = ET.SubElement(ET.SubElement(robot, "link", name=name), "visual")
+    ET.SubElement(visual, "origin", xyz=f"{middle!r} 0 0", rpy="0 0 0")
+    box = ET.SubElement(visual, "geometry")
+    ET.SubElement(box, "box", size=f"{length!r} {width!r} {width!r}")

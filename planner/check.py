@@ -29,6 +29,7 @@ from planner.problem.feasibility import (
     travel_window,
     why_too_short,
 )
+from planner.problem.free_space import why_blocked
 from planner.problem.nonholonomy import Nonholonomy, nonholonomy
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.reach import Reach, goal_reach
@@ -119,7 +120,12 @@ class Analysis:
     @property
     def proven_impossible(self) -> bool:
         """Whether it is proven that no plan of any kind exists."""
-        return why_too_short(self.problem) is not None
+        return self._proof is not None
+
+    @property
+    def _proof(self) -> str | None:
+        """Why no plan of any kind exists, in words; None where that is not proven."""
+        return why_too_short(self.problem) or why_blocked(self.problem)
 
     @property
     def verdict(self) -> str:
@@ -127,7 +133,7 @@ class Analysis:
         if self.has_plan:
             kinds = [_kind(o) for o in self.outcomes if o["verified"]]
             return f"There is a plan: {'; '.join(kinds)}."
-        if proof := why_too_short(self.problem):
+        if proof := self._proof:
             text = f"{proof[0].upper()}{proof[1:]}."
         else:
             text = "No plan was found; this alone does not show that none exists."

@@ -12,20 +12,22 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from planner.compensation import compensate_in_time, compensate_plan
-from planner.errors import InputError, NoPlanError, TimeLimitError
+from planner.errors import InfeasibleError, InputError, NoPlanError, TimeLimitError
 from planner.methods.judgement import judge_plan
 from planner.methods.keeping import refuse_unkept
-from planner.methods.refusal import Change, advise
+from planner.methods.refusal import Change, advise, path_changes
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
 from planner.methods.stay import plan_stay
 from planner.plan.plan import Plan, expect_plan, refuse_inexecutable
 from planner.problem.feasibility import refuse_too_short
+from planner.problem.free_space import why_blocked
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.deadline import (
     SEARCH_SHARE,
     TimeUpError,
     check_seconds,
+    default_limit,
     holds_answer,
     time_advice,
     time_limit,
@@ -58,12 +60,12 @@ def solve(
             'desensitised' start from it instead of searching and return the local optimum next to
             it.
         time_limit_s: Seconds for all of it: planning, verification, what a refusal advises, and
-            compensation; no limit by default. When they are over, the best verified plan there is
-            comes back: of 'collocation' the best found so far; of a plan to be compensated, where
-            there was no time for that, the plan as it is. Its `notes["ended_early"]` says what it
-            lacks. Without any plan the call is refused. It ends at the latest after 1.2 times the
-            limit plus two seconds. Replaces the option of the same name of the method, if it has
-            one.
+            compensation. By default the search alone is limited, to 60 s of processor time. When
+            they are over, the best verified plan there is comes back: of 'collocation' the best
+            found so far; of a plan to be compensated, where there was no time for that, the plan as
+            it is. Its `notes["ended_early"]` says what it lacks. Without any plan the call is
+            refused. It ends at the latest after 1.2 times the limit plus two seconds. Replaces the
+            option of the same name of the method, if it has one.
         progress: Called with a `planner.support.progress.Progress` at every step. The logger
             `planner` receives the same.
         **options: Override single keys of the problem's `[method.<name>]` table.
@@ -125,13 +127,14 @@ def solve_and_check(
             _plan_by_method(changed, entry, merged_options(changed, entry, given), None)
         )[0]
 
-    with (
-        time_limit(getattr(merged, "time_limit_s", time_limit_s)) as span,
-        progress_listener(progress),
-    ):
+    limit_s = getattr(merged, "time_limit_s", None) or time_limit_s
+    with time_limit(limit_s), progress_listener(progress):
         began = time.monotonic()
         try:
-            with time_share(SEARCH_SHARE if must_compensate else 1.0, condition=holds_answer):
+            with (
+                default_limit(limit_s) as span,
+                time_share(SEARCH_SHARE if must_compensate else 1.0, condition=holds_answer),
+            ):
                 plan, check = judge_plan(_plan_by_method(problem, entry, merged, warm))
         except TimeUpError:
             far = current_progress()
@@ -156,6 +159,8 @@ def _plan_by_method(problem: Problem, entry: Method, options: Any, warm: Plan | 
     """What a method makes of a problem, unless there is nothing to do or it can be refused."""
     if still := plan_stay(problem, entry.name, options):
         return still
+    if why := why_blocked(problem):
+        raise InfeasibleError(f"{problem.source}: {why}", changes=path_changes(problem))
     if not entry.finds_time:
         refuse_too_short(problem)
     refuse_unkept(problem, entry.name, entry.keeps)

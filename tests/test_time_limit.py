@@ -34,7 +34,8 @@ class Clock:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 0.0
-        monkeypatch.setattr(deadline, "time", SimpleNamespace(monotonic=lambda: self.now))
+        clock = SimpleNamespace(monotonic=lambda: self.now, process_time=lambda: self.now)
+        monkeypatch.setattr(deadline, "time", clock)
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +65,16 @@ def test_the_best_plan_so_far_is_verified_and_says_so(
     summary = plan_summary(early)
     assert (summary["status"], summary["verified"]) == ("time_limit", True)
     assert planner.verify(early).ok
+
+
+def test_a_search_without_a_limit_ends_by_itself(
+    hard: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(deadline, "DEFAULT_SEARCH_S", 0.5)
+    with pytest.raises(planner.TimeLimitError, match=r"the default limit of 0\.5 s of processor"):
+        planner.solve(hard, "collocation", start="wander")
+    plan = planner.solve(planner.load_problem(PAPER), "collocation", time_limit_s=60.0)
+    assert plan.status == "solved"  # a limit that is given takes its place
 
 
 def test_ctrl_c_has_the_best_plan_so_far_too(paper: planner.Problem) -> None:

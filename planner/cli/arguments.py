@@ -90,7 +90,8 @@ TimeLimit = Annotated[
     typer.Option(
         "--time-limit",
         metavar="SECONDS",
-        help="Seconds for planning and compensation, in `compare` for each method. Then the best"
+        help="Seconds for planning and compensation, in `compare` for each method; by"
+        " default a search has 60 s of processor time. Then the best"
         " verified plan found so far is taken, uncompensated if need be; without one, a refusal"
         " says how far the search got.",
     ),

@@ -112,8 +112,9 @@ def rounded(value: float) -> str:
 Attempt = Callable[[Change], Plan]
 """Plans with a change; may refuse."""
 
-MOST_TIMES_REFUSAL, LEAST_S = 3.0, 10.0
-"""All tries together take at most so many times as long as the refusal did, or so many seconds."""
+MOST_TIMES_REFUSAL, LEAST_S, MOST_S = 3.0, 10.0, 60.0
+"""All tries together take at most so many times as long as the refusal did, but at least the first
+and at most the second number of seconds."""
 
 TRY_SHARE = 0.5
 """Of the time left, what one try may take: what helps is most often among the first changes, and
@@ -178,7 +179,8 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
     own = [change for change in error.changes if not change.method]
     if not own:
         return None
-    with time_limit(max(LEAST_S, MOST_TIMES_REFUSAL * seconds), "the time for trying changes"):
+    allowed = min(max(LEAST_S, MOST_TIMES_REFUSAL * seconds), MOST_S)
+    with time_limit(allowed, "the time for trying changes"):
         tries = try_changes(own, attempt, lambda doing: progress.tell(f"no plan; {doing}"))
     if tries.change is None or tries.plan is None:
         said = [error.otherwise] if error.otherwise else []

@@ -19,6 +19,10 @@ from dataclasses import dataclass
 
 from planner.errors import InputError
 
+DEFAULT_SEARCH_S = 60.0
+"""Seconds of processor time after which a search ends to which nobody gave a limit. Time by the
+clock would make plans depend on what else the computer does."""
+
 SEARCH_SHARE = 0.75
 """Share of the time after which a search ends; the rest is for what is made of what it found."""
 
@@ -37,7 +41,7 @@ class Span:
     Attributes:
         enclosing: The block around it, which may end earlier.
         start: By `time.monotonic`.
-        end: Likewise; infinite where the block adds no limit.
+        end: Likewise, or in processor time; infinite where the block adds no limit.
         words: What the limit is called in a refusal.
         has_answer: Whether there is an answer to show for it, were it to end now; None where the
             block is not a search.
@@ -45,6 +49,7 @@ class Span:
         interrupter: Who ended it before its time ("Ctrl-C"), or "".
         condition: The end counts only once this is true; None if it always does.
         verification_ended: Whether even the verification of what was found must stop.
+        counts_processor_time: Whether `end` is in processor time.
     """
 
     enclosing: Span | None
@@ -56,6 +61,20 @@ class Span:
     interrupter: str = ""
     condition: Callable[[], bool] | None = None
     verification_ended: bool = False
+    counts_processor_time: bool = False
+
+    @property
+    def left(self) -> float:
+        """Seconds until its end, negative afterwards."""
+        return self.end - self._now
+
+    def end_within(self, seconds: float) -> None:
+        """Bring its end forward, if it is later than in so many seconds."""
+        self.end = min(self.end, self._now + seconds)
+
+    @property
+    def _now(self) -> float:
+        return time.process_time() if self.counts_processor_time else time.monotonic()
 
     def outwards(self) -> Iterator[Span]:
         """It, and the blocks around it."""
@@ -75,9 +94,8 @@ class Span:
         if self.ended_by:
             return self.ended_by
         named = [span for span in self.outwards() if span.words]
-        now = time.monotonic()
-        over = [span for span in named if span.end <= now]
-        return (over or sorted(named, key=lambda span: span.end) or [self])[0].words
+        over = [span for span in named if span.left <= 0]
+        return (over or sorted(named, key=lambda span: span.left) or [self])[0].words
 
 
 _span: ContextVar[Span | None] = ContextVar("span", default=None)
@@ -104,6 +122,15 @@ def time_limit(
     return _open_span(Span(_span.get(), now, now + seconds, words, has_answer))
 
 
+def default_limit(given: float | None) -> AbstractContextManager[Span]:
+    """The limit of a search where nobody gave one; no further one where somebody did."""
+    if given is not None:
+        return time_limit(None)
+    end = time.process_time() + DEFAULT_SEARCH_S
+    words = f"the default limit of {DEFAULT_SEARCH_S:g} s of processor time"
+    return _open_span(Span(_span.get(), time.monotonic(), end, words, counts_processor_time=True))
+
+
 def time_share(
     part: float = SEARCH_SHARE, words: str = "", condition: Callable[[], bool] | None = None
 ) -> AbstractContextManager[Span]:
@@ -115,8 +142,7 @@ def time_share(
         condition: Given where the share counts only once this is true. It is a share of what is
             left then: shares around it that wait likewise count.
     """
-    now = time.monotonic()
-    left = _end(waiting=condition is not None) - now
+    now, left = time.monotonic(), _left(waiting=condition is not None)
     return _open_span(
         Span(_span.get(), now, now + part * max(0.0, left), words, condition=condition)
     )
@@ -133,16 +159,16 @@ def _open_span(span: Span) -> Iterator[Span]:
 
 def remaining() -> float:
     """Seconds left, infinite without a limit; not below zero."""
-    return max(0.0, _end() - time.monotonic())
+    return max(0.0, _left())
 
 
-def _end(waiting: bool = False) -> float:
-    """The earliest end of the blocks around; of those whose end waits too where that is asked."""
-    ends = [math.inf]
+def _left(waiting: bool = False) -> float:
+    """Seconds to the first end of the blocks around; of those that wait too where that is asked."""
+    least = math.inf
     for span in _spans():
-        if span.end < min(ends) and (waiting or span.condition is None or span.condition()):
-            ends.append(span.end)
-    return min(ends)
+        if span.left < least and (waiting or span.condition is None or span.condition()):
+            least = span.left
+    return least
 
 
 def check() -> None:
@@ -202,20 +228,20 @@ def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
     if outermost is None or not holds_answer(context):
         return False
     allowed = max(LEAST_FINISH_S, FINISH_SHARE * (now - outermost.start))
-    outermost.end = min(outermost.end, now + allowed)
+    outermost.end_within(allowed)
     outermost.interrupter, outermost.was_reached = by, True
     for span in _spans(context):
         if span is outermost:
             break
-        span.end = now
+        span.end_within(0.0)
     return True
 
 
 def end(context: Context, by: str) -> None:
     """End all that runs in a context of another thread, verification included."""
     for span in _spans(context):
-        span.end, span.interrupter, span.was_reached = time.monotonic(), by, True
-        span.verification_ended = True
+        span.end_within(0.0)
+        span.interrupter, span.was_reached, span.verification_ended = by, True, True
 
 
 def check_seconds(seconds: float) -> float:

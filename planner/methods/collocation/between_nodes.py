@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,9 @@ DRAWN_IN_SLACK = 1e-7
 
 CUBIC_BULGE = 0.0642
 """Most that a cubic differs from the parabola through three even samples, in third differences."""
+
+LARGEST_STEP, MOST_BETWEEN = 0.5, 100
+"""Most that a link moves between two samples, in radii of a disc; and most parts of a step."""
 
 ROUNDING = 1e-9
 """Excess over a limit, relative to it, that counts as none, as in certificates."""
@@ -110,13 +114,28 @@ def excess(
         at = MotionPoint.of(system, curves, *alike)
     out = [np.zeros((curves.shape[1], 0))]
     for required in requirements:
-        (low, high, scale), values = required.bounds, np.stack(required.values(at), axis=-1)
+        low, high, scale = required.bounds
+        here = at
+        if required.divides:
+            here = MotionPoint.of(system, _dense(system, curves, float(np.min(scale))))
+        values = np.stack(required.values(here), axis=-1)
         if (low == -high).all():
             out.append(_over(np.abs(values), high, scale))
         else:
             above = _over(values, high, scale) if np.isfinite(high).any() else 0.0
             out.append(np.maximum(above, _over(-values, -low, scale)))
     return np.concatenate(out, axis=-1)
+
+
+def _dense(system: Any, curves: Array, thickness: float) -> Array:
+    """Samples (C, K, M, N) so dense that links do not pass over what is so thick between two."""
+    points = system.arm_points(curves[..., 1:])
+    moved = float(np.linalg.norm(np.diff(points, axis=2), axis=-1).max())
+    count = int(np.clip(np.ceil(moved / (LARGEST_STEP * thickness)), 1, MOST_BETWEEN))
+    share = np.arange(count)[:, None] / count
+    before, after = curves[:, :, :-1, None], curves[:, :, 1:, None]
+    inner = (before + share * (after - before)).reshape(*curves.shape[:2], -1, curves.shape[-1])
+    return np.concatenate([inner, curves[:, :, -1:]], axis=2)
 
 
 def _over(curves: Array, limit: Array, scale: Array) -> Array:

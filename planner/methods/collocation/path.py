@@ -24,6 +24,7 @@ from planner.methods.collocation.task import (
     task,
     transfer,
 )
+from planner.methods.collocation.thin_discs import thicknesses
 from planner.methods.collocation.transcription.form import (
     Mesh,
     fastest,
@@ -48,10 +49,11 @@ STANDSTILL_SHARE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class SeedPath:
-    """A solution and the seed it grew from."""
+    """A solution, the seed it grew from, and whether its links clear all discs between nodes."""
 
     seed: str
     solution: Solution
+    clear: bool
 
 
 @dataclass(eq=False)
@@ -73,9 +75,9 @@ class PathSearch:
 
     @property
     def distinct(self) -> list[SeedPath]:
-        """The paths that differ, shortest first."""
+        """The paths that differ, those that clear all discs first, and of these the shortest."""
         distinct: list[SeedPath] = []
-        for path in sorted(self.solved, key=lambda path: path.solution.objective):
+        for path in sorted(self.solved, key=lambda path: (not path.clear, path.solution.objective)):
             if not distinct or not same_path(path.solution.objective, distinct[-1]):
                 distinct.append(path)
         return distinct
@@ -97,20 +99,22 @@ def search(
     Yields:
         The one search, before the first seed and after each.
     """
-    free, clear, state = path_task(job), 0, PathSearch()
+    widths, clear, state = [path_task(each) for each in _thicknesses(job)], 0, PathSearch()
+    free = widths[-1]
     yield state
     for count, seed in enumerate(seeds, 1):
         progress.tell(f"searching a path from the first guess '{seed.name}'")
-        solution = free.solve(guess(free.problem, free.made, free.mesh, seed))
+        solution = _shrink(widths, guess(free.problem, free.made, free.mesh, seed))
         effort = solution.objective if solution.ok else None
         entry = {"start": seed.name, "status": solution.status, "path_effort": effort}
         state.log.append({**entry, "iterations": solution.iterations})
         state.latest = None
+        is_clear = solution.ok and clears(free, solution)
         if solution.ok:
-            state.solved.append(SeedPath(seed.name, solution))
+            state.solved.append(SeedPath(seed.name, solution, is_clear))
         else:
             state.failure, state.latest = solution, (free, solution)
-        if solution.ok and clears(free, solution):
+        if is_clear:
             clear += 1
             needed = needed_duration(job.problem, job.mesh, solution.iterate)
             wanted = job.problem.duration
@@ -125,6 +129,32 @@ def search(
         plain = plain and (never_reverses(solution.iterate) or _repeats_shortest(state.solved))
         if hopeless or plain or clear >= enough or len(state.solved) >= 2 * enough:
             break
+
+
+def _thicknesses(job: Task) -> list[Task]:
+    """The job among thickened discs, thinner and thinner, and at last the job itself."""
+    *thick, _ = thicknesses(job.problem)
+    return [*(job.for_problem(each, job.objective) for each in thick), job]
+
+
+def _shrink(tasks: list[Task], start: Iterate) -> Solution:
+    """Solve among the thickest discs, then from there among thinner ones.
+
+    Where links would pass over a thinner disc, the path is kept as it was before.
+    """
+    *thick, last = tasks
+    clear, near = None, False
+    for each in thick:
+        solution = each.solve(start, near=near)
+        if solution.ok:
+            start, near = solution.iterate, True
+        if not (solution.ok and clears(each, solution)):
+            break
+        clear = solution.iterate
+    solution = last.solve(start, near=near)
+    if clear is None or (solution.ok and clears(last, solution)):
+        return solution
+    return last.judge(clear)
 
 
 def path_task(job: Task) -> Task:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.candidates import guess, rebalance, seeds
+from planner.methods.collocation.candidates import guess, rebalance, seeds, way_between_discs
 from planner.methods.collocation.long_arms.bridges import PieceChain
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
@@ -305,6 +305,8 @@ class Pipeline:
         enough = options.starts if options.start in ("auto", "wander") else 1
         enough = -(-enough // len(self.routes)) if problem.free else enough
         guesses, simple = seeds(options.start, options.attempts), self._free and not problem.divided
+        if self._free and (way := way_between_discs(problem)):
+            guesses.insert(0 if problem.system.size == 3 else len(guesses), way)
         for found in search(job, guesses, enough, simple):
             if found.latest:
                 yield Motion(found.log[-1]["start"], "guesses", *found.latest, k, final=False)
@@ -330,12 +332,12 @@ class Pipeline:
     def _slower_motions(self) -> Iterator[Motion]:
         """The fastest motion, bettered in the duration given, or else as it is but slower."""
         wanted, limits = self.routes[0].duration, self.routes[0].limits
-        passed = [point.time_s for point in self.routes[0].waypoints]
-        if not np.isfinite(limits.input).all() or any(time_s is not None for time_s in passed):
+        if any(point.time_s is not None for point in self.routes[0].waypoints):
             return
         assert wanted is not None
         free = [replace(problem, duration=None) for problem in self.routes]
-        options = self.options.model_copy(update={"objective": "time"})
+        kind = "time" if np.isfinite(limits.input).all() else "mixed"
+        options = self.options.model_copy(update={"objective": kind})
         progress.tell("looking for the fastest motion")
         hasty = Pipeline(free, options, self.make, self.best, self._paths, answers=False)
         found = hasty.run()
@@ -351,10 +353,10 @@ class Pipeline:
         problem = self.routes[motion.route]
         goal = self.make(problem, self.options, SEARCH_INTERVALS, False).objective
         own = self.fastest.task.for_problem(problem, goal)
-        solution = own.solve(stretch_to(iterate, wanted))
-        if not solution.ok and iterate.duration <= wanted:
-            solution = own.judge(stretch_to(iterate, wanted))
-        yield Motion(motion.start, "slowed down", own, solution, motion.route)
+        slowed = stretch_to(iterate, wanted)
+        if iterate.duration <= wanted:
+            yield Motion(motion.start, "slowed down", own, own.judge(slowed), motion.route)
+        yield Motion(motion.start, "slowed down", own, own.solve(slowed), motion.route)
 
     def _share_time(self, motion: Motion) -> Generator[Motion, None, Motion]:
         """With the time shared out among the parts between waypoints as the objective wants it."""

@@ -93,7 +93,8 @@ class RoutePaths:
         """The most promising paths, each as a motion to start from and on a mesh for it.
 
         In a duration that is long enough for them those of least effort; where they lead nowhere
-        the fastest. One that takes longer than a motion in hand is not timed.
+        the fastest. In both, paths that clear all discs come first. One that takes longer than a
+        motion in hand is not timed.
 
         Args:
             job: What is asked for.
@@ -105,14 +106,16 @@ class RoutePaths:
             return
         wanted, limited = job.problem.duration, bool(np.isfinite(job.problem.limits.input).all())
         slow = [each for each in self.refined if each.needed(job) <= (wanted or 0.0)]
-        for path in sorted(slow, key=lambda each: each.solution.objective)[:MOST_TIMED]:
+        slow.sort(key=lambda each: (not each.origin.clear, each.solution.objective))
+        for path in slow[:MOST_TIMED]:
             yield _start_at_own_speed(path, job)
         if wanted and motions:
             return
         seconds = RefinedPath.clock_s if limited else RefinedPath.needed
         most = wanted / LEAST_TIME_RATIO if wanted else math.inf
         fast = [(seconds(each, job), each) for each in self.refined if each not in slow]
-        for needed, path in sorted(fast, key=lambda each: each[0])[:MOST_TIMED]:
+        fast.sort(key=lambda each: (not each[1].origin.clear, each[0]))
+        for needed, path in fast[:MOST_TIMED]:
             if needed > min([most, *(each.iterate.duration for each in motions)]):
                 return
             if limited:

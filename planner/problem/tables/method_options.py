@@ -335,9 +335,9 @@ class CollocationOptions(Table):
     max_iterations: Iterations = Field(500, description="Solver iterations a start.")
     time_limit_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
         None,
-        description="Seconds for planning; no limit by default. Then the best verified plan"
-        " found so far is returned, with the status 'time_limit'; without one, a"
-        " refusal says how far the search got.",
+        description="Seconds for planning; by default the search has 60 s of processor time. Then"
+        " the best verified plan found so far is returned, with the status 'time_limit'; without"
+        " one, a refusal says how far the search got.",
     )
 
     @model_validator(mode="before")

@@ -51,7 +51,7 @@ def test_a_search_among_random_starts_does_not_end_early() -> None:
 
 def test_paths_that_differ_are_counted_once() -> None:
     efforts: list[Any] = [SimpleNamespace(objective=effort) for effort in (3.0, 1.0, 2.0, 3.0, 2.0)]
-    found = PathSearch(solved=[SeedPath(str(k), effort) for k, effort in enumerate(efforts)])
+    found = PathSearch(solved=[SeedPath(str(k), effort, True) for k, effort in enumerate(efforts)])
     assert [path.seed for path in found.distinct] == ["1", "2", "0"]
 
 

@@ -1,0 +1,130 @@
+"""Arms among discs: thin ones, walls of them, and what is proven to be blocked."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import planner
+from planner.methods.collocation.between_nodes import clears
+from planner.methods.collocation.candidates import guess, seeds
+from planner.methods.collocation.method import collocation_task
+from planner.methods.collocation.path import path_task
+from planner.methods.collocation.thin_discs import thicknesses
+from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.problem.free_space import find_way, is_blocked
+from planner.problem.tables.method_options import CollocationOptions
+
+POST = planner.load_problem(Path(__file__).parents[3] / "problems/obstacle.toml")
+THIN = 0.746
+"""Effort of the best motion known that passes a post of no thickness."""
+
+TWO_JOINTS: dict[str, Any] = {
+    "system": {"kind": "manipulator", "joints": 2, "K": [0.9], "k_g": 0.7}
+    | {"link_lengths": [0.4, 0.3]},
+    "start": {"theta_deg": [5, 5]},
+    "goal": {"theta_deg": [35, 30], "duration": 8.0},
+    "limits": {"input_rad_s": [0.6, 0.6], "joint_deg": 75},
+}
+
+
+def with_radius(radius: float) -> planner.Problem:
+    return POST.changed({"obstacles": [{"centre_m": [2.2, 1.75], "radius_m": radius}]})
+
+
+def two_joints(**disc: Any) -> planner.Problem:
+    return planner.Problem.from_dict({**TWO_JOINTS, "obstacles": [disc]})
+
+
+@pytest.mark.parametrize(
+    ("radius", "most"),
+    [
+        pytest.param(0.1, 0.83, marks=pytest.mark.campaign),
+        pytest.param(0.05, 0.79, marks=pytest.mark.campaign),
+        pytest.param(0.02, THIN, marks=pytest.mark.campaign),
+        (0.003, THIN),
+        pytest.param(0.001, THIN, marks=pytest.mark.campaign),
+    ],
+)
+def test_whoever_clears_a_thick_post_clears_a_thin_one(radius: float, most: float) -> None:
+    plan = planner.solve(with_radius(radius))
+    assert plan.verified
+    assert plan.objective <= most
+
+
+def near_start(duration: float | str) -> planner.Problem:
+    changes = {"obstacles": [{"centre_m": [2.9, 0.15], "radius_m": 0.05}]}
+    return POST.changed({**changes, "goal.duration": duration})
+
+
+def test_a_post_beside_a_link_at_the_start() -> None:
+    plan = planner.solve(near_start(6.0))
+    assert plan.verified
+    assert plan.objective <= 1.244
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("duration", [5.5, 10.0, 60.0, "free"])
+def test_whoever_has_a_motion_has_every_slower_one(duration: float | str) -> None:
+    plan = planner.solve(near_start(duration))
+    assert plan.verified
+    assert plan.duration == duration or plan.duration <= 5.47
+
+
+def test_two_joints_that_are_blocked_are_soon_proven_so() -> None:
+    problem = two_joints(centre_m=[0.55, 0.28], radius_m=0.06)
+    for method in ("collocation", "convex", "polynomial"):
+        began = time.process_time()
+        with pytest.raises(planner.InfeasibleError, match="the obstacle blocks every way"):
+            planner.solve(problem, method)
+        assert time.process_time() - began < 30
+
+
+def test_a_tip_that_both_elbows_are_kept_from_is_proven_so() -> None:
+    """The same post between the arm and a place for its tip, and the post moved out of the way."""
+    disc = {"centre_m": [0.55, 0.28], "radius_m": 0.06}
+    goal = {"tip_m": [0.3, 0.58], "duration": 8.0}
+    problem = planner.Problem.from_dict({**TWO_JOINTS, "goal": goal, "obstacles": [disc]})
+    assert is_blocked(problem)
+    assert not is_blocked(problem.changed({"obstacles": [{**disc, "centre_m": [0.69, 0.28]}]}))
+
+
+def test_what_can_be_passed_is_not_proven_blocked() -> None:
+    assert not is_blocked(two_joints(centre_m=[0.55, -0.15], radius_m=0.05))
+    assert not is_blocked(POST)
+
+
+def test_a_way_between_discs_keeps_clear_of_them() -> None:
+    problem = two_joints(centre_m=[0.66, 0.28], radius_m=0.02)
+    way = find_way(problem)
+    assert way is not None
+    np.testing.assert_allclose(way[[0, -1]], [problem.start[1:], problem.goal[1:]])
+    fine = np.concatenate([np.linspace(*leg, 500) for leg in zip(way[:-1], way[1:], strict=True)])
+    points = problem.system.arm_points(fine)  # type: ignore[attr-defined]
+    assert problem.obstacles[0].clearances(points).min() > 0
+
+
+def test_discs_are_thick_at_first_and_then_as_they_are() -> None:
+    thin = with_radius(0.003)
+    radii = [problem.obstacles[0].radius for problem in thicknesses(thin)]
+    assert radii == pytest.approx([0.075, 0.01875, 0.0046875, 0.003])
+    assert [*thicknesses(POST)] == [POST]
+    near = near_start(10.0).changed({"obstacles": [{"centre_m": [2.9, 0.06], "radius_m": 0.002}]})
+    start = near.system.arm_points(near.start[1:])  # type: ignore[attr-defined]
+    assert all(p.obstacles[0].clearances(start).min() > 0 for p in thicknesses(near))
+
+
+@pytest.mark.parametrize("radius", [0.3, 0.01, 0.001])
+def test_links_that_pass_over_a_disc_between_two_places_are_seen(radius: float) -> None:
+    task = path_task(collocation_task(with_radius(radius), CollocationOptions(), 40))
+    across = task.solve(_straight(task))  # among no discs
+    assert across.ok or radius == 0.3
+    assert not (across.ok and clears(task, across))
+
+
+def _straight(task: Any) -> Iterate:
+    return guess(task.problem, task.made, task.mesh, seeds("straight")[0])

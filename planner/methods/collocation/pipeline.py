@@ -305,7 +305,7 @@ class Pipeline:
         enough = options.starts if options.start in ("auto", "wander") else 1
         enough = -(-enough // len(self.routes)) if problem.free else enough
         guesses, simple = seeds(options.start, options.attempts), self._free and not problem.divided
-        if self._free and (way := way_between_discs(problem)):
+        if not simple and self._free and (way := way_between_discs(problem)):
             guesses.insert(0 if problem.system.size == 3 else len(guesses), way)
         for found in search(job, guesses, enough, simple):
             if found.latest:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.problem.problem import Problem
-from planner.systems.manipulator import Manipulator
+from planner.systems.triangular_system import PlanarArm
 
 LEAST_THICKNESS = 0.025
 """Least radius of a disc, with its clearance, in lengths of the arm: as far as the tip moves
@@ -27,7 +27,7 @@ NEAREST_SHARE = 0.9
 
 def thicknesses(problem: Problem) -> Iterator[Problem]:
     """The problem with thin discs thickened, less and less, and at last as it is."""
-    if problem.obstacles and isinstance(problem.system, Manipulator):
+    if problem.obstacles and isinstance(problem.system, PlanarArm):
         thickness = LEAST_THICKNESS * float(np.sum(problem.system.link_lengths))
         thinnest = min(disc.radius + disc.clearance for disc in problem.obstacles)
         while thickness > thinnest:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -103,7 +104,7 @@ def test_a_way_between_discs_keeps_clear_of_them() -> None:
     way = find_way(problem)
     assert way is not None
     np.testing.assert_allclose(way[[0, -1]], [problem.start[1:], problem.goal[1:]])
-    fine = np.concatenate([np.linspace(*leg, 500) for leg in zip(way[:-1], way[1:], strict=True)])
+    fine = np.concatenate([np.linspace(*leg, 500) for leg in pairwise(way)])
     points = problem.system.arm_points(fine)  # type: ignore[attr-defined]
     assert problem.obstacles[0].clearances(points).min() > 0
 

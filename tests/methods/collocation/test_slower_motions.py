@@ -189,7 +189,7 @@ def test_all_pieces_of_a_path_are_halved_where_little_turns_in_them() -> None:
 def test_the_fastest_motion_is_slowed_down_as_it_is_where_no_solver_betters_it(
     monkeypatch: pytest.MonkeyPatch, fastest_s: float, wanted_s: float, found: list[bool]
 ) -> None:
-    """As it is and bettered; one a little too slow may become faster, one far too slow is not tried."""
+    """As it is, and bettered. One a little too slow may become faster; one far too slow is left."""
 
     def solution(iterate: Iterate, ok: bool) -> Solution:
         return Solution(iterate, 0.0, 0.0, ok, "", 0)

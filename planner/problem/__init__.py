@@ -2,5 +2,5 @@
 
 In this order: `requirements`, `tables` (keys of the file), `conditions` (what they ask, and where
 that contradicts itself), `problem`, `reach` (of a goal that leaves joints free), `feasibility`
-(least duration, window of travels), `nonholonomy`.
+(least duration, window of travels), `free_space` (ways between obstacles), `nonholonomy`.
 """

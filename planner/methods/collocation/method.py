@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, TimeLimitError, Violation
+from planner.methods.collocation.best import Best, Motion
 from planner.methods.collocation.between_nodes import clears, inspect
 from planner.methods.collocation.candidates import mesh_through, routes
 from planner.methods.collocation.long_arms.exact_motion import (
@@ -23,7 +24,7 @@ from planner.methods.collocation.long_arms.exact_motion import (
     exact_motion,
     has_only_limits,
 )
-from planner.methods.collocation.pipeline import SEARCH_INTERVALS, Best, Motion, Pipeline
+from planner.methods.collocation.pipeline import SEARCH_INTERVALS, Pipeline
 from planner.methods.collocation.refine import PolishedMotion, polish
 from planner.methods.collocation.refusals import NAME, iterate_plan, no_goal, refusal
 from planner.methods.collocation.solvers import Settings

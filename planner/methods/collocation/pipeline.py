@@ -8,26 +8,21 @@ the limits and the objective asked for (`solve_timing`), and the best of these a
 the machine's true motion (`refine`). A stage is tried only where those before it have no answer.
 
 A stage yields what it finds, in the order in which it finds it. `Best` keeps the best of all that,
-for when the search must end early.
+for when the search must end early (`planner.methods.collocation.best`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from planner.methods.collocation.best import Best, Motion
 from planner.methods.collocation.between_nodes import clears
 from planner.methods.collocation.candidates import guess, rebalance, seeds, way_between_discs
-from planner.methods.collocation.long_arms.bridges import PieceChain
-from planner.methods.collocation.long_arms.exact_motion import (
-    chain_of,
-    exact_motion,
-    has_only_limits,
-)
 from planner.methods.collocation.long_arms.ladder import find_arm_path, time_arm_path
 from planner.methods.collocation.path import (
     SeedPath,
@@ -51,89 +46,15 @@ DIRECT_INTERVALS, SEARCH_INTERVALS = 14, 40
 MOST_REBALANCINGS = 6
 """Times that the duration is shared out anew among the parts between waypoints."""
 
+GAIN = 1e-3
+"""Least share of the objective that another motion must save before it is refined too."""
+
 LARGEST_ERROR = 1e-4
 """Difference at the end, rad, between a motion and its interpolant up to which it is believed."""
 
 Tasks = Callable[[Problem, CollocationOptions, Mesh | int, bool], Task]
 """From a problem, options, a mesh or about how many intervals, and whether a straight line is to
 lead to the answer soon or not at all, to the task."""
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """A solution, the task it solves, and where it comes from; one that failed is no motion.
-
-    Attributes:
-        start: Name of the start it grew from.
-        stage: Name of the stage that found it.
-        task: What it solves.
-        solution: The solution.
-        route: Number of the order of waypoints, or branch of the goal, that it takes.
-        final: Whether it is an answer of its stage, not only what the stage had on the way.
-    """
-
-    start: str
-    stage: str
-    task: Task
-    solution: Solution
-    route: int = 0
-    final: bool = True
-
-
-class Best:
-    """What a search holds at any time.
-
-    Attributes:
-        motion: The best solution, and its task; None while there is none.
-        exact: A motion found that is one to the accuracy asked for; likewise. Only looked for where
-            time is limited, since it takes about a second.
-        chain: A path that was not timed yet, and what it is asked for; likewise.
-        nearest: Of what failed that which came closest to a path, and its task; likewise.
-    """
-
-    def __init__(self, accuracy: float) -> None:
-        self._accuracy = accuracy
-        self.exact: tuple[Task, Solution] | None = None
-        self.motion: tuple[Task, Solution] | None = None
-        self.chain: tuple[Task, PieceChain] | None = None
-        self.nearest: tuple[Task, Solution] | None = None
-
-    def holds(self) -> bool:
-        """Whether there is anything of which a plan may come."""
-        return self.motion is not None or self.chain is not None
-
-    def take(self, task: Task, solution: Solution) -> None:
-        """Keep a solution, which may have failed, if it is better than what there is."""
-        if not solution.ok:
-            if self.nearest is None or solution.residual < self.nearest[1].residual:
-                self.nearest = task, solution
-            return
-        better = self.motion is None or solution.objective < self.motion[1].objective
-        if better and clears(task, solution):
-            self.motion = task, solution
-            kind = task.objective.name.partition(":")[0]
-            progress.report_motion(f"{kind} {solution.objective:.4g}")
-            self._make_exact_if_limited()
-
-    def take_chain(self, task: Task, chain: PieceChain) -> None:
-        """Keep a path within the joint limits that is not timed yet."""
-        self.chain = task, chain
-        self._make_exact_if_limited()
-
-    def make_exact(self) -> None:
-        """Make what is held a motion to the accuracy asked for, where that needs no solver."""
-        path = self.chain
-        if self.motion is not None:
-            path = self.motion[0], chain_of(*self.motion)
-        if path is None or not has_only_limits(path[0]):
-            return
-        found = exact_motion(*path, self._accuracy)
-        if found and (self.exact is None or found[1].objective < self.exact[1].objective):
-            self.exact = found
-
-    def _make_exact_if_limited(self) -> None:
-        if self.exact is None and deadline.remaining() < math.inf:
-            self.make_exact()
 
 
 class Pipeline:
@@ -180,7 +101,7 @@ class Pipeline:
 
     def run(self) -> tuple[Motion, PolishedMotion] | None:
         """The best motion of the first stage that has one, on a mesh fine enough to believe it."""
-        options = self.options
+        held: Motion | None = None  # the best of all that is no answer of its stage
         for stage in self._stages():
             motions = list[Motion]()
             with deadline.time_share(condition=self.best.holds):  # nothing held: nothing to refine
@@ -189,19 +110,36 @@ class Pipeline:
                         self.best.take(motion.task, motion.solution)
                     if motion.final and motion.solution.ok:
                         motions.append(motion)
-            rank, good_ones = self._rank, list[tuple[Motion, PolishedMotion]]()
-            for motion in sorted(motions, key=lambda each: each.solution.objective):
-                done = polish(motion.task, motion.solution, options.accuracy, options.refinements)
-                good = done.error <= LARGEST_ERROR and done.inside
-                if good or not self._free or options.refinements == 0:
-                    if rank is None:
-                        return motion, done
-                    good_ones.append((motion, done))
-                else:
-                    self.last = done.task, done.solution
-            if good_ones and rank is not None:
-                return min(good_ones, key=lambda pair: rank(*pair))
+                    elif self.best.keeps(motion.solution):
+                        held = motion
+            least = min((motion.solution.objective for motion in motions), default=-math.inf)
+            if held and held.solution.objective < least * (1 - GAIN):
+                motions.append(held)
+            if answer := self._refined(motions):
+                return answer
         return None
+
+    def _refined(self, motions: list[Motion]) -> tuple[Motion, PolishedMotion] | None:
+        """The best of these motions once refined, or None where none is good.
+
+        Refining seldom lowers an objective: those that are worse to begin with than one that is
+        refined are left.
+        """
+        options, rank, least = self.options, self._rank, math.inf
+        answers = list[tuple[Motion, PolishedMotion]]()
+        for motion in sorted(motions, key=lambda each: each.solution.objective):
+            if motion.solution.objective > least * (1 - GAIN):
+                break
+            done = polish(motion.task, motion.solution, options.accuracy, options.refinements)
+            good = done.error <= LARGEST_ERROR and done.inside
+            if good or not self._free or options.refinements == 0:
+                answers.append((motion, done))
+                if rank is None:
+                    least = min(least, done.solution.objective) if good else -math.inf
+            else:
+                self.last = done.task, done.solution
+        value = _objective if rank is None else lambda pair: rank(*pair)
+        return min(answers, key=value, default=None)
 
     def _stages(self) -> Iterator[Iterator[Motion]]:
         """One stage after the other.
@@ -371,6 +309,10 @@ class Pipeline:
         motion = replace(motion, final=True)
         yield motion
         return motion
+
+
+def _objective(pair: tuple[Motion, PolishedMotion]) -> float:
+    return pair[1].solution.objective
 
 
 def _goal_words(problem: Problem) -> str:

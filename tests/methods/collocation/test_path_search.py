@@ -9,12 +9,15 @@ from typing import Any
 import pytest
 
 import planner
-from planner.methods.collocation import pipeline, task
+from planner.methods.collocation import best, pipeline, task
+from planner.methods.collocation.best import Best, Motion
 from planner.methods.collocation.path import PathSearch, SeedPath
-from planner.methods.collocation.pipeline import Best, Pipeline
+from planner.methods.collocation.pipeline import Pipeline
+from planner.methods.collocation.refine import PolishedMotion
 from planner.methods.collocation.solvers import Settings
+from planner.methods.collocation.task import Solution
 from planner.problem.tables.method_options import CollocationOptions
-from planner.support import deadline
+from planner.support import deadline, progress
 from planner.support.progress import Progress
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
@@ -79,25 +82,26 @@ def test_paths_are_timed_on_a_mesh_that_is_given() -> None:
     assert len(planner.solve(ONE_WAY, "collocation", **given).t) == 31
 
 
-def test_where_time_is_limited_the_best_exact_motion_is_held(
+def test_where_time_is_short_the_best_exact_motion_is_held(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """One is made as soon as there is a path; else there is time for it at the end."""
     made, path = iter([2.0, 3.0, 1.0]), SimpleNamespace()
-    monkeypatch.setattr(pipeline, "has_only_limits", lambda _: True)
+    monkeypatch.setattr(best, "has_only_limits", lambda _: True)
     monkeypatch.setattr(
-        pipeline, "exact_motion", lambda *_: (path, SimpleNamespace(objective=next(made)))
+        best, "exact_motion", lambda *_: (path, SimpleNamespace(objective=next(made)))
     )
-    best: Any = Best(1e-6)
-    best.take_chain(path, path)
-    assert best.exact is None
-    held = []
+    kept: Any = Best(1e-6)
     with deadline.time_limit(100.0):
-        best.take_chain(path, path)
-        held.append(best.exact[1].objective)
+        kept.take_chain(path, path)
+    assert kept.exact is None
+    held = []
+    with deadline.time_limit(20.0):
+        kept.take_chain(path, path)
+        held.append(kept.exact[1].objective)
     for _ in range(2):
-        best.make_exact()
-        held.append(best.exact[1].objective)
+        kept.make_exact()
+        held.append(kept.exact[1].objective)
     assert held == [2.0, 2.0, 1.0]
 
 
@@ -126,3 +130,27 @@ def test_a_motion_in_hand_gives_way_to_a_better_one_alone() -> None:
     assert len(held) > 1
     assert held == sorted(held, reverse=True)
     assert plan.objective <= held[-1] * (1 + 1e-3)  # told with four digits
+
+
+@pytest.mark.parametrize(("held", "delivered"), [(1.0, 1.0), (1.9999, 2.0), (3.0, 2.0)])
+def test_nothing_worse_is_delivered_than_was_held(
+    monkeypatch: pytest.MonkeyPatch, held: float, delivered: float
+) -> None:
+    """What a stage has on the way is refined too, if it saves more than a thousandth."""
+    job: Any = SimpleNamespace(objective=SimpleNamespace(name="effort"), requirements=[])
+    no_iterate: Any = None
+
+    def motion(objective: float, final: bool) -> Motion:
+        solution = Solution(no_iterate, objective, 0.0, True, "", 0)
+        return Motion("straight", "guesses", job, solution, final=final)
+
+    first, second = [motion(held, False)], [motion(2.0, True), motion(2.5, True)]
+    monkeypatch.setattr(Pipeline, "_stages", lambda _: iter([iter(first), iter(second)]))
+    monkeypatch.setattr(
+        pipeline, "polish", lambda job, solution, *_: PolishedMotion(job, solution, 0.0, True, {})
+    )
+    routes: Any = [SimpleNamespace()]
+    with progress.progress_listener(None):
+        found = Pipeline(routes, CollocationOptions(), lambda *_: job, Best(1e-6)).run()
+    assert found is not None
+    assert found[1].solution.objective == delivered

@@ -23,7 +23,7 @@ class Violation:
         label: What is broken, in words ("input u2", "joint theta3", "goal theta2").
         time_s: Time of the largest violation, in seconds; None if it belongs to no time.
         value: The value reached.
-        limit: The value allowed.
+        limit: The value allowed; NaN where no number is allowed, and `label` says all.
         unit: Unit of `value` and `limit`.
         scaled: Violation divided by the scale of the requirement, for sorting (dimensionless).
         exact: Whether the value must be `limit` itself, as a duration must.
@@ -38,6 +38,8 @@ class Violation:
     exact: bool = False
 
     def __str__(self) -> str:
+        if math.isnan(self.limit):
+            return self.label
         when = "" if self.time_s is None else f" at t = {self.time_s:.4g} s"
         value, limit, unit = self.shown(4)
         verb, allowed = self.verbs

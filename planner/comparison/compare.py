@@ -329,6 +329,8 @@ def _reason(problem: Problem, error: NoPlanError) -> str:
 
 
 def _violation_text(violation: Violation) -> str:
+    if np.isnan(violation.limit):
+        return str(violation)
     value, limit, unit = violation.shown(3)
     verb, allowed = violation.verbs
     return f"{violation.label} {verb} {value}{unit}, {allowed} {limit}"

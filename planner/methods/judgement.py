@@ -50,7 +50,9 @@ def judge_plan(plan: Plan) -> tuple[Plan, Check]:
 
 
 def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
-    """Changes to try, and what else may help."""
+    """Changes to try, and what else may help; nothing where the plan's own form is wrong."""
+    if any(np.isnan(v.limit) for v in check.violations):
+        return [], None
     violated = [plan.problem.asking(v.label) for v in check.violations]
     broken = [pair[0] for pair in violated if pair]
     speeds = [each.speed if isinstance(each, Requirement) else 0 for each in broken]

@@ -189,7 +189,12 @@ class Motion:
 
 
 def integrate(
-    trajectory: Trajectory, start: Array, tolerance: float = 1e-7, *values: Values
+    trajectory: Trajectory,
+    start: Array,
+    tolerance: float = 1e-7,
+    *values: Values,
+    system: TriangularSystem | None = None,
+    cells: Cells | None = None,
 ) -> Motion:
     """Integrate a trajectory's input from `start` (N,).
 
@@ -198,11 +203,13 @@ def integrate(
         start: q(0).
         tolerance: Estimated error above which all cells are split and the integral done anew.
         *values: Further functions that the cells must resolve, of the size of one.
+        system: What moves; by default the trajectory's own.
+        cells: The first cells, which it splits further; by default the trajectory's pieces.
     """
-    cells: Cells | None = None
+    system = system or trajectory.system
     for _ in range(MOST_ROUNDS):
-        reading, control = _read_and_control(trajectory, values, cells)
-        motion = _integrate_reading(trajectory, start, reading, control)
+        reading, control = _read_and_control(trajectory, system, values, cells)
+        motion = _integrate_reading(system, start, reading, control)
         if not motion.error > tolerance or len(reading.cells.piece) > MOST_CELLS:
             break  # good enough, or not a number, or noise: splitting would not help
         cells = reading.cells.split()[0]
@@ -220,14 +227,12 @@ class _Control:
 
 
 def _read_and_control(
-    trajectory: Trajectory, values: Sequence[Values], start: Cells | None
+    trajectory: Trajectory, system: TriangularSystem, values: Sequence[Values], start: Cells | None
 ) -> tuple[Reading, _Control]:
     """A reading on cells that are split also where input or values are elsewhere in between."""
     count = max(CONTROL_POINTS, trajectory.degree + 1)
     for _ in range(MOST_ROUNDS):
-        reading = read_trajectory(
-            trajectory, input_values, trajectory.system.rates, *values, start=start
-        )
+        reading = read_trajectory(trajectory, input_values, system.rates, *values, start=start)
         cells, hidden = reading.cells, np.zeros((count, len(reading.cells.piece)))
         q, u = trajectory.piece_values(cells.piece, cells.fractions(points(count)))
         peaks = np.max(np.abs(reading.u), axis=(0, 1))
@@ -258,9 +263,9 @@ def _worst(cells: Cells, distances: Array) -> tuple[float, float]:
 
 
 def _integrate_reading(
-    trajectory: Trajectory, start: Array, reading: Reading, control: _Control
+    system: TriangularSystem, start: Array, reading: Reading, control: _Control
 ) -> Motion:
-    cells, u, system = reading.cells, reading.u, trajectory.system
+    cells, u = reading.cells, reading.u
     width = cells.width[:, None]
     q = _fixed_point(system, start, width, np.where(np.isfinite(reading.q), reading.q, start), u)
     rates = system.rates(q, u)

@@ -238,10 +238,21 @@ class TriangularSystem(ABC):
         return {"kind": self.kind, **constants}
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, TriangularSystem) and self._text == other._text
+        return type(other) is type(self) and self._text == other._text
 
     def __hash__(self) -> int:
         return hash(self._text)
+
+    def difference(self, other: TriangularSystem) -> str:
+        """What another system has and this one has not, in words; empty where they are equal."""
+        if self == other:
+            return ""
+        mine, theirs = self.to_dict(), other.to_dict()
+        keys = [key for key in {**mine, **theirs} if repr(mine.get(key)) != repr(theirs.get(key))]
+        pairs = (f"{key} = {theirs.get(key)} instead of {mine.get(key)}" for key in keys)
+        return (
+            "; ".join(pairs) or f"{type(other).__qualname__} instead of {type(self).__qualname__}"
+        )
 
     @cached_property
     def _text(self) -> str:

@@ -66,7 +66,7 @@ def _correct_objective(plan: Plan, path: str | Path) -> Plan:
         f"{path}: the objective is said to be {plan.objective:.6g}, but that of the plan in it is"
         f" {true:.6g}, which is taken; the file was changed",
         InputWarning,
-        stacklevel=4,
+        stacklevel=5,
     )
     return replace(plan, objective=true)
 
@@ -76,25 +76,27 @@ def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:
     unknown = replace(said, verified=False, certificate=None)
     if said.trajectory.flaw:
         return unknown, said.trajectory.flaw
-    if said.compensation is not None:
-        inside, broken = said.compensation.plan, "it is not verified"
-        if inside.verified:
-            inside, broken = _judge_again(inside, path)
-        unknown = replace(unknown, compensation=replace(said.compensation, plan=inside))
-        if broken:
-            return unknown, f"of the plan that it compensates, {broken}"
-        if inside.problem != said.problem:
-            return unknown, "the plan that it compensates solves another problem"
+    if said.compensates is not None and not said.compensates.verified:
+        return unknown, "of the plan that it compensates, it is not verified"
     with np.errstate(all="ignore"):  # what was changed may be anything
         try:
             plan, check = judge(unknown)
         except (ArithmeticError, ValueError) as error:
             return unknown, f"its motion cannot be computed: {error}"
-    if plan.certificate is not None:
-        proven = replace(plan, certificate=_with_first_time(said, plan.certificate))
-        return _correct_objective(proven, path), ""
+    if check.ok:
+        return _with_own_figures(plan, said, path), ""
     more = len(check.violations) - 1
-    return unknown, str(check.violations[0]) + (f" (and {more} more)" if more else "")
+    return plan, str(check.violations[0]) + (f" (and {more} more)" if more else "")
+
+
+def _with_own_figures(plan: Plan, said: Plan, path: str | Path) -> Plan:
+    """A verified plan, and the one that it compensates, with the right objective."""
+    assert plan.certificate is not None
+    plan = replace(plan, certificate=_with_first_time(said, plan.certificate))
+    if plan.compensation is not None and said.compensates is not None:
+        inside = _with_own_figures(plan.compensation.plan, said.compensates, path)
+        plan = replace(plan, compensation=replace(plan.compensation, plan=inside))
+    return _correct_objective(plan, path)
 
 
 def _with_first_time(said: Plan, proven: Certificate) -> Certificate:

@@ -6,7 +6,7 @@ over whole intervals. Whoever returns a plan as verified asks here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,24 +22,44 @@ from planner.verification.verify import LIMIT_TOLERANCE, Check, verify
 def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Check]:
     """A plan with its verdict.
 
+    A plan of which nothing at all is proven is refused. The plan that a compensated one compensates
+    is judged too.
+
     Args:
         plan: Any plan; what it says of itself does not count.
         certificate: What `certify` has just proven of this very plan, if it was asked already.
 
     Returns:
         The plan, verified and with its certificate, or neither; and the check, whose violations
-        are also those that `certify` proves beyond the tolerances of `verify`.
+        are also those that `certify` proves.
     """
     plan = replace(plan, verified=False, certificate=None)
+    if plan.compensation is not None:
+        inside, check = judge(plan.compensation.plan)
+        plan = replace(plan, compensation=replace(plan.compensation, plan=inside))
+        if not check.ok:
+            words = (f"of the plan that it compensates, {v}" for v in check.violations)
+            return plan, _refused(check, [_flaw(text) for text in words])
     check = verify(plan)
     if not check.ok:
         return plan, check
     certificate = certificate or certify(plan)
-    if broken := tuple(sorted(_proven_violations(plan, certificate), key=lambda v: -v.scaled)):
+    if broken := sorted(_proven_violations(plan, certificate), key=lambda v: -v.scaled):
         margins = {v.label: certificate[v.label].attained for v in broken}
-        check = replace(check, ok=False, violations=broken, margins={**check.margins, **margins})
-        return plan, check
+        return plan, replace(_refused(check, broken), margins={**check.margins, **margins})
+    if not any(claim.status == "proven" for claim in certificate.claims if claim.required):
+        why = certificate.open[0].why
+        return plan, _refused(check, [_flaw(f"nothing of the plan can be proven: {why}")])
     return replace(plan, verified=True, certificate=certificate), check
+
+
+def _refused(check: Check, broken: Sequence[Violation]) -> Check:
+    return replace(check, ok=False, violations=tuple(broken))
+
+
+def _flaw(words: str) -> Violation:
+    """What is no number beyond a limit."""
+    return Violation(words, None, np.nan, np.nan, "", np.inf)
 
 
 def _proven_violations(plan: Plan, certificate: Certificate) -> Iterator[Violation]:

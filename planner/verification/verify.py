@@ -137,14 +137,11 @@ def verify(plan: Plan) -> Check:
         The result; `ok` is False for a plan that cannot be executed.
     """
     expect_plan(plan)
-    if not (plan.t[0] == 0 and np.isfinite(plan.t[-1]) and np.all(np.diff(plan.t) >= 0)):
-        return _failed_check(plan, Violation(_TIME_ORDER, None, np.nan, 0.0, "s", np.inf))
-    if plan.compensation is not None and (flaw := plan.clock.flaw):
-        label = f"clock of the plan that is compensated: {flaw}; it"
-        return _failed_check(plan, Violation(label, None, np.nan, 0.0, "s", np.inf))
+    if flaw := _flaw(plan):
+        return failed_check(plan, Violation(flaw, None, np.nan, np.nan, "", np.inf))
     if not plan.executable:
         (outside,) = (v for f in _chart_findings(plan) if (v := f.violation()))
-        return _failed_check(plan, outside)
+        return failed_check(plan, outside)
     problem = plan.problem
     to_resolve = [r for r in problem.requirements if r.smooth and not r.is_direct]
 
@@ -162,7 +159,13 @@ def verify(plan: Plan) -> Check:
     with np.errstate(all="ignore"):  # what is not a number never passes
         resolved = (row_values,) if to_resolve else ()
         if plan.compensation is None:
-            motion = integrate(plan.trajectory, problem.start, INTEGRATION_TOLERANCE, *resolved)
+            motion = integrate(
+                plan.trajectory,
+                problem.start,
+                INTEGRATION_TOLERANCE,
+                *resolved,
+                system=problem.system,
+            )
             end, tolerance = motion.q[-1, -1], GOAL_TOLERANCE
         else:
             motion, end, machine_error = _motion_on_machine(plan)
@@ -197,7 +200,20 @@ def verify(plan: Plan) -> Check:
     )
 
 
-_TIME_ORDER = "times of the plan, which begin at 0 and increase,"
+def _flaw(plan: Plan) -> str:
+    """Why there is no motion to judge, or none of the problem's own system; else empty."""
+    problem, inside = plan.problem, plan.compensates
+    if other := problem.system.difference(plan.trajectory.system):
+        return f"the plan is made for another system than the problem's: {other}"
+    if not (plan.t[0] == 0 and np.isfinite(plan.t[-1]) and np.all(np.diff(plan.t) >= 0)):
+        return "the times of the plan do not begin at 0 and increase"
+    if inside is None:
+        return ""
+    if inside.problem != problem:
+        return "the plan that it compensates solves another problem"
+    return plan.clock.flaw and f"the clock of the plan that is compensated: {plan.clock.flaw}"
+
+
 _SAID_ERROR = "largest error on the nominal machine, which the plan gives,"
 
 
@@ -374,7 +390,7 @@ def _corner_findings(plan: Plan, motion: Motion) -> list[_Finding]:
     return out
 
 
-def _failed_check(plan: Plan, violation: Violation) -> Check:
+def failed_check(plan: Plan, violation: Violation) -> Check:
     """The check of what has no motion to integrate."""
     unknown = np.full(plan.problem.system.size, np.nan)
     return Check(

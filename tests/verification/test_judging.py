@@ -272,7 +272,7 @@ def test_a_microsecond_between_the_points_it_is_read_at(paper: planner.Problem) 
     later = paper.changed({"goal.duration": paper.duration + 1e-6})
     check = planner.verify(replace(plan, problem=later, trajectory=trajectory))
     assert [v.label for v in check.violations] == ["input u2"]
-    assert check.violations[0].value > 0.9
+    assert check.violations[0].value > 0.9 * (1 - 1e-9)
     trajectory.u_curve.c[:, 0] = 0
     assert planner.verify(replace(plan, problem=later, trajectory=trajectory)).ok
 

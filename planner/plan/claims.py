@@ -43,6 +43,9 @@ class Claim:
     def __str__(self) -> str:
         when = "" if self.time_s is None else f" at t = {self.time_s:.6g} s"
         unit = f" {self.unit}" if self.unit else ""
+        if self.status == "proven" and self.guaranteed < 0:
+            more = f"exceeded by {-self.guaranteed:.4g}{unit} at most"
+            return f"{self.label}: proven within the tolerance, {more}"
         if self.status == "proven":
             return f"{self.label}: proven, margin {self.guaranteed:.4g}{unit} or more"
         if self.status == "violated" and not self.required:

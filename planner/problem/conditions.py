@@ -94,11 +94,11 @@ def waypoints_of(tables: ProblemFile, system: TriangularSystem) -> list[Waypoint
 
 def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle]:
     """The obstacles of a problem file."""
-    links = len(getattr(system, "link_lengths", ()))
-    discs = enumerate(tables.discs(), 1)
+    lengths = getattr(system, "link_lengths", ())
+    links, reach = len(lengths), float(np.sum(lengths))
     return [
-        Obstacle(k, links, d.centre_m[0], d.centre_m[1], d.radius_m, d.clearance_m)
-        for k, d in discs
+        Obstacle(k, links, d.centre_m[0], d.centre_m[1], d.radius_m, d.clearance_m, reach)
+        for k, d in enumerate(tables.discs(), 1)
     ]
 
 

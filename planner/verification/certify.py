@@ -8,7 +8,7 @@ together (`decide`). A kind that nobody has written a proof for is undecided.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import lru_cache, singledispatch
 
 import casadi as ca
@@ -16,6 +16,7 @@ import numpy as np
 
 from planner.plan.claims import Certificate, Claim, undecided_claim
 from planner.plan.plan import Plan, expect_plan
+from planner.plan.quadrature import JUMP_TOLERANCE
 from planner.plan.retimed import RetimedTrajectory
 from planner.problem.problem import Problem
 from planner.problem.requirements.ends import Duration, Goal, LongestDuration, Start
@@ -30,7 +31,7 @@ from planner.verification.enclosure import Enclosure
 from planner.verification.evidence import EnclosedMotion, Evidence, Obligation, Proof, decide
 from planner.verification.functions import Expression, UnboundedError
 from planner.verification.input_models import enclose_trajectory, resolve, source_of
-from planner.verification.models import Index, Margin, Model
+from planner.verification.models import POINTS, Index, Margin, Model, evaluation
 from planner.verification.place_proofs import (
     clearances,
     distance_bounds,
@@ -41,11 +42,12 @@ from planner.verification.place_proofs import (
 )
 from planner.verification.verify import GOAL_TOLERANCE, INTERPOLANT_TOLERANCE, LIMIT_TOLERANCE
 
-JUMP_TOLERANCE = 1e-7
-"""Jump of an input, over its greatest value, that counts as one; as in `verify`."""
-
 DURATION_TOLERANCE = 1e-9
 """Error of a given duration, relative to it; as in `verify`."""
+
+SUBSTITUTE_GAP = 1e-6
+"""Distance of rows from values, in parts of the scale, from which rows are a substitute: what may
+be exceeded, so that less makes no difference."""
 
 PLAN_DEVIATION = Part("plan's q(t) against its integrated input", "", -np.inf, 0.0, 1.0)
 """The distance of the plan's own q(t) from the motion, as `verify` calls it."""
@@ -110,7 +112,7 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     end, slip = np.array([gap.at_end() for gap in gaps]).swapaxes(0, 1)
     reached = np.max(np.nan_to_num(np.abs(end) - slip, nan=-np.inf), initial=0.0)
     low, high = INTERPOLANT_TOLERANCE - float(np.max(most)), INTERPOLANT_TOLERANCE - float(reached)
-    claims.append(path.claim(PLAN_DEVIATION, INTERPOLANT_TOLERANCE, low, high, np.nan))
+    claims.append(path.claim(PLAN_DEVIATION, 0.0, low, high, np.nan))
     return claims, most, len(motion.cells.piece)
 
 
@@ -159,7 +161,7 @@ def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
     reads = required.reads
     if not required.smooth or ("du" in reads and not required.is_direct):
         return _undecided(required, "no proof is written for this kind of requirement")
-    motion = evidence.motion_for(reads)
+    motion, margins_of = evidence.motion_for(reads), dict[str, MarginAt]()
     if required.is_direct:
         models = (
             motion.enclosure.states
@@ -174,6 +176,7 @@ def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
             motion, values = _row_models(required, evidence, motion)
         except UnboundedError as error:
             return _undecided(required, f"nothing bounds {error}")
+        margins_of = _own_margins(required, evidence.plan.problem.system, motion, values)
     proofs: list[Proof] = []
     for part, value in zip(required.parts, values, strict=True):
         margins: list[Margin] = [(-1.0, value, part.high), (1.0, value, -part.low)]
@@ -181,12 +184,13 @@ def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
             end, doubt = np.array(value.at_end())[:, -1].tolist()
             slack = GOAL_TOLERANCE * part.scale
             margin = slack + min(end - part.low, part.high - end)
-            proofs.append(motion.claim(part, slack, margin - doubt, margin + doubt, motion.end_s))
+            proofs.append(motion.claim(part, 0.0, margin - doubt, margin + doubt, motion.end_s))
         elif "du" in reads and (jump := _jump(part, motion)):
             proofs.append(jump)
         else:
             finite = [margin for margin in margins if np.isfinite(margin[2])]
-            proofs.append(Obligation(part, finite, motion))
+            slack, margin_at = LIMIT_TOLERANCE * part.scale, margins_of.get(part.label)
+            proofs.append(Obligation(part, finite, motion, slack, margin_at=margin_at))
     return proofs
 
 
@@ -216,6 +220,36 @@ def _row_models(
         )
         models = models_of(motion.enclosure)
     return motion, models
+
+
+MarginAt = Callable[[Array, Array], float]
+"""The margin of one part at coordinates (N,) and inputs (2,)."""
+
+
+def _own_margins(
+    required: Requirement, system: TriangularSystem, motion: EnclosedMotion, rows: list[Model]
+) -> dict[str, MarginAt]:
+    """The margins of those parts whose rows are a substitute for their values, by label.
+
+    Rows lie on the same side of a limit as the values that the judge reads, but perhaps elsewhere:
+    u² over most is one for |u|.
+    """
+    out: dict[str, MarginAt] = {}
+    enclosure = motion.enclosure
+    q, u = (np.array([ball.c[:, :POINTS] for ball in of]) for of in (enclosure.q, enclosure.u))
+    values = required.values(MotionPoint(system, q, u, np.zeros_like(u)))
+    for k, (part, row, value) in enumerate(zip(required.parts, rows, values, strict=True)):
+        known = np.isfinite(row.r)
+        gap = np.abs(row.c @ evaluation(row.c.shape[1]).T - value)[known]
+        if np.any(gap > (SUBSTITUTE_GAP * part.scale + row.r[known])[:, None]):
+
+            def margin_at(q: Array, u: Array, k: int = k, part: Part = part) -> float:
+                point = MotionPoint(system, q, u, np.zeros(2))
+                value = float(required.values(point)[k])
+                return min(part.high - value, value - part.low)
+
+            out[part.label] = margin_at
+    return out
 
 
 @lru_cache(maxsize=64)
@@ -261,7 +295,7 @@ def _(chart: ChartDomain, evidence: Evidence) -> Iterable[Proof]:
     margins: list[Margin] = [
         (1.0, value, -part.low) for value in evidence.path.enclosure.models(*balls)
     ]
-    return [Obligation(part, margins, evidence.path, required)]
+    return [Obligation(part, margins, evidence.path, -np.finfo(float).tiny, required)]
 
 
 @prove.register
@@ -271,7 +305,7 @@ def _(start: Start, evidence: Evidence) -> Iterable[Proof]:
     q, slip = np.array([model.at_begin() for model in evidence.plan_q])[:, :, 0].T
     away = np.abs(q - evidence.plan.problem.start)
     low, high = (GOAL_TOLERANCE - float(np.max(x)) for x in (away + slip, away - slip))
-    return [evidence.path.claim(part, GOAL_TOLERANCE, low, high, 0.0)]
+    return [evidence.path.claim(part, 0.0, low, high, 0.0)]
 
 
 @prove.register
@@ -284,21 +318,21 @@ def _(goal: Goal, evidence: Evidence) -> Iterable[Proof]:
             end, doubt = np.array(state.at_end())[:, -1].tolist()
             margin = GOAL_TOLERANCE - abs(end - target[part.index])
             bounds = margin - doubt, margin + doubt
-            yield evidence.path.claim(part, GOAL_TOLERANCE, *bounds, evidence.path.end_s)
+            yield evidence.path.claim(part, 0.0, *bounds, evidence.path.end_s)
 
 
 @prove.register
 def _(duration: Duration, evidence: Evidence) -> Iterable[Proof]:
     (part,), slack, plan = duration.parts, DURATION_TOLERANCE * duration.seconds, evidence.plan
     margin = slack - abs(plan.running_s - duration.seconds)
-    return [evidence.path.claim(part, 1e-6 * slack, margin, margin, np.nan)]
+    return [evidence.path.claim(part, 0.0, margin, margin, np.nan)]
 
 
 @prove.register
 def _(most: LongestDuration, evidence: Evidence) -> Iterable[Proof]:
     (part,), slack = most.parts, DURATION_TOLERANCE * most.seconds
     margin = slack + most.seconds - evidence.plan.duration
-    return [evidence.path.claim(part, 1e-6 * slack, margin, margin, np.nan)]
+    return [evidence.path.claim(part, 0.0, margin, margin, np.nan)]
 
 
 @prove.register
@@ -329,7 +363,8 @@ def _clearance_claims(
         evidence.plan.problem.system, evidence.path.enclosure, centre, links, radius
     )
     for part, bound in zip(parts, bounds, strict=True):
-        yield evidence.path.claim(part, part.scale, bound.guaranteed, bound.attained, bound.time_s)
+        slack = LIMIT_TOLERANCE * part.scale
+        yield evidence.path.claim(part, slack, bound.guaranteed, bound.attained, bound.time_s)
 
 
 @prove.register
@@ -350,4 +385,4 @@ def _(point: Waypoint, evidence: Evidence) -> Iterable[Proof]:
         return [undecided_claim(part.label, "", why)]
     low, high = distance_bounds(motion.cells, states, point, when, doubt)
     best = GOAL_TOLERANCE - low if nowhere else np.nan
-    return [evidence.path.claim(part, GOAL_TOLERANCE, GOAL_TOLERANCE - high, best, when)]
+    return [evidence.path.claim(part, 0.0, GOAL_TOLERANCE - high, best, when)]

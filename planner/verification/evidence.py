@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 from operator import attrgetter
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebval
 
 from planner.plan.claims import Claim, Status
 from planner.plan.plan import Plan
 from planner.plan.retimed import RetimedTrajectory
 from planner.problem.requirements.requirement import Part
+from planner.support.arrays import Array
 from planner.verification.enclosure import Enclosure, enclose
 from planner.verification.input_models import (
     CellChoice,
@@ -23,10 +26,9 @@ from planner.verification.input_models import (
 )
 from planner.verification.models import Margin, Model, least_values
 
-EQUALITY_TOLERANCE = 1e-9
-"""Excess over a limit, relative to it, that counts as equality."""
-
 NO_BOUND_REASON = "no bound on the motion or its inputs is known on all of it"
+
+SUBSTITUTE_REASON = "its rows, which the proof reads, are a substitute for its values"
 
 STANDSTILL_REASON = (
     "the inputs of a retimed path are quotients of zeros where the path stands still"
@@ -66,20 +68,38 @@ class EnclosedMotion:
         """Its own time at the end, seconds."""
         return float(self.enclosure.cells.breaks[-1])
 
+    def at(self, time_s: float) -> tuple[Array, Array]:
+        """Coordinates (N,) and inputs (2,) at its own time, to what the models leave open."""
+        ends = self.enclosure.cells.times(np.array([-1.0, 1.0]))
+        k = int(np.clip(np.searchsorted(ends[:, 0], time_s, side="right") - 1, 0, len(ends) - 1))
+        x = 2 * (time_s - ends[k, 0]) / (ends[k, 1] - ends[k, 0]) - 1
+        q, u = ([chebval(x, m.c[k]) for m in of] for of in (self.enclosure.states, self.inputs))
+        return np.array(q), np.array(u)
+
     def claim(
-        self, part: Part, scale: float, low: float, high: float, when: float, required: bool = True
+        self,
+        part: Part,
+        tolerance: float,
+        low: float,
+        high: float,
+        when: float,
+        required: bool = True,
+        why: str = "",
     ) -> Claim:
-        """The verdict on a least margin between two bounds; its own time becomes the plan's."""
-        slack, upper = EQUALITY_TOLERANCE * scale, float(high) if np.isfinite(high) else np.nan
-        time_s, why = float(when) if np.isfinite(when) else None, ""
+        """The verdict on a least margin between two bounds; its own time becomes the plan's.
+
+        A margin down to −tolerance is kept, as `verify` counts it.
+        """
+        upper = float(high) if np.isfinite(high) else np.nan
+        time_s = float(when) if np.isfinite(when) else None
         if time_s is not None and self.retimed is not None:
             time_s = self.retimed.time_of(time_s)
         status: Status = "undecided"
-        if low >= -slack:
-            status = "proven"
-        elif upper < -slack:
-            status = "violated"
-        else:
+        if low >= -tolerance:
+            status, why = "proven", ""
+        elif upper < -tolerance:
+            status, why = "violated", ""
+        elif not why:
             open_ = f"the margin lies between {low:.3g} and {upper:.3g}"
             why = open_ if np.isfinite(low) else self.why
         return Claim(part.label, status, low, upper, time_s, part.unit, required, why)
@@ -140,13 +160,18 @@ class Obligation:
         part: Whose label and unit the claim has.
         margins: (sign, value, limit) of sign · value + limit.
         motion: What the values are functions of.
+        tolerance: How far below zero the least may be.
         required: Whether the problem asks for it.
+        margin_at: Where the functions only have the sign of the margin: the margin itself, of
+            coordinates (N,) and inputs (2,).
     """
 
     part: Part
     margins: list[Margin]
     motion: EnclosedMotion
+    tolerance: float
     required: bool = True
+    margin_at: Callable[[Array, Array], float] | None = None
 
 
 Proof = Obligation | Claim
@@ -165,6 +190,10 @@ def decide(proofs: list[Proof]) -> list[Claim]:
             values = list(islice(bounds, len(each.margins)))
             least = min(map(attrgetter("guaranteed"), values))
             worst = min(values, key=attrgetter("attained"))
-            given = each.part, each.part.scale, least, worst.attained, worst.time_s
-            verdicts[id(each)] = motion.claim(*given, each.required)
+            most, when, why = worst.attained, worst.time_s, ""
+            if each.margin_at is not None and np.isfinite(when):
+                most, why = each.margin_at(*motion.at(when)), SUBSTITUTE_REASON
+                least = 0.0 if least >= 0 else -np.inf
+            given = each.part, each.tolerance, least, most, when, each.required, why
+            verdicts[id(each)] = motion.claim(*given)
     return [verdicts.get(id(each), each) for each in proofs]  # type: ignore[arg-type]

@@ -16,7 +16,7 @@ from planner.plan.claims import Certificate, Claim
 from planner.plan.plan import Plan
 from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
 from planner.verification.certify import PLAN_DEVIATION, certify
-from planner.verification.verify import LIMIT_TOLERANCE, Check, verify
+from planner.verification.verify import Check, verify
 
 
 def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Check]:
@@ -63,21 +63,16 @@ def _flaw(words: str) -> Violation:
 
 
 def _proven_violations(plan: Plan, certificate: Certificate) -> Iterator[Violation]:
-    """What is proven to be broken by more than `verify` tolerates.
-
-    The margins of ends, waypoints and the plan's own q(t) have the tolerance in them.
-    """
+    """What is proven to be broken; the tolerances are those of `verify`."""
     demands = {part.label: (each, part) for each in plan.problem.demands for part in each.parts}
     for claim in certificate.open:
         if claim.status != "violated":
             break  # these come first
         demand, part = demands.get(claim.label, (None, PLAN_DEVIATION))
-        excess, always = -claim.attained, isinstance(demand, Requirement) and not demand.final
-        if excess > (LIMIT_TOLERANCE * part.scale if always else 0.0):
-            above = _breaks_upper_limit(plan, demand, part, claim)
-            limit = part.high if above else part.low
-            value = limit + excess if above else limit - excess
-            yield Violation(part.label, claim.time_s, value, limit, part.unit, excess / part.scale)
+        excess, above = -claim.attained, _breaks_upper_limit(plan, demand, part, claim)
+        limit = part.high if above else part.low
+        value = limit + excess if above else limit - excess
+        yield Violation(part.label, claim.time_s, value, limit, part.unit, excess / part.scale)
 
 
 def _breaks_upper_limit(plan: Plan, demand: Demand | None, part: Part, claim: Claim) -> bool:

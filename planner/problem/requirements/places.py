@@ -76,6 +76,7 @@ class Obstacle(Requirement):
         y: Of the centre, metres.
         radius: Metres.
         clearance: Least distance of the links from the disc, metres.
+        reach: Length of the stretched arm, metres: what an excess is compared with.
     """
 
     number: int
@@ -84,6 +85,7 @@ class Obstacle(Requirement):
     y: float
     radius: float
     clearance: float = 0.0
+    reach: float = 1.0
 
     reads = frozenset({"q"})
     numbers = ("x", "y", "radius", "clearance")
@@ -94,7 +96,7 @@ class Obstacle(Requirement):
         """One part per link."""
         words = f"from obstacle {self.number}"
         return tuple(
-            Part(f"clearance of link {link} {words}", "m", self.clearance, np.inf, self.radius)
+            Part(f"clearance of link {link} {words}", "m", self.clearance, np.inf, self.reach)
             for link in range(1, 1 + self.links)
         )
 

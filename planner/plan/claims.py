@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -93,6 +93,11 @@ class Certificate:
         left = [c for c in self.claims if c.required and c.status != "proven"]
         return tuple(sorted(left, key=lambda c: c.status != "violated"))
 
+    @property
+    def only_sampled(self) -> tuple[str, ...]:
+        """Labels of what is required and undecided: of a verified plan, what rests on samples."""
+        return tuple(c.label for c in self.open if c.status == "undecided")
+
     def __getitem__(self, label: str) -> Claim:
         for claim in self.claims:
             if claim.label == label:
@@ -111,10 +116,11 @@ class Certificate:
         if self.ok:
             off = f"true motion within {max(self.motion_error.values()):.1e} of the plan's"
             return f"all {len(required)} requirements proven between the nodes; {off}"
-        first = self.open[0]
+        counted = f"{len(required) - len(self.open)} of {len(required)} requirements proven"
         more = f" (and {len(self.open) - 1} more)" if len(self.open) > 1 else ""
-        proven = len(required) - len(self.open)
-        return f"{proven} of {len(required)} requirements proven; {first}{more}"
+        if not self.open or self.open[0].status == "violated":
+            return f"{counted}; {self.open[0]}{more}" if self.open else f"{counted}; none is asked"
+        return f"{counted}; only sampled: {shown_labels(self.only_sampled)} ({self.open[0].why})"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready form, null where nothing is known; `certificate_from_dict` reads it."""
@@ -130,10 +136,21 @@ class Certificate:
                 }
                 for c in self.claims
             ],
+            "only_sampled": list(self.only_sampled),
             "motion_error": {name: _finite(e) for name, e in self.motion_error.items()},
             "cells": self.cells,
             "seconds": self.seconds,
         }
+
+
+MOST_LABELS = 3
+"""Labels that one line names; of more it says how many."""
+
+
+def shown_labels(labels: Sequence[str]) -> str:
+    """Some labels as one text."""
+    more = len(labels) - MOST_LABELS
+    return ", ".join(labels[:MOST_LABELS]) + (f" and {more} more" if more > 0 else "")
 
 
 def certificate_from_dict(data: Mapping[str, Any]) -> Certificate:

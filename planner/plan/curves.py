@@ -35,6 +35,20 @@ class Cells:
         piece = np.flatnonzero(np.diff(breaks) > 0)
         return cls(breaks, piece, np.zeros(len(piece)), np.ones(len(piece)))
 
+    @classmethod
+    def between(cls, breaks: Array, times: Array, finest: float) -> Cells:
+        """The pieces, divided at some times, to fractions that are multiples of `finest`."""
+        piece = np.clip(np.searchsorted(breaks, times, side="right") - 1, 0, len(breaks) - 2)
+        share = np.round((times - breaks[piece]) / np.diff(breaks)[piece] / finest) * finest
+        begins = np.array(
+            [*zip(piece, share, strict=True), *((k, 0.0) for k in range(len(breaks)))]
+        )
+        whole = np.unique(begins[(begins[:, 1] >= 0) & (begins[:, 1] < 1)], axis=0)
+        piece, low = whole[:-1, 0].astype(int), whole[:-1, 1]
+        size = np.where(whole[1:, 0] > piece, 1.0, whole[1:, 1]) - low
+        some = np.diff(breaks)[piece] > 0
+        return cls(breaks, piece[some], low[some], size[some])
+
     @property
     def width(self) -> Array:
         """Seconds, shape (C,), to a rounding."""

@@ -198,8 +198,9 @@ def domain_report(trajectory: Trajectory) -> DomainReport:
     if isinstance(trajectory, RetimedTrajectory):
         path = domain_report(trajectory.path)
         if path.ok:
-            crossings = tuple(trajectory.time_of(t) for t in path.z2_crossings_s)
-            return replace(path, time_s=trajectory.time_of(path.time_s), z2_crossings_s=crossings)
+            crossings = tuple(trajectory.time_of(np.array(path.z2_crossings_s)).tolist())
+            time_s = float(trajectory.time_of(path.time_s))
+            return replace(path, time_s=time_s, z2_crossings_s=crossings)
     return _report_inside(trajectory) or _report_outside(trajectory)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import InputError, TimeLimitError, expect, made_by
-from planner.plan.claims import Certificate
+from planner.plan.claims import Certificate, shown_labels
 from planner.plan.clock import Clock
 from planner.plan.measures import (
     DomainReport,
@@ -127,6 +127,8 @@ class Plan:
         if self.compensation is not None:
             name += " compensated"
             state += " on the nominal machine" if self.verified else ""
+        elif self.verified and self.certificate is not None and self.certificate.only_sampled:
+            state += f", only sampled: {shown_labels(self.certificate.only_sampled)}"
         moved = f"{self.travel:.4g} {self.problem.system.coordinates[0].unit}"
         return f"Plan({name}: travel {moved} in {self.duration:.4g} s, {state})"
 

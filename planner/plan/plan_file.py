@@ -172,6 +172,9 @@ class CertificateTable(Table):
     ok: bool = Field(description="Whether everything required is proven.")
     text: str = Field(description="The same in words.")
     claims: list[ClaimTable]
+    only_sampled: list[str] = Field(
+        [], description="What is required and not proven: the judge has only sampled it."
+    )
     motion_error: dict[str, Number] = Field(
         description="Proven bound on |q(t) - true motion|, by coordinate; null: none."
     )

@@ -204,10 +204,11 @@ def integrate(
         tolerance: Estimated error above which all cells are split and the integral done anew.
         *values: Further functions that the cells must resolve, of the size of one.
         system: What moves; by default the trajectory's own.
-        cells: The first cells, which it splits further; by default the trajectory's pieces.
+        cells: Cells that are known to be fine enough for the motion, which are split further for
+            the input and the values alone; by default it begins with the trajectory's pieces.
     """
     system = system or trajectory.system
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MOST_ROUNDS if cells is None else 1):
         reading, control = _read_and_control(trajectory, system, values, cells)
         motion = _integrate_reading(system, start, reading, control)
         if not motion.error > tolerance or len(reading.cells.piece) > MOST_CELLS:

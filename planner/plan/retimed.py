@@ -200,16 +200,16 @@ class RetimedTrajectory(Trajectory):
         inner = self._inverse(self.clock(times), low, high)
         return np.where(times < self.duration, inner, high)
 
-    def time_of(self, sigma: float) -> float:
-        """The time at which the path's own time is σ."""
-        k = int(
-            np.clip(np.searchsorted(self.stations, sigma, "right") - 1, 0, len(self.clock.x) - 2)
-        )
-        s, (low, high) = float(self.length(sigma)), self.clock.x[k : k + 2]
+    def time_of(self, sigma: ArrayLike) -> Array:
+        """The times (…) at which the path's own time is σ (…)."""
+        k = np.searchsorted(self.stations, sigma, "right") - 1
+        k = np.clip(k, 0, len(self.clock.x) - 2)
+        s, low, high = self.length(sigma), self.clock.x[k], self.clock.x[k + 1]
         for _ in range(60):  # bisection, to rounding
             middle = (low + high) / 2
-            low, high = (middle, high) if self.clock(middle) < s else (low, middle)
-        return float((low + high) / 2)
+            early = self.clock(middle) < s
+            low, high = np.where(early, middle, low), np.where(early, high, middle)
+        return np.asarray((low + high) / 2)
 
     def _stations_around(self, times: Array) -> tuple[Array, Array]:
         k = self.clock.piece(times)

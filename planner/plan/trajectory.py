@@ -34,7 +34,8 @@ class Trajectory(ABC):
     system: TriangularSystem
 
     def __init_subclass__(cls) -> None:
-        Trajectory.kinds[cls.kind] = cls
+        if "kind" in vars(cls):  # a subclass of a kind is not what its files hold
+            Trajectory.kinds.setdefault(cls.kind, cls)
 
     def __eq__(self, other: object) -> bool:
         if self is other:

@@ -8,7 +8,7 @@ together (`decide`). A kind that nobody has written a proof for is undecided.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache, singledispatch
 
 import casadi as ca
@@ -18,7 +18,6 @@ from planner.plan.claims import Certificate, Claim, undecided_claim
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.quadrature import JUMP_TOLERANCE
 from planner.plan.retimed import RetimedTrajectory
-from planner.problem.problem import Problem
 from planner.problem.requirements.ends import Duration, Goal, LongestDuration, Start
 from planner.problem.requirements.limits import ChartDomain
 from planner.problem.requirements.places import Obstacle, Waypoint
@@ -80,6 +79,31 @@ def certify(plan: Plan) -> Certificate:
     return Certificate(tuple(claims), bounds, cells, time.perf_counter() - began)
 
 
+def proof_times(plan: Plan) -> Array:
+    """Ends of all the cells on which `certify` encloses a plan's motion, seconds, in order.
+
+    They are closest where its expressions change fast. Empty where the motion is not enclosed.
+    """
+    with np.errstate(all="ignore"):
+        try:
+            evidence = _evidence(plan)
+        except UnboundedError:
+            return np.empty(0)
+        proofs = [each for demand in plan.problem.demands for each in prove(demand, evidence)]
+    motions = [evidence.path, *(each.motion for each in proofs if isinstance(each, Obligation))]
+    return np.unique(np.concatenate([motion.edges for motion in motions]))
+
+
+def _evidence(plan: Plan) -> Evidence:
+    """The enclosed motion. Raises an UnboundedError where nothing bounds it."""
+    trajectory = plan.trajectory
+    source, motion, plan_q = enclose_trajectory(trajectory, plan.problem.start)
+    path = EnclosedMotion(motion, source)
+    if isinstance(trajectory, RetimedTrajectory):
+        path = EnclosedMotion(motion, source, frozenset("q"), trajectory)
+    return Evidence(plan, path, plan_q)
+
+
 def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     problem, trajectory = plan.problem, plan.trajectory
     nothing = np.full(problem.system.size, np.inf)
@@ -90,56 +114,54 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
         report, (part,) = plan.domain, problem.chart.parts
         broken = Claim(part.label, "violated", -np.inf, report.margin, report.time_s, part.unit)
         why = "the path leaves the chart's domain, where no real coordinates exist"
-        return [broken, *_undecided_claims(problem, why, in_chart=False)], nothing, 0
+        others = [each for each in problem.demands if not each.in_chart]
+        return [broken, *_undecided_claims(plan, why, others)], nothing, 0
     if why:
-        return _undecided_claims(problem, why, not trajectory.in_coordinates), nothing, 0
+        return _undecided_claims(plan, why), nothing, 0
+    if plan.compensation is not None:
+        return _claims_on_inputs(plan, NO_PROOF_ON_MACHINE), nothing, len(trajectory.breaks) - 1
     try:
-        if plan.compensation is not None:
-            return _claims_on_commands(plan), nothing, len(trajectory.breaks) - 1
-        source, motion, plan_q = enclose_trajectory(trajectory, problem.start)
+        evidence = _evidence(plan)
     except UnboundedError as error:
-        why = f"nothing bounds {error}"
-        return _undecided_claims(problem, why, not trajectory.in_coordinates), nothing, 0
-    path = EnclosedMotion(motion, source)
-    if isinstance(trajectory, RetimedTrajectory):
-        path = EnclosedMotion(motion, source, frozenset("q"), trajectory)
-    evidence, proofs = Evidence(plan, path, plan_q), list[Proof]()
-    for demand in problem.demands:
-        proofs += prove(demand, evidence)
-    claims = decide(proofs)
-    gaps = [a - b for a, b in zip(plan_q, motion.states, strict=True)]
+        return _claims_on_inputs(plan, f"nothing bounds {error}"), nothing, 0
+    proofs = [each for demand in problem.demands for each in prove(demand, evidence)]
+    claims, path, plan_q = decide(proofs), evidence.path, evidence.plan_q
+    gaps = [a - b for a, b in zip(plan_q, path.enclosure.states, strict=True)]
     most = np.array([np.max(gap.size) for gap in gaps])
     end, slip = np.array([gap.at_end() for gap in gaps]).swapaxes(0, 1)
     reached = np.max(np.nan_to_num(np.abs(end) - slip, nan=-np.inf), initial=0.0)
     low, high = INTERPOLANT_TOLERANCE - float(np.max(most)), INTERPOLANT_TOLERANCE - float(reached)
     claims.append(path.claim(PLAN_DEVIATION, 0.0, low, high, np.nan))
-    return claims, most, len(motion.cells.piece)
+    return claims, most, len(path.enclosure.cells.piece)
 
 
-def _claims_on_commands(plan: Plan) -> list[Claim]:
-    """Of a compensated plan, whose inputs are commands: only these, and how long they take."""
-    source = source_of(plan.trajectory)
+def _claims_on_inputs(plan: Plan, why: str) -> list[Claim]:
+    """Of a motion that nothing bounds: only its inputs, and how long they take."""
+    try:
+        source = source_of(plan.trajectory)
+    except UnboundedError:
+        return _undecided_claims(plan, why)
     evidence = Evidence(plan, EnclosedMotion(resolve(source), source, frozenset({"u", "du"})), [])
     proofs: list[Proof] = []
     for demand in plan.problem.demands:
         reads = demand.reads if isinstance(demand, Requirement) else {"q"}
         if isinstance(demand, Duration | LongestDuration) or reads <= evidence.path.reads:
             proofs += prove(demand, evidence)
-        elif not demand.in_chart:
-            proofs += _undecided(demand, NO_PROOF_ON_MACHINE)
-    return [
-        *decide(proofs),
-        undecided_claim(PLAN_DEVIATION.label, PLAN_DEVIATION.unit, NO_PROOF_ON_MACHINE),
+        else:
+            proofs += _undecided_claims(plan, why, [demand])[:-1]
+    return [*decide(proofs), undecided_claim(PLAN_DEVIATION.label, PLAN_DEVIATION.unit, why)]
+
+
+def _undecided_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = None) -> list[Claim]:
+    """Some requirements, or all, and the plan's own q(t), where nothing is bounded."""
+    free, in_coordinates = np.isnan(plan.problem.target), plan.trajectory.in_coordinates
+    parts = [
+        part
+        for each in (plan.problem.demands if demands is None else demands)
+        for part in each.parts
+        if not ((each.in_chart and in_coordinates) or (isinstance(each, Goal) and free[part.index]))
     ]
-
-
-def _undecided_claims(problem: Problem, why: str, in_chart: bool) -> list[Claim]:
-    """All requirements, where nothing could be bounded."""
-    demands = [each for each in problem.demands if in_chart or not each.in_chart]
-    parts = [(each, part) for each in demands for part in each.parts]
-    free = np.isnan(problem.target)
-    kept = [p for each, p in parts if not (isinstance(each, Goal) and free[p.index])]
-    return [undecided_claim(p.label, p.unit, why) for p in [*kept, PLAN_DEVIATION]]
+    return [undecided_claim(part.label, part.unit, why) for part in [*parts, PLAN_DEVIATION]]
 
 
 # -- one proof for each kind of requirement ------------------------------------------------------
@@ -159,7 +181,7 @@ def _undecided(demand: Demand, why: str, required: bool = True) -> list[Claim]:
 def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
     """By its rows: at all times, or at the end alone."""
     reads = required.reads
-    if not required.smooth or ("du" in reads and not required.is_direct):
+    if "du" in reads and not required.is_direct:
         return _undecided(required, "no proof is written for this kind of requirement")
     motion, margins_of = evidence.motion_for(reads), dict[str, MarginAt]()
     if required.is_direct:
@@ -235,6 +257,8 @@ def _own_margins(
     u² over most is one for |u|.
     """
     out: dict[str, MarginAt] = {}
+    if type(required).values is Requirement.values:
+        return out
     enclosure = motion.enclosure
     q, u = (np.array([ball.c[:, :POINTS] for ball in of]) for of in (enclosure.q, enclosure.u))
     values = required.values(MotionPoint(system, q, u, np.zeros_like(u)))

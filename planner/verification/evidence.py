@@ -68,6 +68,12 @@ class EnclosedMotion:
         """Its own time at the end, seconds."""
         return float(self.enclosure.cells.breaks[-1])
 
+    @property
+    def edges(self) -> Array:
+        """Where its cells begin, and the end, in the plan's time, seconds."""
+        edges = np.append(self.enclosure.cells.times(np.array([-1.0]))[:, 0], self.end_s)
+        return edges if self.retimed is None else self.retimed.time_of(edges)
+
     def at(self, time_s: float) -> tuple[Array, Array]:
         """Coordinates (N,) and inputs (2,) at its own time, to what the models leave open."""
         ends = self.enclosure.cells.times(np.array([-1.0, 1.0]))
@@ -93,7 +99,7 @@ class EnclosedMotion:
         upper = float(high) if np.isfinite(high) else np.nan
         time_s = float(when) if np.isfinite(when) else None
         if time_s is not None and self.retimed is not None:
-            time_s = self.retimed.time_of(time_s)
+            time_s = float(self.retimed.time_of(time_s))
         status: Status = "undecided"
         if low >= -tolerance:
             status, why = "proven", ""

@@ -47,7 +47,7 @@ class Expression:
             deadline.check_stopped()
             operation, inputs = function.instruction_id(k), function.instruction_input(k)
             if operation not in _SUPPORTED:
-                raise UnboundedError(f"operation {operation} of the system's expressions")
+                raise UnboundedError(f"the function {_NAMES[operation]} of an expression")
             if operation == ca.OP_OUTPUT:
                 self._ends[function.instruction_output(k)[1]] = holds[inputs[0]]
                 continue
@@ -157,6 +157,8 @@ _ARITHMETIC: dict[int, Callable[..., Ball]] = {
     ca.OP_FABS: f.absolute,
     ca.OP_SIGN: f.signum,
 }
+
+_NAMES = {getattr(ca, name): name[3:].lower() for name in dir(ca) if name.startswith("OP_")}
 
 _SUPPORTED = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_CIRCULAR, *_ARITHMETIC}
 

@@ -15,15 +15,17 @@ from planner.errors import Violation
 from planner.plan.claims import Certificate, Claim
 from planner.plan.plan import Plan
 from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
-from planner.verification.certify import PLAN_DEVIATION, certify
-from planner.verification.verify import Check, verify
+from planner.verification.certify import PLAN_DEVIATION, certify, proof_times
+from planner.verification.verify import Check, verify, verify_between
 
 
 def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Check]:
     """A plan with its verdict.
 
-    A plan of which nothing at all is proven is refused. The plan that a compensated one compensates
-    is judged too.
+    What the certificate leaves open is read again, on the cells of the proof, which are finest
+    where the motion's expressions change fast; the certificate names it as only sampled. A plan of
+    which nothing at all is proven is refused. The plan that a compensated one compensates is judged
+    too.
 
     Args:
         plan: Any plan; what it says of itself does not count.
@@ -47,6 +49,11 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
     if broken := sorted(_proven_violations(plan, certificate), key=lambda v: -v.scaled):
         margins = {v.label: certificate[v.label].attained for v in broken}
         return plan, replace(_refused(check, broken), margins={**check.margins, **margins})
+    if certificate.only_sampled and plan.compensation is None:
+        closer = verify_between(plan, proof_times(plan))
+        proven = {claim.label for claim in certificate.claims if claim.status == "proven"}
+        if broken := [v for v in closer.violations if v.label not in proven]:
+            return plan, _refused(closer, broken)
     if not any(claim.status == "proven" for claim in certificate.claims if claim.required):
         why = certificate.open[0].why
         return plan, _refused(check, [_flaw(f"nothing of the plan can be proven: {why}")])

@@ -113,7 +113,10 @@ def test_what_no_proof_reads_is_asked_between_the_points_too(optimal: planner.Pl
     assert check.ok
     assert found.certificate is not None
     assert [claim.label for claim in found.certificate.open] == ["bump"]
-    assert "not proven" in str(found.certificate)
+    words = "only sampled: bump (nothing bounds the function fmax of an expression)"
+    assert words in str(found.certificate)
+    assert "verified, only sampled: bump" in repr(found)
+    assert found.certificate.to_dict()["only_sampled"] == ["bump"]
 
 
 @dataclass(frozen=True)

@@ -106,6 +106,33 @@ def test_what_is_only_sampled_stands_in_print_json_and_file(
         assert "only sampled: bump (" in summary["text"]  # the line of `planner plan`
 
 
+def test_a_bump_narrower_than_what_is_known_of_the_motion_is_read_again(
+    law: planner.Plan,
+) -> None:
+    """The enclosure of a chained plan is wider than the bump, so that nothing is proven of it."""
+    at = float(law.q(0.4321 * law.duration)[1])
+    asks = replace(law, problem=replace(law.problem, further=(Bump(at, 1e-10),)))
+    assert verify(asks).ok
+    assert planner.certify(asks)["bump"].status == "undecided"
+    found, check = judge(asks)
+    assert not found.verified
+    assert check.violations
+
+
+@pytest.mark.parametrize(
+    "slope",
+    [
+        "tan(heading) + 1000*(fabs(1-fabs(y-0.5123)/1e-4) + 1-fabs(y-0.5123)/1e-4)",
+        "tan(heading) + 0.001*(1+tanh((y-0.999)/1e-9))",
+    ],
+)
+def test_corners_and_steps_of_a_slope_are_seen(aside: planner.Plan, slope: str) -> None:
+    problem, path = unicycle(slope), aside.trajectory
+    assert isinstance(path, StateTrajectory)
+    on = replace(aside, problem=problem, trajectory=replace(path, system=problem.system))
+    assert not judge(on)[0].verified
+
+
 def test_reading_again_agrees_with_reading_once(optimal: planner.Plan, law: planner.Plan) -> None:
     from planner.verification.certify import proof_times
     from planner.verification.verify import verify_between

@@ -26,6 +26,7 @@ from planner.cli.output import (
     ReaderGoneError,
     ReportedStatus,
     add_common_options,
+    fit_console,
     is_interrupted,
     manner,
     print_json,
@@ -152,8 +153,11 @@ def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
     for name in ("stdout", "stderr"):  # None where the caller has closed it
         if getattr(sys, name) is None:
             setattr(sys, name, _null_stream())
-    if last:  # what is loaded stays, so that to look through it is in vain
-        gc.disable()
+    if last:
+        os.environ.pop(
+            "MPLBACKEND", None
+        )  # no figure here needs one, and an unknown one would fail
+        gc.disable()  # what is loaded stays, so that to look through it is in vain
     if (name := next((word for word in words if not word.startswith("-")), "")) in COMMANDS:
         load_command(name)  # here, where `planner_start` still has the signals
     if last:
@@ -161,7 +165,7 @@ def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
         gc.enable()
     try:
         json_only = "--json" in words and not {"-h", "--help", "--version"} & set(words)
-        with hear_signals(last), _show_warnings(), reserve_output(json_only, last):
+        with fit_console(), hear_signals(last), _show_warnings(), reserve_output(json_only, last):
             return _run(words)
     except (ReaderGoneError, BrokenPipeError):
         sys.stdout = _null_stream()  # the interpreter would fail to flush the old one at exit
@@ -228,12 +232,18 @@ def _report_failure(error: BaseException, words: list[str]) -> int:
         return _print_error(error.exit_status, kind, str(error))
     if isinstance(error, UsageError):
         return _report_usage_error(error)
-    if isinstance(error, OSError) and error.errno in DISK_FULL_ERRORS:
-        where = error.filename or "standard output"
-        return _print_error(2, "bad_input", f"cannot write {where}: {error.strerror}")
-    if lacks_memory(error):
-        return _print_error(2, "bad_input", NO_MEMORY.format(str(error) or "MemoryError"))
+    if message := _fault_of_surroundings(error):
+        return _print_error(2, "bad_input", message)
     return _report_bug(words, error)
+
+
+def _fault_of_surroundings(error: BaseException) -> str:
+    """What is wrong with the machine that this runs on, or ""."""
+    if isinstance(error, OSError) and error.errno in DISK_FULL_ERRORS:
+        return f"cannot write {error.filename or 'standard output'}: {error.strerror}"
+    if isinstance(error, ModuleNotFoundError) and not (error.name or "").startswith("planner"):
+        return f"this needs {error.name}, which is not installed"
+    return NO_MEMORY.format(str(error) or "MemoryError") if lacks_memory(error) else ""
 
 
 def _report_interruption() -> int:

@@ -5,13 +5,16 @@ What becomes of errors of standard output. Every command has `--json`, `--quiet`
 
 from __future__ import annotations
 
+import codecs
 import inspect
+import io
 import json
 import math
 import os
 import sys
 import threading
 import time
+import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
@@ -59,6 +62,37 @@ class ReaderGoneError(Exception):
 
 _result_writer: Callable[[str], object] | None = None
 """What writes the one JSON object, where `reserve_output` has put standard output aside."""
+
+
+PLAIN = {"−": "-", "–": "-", "·": "*", "×": "x", "±": "+-", "→": "->", "≤": "<=", "≥": ">="}
+"""What a console shows of characters of ours that it does not have; others lose their accents, or
+are question marks."""
+
+
+def _nearest(error: UnicodeError) -> tuple[str, int]:
+    """Characters that a console does not have, as those that every console has."""
+    assert isinstance(error, UnicodeEncodeError)
+    parts = unicodedata.normalize("NFKD", error.object[error.start : error.end])
+    plain = (PLAIN.get(c, c) for c in parts if not unicodedata.combining(c))
+    return "".join(plain).encode("ascii", "replace").decode(), error.end
+
+
+codecs.register_error("planner-nearest", _nearest)
+
+
+@contextmanager
+def fit_console() -> Iterator[None]:
+    """Let no character fail that standard output or standard error cannot write."""
+    streams = [each for each in (sys.stdout, sys.stderr) if isinstance(each, io.TextIOWrapper)]
+    before = [each.errors for each in streams]
+    for stream in streams:
+        stream.reconfigure(errors="planner-nearest")
+    try:
+        yield
+    finally:
+        for stream, errors in zip(streams, before, strict=True):
+            with suppress(ValueError):  # closed
+                stream.reconfigure(errors=errors)
 
 
 @contextmanager

@@ -49,7 +49,7 @@ def explore(
     try:
         from planner.explorer.widget import Explorer
     except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] != "anywidget":
+        if (error.name or "").startswith("planner"):
             raise
         raise InputError(
             f"planner.explore needs {error.name}; install it with: {how_to_install('notebook')}"

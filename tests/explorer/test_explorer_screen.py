@@ -356,13 +356,16 @@ def test_unknown_controls_and_arguments_are_named(paper: planner.Problem) -> Non
         planner.explore(paper, "polynomal")
 
 
+@pytest.mark.parametrize("missing", ["anywidget", "ipywidgets"])
 def test_the_missing_extra_is_named(
-    monkeypatch: pytest.MonkeyPatch, paper: planner.Problem
+    monkeypatch: pytest.MonkeyPatch, paper: planner.Problem, missing: str
 ) -> None:
     import sys
 
+    for name in [each for each in sys.modules if each.split(".")[0] in ("anywidget", "ipywidgets")]:
+        monkeypatch.delitem(sys.modules, name)
     monkeypatch.delitem(sys.modules, "planner.explorer.widget", raising=False)
-    monkeypatch.setitem(sys.modules, "anywidget", None)
+    monkeypatch.setitem(sys.modules, missing, None)
     with pytest.raises(InputError, match=re.escape(how_to_install("notebook"))):
         planner.explore(paper)
 

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from planner.cli.arguments import PlanPath, out_option
-from planner.cli.output import finish, job
+from planner.cli.output import finish, job, number
 from planner.plan.plan import Plan
-from planner.plan.samples import RATE_HZ
+from planner.plan.samples import RATE_HZ, held_miss
 from planner.report.export import FORMATS, Real, find_format, fitting, refuse_target
 from planner.report.export import export as write
 from planner.report.film import animate as film
@@ -77,9 +78,26 @@ def export(
     with job(f"writing {name}"):
         motion = load_plan(plan, strict=True)
         written = write(motion, out, name, rate_hz=rate, joint_names=names, real=real)
+        miss = _held_miss(motion, rate) if FORMATS[name].held else {}
     sent = " and ".join(FORMATS[name].sent(motion))
-    data = {"plan": plan, "format": name, "written": written}
-    return finish(data, where="written to {}" + f"; send the motors {sent}" * bool(sent))
+    data = {"plan": plan, "format": name, "written": written, "held_miss": miss or None}
+    words = f"; send the motors {sent}" * bool(sent)
+    if miss:
+        off = ", ".join(f"{each} {number(value)}" for each, value in miss.items())
+        words += f", each row until the next: without a machine's errors that ends off by {off}"
+    return finish(data, where="written to {}" + words)
+
+
+def _held_miss(plan: Plan, rate_hz: float) -> dict[str, float]:
+    """`held_miss` by coordinate and unit, angles in degrees."""
+    system = plan.problem.system
+    names, miss = system.user_coordinates, held_miss(plan, rate_hz)
+    return {
+        f"{each.name}_{'deg' if each.unit == 'rad' else each.unit or '1'}": float(
+            np.rad2deg(value) if each.unit == "rad" else value
+        )
+        for each, value in zip(names, miss, strict=True)
+    }
 
 
 def animate(

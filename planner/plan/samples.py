@@ -17,9 +17,11 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.plan.plan import Plan
-from planner.plan.quadrature import POINTS, read_trajectory
+from planner.plan.quadrature import POINTS, integrate, read_trajectory
 from planner.plan.recorded.number_table import read_table
+from planner.plan.trajectory import StateTrajectory
 from planner.support.arrays import Array
+from planner.support.calculus.bernstein import Bernstein
 from planner.support.files import SAMPLES_BYTES, expect_path, read_bytes
 from planner.support.package import how_to_install
 from planner.systems.triangular_system import Coordinate
@@ -32,6 +34,9 @@ MAX_ROWS = 2_000_000
 RATE_HZ = 100.0
 """Default number of samples per second, that of the emulated machine's controller."""
 
+
+MISS_BLOCK = 5000
+"""Rows that are integrated at once: some 100 MB."""
 
 ARRAYS = ("t", "q", "u", "motors", "z", "v")
 """Of `Samples`, in the order of its columns."""
@@ -48,10 +53,10 @@ class Samples:
         axes: Names of the columns of `motors`, for example "motor1_rad".
         t: Times, shape (R,), s; the first is 0, the last the duration.
         q: User coordinates, shape (R, N); NaN where no real ones exist.
-        u: Inputs, shape (R, 2); at a jump the value after it, so 0 at the end. NaN where undefined.
+        u: Inputs, shape (R, 2): their mean until the next time, 0 at the end. NaN where undefined.
         motors: Where they have turned the motors, shape (R, 2); see `motor_angles`.
         z: Chained coordinates, shape (R, N).
-        v: Chained inputs, shape (R, 2).
+        v: Chained inputs at these times, shape (R, 2); 0 at the end.
     """
 
     coordinates: tuple[str, ...]
@@ -98,7 +103,10 @@ class Samples:
 
 
 def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
-    """A plan at evenly spaced times.
+    """A plan at evenly spaced times, with inputs for motors that hold each row until the next.
+
+    An input is its mean until then, so that each motor has turned as far as the plan asks for at
+    every row. A compensated plan holds its commands for a tick each: over one, their mean is they.
 
     Args:
         plan: Any plan.
@@ -124,10 +132,10 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
         axes=(f"motor1_{_travel_unit(first)}", f"motor2_{_travel_unit(second)}"),
         t=t,
         q=plan.user(t),
-        u=_ended(plan.u(t)),
+        u=_held(plan, t),
         motors=motor_angles(plan, t),
         z=plan.z(t),
-        v=_ended(plan.v(t)),
+        v=np.concatenate([plan.v(t[:-1]), np.zeros((1, 2))]),
     )
 
 
@@ -137,28 +145,59 @@ def commands(plan: Plan) -> tuple[str, str]:
     return _column_name(first), _column_name(second)
 
 
-def _ended(inputs: Array) -> Array:
-    """With the last one zero: who holds the last value of a table does not run on."""
-    inputs[-1] = 0.0
-    return inputs
-
-
 def motor_angles(plan: Plan, t: Array) -> Array:
     """Where the inputs have turned the motors at increasing times t (R,) from 0, (R, 2).
 
-    The integrals of u, by Gauss quadrature on cells where u is a polynomial to rounding: of u₁ from
-    0 (motor 1's axis has no absolute zero in the model), of u₂ from q₂, θ₁ of an arm. rad, or m
-    where the input is a speed. Of a compensated plan these are angles commanded.
+    The integrals of u: of u₁ from 0 (motor 1's axis has no absolute zero in the model), of u₂ from
+    q₂, θ₁ of an arm. rad, or m where the input is a speed. Of a compensated plan these are angles
+    commanded.
+    """
+    angles = np.concatenate([np.zeros((1, 2)), np.cumsum(_turns(plan, t), axis=0)])
+    return np.asarray(angles + np.array([0.0, plan.q(0.0)[1]]))
+
+
+def _turns(plan: Plan, t: Array) -> Array:
+    """Integrals of u from each of increasing times t (R,) to the next, (R − 1, 2).
+
+    By Gauss quadrature on cells where u is a polynomial to rounding.
     """
     cells = read_trajectory(plan.trajectory).cells
     begins = cells.time(np.arange(len(cells.piece)), np.array(-1.0))
-    edges = np.unique(np.concatenate([t, begins]))
+    edges = np.unique(np.concatenate([t, begins[(begins > t[0]) & (begins < t[-1])]]))
     nodes, weights = np.polynomial.legendre.leggauss(POINTS // 2)
     half = np.diff(edges)[:, None] / 2
     u = plan.u(edges[:-1, None] + half * (1 + nodes))
-    turned = np.cumsum(np.sum((half * weights)[..., None] * u, axis=1), axis=0)
-    angles = np.concatenate([np.zeros((1, 2)), turned])[np.searchsorted(edges, t)]
-    return np.asarray(angles + np.array([0.0, plan.q(0.0)[1]]))
+    turned = np.sum((half * weights)[..., None] * u, axis=1)
+    return np.asarray(np.add.reduceat(turned, np.searchsorted(edges, t[:-1]), axis=0))
+
+
+def _held(plan: Plan, t: Array) -> Array:
+    """Mean inputs from each time to the next, and zeros at the end, (R, 2)."""
+    return np.concatenate([_turns(plan, t) / np.diff(t)[:, None], np.zeros((1, 2))])
+
+
+def held_miss(plan: Plan, rate_hz: float = RATE_HZ) -> Array:
+    """How far rows that are held end from where the plan's own inputs do, in user coordinates (N,).
+
+    Both are integrated by the kinematics alone, without a machine, from the plan's start; NaN for a
+    plan without real inputs.
+
+    Raises:
+        InputError: As for `sample`.
+    """
+    samples, system = sample(plan, rate_hz), plan.problem.system
+    start, q = plan.q(0.0), plan.q(samples.t)
+    if not (np.all(np.isfinite(q)) and np.all(np.isfinite(samples.u))):
+        return np.full(system.size, np.nan)
+    held_end = start
+    for first in range(0, len(samples.t) - 1, MISS_BLOCK):
+        rows = slice(first, first + MISS_BLOCK + 1)
+        t = samples.t[rows] - samples.t[first]
+        straight = Bernstein(np.stack([q[rows][:-1], q[rows][1:]]), t)
+        inputs = Bernstein(samples.u[None, rows][:, :-1].copy(), t)
+        held_end = integrate(StateTrajectory(system, straight, inputs), held_end).q[-1, -1]
+    end = integrate(plan.trajectory, start).q[-1, -1]
+    return np.asarray(system.user(held_end) - system.user(end))
 
 
 def load_samples(path: str | Path) -> Samples:

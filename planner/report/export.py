@@ -25,7 +25,7 @@ from planner.errors import InputError, InputWarning
 from planner.machine.machine import Machine
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan, expect_plan
-from planner.plan.samples import ARRAYS, RATE_HZ, Samples, commands, motor_angles, sample
+from planner.plan.samples import ARRAYS, RATE_HZ, Samples, commands, held_miss, motor_angles, sample
 from planner.report.urdf import urdf_text
 from planner.support.arrays import Array
 from planner.support.files import (
@@ -64,6 +64,7 @@ class Format:
         reader: What reads it in Python, or "".
         options: Which of `ExportOptions` it has.
         commanded: Whether motors are to carry it out as it is.
+        held: Whether motors hold each row of it until the next.
         sent: Names of the columns that the motors are sent, where it is a table of named columns.
     """
 
@@ -73,6 +74,7 @@ class Format:
     reader: str = ""
     options: tuple[str, ...] = ("rate_hz",)
     commanded: bool = True
+    held: bool = False
     sent: Callable[[Plan], Sequence[str]] = lambda _: ()
 
 
@@ -82,6 +84,7 @@ FORMATS: dict[str, Format] = {
         (".csv",),
         lambda plan, asked: _csv(sample(plan, asked.rate_hz)),
         "planner.load_samples",
+        held=True,
         sent=commands,
     ),
     "json": Format(
@@ -101,8 +104,9 @@ FORMATS: dict[str, Format] = {
     "mat": Format(
         "MATLAB: as csv, with names of coordinates and inputs, and facts of the plan",
         (".mat",),
-        lambda plan, asked: _mat(plan, sample(plan, asked.rate_hz)),
+        lambda plan, asked: _mat(plan, sample(plan, asked.rate_hz), asked.rate_hz),
         "planner.load_samples",
+        held=True,
     ),
     "urdf": Format(
         "the arm for ROS and RViz: link lengths, joint limits, joints named as the coordinates",
@@ -138,7 +142,9 @@ def export(
 ) -> Path:
     """Write a plan as a file or a folder for another program, all or nothing.
 
-    Commands end with zeros. If the plan does not start at rest, an `InputWarning` says so.
+    Commands end with zeros. In tables they are means from each row to the next, so that motors that
+    hold each row turn as far as the plan asks for; `planner.plan.samples.held_miss` is how far off
+    the arm then ends. If the plan does not start at rest, an `InputWarning` says so.
 
     Args:
         plan: The plan. Of a refused plan the samples are NaN (in CSV: empty) where no real angles
@@ -229,7 +235,7 @@ def _csv(samples: Samples) -> str:
     return csv_text([samples.columns, *cells])
 
 
-def _mat(plan: Plan, samples: Samples) -> bytes:
+def _mat(plan: Plan, samples: Samples, rate_hz: float) -> bytes:
     from scipy.io import savemat
 
     about = {
@@ -240,6 +246,7 @@ def _mat(plan: Plan, samples: Samples) -> bytes:
         "verified": plan.verified,
         "starts_at_rest": not moving_inputs(plan, 0.0),
         "duration_s": plan.duration,
+        "held_miss": held_miss(plan, rate_hz),
         "objective": plan.objective,
         "objective_name": plan.objective_name,
         "problem_json": json.dumps(plan.problem.to_dict()),

@@ -164,10 +164,14 @@ def test_export_command(run: Callable, tmp_path: Path) -> None:
     assert run(*FAST, "--out", plan, "-q").status == 0
     written = str(tmp_path / "x.csv")
     made = run("export", plan, "--out", written, "--rate", "5", "--json").json
+    miss = made.pop("held_miss")
     assert made == {"plan": str(plan), "format": "csv", "written": written, "exit_status": 0}
+    assert list(miss) == ["phi2_deg", "theta1_deg", "theta2_deg", "theta3_deg"]
+    assert 1e-4 < max(map(abs, miss.values())) < 0.1
     assert len(planner.load_samples(written).t) == 51
     sent = run("export", plan, "--out", written).err
-    assert sent.endswith(f"written to {written}; send the motors u1_rad_s and u2_rad_s\n")
+    told = "; send the motors u1_rad_s and u2_rad_s, each row until the next: without a machine's"
+    assert f"written to {written}{told} errors that ends off by phi2_deg" in sent
     slow = tmp_path / "slow.json"
     assert run("plan", PAPER, "--out", slow, "-q").status == 0
     asked = ("export", slow, "--format", "c", "--out", tmp_path / "c")

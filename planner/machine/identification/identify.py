@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.errors import InputError
+from planner.machine.identification.diagnosis import refuse_misfit
 from planner.machine.identification.fit import Fit, fit
 from planner.machine.identification.model import KNOWN_DEG, LogModel
 from planner.machine.identification.parameters import Parameter, Parameters
@@ -37,6 +39,10 @@ STARTS = 2
 NOISE_RATIO = 1.5
 """Residuals above so many times the encoder's noise are no noise: on emulated arms inertia gives 7,
 an encoder that is eccentric by 0.1 degrees hardly more than 1."""
+
+COARSE_DEG = 0.3
+"""An encoder of coarser steps leaves more of a run than anything that the model lacks; 12 bits are
+0.088 degrees."""
 
 UNTOLD_SHARE = 0.9
 """A parameter that the logs leave this part of its prior's deviation is not told by them."""
@@ -255,8 +261,9 @@ def identify(
         progress: Called with what is done and the share of all.
 
     Raises:
-        InputError: If there is no log, the system is no arm with friction disks, a log has another
-            number of joints, or does not move one of them by a degree.
+        InputError: If there is no log or one is given twice, the system is no arm with friction
+            disks, a log has another number of joints, does not move one of them by a degree, or
+            fits the arm only with another sign, unit, order of columns or clock.
     """
     expect_problem(problem)
     expect_listener(progress)
@@ -275,6 +282,10 @@ def identify(
         )
     preset = machine_for(problem.machine, machine)
     parameters = Parameters(preset, system)
+    _refuse_twice(every)
+    for log in every:
+        log.plan(problem)  # or it has another number of joints
+        refuse_misfit(log, system)
     kept_out = every.pop() if len(every) > 1 else None
     models = [LogModel(log, problem, parameters) for log in every]
     result = fit(models, parameters, starts, seed, progress or (lambda what, share: None))
@@ -292,6 +303,15 @@ def identify(
         noise_deg=noise,
         warnings=tuple(_warnings(every, estimates, residual, noise)),
     )
+
+
+def _refuse_twice(logs: Sequence[Log]) -> None:
+    for first, second in combinations(logs, 2):
+        if np.array_equal(first.theta, second.theta) and np.array_equal(first.u, second.u):
+            raise InputError(
+                f"{first.source} and {second.source} are the same run; a run that is kept out of"
+                " its own fit shows nothing, so give each run once"
+            )
 
 
 def _estimates(parameters: Parameters, result: Fit) -> Iterator[Estimate]:
@@ -319,11 +339,18 @@ def _warnings(
         ratio = left / usual
         if np.max(ratio) > NOISE_RATIO:
             joint = int(np.argmax(ratio))
+            coarse = _encoder_step_deg(log, joint)
+            if coarse > COARSE_DEG:
+                yield (
+                    f"{log.source}: theta{joint + 1} is read in steps of {coarse:.3g} deg, which is"
+                    " all that is left of it; a finer encoder tells more"
+                )
+                continue
             yield (
                 f"{log.source}: theta{joint + 1} is off by {left[joint]:.3g} deg (rms), and its"
                 f" encoder's noise is {usual[joint]:.2g} deg: the arm does what the model lacks"
-                " (inertia in fast motions, which a machine of fidelity 'dynamic' has; eccentric"
-                " encoders; something loose)"
+                " (inertia in fast motions, which a machine of fidelity 'dynamic' has; an encoder"
+                " that is eccentric or whose zero is off; something loose)"
             )
     if still := [
         i for i in range(1, logs[0].theta.shape[1]) if not any(_turns(x, i) for x in logs)
@@ -339,6 +366,12 @@ def _warnings(
                 f"{each.parameter.name} ended at the edge of its range,"
                 f" {each.value:.4g} {each.parameter.unit}"
             )
+
+
+def _encoder_step_deg(log: Log, joint: int) -> float:
+    """The least difference of two readings of a joint, degrees: tiny where an encoder is fine."""
+    steps = np.diff(np.unique(np.round(log.theta_deg[:, joint], 4)))
+    return float(np.min(steps, initial=np.inf)) if steps.size else 0.0
 
 
 def _turns(log: Log, joint: int) -> bool:

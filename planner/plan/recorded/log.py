@@ -15,7 +15,6 @@ import numpy as np
 
 from planner.errors import InputError, expect
 from planner.plan.plan import Plan
-from planner.plan.recorded.bag import is_bag, read_bag
 from planner.plan.recorded.columns import find_columns, parse_name
 from planner.plan.recorded.number_table import Blanks, NumberTable, read_table
 from planner.plan.samples import MAX_ROWS
@@ -33,6 +32,9 @@ LEAST_ROWS = 50
 """Fewer rows are half a second at the usual 100 Hz: no joint has left its backlash by then."""
 
 POSE_READINGS = 20
+MOST_POSE_DRIFT_DEG, MOST_POSE_OFF_DEG = 0.1, 0.5
+"""How far the medians of both halves of these readings may be apart, and one reading from the
+median of all: an encoder of 0.088 degrees that flickers moves each by 0.088 degrees."""
 
 GAP_RATIO = 2.5
 """Rows further apart than so many usual intervals are a gap; jitter of a busy computer is less."""
@@ -105,8 +107,28 @@ class Log:
         """Where the arm stands at the end: the mean of the last 20 readings, shape (n,), degrees.
 
         Of an encoder of 0.088 degrees with noise a third of that they leave 0.01 degrees.
+
+        Raises:
+            InputError: If a joint still moves then, or one of its readings is far from the others.
         """
-        return np.asarray(np.rad2deg(self.theta[-POSE_READINGS:].mean(axis=0)))
+        last = self.theta_deg[-POSE_READINGS:]
+        half = len(last) // 2
+        moved = np.abs(np.median(last[-half:], axis=0) - np.median(last[:half], axis=0))
+        spread = np.max(np.abs(last - np.median(last, axis=0)), axis=0)
+        joint = int(np.argmax(np.maximum(moved / MOST_POSE_DRIFT_DEG, spread / MOST_POSE_OFF_DEG)))
+        if moved[joint] > MOST_POSE_DRIFT_DEG:
+            rate = moved[joint] / (half * self.interval_s)
+            raise InputError(
+                f"{self.source}: the arm does not rest at the end: in the last {len(last)} readings"
+                f" theta{joint + 1} moves at {rate:.2g} deg/s; record until it stands still"
+            )
+        if spread[joint] > MOST_POSE_OFF_DEG:
+            raise InputError(
+                f"{self.source}: the last {len(last)} readings of theta{joint + 1} lie"
+                f" {spread[joint]:.3g} deg apart from their median; such a reading is wrong, or its"
+                " encoder too coarse to start from"
+            )
+        return np.asarray(last.mean(axis=0))
 
     @property
     def interval_s(self) -> float:
@@ -196,13 +218,11 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
     columns are left out. A blank command holds the one above it. What separates cells, the decimal
     mark, comments and encodings are those of any program: `planner.plan.recorded.number_table`.
 
-    Of a ROS 2 bag (extra `ros`) `columns` names the topics: `planner.plan.recorded.bag`.
-
     Args:
-        path: The file, or the bag's folder.
-        columns: Where the file calls its columns otherwise: names as above with the unit to the
-            file's own, for example `{"t_ns": "stamp", "theta1_rad": "pos[0]"}`; of a bag
-            `{"theta1_rad": "/joint_states/position[theta1]", "u1_rad_s": "/commands/data[0]"}`.
+        path: The file.
+        columns: Where the file calls its columns otherwise, as one exported from a ROS 2 bag does:
+            names as above with the unit to the file's own, for example `{"t_ns": "stamp",
+            "theta1_rad": "/joint_states/position[0]"}`.
 
     Raises:
         InputError: If the file cannot be read, a column or its unit is missing, a cell is no
@@ -210,16 +230,11 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
             jump or are in another unit than the header says. The message names line and column.
     """
     names = columns or {}
-    expect(Mapping, names, 'columns maps names to those of the file: {"theta1_rad": "pos[0]"}')
-    table = (
-        read_bag(path, names)
-        if is_bag(path)
-        else read_table(
-            path,
-            "a log is CSV",
-            lambda cell: parse_name(cell) is not None or cell.strip() in names.values(),
-            may_be_cut=True,
-        )
+    table = read_table(
+        path,
+        "a log is CSV",
+        lambda cell: parse_name(cell) is not None or cell.strip() in names.values(),
+        may_be_cut=True,
     )
     places = find_columns(table, names)
     if not LEAST_ROWS <= len(table.rows) <= MAX_ROWS:

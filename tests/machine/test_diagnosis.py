@@ -1,0 +1,99 @@
+"""Recordings that lie: what is wrong with a run is named, without a fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner import InputError, Log, Machine, Problem, emulate_log, excitation, identify
+from planner.machine.identification.diagnosis import refuse_misfit
+from planner.machine.identification.identify import _warnings
+
+DEG, RPM = 180 / np.pi, 30 / np.pi
+
+
+@pytest.fixture(scope="module")
+def log(paper: Problem) -> Log:
+    return emulate_log(excitation(paper), Machine.prototype())
+
+
+def late(log: Log, rows: int) -> Log:
+    """The commands stand `rows` below those in which they act; above, the motors are told zero."""
+    u = np.zeros_like(log.u)
+    if rows > 0:
+        u[rows:] = log.u[:-rows]
+    else:
+        u[:rows] = log.u[-rows:]
+    return replace(log, u=u)
+
+
+def test_what_arms_do_is_not_refused(paper: Problem, log: Log) -> None:
+    refuse_misfit(log, paper.system)
+    refuse_misfit(late(log, -8), paper.system)  # a servo, slow as can be
+    coarse = Machine.prototype(encoder_resolution_deg=1.0, gear_ratio_error=0.05)
+    refuse_misfit(emulate_log(excitation(paper), coarse), paper.system)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda x: replace(x, u=x.u * [-1, 1]), r"fits if u1 has the other sign"),
+        (lambda x: replace(x, u=x.u * [1, -1]), r"fits if u2 has the other sign"),
+        (lambda x: replace(x, u=x.u * [-1, -1]), r"fits if u1 and u2 have the other sign"),
+        (lambda x: replace(x, u=x.u * DEG), r"fits if u1 and u2 are in degrees/s"),
+        (lambda x: replace(x, u=x.u * [RPM, 1]), r"fits if u1 is in rpm"),
+        (lambda x: replace(x, u=x.u / [DEG, 1]), r"u1 is in radians/s where the header says deg"),
+        (lambda x: replace(x, u=x.u / [1, 6]), r"fits if u2 is in rpm where the header says"),
+        (lambda x: replace(x, u=x.u[:, ::-1]), r"fits if u1 and u2 change places"),
+        (lambda x: replace(x, theta=x.theta * [1, 1, -1]), r"fits if theta3 has the other sign"),
+        (
+            lambda x: replace(x, theta=x.theta[:, [0, 2, 1]]),
+            r"columns of angles are, .*: theta1, theta3, theta2",
+        ),
+        (
+            lambda x: replace(x, theta=x.theta[:, [1, 2, 0]]),
+            r"columns of angles are, .*: theta2, theta3, theta1",
+        ),
+        (lambda x: replace(x, u=x.u[::-1].copy()), r"no sign, unit or order .* makes it fit"),
+        (lambda x: late(x, 40), r"turn 0\.36 s before the commands"),
+        (lambda x: late(x, -40), r"turn 0\.44 s after the commands"),
+    ],
+)
+def test_a_mistake_is_named(paper: Problem, log: Log, change, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        identify(change(log), paper)
+
+
+def test_a_run_is_given_once(paper: Problem, log: Log) -> None:
+    with pytest.raises(InputError, match="the same run; a run that is kept out of its own fit"):
+        identify([log, replace(log, source="copy")], paper)
+
+
+def test_a_coarse_encoder_is_not_blamed_on_inertia(paper: Problem) -> None:
+    coarse = emulate_log(
+        excitation(paper), Machine.prototype(encoder_resolution_deg=1.0), noise_deg=0
+    )
+    left, noise = np.full((1, 3), 0.3), np.full((1, 3), 0.1)
+    (text, *_) = _warnings([coarse], [], left, noise)
+    assert "read in steps of 1 deg" in text
+    assert "inertia" not in text
+
+
+def test_a_pose_is_of_an_arm_that_rests() -> None:
+    t = 0.01 * np.arange(100)
+    theta = np.deg2rad(np.column_stack([np.full(100, 5.0), 20.0 - 0 * t]))
+    still = Log(t, np.zeros((100, 2)), theta, source="homed.csv")
+    flicker = np.deg2rad(0.088) * (np.arange(100) % 3 == 0)[:, None]
+    np.testing.assert_allclose(
+        replace(still, theta=theta + flicker).pose_deg, [5.03, 20.03], atol=0.01
+    )
+    for rate in (1.5, -10.0):
+        moving = theta + np.deg2rad(rate) * np.column_stack([0 * t, t])
+        with pytest.raises(InputError, match=rf"homed.csv: .* theta2 moves at {abs(rate):g} deg/s"):
+            _ = replace(still, theta=moving).pose_deg
+    cut = theta.copy()
+    cut[-5, 1] = np.deg2rad(18.0)
+    with pytest.raises(InputError, match=r"readings of theta2 lie 2 deg apart"):
+        _ = replace(still, theta=cut).pose_deg

@@ -14,7 +14,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.machine.identification.diagnosis import refuse_misfit
 from planner.machine.identification.fit import Fit, fit
-from planner.machine.identification.model import KNOWN_DEG, LogModel
+from planner.machine.identification.model import KNOWN_DEG, LogModel, known_row
 from planner.machine.identification.parameters import Parameter, Parameters
 from planner.machine.machine import Machine, machine_for
 from planner.plan.recorded.log import Log, expect_log
@@ -285,6 +285,7 @@ def identify(
     _refuse_twice(every)
     for log in every:
         log.plan(problem)  # or it has another number of joints
+        known_row(log)  # or a joint does not move
         refuse_misfit(log, system)
     kept_out = every.pop() if len(every) > 1 else None
     models = [LogModel(log, problem, parameters) for log in every]

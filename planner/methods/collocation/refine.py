@@ -1,4 +1,5 @@
-"""After the solve: limits kept between the nodes, and a mesh fine enough for the true motion."""
+"""After the solve: a mesh fine enough for the true motion and for the objective, and limits kept
+between the nodes."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.methods.collocation.between_nodes import INTERPOLANT, Inspection, inspect
+from planner.methods.collocation.between_nodes import INTERPOLANT, SETTLED, Inspection, inspect
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
     exact_motion,
@@ -55,7 +56,10 @@ class PolishedMotion:
 
 
 def polish(task: Task, solution: Solution, accuracy: float, refinements: int) -> PolishedMotion:
-    """Refine the mesh until the re-simulated end is accurate, then draw limits in where needed.
+    """Refine the mesh, then draw limits in where needed.
+
+    The mesh is fine enough when the re-simulated end is accurate and the objective has settled:
+    by estimate or as the last refinement shows, a finer mesh saves no more than `SETTLED` of it.
 
     Limits drawn in move the motion, which may want a finer mesh then; so both are gone through
     until neither has anything to do, or the refinements are used up.
@@ -97,8 +101,10 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
 
 def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Inspection]:
     """The motion on one finer mesh after the other until one is fine enough, or leads to none."""
+    settled = False
     for _ in range(most):
-        if now.fine(accuracy):
+        settled = settled or bool(np.sum(now.savings) <= SETTLED)
+        if settled and now.fine(accuracy):
             return
         progress.tell("refining the mesh")
         finer = _add_build_time(now.task, now.task.on_mesh(_finer_mesh(now, accuracy)))
@@ -106,7 +112,8 @@ def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Insp
         solution = finer.solve(start, near=True)
         if not solution.ok:
             return
-        now = inspect(finer, solution)
+        before, now = now.solution.objective, inspect(finer, solution)
+        settled = abs(before - solution.objective) <= SETTLED * abs(solution.objective)
         yield now
 
 
@@ -160,6 +167,8 @@ def _finer_mesh(now: Inspection, accuracy: float) -> Mesh:
     interval is much wider than another.
     """
     task, d, widths = now.task, now.task.made.form.degree, now.task.mesh.widths
+    if now.fine(accuracy):
+        return _split_at_kinks(now)
     own = np.abs(task.motion_apart(now.solution.iterate) - now.curves[0]).max(axis=2)
     nodes = own[:, -1]
     growth = max(np.sqrt(len(widths)), now.end_error / max(np.max(nodes), 1e-16))
@@ -173,3 +182,14 @@ def _finer_mesh(now: Inspection, accuracy: float) -> Mesh:
     edges = np.interp(np.linspace(0, covered[-1], count + 1), covered, task.mesh.edges)
     edges[0], edges[-1] = 0.0, 1.0
     return task.mesh.snapped(edges)
+
+
+def _split_at_kinks(now: Inspection) -> Mesh:
+    """Intervals cut where the objective asks for it: a kink's cost shrinks with the width cubed."""
+    edges, widths = now.task.mesh.edges, now.task.mesh.widths
+    parts = np.ceil(np.maximum(1.0, (now.savings * len(widths) / SETTLED) ** (1 / 3)))
+    places = [
+        np.linspace(a, b, int(n) + 1)[1:]
+        for a, b, n in zip(edges[:-1], edges[1:], parts, strict=True)
+    ]
+    return now.task.mesh.snapped(np.append(0.0, np.concatenate(places)))

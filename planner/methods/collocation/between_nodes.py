@@ -106,7 +106,7 @@ def _savings(task: Task, solution: Solution) -> Array:
         uneven = np.minimum(np.abs(kinks), np.abs(kinks - (beside[:-2] + beside[2:]) / 2))
         lost = effort * uneven**2 * narrow**3 / 10 + smooth * kinks**2 * narrow / 12
     share = np.sum(lost, axis=1) / solution.objective
-    return (np.append(share, 0.0) + np.append(0.0, share)) / 2
+    return np.asarray(np.append(share, 0.0) + np.append(0.0, share)) / 2
 
 
 @lru_cache(maxsize=16)

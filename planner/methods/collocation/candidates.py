@@ -5,6 +5,12 @@ others follow a straight line. The guess does not obey the kinematics: the solve
 excursion matters where a straight line has no slope to follow, as at θ = 0, and where the path
 coordinate must turn back.
 
+The rates of an arm depend on cos θ₁ alone. So whatever crosses θ₁ = 0 and comes back can be
+mirrored to stay on one side, at the same effort, and then be cut short at the corners: the best
+motion crosses θ₁ = 0 at most once, and only where its ends lie on different sides. Guesses are
+mirrored likewise (`_on_one_side`); which way the drive goes first, and whether θ₁ crosses early or
+late, is what remains to be tried: all four in turn, since each may be the best.
+
 A goal that leaves joints free is expected in several places in turn; where the motion ends is for
 the solver to say.
 
@@ -29,11 +35,13 @@ from planner.methods.collocation.thin_discs import thicknesses
 from planner.methods.collocation.transcription.form import Mesh, through, uniform
 from planner.methods.collocation.transcription.transcription import Transcription
 from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.plan.trajectory import StateTrajectory
 from planner.problem.free_space import find_way
 from planner.problem.problem import Problem
 from planner.problem.reach import expected_goals
 from planner.problem.requirements.places import Waypoint
 from planner.support.arrays import Array
+from planner.systems.manipulator import Manipulator
 
 Excursion = Callable[[Array], Array]
 SAMPLES = 1001
@@ -67,36 +75,45 @@ def way_between_discs(problem: Problem) -> Seed | None:
     return None if way is None else Seed("way between discs", np.zeros_like, np.zeros_like, way)
 
 
-def seeds(kind: str, count: int = 12) -> list[Seed]:
+def seeds(kind: str, count: int = 12, sides: int = 1) -> list[Seed]:
     """Seeds of one kind, or for "auto" all of them in the order in which they are tried.
 
-    - straight: a line, with a slight excursion of q₂.
-    - bump: q₁ goes out and back, q₂ makes its excursion on the way back.
+    - straight: a line, with a slight excursion of q₂; to both sides if there are two.
     - reverse: q₁ first leaves the line, then returns late; q₂ goes out and back.
+    - bump: q₁ goes out and back, q₂ makes its excursion on the way back.
     - wander: smooth random loops, from `count` fixed random seeds.
     """
     known = _fixed_seeds()
-    wander = [_wander(k) for k in range(max(count, 2))]
-    if kind != "auto":
-        return wander if kind == "wander" else [*known[kind]]
-    straight, bump, reverse = known.values()
-    first = [straight[0], bump[0], reverse[0], wander[0], wander[1], bump[1], reverse[1]]
-    return [*first, *wander[2:]][:count]
+    known = known | {"straight": known["straight"][:sides]}
+    if kind not in ("auto", "wander"):
+        return [*known[kind]]
+    first = [] if kind == "wander" else [seed for kind in known.values() for seed in kind]
+    return [*first, *(wander(k) for k in range(count))][:count]
+
+
+SIGNS = ((-1, 1), (1, -1), (1, 1), (-1, -1))
+"""Of the excursions of q₁ and q₂: every first direction with every side."""
 
 
 @lru_cache(maxsize=1)
 def _fixed_seeds() -> dict[str, list[Seed]]:
     return {
-        "straight": [Seed("straight", np.zeros_like, lambda s: 0.1 * np.sin(np.pi * s))],
-        "bump": [_bump(a, b) for a, b in ((1.0, 0.8), (-1.0, -0.8), (-1.0, 0.8), (1.0, -0.8))],
-        "reverse": [_reverse(a, b) for a, b in ((-0.7, 0.8), (0.7, -0.8), (0.7, 0.8))],
+        "straight": [_straight("straight", 0.1), _straight("straight, mirrored", -0.1)],
+        "reverse": [_reverse(0.7 * a, 0.8 * b) for a, b in SIGNS],
+        "bump": [_bump(a, 0.8 * b) for a, b in SIGNS],
     }
 
 
-def guess(problem: Problem, made: Transcription, mesh: Mesh, seed: Seed) -> Iterate:
-    """Initial values of the unknowns along a first guess."""
+def guess(
+    problem: Problem,
+    made: Transcription,
+    mesh: Mesh,
+    seed: Seed,
+    about: StateTrajectory | None = None,
+) -> Iterate:
+    """Initial values of the unknowns along a first guess, about a straight line or a motion."""
     s = np.linspace(0.0, 1.0, SAMPLES)
-    q = _states(problem, mesh, seed, s)
+    q = _states(problem, mesh, seed, s, about)
     rates = np.gradient(q[:, :2], s, axis=0)
     drive = problem.system.drive(q)
     rates[:, 0] /= np.where(np.abs(drive) < 0.05, 0.05, drive)
@@ -122,13 +139,18 @@ def likely_travel(problem: Problem) -> float:
     return float(slopes @ moves) / size if size > 1e-12 else 0.0
 
 
-def _states(problem: Problem, mesh: Mesh, seed: Seed, s: Array) -> Array:
+def _states(
+    problem: Problem, mesh: Mesh, seed: Seed, s: Array, about: StateTrajectory | None
+) -> Array:
     travel = likely_travel(problem)
-    q = lines_through_waypoints(problem, mesh.knots, travel, s)
-    if seed.way is not None:
+    if about is not None:
+        q = about.q(s * about.duration)
+    elif seed.way is not None:
         q = _states_along(problem, seed.way, s)
+    else:
+        q = lines_through_waypoints(problem, mesh.knots, travel, s)
     q[:, 0] += max(1.0, abs(travel) / 2) * seed.path(s)
-    q[:, 1] += seed.driven(s)
+    q[:, 1] = _on_one_side(problem, q[:, 1], seed.driven(s))
     limit = problem.limits.joint.copy()
     if problem.system.coordinates[1].unit == "rad":
         limit[1] = min(limit[1], LARGEST_GUESS_RAD)
@@ -146,6 +168,33 @@ def _states_along(problem: Problem, way: Array, s: Array) -> Array:
     if problem.travel is not None:
         q[:, 0] += s * (problem.start[0] + problem.travel - q[-1, 0])
     return q
+
+
+def sides(problem: Problem) -> int:
+    """Sides of θ₁ = 0 on which an arm's motion may begin its way: two where its ends differ."""
+    if not _has_mirror(problem):
+        return 1
+    return 2 if problem.start[1] * problem.likely.goal[1] < 0 else 1
+
+
+def _has_mirror(problem: Problem) -> bool:
+    """Whether a motion may be mirrored where θ₁ = 0."""
+    is_arm = isinstance(problem.system, Manipulator)
+    return is_arm and not problem.divided and not problem.waypoints
+
+
+def _on_one_side(problem: Problem, line: Array, excursion: Array) -> Array:
+    """θ₁ of an arm along a guess, crossing zero no oftener than its ends ask for; else the sum.
+
+    An excursion leads away from zero where it is positive.
+    """
+    if not _has_mirror(problem):
+        return line + excursion
+    first, last = np.sign(line[[0, -1]])
+    first = first or last or 1.0
+    theta = line + (np.sign(line[0] + line[-1]) or 1.0) * excursion
+    crossed = np.maximum.accumulate(theta * first < 0)
+    return np.asarray(np.abs(theta) * np.where(crossed, last or first, first))
 
 
 def lines_through_waypoints(problem: Problem, knots: Array, travel: float, s: Array) -> Array:
@@ -167,6 +216,10 @@ def _interpolate(where: Array, s: Array, values: Array) -> Array:
     return np.stack([np.interp(where, s, column) for column in values.T], axis=-1)
 
 
+def _straight(name: str, driven: float) -> Seed:
+    return Seed(name, np.zeros_like, lambda s: driven * np.sin(np.pi * s))
+
+
 def _bump(path: float, driven: float) -> Seed:
     return Seed(
         f"bump {sign_of(path)}{sign_of(driven)}",
@@ -184,7 +237,8 @@ def _reverse(path: float, driven: float) -> Seed:
 
 
 @lru_cache(maxsize=256)  # more than any search asks for
-def _wander(number: int) -> Seed:
+def wander(number: int) -> Seed:
+    """A smooth random loop."""
     terms = 3 + number % 4
     path, driven = np.random.default_rng(number).normal(size=(2, terms)) * 0.75
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from planner.methods.collocation.between_nodes import clears, inspect
-from planner.methods.collocation.candidates import Seed, guess
+from planner.methods.collocation.candidates import Excursion, Seed, guess, sides, wander
 from planner.methods.collocation.solvers import strategy
 from planner.methods.collocation.task import (
     Solution,
@@ -32,6 +32,7 @@ from planner.methods.collocation.transcription.form import (
     uniform,
 )
 from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import MotionPoint
 from planner.support import progress
@@ -39,9 +40,19 @@ from planner.support.arrays import Array
 
 INFEASIBLE = "Infeasible_Problem_Detected"
 
-REPEATS, LEAST_PATHS = 3, 6
-"""Times that the shortest path is found, among at least so many, that end a search: so far from
-chance others are seldom shorter."""
+ALIKE, REPEATS, LEAST_PATHS = 5, 3, 9
+"""Paths that end a search if all are the same: the line's, and one for each first direction and
+side. Else times that the shortest is found, among at least so many: then each direction and side
+has been tried twice."""
+
+MOVED, MOVES, MOVE = ", moved", 8, 0.3
+"""In their names, number, and size beside a seed's, of guesses about the shortest path where
+the seeds do not agree on one. Each takes a fifth of a seed's time: most lead back to the path, some
+to a shorter one."""
+
+SURE_ONE_WAY = 4
+"""Coordinates, those of an arm with three joints, up to which a motion whose drive never turns back
+ends the search. With more there may be a far shorter one that does turn back."""
 
 STANDSTILL_SHARE = 1e-6
 """Share of the greatest input that counts as none."""
@@ -66,12 +77,14 @@ class PathSearch:
         log: One entry a seed, JSON-ready.
         latest: What the last seed led to: a path that failed, and its task; or the path as a motion
             of the job, if there is no time for a better one. None where it leads to neither.
+        clear: Paths whose links pass through no disc.
     """
 
     solved: list[SeedPath] = field(default_factory=list)
     failure: Solution | None = None
     log: list[dict[str, Any]] = field(default_factory=list)
     latest: tuple[Task, Solution] | None = None
+    clear: int = 0
 
     @property
     def distinct(self) -> list[SeedPath]:
@@ -96,39 +109,80 @@ def search(
     Two thirds of the seeds in a row found infeasible end the search too. A path whose links pass
     through a disc between two nodes may come clear once it is timed, but counts half.
 
+    Where the seeds do not agree on a path, guesses about the shortest one follow.
+
     Yields:
-        The one search, before the first seed and after each.
+        The one search, before the first seed and after each guess.
     """
-    widths, clear, state = [path_task(each) for each in _thicknesses(job)], 0, PathSearch()
+    widths, state = [path_task(each) for each in _thicknesses(job)], PathSearch()
     free = widths[-1]
     yield state
     for count, seed in enumerate(seeds, 1):
-        progress.tell(f"searching a path from the first guess '{seed.name}'")
-        solution = _shrink(widths, guess(free.problem, free.made, free.mesh, seed))
-        effort = solution.objective if solution.ok else None
-        entry = {"start": seed.name, "status": solution.status, "path_effort": effort}
-        state.log.append({**entry, "iterations": solution.iterations})
-        state.latest = None
-        is_clear = solution.ok and clears(free, solution)
-        if solution.ok:
-            state.solved.append(SeedPath(seed.name, solution, is_clear))
-        else:
-            state.failure, state.latest = solution, (free, solution)
-        if is_clear:
-            clear += 1
-            needed = needed_duration(job.problem, job.mesh, solution.iterate)
-            wanted = job.problem.duration
-            if wanted is None or needed <= wanted:
-                duration = wanted or needed or solution.iterate.duration
-                motion = stretch_to(transfer(free, solution.iterate, job), duration)
-                state.latest = job, job.judge(motion)
+        solution = _try(job, widths, state, seed)
         yield state
         hopeless = 3 * count >= 2 * len(seeds)
-        hopeless = hopeless and all(entry["status"] == INFEASIBLE for entry in state.log)
-        plain = simple and solution.ok
-        plain = plain and (never_reverses(solution.iterate) or _repeats_shortest(state.solved))
-        if hopeless or plain or clear >= enough or len(state.solved) >= 2 * enough:
+        if hopeless and all(entry["status"] == INFEASIBLE for entry in state.log):
+            return
+        if simple and solution.ok:
+            one_way = is_sure(job.problem) and never_reverses(solution.iterate)
+            if (one_way and count >= sides(job.problem)) or _repeats_shortest(state.solved):
+                return
+        if state.clear >= enough or len(state.solved) >= 2 * enough:
             break
+    for number in range(MOVES if simple and len(state.solved) >= LEAST_PATHS else 0):
+        best, seed = state.distinct[0], wander(number)
+        name = f"{best.seed.removesuffix(MOVED)}{MOVED}"
+        seed = Seed(name, _scaled(seed.path), _scaled(seed.driven))
+        _try(job, widths, state, seed, free.curve(best.solution.iterate))
+        yield state
+
+
+def is_sure(problem: Problem) -> bool:
+    """Whether a motion whose drive never turns back needs no search for a better one."""
+    return problem.system.size <= SURE_ONE_WAY
+
+
+def _scaled(excursion: Excursion) -> Excursion:
+    return lambda s: MOVE * excursion(s)
+
+
+def _try(
+    job: Task,
+    widths: list[Task],
+    state: PathSearch,
+    seed: Seed,
+    about: StateTrajectory | None = None,
+) -> Solution:
+    """Solve the path problem from a first guess, and take down what becomes of it.
+
+    Args:
+        job: What is asked for.
+        widths: Its path problem among thicker discs, thinner and thinner, and at last as it is.
+        state: What the search has come to.
+        seed: The first guess.
+        about: The motion that it leads away from, a straight line when left out.
+    """
+    free = widths[-1]
+    progress.tell(f"searching a path from the first guess '{seed.name}'")
+    solution = _shrink(widths, guess(free.problem, free.made, free.mesh, seed, about))
+    effort = solution.objective if solution.ok else None
+    entry = {"start": seed.name, "status": solution.status, "path_effort": effort}
+    state.log.append({**entry, "iterations": solution.iterations})
+    state.latest = None
+    is_clear = solution.ok and clears(free, solution)
+    if solution.ok:
+        state.solved.append(SeedPath(seed.name, solution, is_clear))
+    else:
+        state.failure, state.latest = solution, (free, solution)
+    if is_clear:
+        state.clear += 1
+        needed = needed_duration(job.problem, job.mesh, solution.iterate)
+        wanted = job.problem.duration
+        if wanted is None or needed <= wanted:
+            duration = wanted or needed or solution.iterate.duration
+            motion = stretch_to(transfer(free, solution.iterate, job), duration)
+            state.latest = job, job.judge(motion)
+    return solution
 
 
 def _thicknesses(job: Task) -> list[Task]:
@@ -270,10 +324,11 @@ def on_mesh(job: Task, free: Task, mesh: Mesh) -> Task:
 
 def _repeats_shortest(found: Sequence[SeedPath]) -> bool:
     """Whether the shortest path comes back."""
-    if len(found) < LEAST_PATHS:
-        return False
     shortest = min(path.solution.objective for path in found)
-    return sum(same_path(shortest, path) for path in found) >= REPEATS
+    again = sum(same_path(shortest, path) for path in found)
+    if len(found) < LEAST_PATHS:
+        return again == len(found) >= ALIKE
+    return again >= REPEATS
 
 
 def same_path(effort: float, path: SeedPath) -> bool:

@@ -22,10 +22,17 @@ import numpy as np
 
 from planner.methods.collocation.best import Best, Motion
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.candidates import guess, rebalance, seeds, way_between_discs
+from planner.methods.collocation.candidates import (
+    guess,
+    rebalance,
+    seeds,
+    sides,
+    way_between_discs,
+)
 from planner.methods.collocation.long_arms.ladder import find_arm_path, time_arm_path
 from planner.methods.collocation.path import (
     SeedPath,
+    is_sure,
     never_reverses,
     same_path,
     search,
@@ -181,23 +188,23 @@ class Pipeline:
                 return
             plain = problem.duration is not None and self.options.input != "constant"
             few = DIRECT_INTERVALS if plain else SEARCH_INTERVALS
-            job, seed = self.make(problem, self.options, few, True), seeds("straight")[0]
-            solution = job.solve(guess(job.problem, job.made, job.mesh, seed))
-            later, name = replace(job, settings=replace(job.settings, direct=False)), seed.name
-            motion = Motion(name + _goal_words(problem), "straight line", later, solution, k, False)
-            yield motion
-            if not solution.ok or (
-                problem.duration is None and not never_reverses(solution.iterate)
-            ):
-                if problem.free:
-                    continue
+            job, found = self.make(problem, self.options, few, True), list[Motion]()
+            later = replace(job, settings=replace(job.settings, direct=False))
+            for seed in seeds("straight", sides=sides(problem)):
+                solution = job.solve(guess(job.problem, job.made, job.mesh, seed))
+                name = seed.name + _goal_words(problem)
+                motion = Motion(name, "straight line", later, solution, k, False)
+                yield motion
+                if solution.ok and (problem.duration or never_reverses(solution.iterate)):
+                    self._log_motion(motion)
+                    found.append(motion)
+            if not found and not problem.free:
                 return
-            self._log_motion(motion)
-            motions.append(motion)
+            motions += found
         for motion in motions:
             yield from self._share_time(motion)
         if motions:
-            straight = {motion.route for motion in motions}
+            straight = {motion.route for motion in motions if is_sure(motion.task.problem)}
             yield from self._path_motions([k for k in range(len(self.routes)) if k not in straight])
 
     def _path_motions(self, routes: Sequence[int]) -> Iterator[Motion]:
@@ -242,7 +249,8 @@ class Pipeline:
         problem, options = self.routes[k], self.options
         enough = options.starts if options.start in ("auto", "wander") else 1
         enough = -(-enough // len(self.routes)) if problem.free else enough
-        guesses, simple = seeds(options.start, options.attempts), self._free and not problem.divided
+        guesses = seeds(options.start, options.attempts, sides(problem))
+        simple = self._free and not problem.divided
         if not simple and self._free and (way := way_between_discs(problem)):
             guesses.insert(0 if problem.system.size == 3 else len(guesses), way)
         for found in search(job, guesses, enough, simple):

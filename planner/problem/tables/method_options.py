@@ -304,14 +304,16 @@ class CollocationOptions(Table):
         "auto",
         description="First guess. straight: a straight line; bump: the first coordinate goes out"
         " and back; reverse: it leaves the line and returns late; wander: smooth"
-        " random loops with fixed seeds. auto: the line if no reversal is needed;"
-        " else some of each kind, and the best result is used.",
+        " random loops with fixed seeds. auto: the line, if no reversal is needed and"
+        " the arm has at most three joints; else some of each kind, and the best"
+        " result is used.",
     )
     starts: Annotated[int, Field(ge=1), Slider(1, 6)] = Field(
         10,
         description="Number of paths to find before the best is used (start = 'auto' or"
-        " 'wander'). With 'auto' the search also ends with a path without"
-        " reversal, or when the same path is found three times.",
+        " 'wander'). With 'auto' the search also ends with a path without reversal"
+        " (up to three joints), when the first five paths are the same, or when the"
+        " shortest of nine or more has been found three times.",
     )
     attempts: Annotated[int, Field(ge=1), Slider(1, 24)] = Field(
         16, description="Largest number of first guesses."

@@ -70,7 +70,7 @@ def test_branches_of_a_goal_share_the_starts(
 
     monkeypatch.setattr(pipeline, "search", nothing)
     monkeypatch.setattr(pipeline.RoutePaths, "of", lambda *_: None)
-    goal: Any = SimpleNamespace(free=(2,), divided=False)
+    goal: Any = SimpleNamespace(free=(2,), divided=False, system=None)
     job: Any = SimpleNamespace(mesh=SimpleNamespace(marks=()))
     options, make = CollocationOptions(starts=7, attempts=9), lambda *_: job
     assert [*Pipeline([goal] * branches, options, make, Best(1e-6))._find_paths(0, job)] == []

@@ -7,6 +7,7 @@
 #   make stress    the suite's longer cases; damaged plans, to results/judging; random pairs by family
 #                  and 5,000 random problems, to results/stress (hours; continues where it ended)
 #   make coverage  which goals each method reaches, random pairs, to results/coverage (an hour)
+#   make optimality  plans beside lengths that are known, and related plans (hours; continues), to results/optimality
 #   make mutants  whether the tests see wrong code in the judge, proofs, systems, machine (an hour)
 #   make robustness  the tracker on good and bad machines, to results/feedback (some minutes)
 #   make controller  the tracker in C beside the one in Python, to results/controller (some minutes)
@@ -36,7 +37,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 KERNEL := planner/machine/kernel.c planner/machine/dynamic.c planner/machine/layout.h
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite bench stress coverage mutants paper robustness controller sensitivity compensation \
+.PHONY: compare suite bench stress coverage optimality mutants paper robustness controller sensitivity compensation \
   identification report explorer gallery notebook docs test \
   processors installed check lint format generated clean
 
@@ -59,6 +60,9 @@ stress: $(VENV)/.dev
 
 coverage: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/coverage.py
+
+optimality: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/optimality.py
 
 paper: $(VENV)/.run
 	@$(BIN)/planner reproduce --out results/paper

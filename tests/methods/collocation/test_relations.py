@@ -5,7 +5,6 @@ A motion run backwards or mirrored takes the same effort, and one run half as fa
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 import planner

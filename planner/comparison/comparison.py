@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from html import escape
 from pathlib import Path
@@ -11,18 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.comparison.headline import headline, recommended
+from planner.comparison.headline import headline, paired, recommended
 from planner.comparison.rows import FEEDBACK_NOTE, Row, columns, intervals, verdict
 from planner.errors import InputError
 from planner.machine.feedforward.legs import compensable
 from planner.machine.machine import Machine, load_machine
-from planner.machine.replay import Replay
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem, load_problem
-from planner.support.arrays import Array, jsonable
+from planner.support.arrays import jsonable
 from planner.support.files import toml
 from planner.support.package import import_function, made_by, versions
-from planner.support.statistics import LEAST_DIFFERENCE_DEG, Difference, differences
+from planner.support.statistics import LEAST_DIFFERENCE_DEG, Difference
 from planner.support.tables import (
     Column,
     clean_text,
@@ -92,17 +91,12 @@ class Comparison:
     @property
     def differences(self) -> tuple[Difference, ...]:
         """Differences of E between every two replayed plans; see `planner.support.statistics`."""
-        return self._differences(lambda run: run.index_E_deg)
+        return paired(self.rows, lambda run: run.index_E_deg, self.threshold_deg)
 
     @property
     def end_differences(self) -> tuple[Difference, ...]:
         """The same pairs with the largest error of an angle at the end in place of E."""
-        return self._differences(lambda run: run.terminal_E_deg)
-
-    def _differences(self, error: Callable[[Replay], Array]) -> tuple[Difference, ...]:
-        runs = {row.label: row.replay for row in self.rows if row.worst is not None}
-        errors = {k: error(run) for k, run in runs.items() if run is not None}
-        return differences(errors, self.threshold_deg)
+        return paired(self.rows, lambda run: run.terminal_E_deg, self.threshold_deg)
 
     @property
     def headline(self) -> str:

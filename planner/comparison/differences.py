@@ -81,8 +81,12 @@ TERMINAL_KEYS = ("second", "median_deg", "interval_low_deg", "interval_high_deg"
 
 
 def rich_differences(comparison: Comparison) -> Table | None:
-    """The best plan against every other, for a terminal; None with fewer than two plans."""
-    best = comparison.best
+    """The plan recommended against every other, for a terminal; None with fewer than two plans.
+
+    Where no plan is verified, that of the least median E.
+    """
+    take = comparison.recommended
+    best = comparison.best if take is None else take.label
     pairs = [
         (_reverse(best, d), _reverse(best, end))
         for d, end in _pairs(comparison)

@@ -2,23 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from planner.comparison.rows import FEEDBACK, Row, plain_label
+from planner.machine.feedforward.legs import compensable
+from planner.machine.replay import Replay
 from planner.plan.measures import effort_unit
+from planner.support.arrays import Array
+from planner.support.statistics import Difference, differences
 from planner.support.tables import number
 
 LEAST_SHARE = 1.05
 """A price that is higher by less than this is not worth a word."""
 
+LEAST_SWING_DEG = 5.0
+"""A swing of joint 1 that is smaller surprises nobody who stands beside the arm."""
+
+
+def paired(
+    rows: Sequence[Row], error: Callable[[Replay], Array], threshold_deg: float
+) -> tuple[Difference, ...]:
+    """Every two replayed plans, machine by machine; see `planner.support.statistics`.
+
+    Args:
+        rows: Of a comparison.
+        error: The error of each machine (S,), degrees.
+        threshold_deg: A difference that does not matter, degrees.
+    """
+    runs = {row.label: row.replay for row in rows if row.worst is not None}
+    return differences({k: error(run) for k, run in runs.items() if run}, threshold_deg)
+
 
 def recommended(rows: Sequence[Row], threshold_deg: float) -> Row | None:
     """The plan to take without sensors; None where no method has one.
 
-    Of the plans whose median E is above the least by no more than what matters, that of the least
-    effort; where machines have no E, the least effort decides alone.
+    Of the plans that the paired test does not call worse than that of the least median E, the one
+    of the least effort; where machines have no E, the least effort decides alone.
 
     Args:
         rows: Of a comparison.
@@ -30,9 +51,19 @@ def recommended(rows: Sequence[Row], threshold_deg: float) -> Row | None:
     known = [row for row in solved if np.isfinite(row.E_median_deg)]
     if known:
         best = min(known, key=lambda row: row.E_median_deg)
-        most = best.E_median_deg + threshold_deg
-        solved = [row for row in known if row.E_median_deg <= most]
+        worse = _worse_than(best, rows, threshold_deg)
+        solved = [row for row in known if row.label not in worse]
     return min(solved, key=lambda row: row.effort if np.isfinite(row.effort) else np.inf)
+
+
+def _worse_than(row: Row, rows: Sequence[Row], threshold_deg: float) -> set[str]:
+    """Labels of the plans that the paired test calls worse than this one, in E or at the end."""
+    out = set()
+    for error in (lambda run: run.index_E_deg, lambda run: run.terminal_E_deg):
+        for d in paired(rows, error, threshold_deg):
+            if row.label in (d.first, d.second) and d.told_apart:
+                out.add(d.second if d.median_deg < 0 else d.first)
+    return out - {row.label}
 
 
 def headline(rows: Sequence[Row], threshold_deg: float) -> str:
@@ -42,31 +73,76 @@ def headline(rows: Sequence[Row], threshold_deg: float) -> str:
         return "None of the methods found a plan that keeps every limit."
     solved = [each for each in rows if each.solved and not each.feedback]
     refused = _refused(rows, row, threshold_deg)
+    tail = f"{_swing(row)}{_caution(row)}"
     if len(solved) == 1:
-        tail = f"{_caution(row)}{_follow_up(rows, row)}{refused}"
+        tail += f"{_follow_up(rows, row)}{refused}"
         if sum(not each.feedback for each in rows) == 1:
             return f"{row.label} reaches the goal and keeps every limit.{tail}"
         reason = "the only one that reaches the goal and keeps every limit."
         return f"Take {row.label}: {reason}{tail}"
-    other = _rival(row, solved)
     if not np.isfinite(row.E_median_deg):
         least = f"of {len(solved)} verified plans it has the least effort."
         return f"Take {row.label}: {least}{refused}"
+    plain = next((r for r in solved if r is not row and r.label == plain_label(row.label)), None)
+    rival = _rival(row, solved)
+    other = plain or rival or min((r for r in solved if r is not row), key=_median)
     reason = f"E {_degrees(row.E_median_deg)} in the median instead of"
     reason += f" {_degrees(other.E_median_deg)} ({other.label}),"
     reason += " but" if row.end_median_deg > other.end_median_deg else ""
     reason += f" {_degrees(row.end_median_deg)} instead of {_degrees(other.end_median_deg)} at the"
-    more = f"{_price(row, other)}{_caution(row)}{_what_decides(solved)}{_follow_up(rows, row)}"
-    return f"Take {row.label}: {reason} end.{more}{refused}"
+    reason += f" end{_fidelity(row)}."
+    if other is not rival and (costs := _costs(row, other)):
+        reason += (
+            f" The price of compensation: {costs}." if other is plain else f" It costs {costs}."
+        )
+    if rival is not None:
+        reason += _against(row, rival, rival.label in _worse_than(row, rows, threshold_deg))
+    tail += f"{_what_decides(solved)}{_follow_up(rows, row)}{refused}"
+    return f"Take {row.label}: {reason}{tail}"
 
 
-def _rival(row: Row, solved: list[Row]) -> Row:
-    """What the plan is set beside: itself uncompensated, else the least error of the others."""
-    for each in solved:
-        if each.label == plain_label(row.label) and each is not row:
-            return each
-    others = [each for each in solved if each is not row]
-    return min(others, key=lambda each: np.nan_to_num(each.E_median_deg, nan=np.inf))
+def _median(row: Row) -> float:
+    return float(np.nan_to_num(row.E_median_deg, nan=np.inf))
+
+
+def _rival(row: Row, solved: list[Row]) -> Row | None:
+    """The next best of its kind, compensated or not; None where it is alone."""
+    kind = plain_label(row.label) == row.label
+    peers = [r for r in solved if r is not row and (plain_label(r.label) == r.label) == kind]
+    return min(peers, key=_median, default=None)
+
+
+def _against(row: Row, rival: Row, worse: bool) -> str:
+    """What the paired test says of the next best of its kind, and what each costs, as sentences."""
+    name = f"{rival.label} (E {_degrees(rival.E_median_deg)})"
+    if worse:
+        costs = _costs(row, rival)
+        return f" Next best of its kind is {name}." + f" The price against it: {costs}." * bool(
+            costs
+        )
+    costs = _costs(rival, row)
+    more = f", which takes {costs}" if costs else ""
+    return f" The paired test finds no difference that matters to {name}{more}."
+
+
+def _fidelity(row: Row) -> str:
+    """Whether the machines of an arm have inertia, since its errors depend on that; or ""."""
+    if row.plan is None or row.replay is None or not compensable(row.plan.problem.system):
+        return ""
+    inertia = "with" if row.replay.machine.fidelity == "dynamic" else "without"
+    return f", on machines {inertia} inertia ({row.replay.machine.fidelity})"
+
+
+def _swing(row: Row) -> str:
+    """How far joint 1 swings before a compensated plan starts, as a sentence."""
+    if row.plan is None or row.plan.lead_s == 0:
+        return ""
+    angles = np.rad2deg(row.plan.theta(np.linspace(0.0, row.plan.lead_s, 401))[:, 0])
+    start, far = angles[0], angles[np.argmax(np.abs(angles - angles[0]))]
+    if abs(far - start) < LEAST_SWING_DEG:
+        return ""
+    way = f"from {start:.0f} to {far:.0f} deg and back"
+    return f" Stand clear: before it starts, joint 1 swings {way}."
 
 
 def _refused(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
@@ -118,19 +194,18 @@ def _range(values: Sequence[float], unit: str) -> str:
     return f"{' to '.join(ends)} {unit}"
 
 
-def _price(row: Row, other: Row) -> str:
-    """What it takes more of than the other plan, as a sentence."""
+def _costs(row: Row, other: Row) -> str:
+    """What it takes more of than the other plan; "" where it takes no more."""
     assert row.plan is not None
     unit = effort_unit(row.plan.problem.system)
-    prices = [
+    return " and ".join(
         f"{number(mine)} {unit} instead of {number(theirs)}"
         for mine, theirs, unit in (
             (row.duration_s, other.duration_s, "s"),
             (row.effort, other.effort, unit),
         )
         if mine > LEAST_SHARE * theirs
-    ]
-    return f" The price: {' and '.join(prices)}." if prices else ""
+    )
 
 
 def _caution(row: Row) -> str:

@@ -63,6 +63,12 @@ class Difference:
         """Whether the difference is more than chance, at the level 0.05 for all pairs together."""
         return self.p_corrected < SIGNIFICANCE_LEVEL
 
+    @property
+    def told_apart(self) -> bool:
+        """Whether one plan is called better: the difference matters and is significant, or has one
+        sign on all of too few machines for that."""
+        return self.matters and (self.significant or self.first_better in (0.0, 1.0))
+
 
 def percentile_interval(values: Array, percent: float) -> tuple[float, float]:
     """95 % confidence interval of a percentile of the distribution that values (S,) come from.

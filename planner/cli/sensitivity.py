@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from functools import partial
 from io import BytesIO
@@ -39,7 +40,7 @@ from planner.robustness.machine_sensitivity import (
     MachineSensitivity,
     machine_sensitivity,
 )
-from planner.robustness.sensitivities import sensitivities
+from planner.robustness.sensitivities import MEANINGS, next_step, sensitivities, worth
 from planner.robustness.sensitivity import Sensitivity
 from planner.robustness.sensitivity import sensitivity as analyse
 from planner.robustness.trade_off import TradeOff, trade_off
@@ -134,7 +135,7 @@ def sensitivity(
     ]
     if machine_responses is not None:
         parts += ["", _machine_table(machine_responses), "", _machine_text(machine_responses)]
-    return finish(data, *parts)
+    return finish(data, *parts, "", _advice(responses))
 
 
 def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Path | None) -> int:
@@ -176,6 +177,9 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
         table,
         "",
         found.sentence,
+        found.verdict,
+        "",
+        MEANINGS,
         *([""] if notes else []),
         *notes,
     ]
@@ -219,15 +223,21 @@ def _response_table(responses: Sensitivity, spread: dict[str, float]) -> Table:
 
 
 def _sum_text(responses: Sensitivity, spread: dict[str, float]) -> str:
-    sizes = ", ".join(spread)
+    total, floor = responses.total_deg(spread), responses.floor_deg(spread)
+    least = 100 * (1 - floor / total) if total else 0.0
     return (
-        f"One standard deviation of each of {sizes}:"
-        f" total {number(responses.total_deg(spread))} deg."
-        "\n* irreducible, start and goal alone decide it:"
-        f" {number(responses.floor_deg(spread))} deg."
-        "\nPassive block (theta2 ... to the start of theta1 and the gain of u2):"
-        f" {number(responses.passive_block_deg(spread))} deg."
+        f"One standard deviation of each of {', '.join(spread)}: total {number(total)} deg."
+        f"\n* irreducible: {number(floor)} deg."
+        f"\nPassive block: {number(responses.passive_block_deg(spread))} deg.\n{MEANINGS}"
+        f"\nAnother path takes at most {least:.0f} % off the total."
     )
+
+
+def _advice(responses: Sensitivity) -> str:
+    """What to run next; of a plan file, what its problem's file takes."""
+    plan = responses.plan
+    calm = [plan.method] if plan.method == "desensitised" else [plan.method, "desensitised"]
+    return next_step(plan.problem, *calm)
 
 
 def _machine_table(responses: MachineSensitivity) -> Table:
@@ -254,11 +264,12 @@ def _machine_text(responses: MachineSensitivity) -> str:
     return (
         f"Nominal machine: errors {', '.join(nominal)} deg; one spread of each parameter: total"
         f" {number(responses.total_deg)} deg{more}."
-        f" Without effect here: {silent} parameters; switched off: {len(responses.omitted)}."
+        f" {silent} parameters have no effect on this motion."
+        f" Switched off (the machine has no such effect): {', '.join(responses.omitted) or 'none'}."
     )
 
 
-PICTURE_FILE, TABLE_FILE = "trade-off.png", "trade-off.csv"
+PICTURE_FILE, TABLE_FILE, KNEE_FILE = "trade-off.png", "trade-off.csv", "knee.json"
 
 
 def run_trade_off(
@@ -295,7 +306,10 @@ def run_trade_off(
         write_text(out / TABLE_FILE, csv_table(_columns(curve), curve.points))
     table = terminal_table(_columns(curve), curve.points, ruled=True)
     title = f"{problem.name}: least sensitivity against {kind}"
-    return finish({**curve.to_dict(), "written": out}, title, "", table, "", _knee(curve))
+    knee_file = curve.knee.plan.save(out / KNEE_FILE)
+    use = _use(curve, knee_file)
+    data = {**curve.to_dict(), "written": out, "knee_file": knee_file, "use": use}
+    return finish(data, title, "", table, "", _knee(curve), "", use)
 
 
 def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
@@ -349,3 +363,19 @@ def _knee(curve: TradeOff) -> str:
     refused = [(p.compensated or {}).get("refused") for p in curve.points]
     why = next((text for text in refused if text), None)
     return text if why is None else f"{text}\nNot compensated where it says '-': {why}"
+
+
+def _use(curve: TradeOff, file: Path) -> str:
+    """Whether the knee is worth its price, where its plan is, and the commands that use it."""
+    first, k = curve.points[0], curve.knee
+    lines = []
+    if k is not first:
+        price = curve.cost[curve.knee_index] / curve.cost[0]
+        lines = [f"The knee: {worth(first.total_deg, k.total_deg, price, curve.kind)}."]
+    before, after = (_end_error("compensated", p) for p in (first, k))
+    if before and after:
+        change = f"{number(before)} deg at the first point, {number(after)} at the knee"
+        lines += [f"Compensated, the error at the end on the machine (95 %) is {change}."]
+    table = shlex.join(["planner", "export", str(file), "--out", str(file.with_suffix(".csv"))])
+    lines += [f"Its plan is {file}; as a table: {table}", next_step(curve.problem, "collocation")]
+    return "\n".join([*lines, MEANINGS])

@@ -6,6 +6,8 @@ plans is the passive block, which the path decides.
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -13,8 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError
+from planner.machine.feedforward.legs import compensable
 from planner.plan.measures import effort, effort_unit, turns
-from planner.plan.plan import Plan, expect_plan
+from planner.plan.plan import COMPENSATED, Plan, expect_plan
+from planner.problem.problem import Problem
 from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity, sensitivity
 from planner.support.arrays import Array
 from planner.support.package import import_function
@@ -74,6 +78,19 @@ class Sensitivities:
         )
 
     @property
+    def verdict(self) -> str:
+        """Whether the least total is worth its effort, at what price, and what to run next."""
+        spent = {k: effort(each.plan.trajectory) for k, each in self.found.items()}
+        totals = {k: each.total_deg(self.spread) for k, each in self.found.items()}
+        cheapest, calm = (min(each, key=lambda k: each[k]) for each in (spent, totals))
+        if calm == cheapest:
+            said = f"{calm} has the least total and the least effort"
+        else:
+            gain = worth(totals[cheapest], totals[calm], spent[calm] / spent[cheapest])
+            said = f"{calm} instead of {cheapest}: {gain}"
+        return f"{said}. {next_step(self.found[cheapest].plan.problem, cheapest, calm)}"
+
+    @property
     def sizes(self) -> list[tuple[float, str]]:
         """Standard deviation and unit of each error that has one."""
         first = next(iter(self.found.values()))
@@ -114,7 +131,7 @@ class Sensitivities:
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready: what `Sensitivity.to_dict` has of each plan, and the sentence."""
         plans = {k: each.to_dict(self.spread) for k, each in self.found.items()}
-        return {"plans": plans, "sentence": self.sentence}
+        return {"plans": plans, "sentence": self.sentence, "verdict": self.verdict}
 
     def figure(self) -> Figure:
         """Response of each plan, whole and to each error."""
@@ -122,6 +139,50 @@ class Sensitivities:
             "planner.report.figures.sensitivities.plot_sensitivities"
         )(self)
         return figure[0]
+
+
+def worth(before: float, after: float, price: float, cost: str = "effort") -> str:
+    """Whether a smaller response is worth its price, without a full stop.
+
+    It is if the response falls by a larger factor than the cost rises.
+
+    Args:
+        before: Response of the cheaper plan at the end, degrees.
+        after: Response of the other one, degrees.
+        price: Cost of the other one as a multiple of the cheaper plan's.
+        cost: What is spent.
+    """
+    worth_it = after * price < before
+    less = f"the total falls by {100 * (1 - after / before):.0f} %"
+    less += (
+        f" ({_degrees(before)} to {_degrees(after)} deg) for {number(price, 2)} times the {cost}"
+    )
+    why = "a larger factor than its price" if worth_it else "a smaller factor than its price"
+    return f"{'worth it' if worth_it else 'not worth it'}, {less}, {why}"
+
+
+def next_step(problem: Problem, *methods: str) -> str:
+    """What to run after a sensitivity: compensated plans first, where there are any, as a sentence.
+
+    Args:
+        problem: What the plans solve.
+        methods: Labels of plans to set side by side.
+    """
+    names = dict.fromkeys(methods)
+    words = "Next, see the plans on machines"
+    if compensable(problem.system):
+        words = "Next, compensate: on arms it takes away more than any path does"
+        names = dict.fromkeys(re.sub(r"^\w+", rf"\g<0> {COMPENSATED}", k) for k in names)
+    command = shlex.join(["planner", "compare", problem.source, "--methods", ",".join(names)])
+    return f"{words}: {command}"
+
+
+MEANINGS = (
+    "Passive block: what errors of the start of joint 1 (of a vehicle: of its first angle) and of"
+    " the gain of u2 do to the angles after it, at the end; the path decides it. Irreducible: what"
+    " start and goal alone decide; no path changes it. Total: all, as root of the sum of squares."
+)
+"""What the words of the tables mean."""
 
 
 def _degrees(angle: float) -> str:

@@ -27,7 +27,11 @@ def test_table_and_sums(run: Callable[..., Any]) -> None:
     assert "0.5 deg" in result.out
     assert "total 1.15 deg" in result.out
     assert "0.9582 deg" in result.out
-    assert "machine" not in result.out
+    assert "Nominal machine" not in result.out
+    for word in ("Passive block: what errors", "Irreducible: what start", "at most 17 % off"):
+        assert word in result.words
+    assert "planner compare" in result.words.split("Next, compensate")[1]
+    assert "collocation compensated,desensitised compensated" in result.words
 
 
 def test_json_of_a_saved_plan_matches_the_library(run: Callable[..., Any], tmp_path: Path) -> None:
@@ -117,6 +121,12 @@ def test_trade_off(run: Callable[..., Any], tmp_path: Path) -> None:
     assert {"duration", "reversals", "errors_alone_95_deg"} <= set(head.split(","))
     again = run(*words, "--out", tmp_path / "curve")
     assert (again.status, "knee " in again.out) == (0, True)
+    kept = planner.load_plan(tmp_path / "curve" / "knee.json")
+    knee = first.json["points"][first.json["knee"]]
+    assert planner.sensitivity(kept).total_deg() == pytest.approx(knee["total_deg"])
+    assert first.json["knee_file"] == str(tmp_path / "curve" / "knee.json")
+    assert "planner export" in again.words
+    assert "Irreducible: what start" in again.words
     table = again.out.split("\n\n")[1]
     assert "…" not in table  # heads and numbers are whole
     assert max(map(len, table.splitlines())) <= 80

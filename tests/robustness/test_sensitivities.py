@@ -5,6 +5,7 @@ import pytest
 
 import planner
 from planner import report
+from planner.robustness.sensitivities import worth
 
 
 @pytest.fixture(scope="module")
@@ -45,3 +46,20 @@ def test_plans_of_two_systems_are_refused(plans: dict[str, planner.Plan]) -> Non
     arm = planner.Problem.manipulator([10, 10], [30, 30], duration=3.0)
     with pytest.raises(planner.InputError, match="several systems"):
         planner.sensitivities({**plans, "other": planner.solve(arm)})
+
+
+def test_the_verdict_says_whether_a_small_total_is_worth_its_effort(
+    plans: dict[str, planner.Plan],
+) -> None:
+    found = planner.sensitivities(plans)
+    words = found.verdict
+    assert words.startswith("piecewise instead of polynomial: not worth it, the total falls by")
+    assert "--methods 'polynomial compensated,piecewise compensated'" in words
+    assert "Next, compensate" in words
+    assert found.to_dict()["verdict"] == words
+
+
+def test_what_is_worth_its_price() -> None:
+    assert worth(1.0, 0.5, 1.9).startswith("worth it, the total falls by 50 %")
+    assert worth(1.0, 0.5, 2.1).startswith("not worth it, ")
+    assert "for 9.5 times the effort" in worth(1.150, 1.026, 9.5)

@@ -83,42 +83,63 @@ def encoder_readings(system: TriangularSystem, draws: Draws, q: Array) -> Array:
 
 
 class FeedbackCommand:
-    """The commands of one controller on the time grid of its simulation; see `CommandGrid`.
+    """The commands of one controller on the time grid of a stretch; see `CommandGrid`.
+
+    `begin` begins each stretch. Of earlier stretches it keeps the commands that are still delayed.
 
     Args:
         controller: Says when it reads and commands.
         draws: The machines, for delay and resolution.
         step: Largest step, s.
-        stops: Times (m,) that the grid must hold, s; the last ends the simulation.
+        until: End of the whole run, s.
         one_delay: Whether the delay is one for all samples, of these and other runs; the grid then
             holds every change of the command. Otherwise one inside a step is seen at its end.
 
     Attributes:
-        t: The grid, shape (M+1,), s; it starts when the controller does.
+        t: The grid, shape (M+1,), s; the first one starts when the controller does.
         running: Whether the controller is at work in each step, shape (M,).
-        readings: When the encoders are read, shape (K,), s.
-        values: What was commanded in each tick, (ticks, 2, S); zero until it is known.
+        readings: When the encoders are read in this stretch, shape (K,), s.
     """
 
     def __init__(
-        self, controller: Controller, draws: Draws, step: float, stops: Array, one_delay: bool
+        self, controller: Controller, draws: Draws, step: float, until: float, one_delay: bool
     ) -> None:
-        self._tick, self._begin = controller.tick_s, -controller.lead_s
+        self._tick, self._start = controller.tick_s, -controller.lead_s
+        self._end, self._until = controller.end_s, until
+        self._step, self._one_delay = step, one_delay
         self._delay = draws["delay_s"][0]
         self._resolution = draws["velocity_resolution_rad_s"][:, :1]
-        span = controller.end_s - self._begin
-        count = int(np.ceil(span / self._tick - 1e-9))
         self._per_reading = round(controller.period_s / self._tick)
-        ticks: Array = self._begin + self._tick * np.arange(count + 1, dtype=np.float64)
-        self.readings = ticks[:-1][:: self._per_reading]
-        self.values = np.zeros((count, 2, draws.count))
-        if one_delay:
-            ticks = ticks + self._delay[0]
-            ticks = ticks[ticks < stops[-1]]
-        else:
-            ticks = ticks[:0]
-        self.t = subdivide(merge_times(stops, self.readings, ticks), step)
-        self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < controller.end_s
+        self._count = int(np.ceil((self._end - self._start) / self._tick - 1e-9))
+        self._first, self._next, self._values = 0, 0, np.zeros((0, 2, draws.count))
+        self._effort = np.zeros(draws.count)
+
+    def begin(self, stops: Array) -> None:
+        """Begin a stretch, from the first to the last of the times (m,) that its grid must hold."""
+        is_first, low = not len(self._values), self._next
+        periods = (stops[-1] - self._start) / (self._per_reading * self._tick)
+        high = min(self._count, int(np.ceil(periods - 1e-6)) * self._per_reading)
+        self._next = high = self._count if stops[-1] == self._until else high
+        delayed = int(np.ceil(np.max(self._delay) / self._tick))
+        self._keep(max(0, low - self._per_reading - delayed - 1), high)
+        ticks: Array = self._start + self._tick * np.arange(self._first, high + 1, dtype=np.float64)
+        self._reading = low - self._first
+        self.readings = ticks[:-1][self._reading :: self._per_reading]
+        changes = ticks + self._delay[0] if self._one_delay else ticks[:0]
+        changes = changes[(changes < stops[-1]) & (is_first | (changes > stops[0]))]
+        self.t = subdivide(merge_times(stops, self.readings, changes), self._step)
+        self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < self._end
+
+    def _keep(self, first: int, last: int) -> None:
+        """Keep the commands of the ticks from `first` on, and make room until `last`."""
+        dropped, self._first = first - self._first, first
+        self._effort += self._effort_of(self._values[:dropped])
+        room = np.zeros((last - first, *self._values.shape[1:]))
+        room[: len(self._values) - dropped] = self._values[dropped:]
+        self._values = room
+
+    def _effort_of(self, values: Array) -> Array:
+        return np.asarray(self._tick * np.sum(values**2, axis=(0, 1)))
 
     @property
     def reading_steps(self) -> list[int]:
@@ -128,17 +149,17 @@ class FeedbackCommand:
 
     @property
     def effort(self) -> Array:
-        """∫ u₁² + u₂² dt of what was commanded, shape (S,)."""
-        return np.asarray(self._tick * np.sum(self.values**2, axis=(0, 1)))
+        """∫ u₁² + u₂² dt of what was commanded so far, shape (S,)."""
+        return self._effort + self._effort_of(self._values)
 
     def set_command(self, i: int, values: Array) -> None:
-        """Command (M, 2, S) from reading i on.
+        """Command (M, 2, S) from reading i of the stretch on.
 
         Raises:
             InputError: If a number is not finite, or the shape is another.
         """
-        first = i * self._per_reading
-        room = self.values[first : first + self._per_reading]
+        first = self._reading + i * self._per_reading
+        room = self._values[first : first + self._per_reading]
         expected = (self._per_reading, *room.shape[1:])
         if values.shape != expected:
             raise InputError(f"feedback returns shape {values.shape}; it must be {expected}")
@@ -150,14 +171,14 @@ class FeedbackCommand:
 
     def block(self, first: int, last: int) -> Array:
         """See `CommandGrid`."""
-        times = self.t[first:last, None] - self._delay - self._begin
+        times = self.t[first:last, None] - self._delay - self._start
         index = np.floor(times / self._tick + 1e-9).astype(np.int64)
-        on = (index >= 0) & (index < len(self.values))
-        index = np.where(on, index, 0)
+        on = (index >= 0) & (index < self._count)
+        index = np.where(on, index - self._first, 0)
         if index.shape[1] == 1 or np.all(index == index[:, :1]):
-            commands = self.values[index[:, 0]]
+            commands = self._values[index[:, 0]]
         else:
-            samples = np.arange(self.values.shape[2])
-            commands = np.moveaxis(self.values[index, :, samples], -1, 1)
+            samples = np.arange(self._values.shape[2])
+            commands = np.moveaxis(self._values[index, :, samples], -1, 1)
         commands = quantise(np.where(on[:, None], commands, 0.0), self._resolution)
         return np.broadcast_to(commands[:, None], (len(commands), 2, *commands.shape[1:]))

@@ -2,13 +2,15 @@
 
 Before the plan's start and after its end the command is zero.
 
-The times of a simulation: no step crosses a jump of the command, none is too long.
+The times of a simulation: no step crosses a jump of the command, none is too long. A long run is
+cut into stretches of time, so that memory does not grow with its duration.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -40,14 +42,18 @@ class SampleAndHold:
     """Sample and hold: u at the start of each period, held until the next or the plan's end.
 
     A sampling instant within rounding of a break of the plan reads what follows the break.
+    It is known from the plan times `low` to `high`, s.
     """
 
     parts: tuple[float, ...] = (0.0, 1.0)
 
-    def __init__(self, plan: Plan, period: float) -> None:
+    def __init__(self, plan: Plan, period: float, low: float = 0.0, high: float = np.inf) -> None:
         end = plan.duration
-        ticks: Array = period * np.arange(int(np.ceil(end / period)), dtype=np.float64)
-        self.jumps = merge_times(np.array([0.0, end]), snap_times(ticks, plan.t))
+        count = np.ceil(end / period)
+        first, last = max(0.0, low // period - 1), min(count, high // period + 2)
+        ticks: Array = period * np.arange(first, last, dtype=np.float64)
+        ends = np.array([0.0, end])[[first == 0, last == count]]
+        self.jumps = merge_times(ends, snap_times(ticks, plan.t))
         values = _check_finite(plan.u(self.jumps[:-1]), self.jumps[:-1])
         self._values = np.concatenate([values, np.zeros((1, 2))])
 
@@ -57,13 +63,13 @@ class SampleAndHold:
 
 
 class ContinuousSource:
-    """The plan's own u(t)."""
+    """The plan's own u(t), known from the plan times `low` to `high`, s."""
 
     parts: tuple[float, ...] = (0.0, 0.5, 1.0)
 
-    def __init__(self, plan: Plan, step: float) -> None:
+    def __init__(self, plan: Plan, step: float, low: float = 0.0, high: float = np.inf) -> None:
         self._plan = plan
-        self.jumps = refine_times(self, subdivide(plan.t, step))
+        self.jumps = refine_times(self, subdivide(plan.t, step, low, high))
 
     def __call__(self, times: Array) -> Array:
         """See `CommandSource`."""
@@ -106,14 +112,15 @@ class CommandGrid(Protocol):
 
 
 class Command:
-    """The command of one plan on the time grid of one simulation.
+    """The command of one plan on the time grid of one simulation, or of a stretch of it.
 
     Args:
         plan: The plan; executable.
         period: Sampling period, s, or None for a continuous command.
         draws: The machines, for delay and resolution.
         step: Largest step, s.
-        stops: Times (m,) that the grid must hold, s; the first is 0, the last ends the simulation.
+        stops: Times (m,) that the grid must hold, s; it begins with the first, at or after 0, and
+            ends with the last.
 
     Raises:
         InputError: If the plan's input is not finite somewhere.
@@ -128,14 +135,18 @@ class Command:
         self, plan: Plan, period: float | None, draws: Draws, step: float, stops: Array
     ) -> None:
         delay = draws["delay_s"][0]
+        low = min(float(stops[0] - delay.max()), plan.duration - step)
+        window = low, float(stops[-1] - delay.min())
         source: CommandSource = (
-            ContinuousSource(plan, step) if period is None else SampleAndHold(plan, period)
+            ContinuousSource(plan, step, *window)
+            if period is None
+            else SampleAndHold(plan, period, *window)
         )
         self._resolution = draws["velocity_resolution_rad_s"][:, :1]
         self._table: Array | None = None
         if np.all(delay == delay[0]):
             jumps = source.jumps + delay[0]
-            self.t = subdivide(merge_times(stops, jumps[jumps < stops[-1]]), step)
+            self.t = subdivide(merge_times(stops, between(jumps, stops)), step)
             plan_time = snap_times(self.t - delay[0], source.jumps)
             points = _points(plan_time, source.parts)
             table = np.stack([source(t) for t in points], axis=1)
@@ -171,15 +182,14 @@ class CommandVariants:
         is_linear: Whether inputs go straight from one tick's beginning to the next.
         draws: The samples, which share their delay.
         step: Largest step, s.
-        stops: Times (m,) that the grid must hold, s; the last ends the simulation.
+        stops: As of `Command`.
     """
 
     def __init__(
         self, t: Array, values: Array, is_linear: bool, draws: Draws, step: float, stops: Array
     ) -> None:
         delay = float(draws["delay_s"][0][0])
-        jumps = t + delay
-        self.t = subdivide(merge_times(stops, jumps[jumps < stops[-1]]), step)
+        self.t = subdivide(merge_times(stops, between(t + delay, stops)), step)
         self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < t[-1]
         plan_times = snap_times(self.t - delay, t)
         points = np.stack(_points(plan_times, (0.0, 0.5, 1.0)), axis=1)
@@ -231,6 +241,9 @@ QUADRATURE_TOLERANCE = 1e-12
 ROUNDING = 1e-12
 """Times closer than this part of the longest (or of a second) are the same."""
 
+EXACT_S = 1000.0
+"""Until then the lengths of steps have eleven digits in spite of rounding, s."""
+
 InputOfTime = Callable[[Array], Array]
 
 Steps = Callable[[int], None]
@@ -250,13 +263,50 @@ def merge_times(*times: Array) -> Array:
     return np.asarray(every[first][where])
 
 
-def subdivide(times: Array, step: float) -> Array:
-    """`times` with equal steps between, none longer than `step`."""
+def between(times: Array, stops: Array) -> Array:
+    """Those of `times` that lie between the first and the last of `stops`."""
+    return np.asarray(times[(times > stops[0]) & (times < stops[-1])])
+
+
+def subdivide(times: Array, step: float, low: float = -np.inf, high: float = np.inf) -> Array:
+    """`times` with equal steps between, none longer than `step`.
+
+    Of a long grid only the steps between `low` and `high` are made, and those that reach beyond.
+    """
     gaps = np.diff(times)
     counts = np.maximum(1, np.ceil(gaps / step - 1e-9)).astype(int)
-    starts = np.repeat(times[:-1], counts)
-    inner = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    return np.append(starts + inner * np.repeat(gaps / counts, counts), times[-1])
+    sizes = gaps / counts
+    first, last = (
+        np.clip(edge, 0, counts).astype(int)
+        for edge in (
+            np.floor((low - times[:-1]) / sizes - 1e-9),
+            np.ceil((high - times[:-1]) / sizes + 1e-9),
+        )
+    )
+    number = np.maximum(last - first, 0)
+    inner = np.arange(number.sum()) - np.repeat(np.cumsum(number) - number - first, number)
+    starts, sizes = np.repeat(times[:-1], number), np.repeat(sizes, number)
+    out = starts + inner * sizes
+    return np.append(out, times[-1] if last[-1] == counts[-1] else out[-1:] + sizes[-1:])
+
+
+def stretches(times: Array, begin: float, longest: float) -> list[tuple[Array, slice]]:
+    """A run from `begin` to the last of `times` in stretches of about `longest`, s.
+
+    Where it can it is cut at one of `times`, which adds no time to the grid.
+
+    Returns:
+        Of each stretch the times that its grid must hold, from its start to its end, and which of
+        `times` are recorded in it: those before its end, and in the last stretch the end, too.
+    """
+    count = max(1, int(np.ceil((times[-1] - begin) / longest - 1e-9)))
+    cuts: Array = begin + longest * np.arange(count, dtype=np.float64)
+    after = times[np.searchsorted(times, cuts[1:])]
+    cuts[1:] = np.where(after < cuts[1:] + longest / 2, after, cuts[1:])
+    ends = np.append(cuts, times[-1])
+    places = np.append(np.searchsorted(times, cuts), len(times)).tolist()
+    rows = [slice(a, b) for a, b in pairwise(places)]
+    return [(merge_times(ends[i : i + 2], times[each]), each) for i, each in enumerate(rows)]
 
 
 def refine_times(command: InputOfTime, times: Array) -> Array:
@@ -282,11 +332,12 @@ def refine_times(command: InputOfTime, times: Array) -> Array:
     return np.unique(np.concatenate(added))
 
 
-def lengths(times: Array) -> list[float]:
+def lengths(times: Array) -> Array:
     """Lengths of the steps, equal where they differ by rounding alone (their factors are kept)."""
     steps, which = np.unique(np.diff(times), return_inverse=True)
-    rounded = np.array([float(f"{h:.11g}") for h in steps])
-    return [float(h) for h in rounded[which]]
+    late = max(1.0, float(np.max(np.abs(times))) / EXACT_S)  # late times are rounded more coarsely
+    digits = 11 - int(np.ceil(np.log10(late)))
+    return np.array([float(f"{h:.{max(digits, 1)}g}") for h in steps])[which]
 
 
 def snap_times(times: Array, marks: Array) -> Array:

@@ -245,7 +245,7 @@ class CompiledMotion:
     Args:
         system: The manipulator.
         fidelity: Of it: "quasi-static" or "dynamic".
-        draws, orders, desired, rows, start: As of `StepwiseMotion`.
+        draws, start: As of `StepwiseMotion`.
     """
 
     def __init__(
@@ -253,45 +253,48 @@ class CompiledMotion:
         system: Manipulator,
         fidelity: str,
         draws: Draws,
-        orders: CommandGrid,
-        desired: Array,
-        rows: NDArray[np.int64],
         start: Array,
     ) -> None:
         kernel = library()
         assert kernel is not None, "ask `library` first"
-        self._advance, self._orders = kernel.planner_advance, orders
-        self._k, self._count, n = 0, draws.count, len(start) - 1
-        steps = len(orders.t) - 1
-        self.q = np.empty((draws.count, len(rows), n + 1))
-        self.speed = np.empty((draws.count, len(rows), 2))
-        row = np.full(steps + 1, -1, dtype=np.int64)
-        row[rows] = np.arange(len(rows))
+        self._advance, self._count, n = kernel.planner_advance, draws.count, len(start) - 1
         parameters = _parameters(system, draws)
         self._places = places(STATE_NUMBERS, n - 1)
-        gap = np.nan_to_num(np.abs(start[1:] - desired[0]))
-        self._state = state = _state(system, draws, start, gap)
+        self._state = state = _state(system, draws, start)
         self.deviation, self.saturated_s, self.slip = (
             state[:, self._places[name]] for name in ("gap", "saturated", "slip")
         )
         self._arrays = {  # kept here as long as the kernel points into them
             "parameters": np.concatenate([*parameters.values()]).T.copy(),
-            "length": np.array(lengths(orders.t)),
+            "state": self._state,
+            **(_moving(system, draws, start) if fidelity == "dynamic" else _NO_INERTIA),
+        }
+        self._model = _KernelModel(
+            samples=draws.count, joints=n, heavy=self._arrays["masses"].shape[1],
+            k_g=system.k_g, gamma=GAMMA, **_flags(draws, parameters), **_rows(fidelity, n),
+        )  # fmt: skip
+
+    def begin(self, orders: CommandGrid, desired: Array, rows: NDArray[np.int64]) -> None:
+        """See `MachineMotion`."""
+        self._orders, self._k, n = orders, 0, desired.shape[1]
+        gap = np.abs(self.coordinates[1:] - desired[0]).T
+        np.fmax(self.deviation, gap, out=self.deviation)
+        self.q = np.empty((self._count, len(rows), n + 1))
+        self.speed = np.empty((self._count, len(rows), 2))
+        row = np.full(len(orders.t), -1, dtype=np.int64)
+        row[rows] = np.arange(len(rows))
+        self._arrays |= {
+            "length": lengths(orders.t),
             "running": orders.running.astype(np.uint8),
             "desired": np.ascontiguousarray(desired[:, :, 0]),
             "row": row,
-            "state": self._state,
             "q": self.q,
             "speed": self.speed,
-            **(_moving(system, draws, start) if fidelity == "dynamic" else _NO_INERTIA),
         }
-        points = orders.block(0, 1).shape[1]
-        self._model = _KernelModel(
-            samples=draws.count, joints=n, points=points, steps=steps, rows=len(rows),
-            k_g=system.k_g, gamma=GAMMA, heavy=self._arrays["masses"].shape[1],
-            **_flags(draws, parameters), **_rows(fidelity, n),
-            **{name: array.ctypes.data for name, array in self._arrays.items()},
-        )  # fmt: skip
+        self._model.points = orders.block(0, 1).shape[1]
+        self._model.steps, self._model.rows = len(orders.t) - 1, len(rows)
+        for name, array in self._arrays.items():
+            setattr(self._model, name, array.ctypes.data)
 
     @property
     def coordinates(self) -> Array:
@@ -365,11 +368,11 @@ def _flags(draws: Draws, parameters: dict[str, Array]) -> dict[str, int]:
     return {name: int(flags[name]) for name in flags}
 
 
-def _state(system: Manipulator, draws: Draws, start: Array, gap: Array) -> Array:
+def _state(system: Manipulator, draws: Draws, start: Array) -> Array:
     """The state at the start as in `STATE_NUMBERS`, (S, numbers)."""
     place = places(STATE_NUMBERS, len(start) - 2)
     state = np.zeros((draws.count, place["gap"].stop))
-    parts = {"first": start[:1], "theta": start[1:], "gap": gap}
+    parts = {"first": start[:1], "theta": start[1:]}
     parts["slip"] = np.array([[0.0], [-1.0], [-1.0]])
     chain = DiskChain(system, draws, start)
     parts |= {"axis": chain.axes, "disk": chain.disk}

@@ -12,14 +12,14 @@
 
 #include "layout.h"
 
-#define HALVINGS 40
+#define MOST_TRIES 60
 #define KEPT 8    /* lengths of steps whose exponentials are kept */
 #define MOTORS 2
 #define POINTS 3 /* at most, of a step */
 
 static const double SPEED_TOLERANCE_RAD_S = 1e-12, TOUCH_TOLERANCE_RAD = 1e-9;
 static const double LEAST_TORQUE_NM = 1e-30, LEAST_COSINE = 1e-9, MOST_SHARE = 0.99;
-static const double SLIP_SPEED_RAD_S = 1e-3;
+static const double SLIP_SPEED_RAD_S = 1e-3, RATE_TOLERANCE = 1e-12;
 
 /* Of dynamic.c. */
 int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, double h, double lead,
@@ -232,6 +232,13 @@ INLINE double part(const Grip *g, double load)
     return left > 0 ? left : 0.0;
 }
 
+/* By how much that falls for each N m more. */
+INLINE double part_slope(const Grip *g, double load)
+{
+    double x = carried(g, load), left = hold(g, x);
+    return x == load ? g->sideways * g->capacity * g->capacity / (g->cosine * left * left * left) : 0.0;
+}
+
 /* `_share` of contacts.py: the part of the rate; the load that it brings goes to `load`. */
 static double share(const Grip *g, double steady, double whole, double *load)
 {
@@ -239,15 +246,28 @@ static double share(const Grip *g, double steady, double whole, double *load)
     *load = whole;
     if (full >= 1)
         return full;
-    for (int i = 0; i < HALVINGS; i++) {
-        double middle = (low + high) / 2;
-        if (part(g, steady + rising * middle) >= middle)
-            low = middle;
-        else
-            high = middle;
+    if (part(g, steady) <= 0) { /* whatever the rate */
+        *load = steady;
+        return 0.0;
     }
-    *load = steady + rising * low;
-    return low;
+    double rate = full;
+    *load = steady + rising * rate;
+    for (int i = 0; i < MOST_TRIES; i++) {
+        double gap = part(g, *load) - rate, before = rate;
+        if (gap == 0)
+            break;
+        if (gap > 0)
+            low = rate;
+        else
+            high = rate;
+        rate += gap / (1 + rising * part_slope(g, *load));
+        if (!(rate > low && rate < high))
+            rate = (low + high) / 2;
+        *load = steady + rising * rate;
+        if (fabs(rate - before) < RATE_TOLERANCE)
+            break;
+    }
+    return rate;
 }
 
 /* What is passed on under load; `speed` is that of the first disk. Returns the contact that slips

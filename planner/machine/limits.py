@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import repeat
+from itertools import count, product, repeat
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -91,34 +91,31 @@ def parts_of(problem: Problem) -> Iterator[tuple[Requirement, Part, float, float
         yield from zip(repeat(required), required.parts, *bounds(required), strict=False)
 
 
-def least_margins(problem: Problem, q: Array) -> tuple[Array, NDArray[np.int64]]:
-    """How near S motions come to each limit.
+def lower_margins(least: Array, when: Array, problem: Problem, q: Array, times: Array) -> None:
+    """Lower the least distances of S motions from the P parts of a problem's limits.
 
     Args:
+        least: The least so far, negative beyond a limit, (S, P), in the parts' units.
+        when: When that was, (S, P), s.
         problem: Its limits.
         q: Coordinates, (S, R, N).
-
-    Returns:
-        The least distance from the limits, negative beyond, (S, P), in the parts' units; at which
-        of the R places, (S, P).
+        times: Of these, (R,), s.
     """
     required = watched(problem)
-    count = sum(len(each.parts) for each in required)
-    margins = np.empty((len(q), count))
-    places = np.zeros((len(q), count), dtype=np.int64)
-    block = max(1, BLOCK_STATES // max(1, q.shape[1]))
-    for first in range(0, len(q) if count else 0, block):
-        point = MotionPoint.of(problem.system, q[first : first + block])
-        k = 0
+    block = max(1, BLOCK_STATES // max(1, len(times)))
+    blocks = product(range(0, len(q), block), range(0, len(times), BLOCK_STATES))
+    for first, row in blocks if required else ():
+        some, at = slice(first, first + block), slice(row, row + BLOCK_STATES)
+        point, parts = MotionPoint.of(problem.system, q[some, at]), count()
         for each in required:
             low, high = bounds(each)
-            for value, least, most in zip(each.values(point), low, high, strict=True):
-                margin = np.minimum(value - least, most - value)
-                at = np.argmin(margin, axis=1)
-                places[first : first + block, k] = at
-                margins[first : first + block, k] = np.take_along_axis(margin, at[:, None], 1)[:, 0]
-                k += 1
-    return margins, places
+            for value, smallest, largest in zip(each.values(point), low, high, strict=True):
+                margin = np.minimum(value - smallest, largest - value)
+                place, k = np.argmin(margin, axis=1), next(parts)
+                margin = np.take_along_axis(margin, place[:, None], 1)[:, 0]
+                new = margin < least[some, k]
+                least[some, k] = np.where(new, margin, least[some, k])
+                when[some, k] = np.where(new, times[at][place], when[some, k])
 
 
 def machine_limits(

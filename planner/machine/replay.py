@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, encoder_readings
 from planner.machine.friction.contacts import contact_name
-from planner.machine.limits import MachineLimit, least_margins, limit_words, machine_limits
+from planner.machine.limits import MachineLimit, limit_words, lower_margins, machine_limits
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
 from planner.machine.simulate import Progress, Recording, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
@@ -101,8 +101,9 @@ class Replay(Recording):
 
         They are judged at the recorded times; empty with `record_s=None`.
         """
-        times = self.t[self.t <= self.plan.duration]
-        planned, _ = least_margins(self.plan.problem, self.plan.q(times)[None])
+        times, shape = self.t[self.t <= self.plan.duration], (1, self.margin.shape[1])
+        planned, when = np.full(shape, np.inf), np.zeros(shape)
+        lower_margins(planned, when, self.plan.problem, self.plan.q(times)[None], times)
         return machine_limits(
             self.plan.problem, planned[0], self.margin, self.margin_s, self.numbers
         )
@@ -294,6 +295,7 @@ def replay(
     Raises:
         InputError: If the plan has no real inputs, the machine does not match the system, an
             argument is out of range, or the motions to be kept take more than 2 GB of memory.
+            All else takes some hundred bytes a sample and half a GB, whatever the duration.
     """
     refuse_inexecutable(plan)
     closing = _feedback(feedback, plan)

@@ -1,24 +1,31 @@
 """A plan through some machines, open loop or by a controller.
 
-They march in blocks. Of each block its errors are kept, and its motions where they are asked for.
+They march in blocks of samples, and each block in stretches of time. Kept are the errors, and the
+motions that are asked for, so that memory grows with neither samples nor duration.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, FeedbackCommand, encoder_readings
-from planner.machine.commands import Command, CommandGrid, CommandVariants, merge_times
+from planner.machine.commands import (
+    ROUNDING,
+    Command,
+    CommandGrid,
+    CommandVariants,
+    merge_times,
+    stretches,
+)
 from planner.machine.compiled import MOST_PASSIVE, CompiledMotion, library
 from planner.machine.friction.contact_load import refuse_sliding
-from planner.machine.limits import least_margins
+from planner.machine.limits import lower_margins, watched
 from planner.machine.machine import Draws, Machine, draw
 from planner.machine.stepwise import MachineMotion, StepwiseMotion
 from planner.plan.plan import Plan
@@ -36,12 +43,18 @@ PROGRESS_PARTS = 1000
 MOST_BYTES = 2_000_000_000
 """Of motions, all recorded at a time: half of the memory of the smallest computers in use."""
 
+STRETCH_STEPS = 100_000
+"""Steps of a stretch: what is known of each takes some hundred bytes."""
+
+BLOCK_BYTES = 250_000_000
+"""Of the motions of a block in a stretch."""
+
 FEWEST_TIMES = 3
 """Start, end and rest, which are always recorded, say nothing of limits on the way."""
 
 Progress = Callable[[int, int], None]
-Tell = Callable[[int, int], None]
-"""Told the number of steps in all, and how many are done."""
+Tell = Callable[[float], None]
+"""Told the part that is done, 0 … 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,31 +78,26 @@ class Recording:
     run_s: float
 
 
-def _allocate(part: Recording, count: int, motions: int) -> Recording:
-    """Arrays like these for so many samples, and for the motions of so many, not filled in."""
-    rows = dict.fromkeys(_SAMPLE_FIELDS, count) | dict.fromkeys(_MOTION_FIELDS, motions)
-    empty: dict[str, Any] = {
-        name: np.empty((size, *array.shape[1:]), array.dtype)
-        for name, size in rows.items()
-        if (array := getattr(part, name)) is not None
-    }
-    return replace(part, **empty)
-
-
-def _put(whole: Recording, part: Recording, first: int) -> None:
-    """Fill in a part, from the sample `first` on."""
-    for name in (*_SAMPLE_FIELDS, *_MOTION_FIELDS):
-        array = getattr(whole, name)
-        if array is not None:
-            there = array[first : first + len(part.fallbacks)]
-            there[:] = getattr(part, name)[: len(there)]
-
-
-_MOTION_FIELDS = ("q", "motor_rates")
-_SAMPLE_FIELDS = (
-    "peak_rates", "saturated_s", "slip_s", "slip_begin", "slip_contact", "margin", "margin_s",
-    "terminal_error", "deviation", "effort", "fallbacks",
-)  # fmt: skip
+def _blank(plan: Plan, times: Array, count: int, motions: int, has_feedback: bool) -> Recording:
+    """A recording of so many samples, with the motions of so many, before anything has happened."""
+    size, parts = plan.problem.system.size, sum(len(each.parts) for each in watched(plan.problem))
+    return Recording(
+        t=times,
+        q=np.empty((motions, len(times), size)),
+        motor_rates=np.empty((motions, len(times), 2)),
+        peak_rates=np.zeros((count, 2)),
+        saturated_s=np.zeros((count, 2)),
+        slip_s=np.zeros(count),
+        slip_begin=np.full(count, np.nan),
+        slip_contact=np.full(count, -1, dtype=np.int64),
+        margin=np.full((count, parts), np.inf),
+        margin_s=np.zeros((count, parts)),
+        terminal_error=np.zeros((count, size)),
+        deviation=np.zeros((count, size - 1)),
+        effort=np.zeros(count) if has_feedback else None,
+        fallbacks=np.zeros(count, dtype=np.int64),
+        run_s=plan.duration,
+    )
 
 
 def simulate(
@@ -114,26 +122,20 @@ def simulate(
     """
     count = draws.count
     kept = count if motions is None else min(motions, count)
-    block = min(CHUNK_SAMPLES, count, _room(plan, kept, settle_s, record_s))
+    _refuse_too_large(plan, kept, settle_s, record_s)
     times = _record_times(plan.duration, settle_s, record_s)
-    if feedback is None:
-        run = partial(_simulate_open_loop, command=_command(plan, machine, draws, times))
-    else:
-        delay = draws["delay_s"][0]
-        run = partial(
-            _simulate_closed_loop, feedback=feedback, one_delay=bool(np.all(delay == delay[0]))
-        )
-    chunks = [slice(k, k + block) for k in range(0, count, block)]
-    whole: Recording | None = None
-    for i, chosen in enumerate(chunks):
-        tell = partial(_tell, progress, i, len(chunks))
-        part = run(plan, machine, draws, chosen, times, tell)
-        if kept == block == count:
-            return part
-        whole = whole or _allocate(part, count, kept)
-        _put(whole, part, chosen.start)
-        del part  # and its motions, before the next block makes its own
-    assert whole is not None
+    whole = _blank(plan, times, count, kept, feedback is not None)
+    run = _Run(plan, machine, draws, whole)
+    block = max(1, min(CHUNK_SAMPLES, count, int(BLOCK_BYTES / (run.most_rows * _row_bytes(plan)))))
+    firsts = range(0, count, block)
+    for i, first in enumerate(firsts):
+        chosen, tell = slice(first, first + block), partial(_tell, progress, i, len(firsts))
+        if feedback is None:
+            run.open_loop(chosen, tell)
+        else:
+            whole = replace(whole, run_s=run.closed_loop(chosen, tell, feedback))
+    if len(times) <= FEWEST_TIMES:
+        whole.margin[:] = np.nan
     return whole
 
 
@@ -158,24 +160,32 @@ def simulate_variants(
     """
     nominal, alike = machine.nominal(), np.zeros(values.shape[2], dtype=np.int64)
     draws = draw(nominal, plan.problem.system.size - 1, alike, 0)
-    stops = merge_times(np.zeros(1), times)
-    orders = CommandVariants(t, values, is_linear, draws, nominal.step_s, stops)
-    motion = _motion(plan, nominal, draws, orders, times)
-    motion.advance(len(orders.t) - 1, lambda _: deadline.check())
-    return np.asarray(motion.q)
+    motion = _at_start(plan, nominal, draws)
+    out = np.empty((draws.count, len(times), plan.problem.system.size))
+    for stops, rows in stretches(times, 0.0, STRETCH_STEPS * nominal.step_s):
+        orders = CommandVariants(t, values, is_linear, draws, nominal.step_s, stops)
+        _begin(motion, plan, orders, times, rows)
+        motion.advance(len(orders.t) - 1, lambda _: deadline.check())
+        out[:, rows] = motion.q
+    return out
 
 
-def _room(plan: Plan, kept: int, settle: float, record: float | None) -> int:
-    """How many motions there is memory for at a time.
+def _row_bytes(plan: Plan) -> int:
+    """What one sample's motion takes at one recorded time."""
+    return 8 * (plan.problem.system.size + 2)
+
+
+def _refuse_too_large(plan: Plan, kept: int, settle: float, record: float | None) -> None:
+    """Refuse motions for which there is no memory.
 
     Raises:
-        InputError: If fewer than are to be kept, or none.
+        InputError: If the motions to be kept take more than `MOST_BYTES`, or one of them does.
     """
-    span, width = plan.duration + settle, 8 * (plan.problem.system.size + 2)
+    span, width = plan.duration + settle, _row_bytes(plan)
     rows = 3 if record is None else 3 + span / record
     room = int(MOST_BYTES / (rows * width))
     if room >= max(kept, 1):
-        return room
+        return
     ways = [f"motions = {room} or fewer, for errors are kept of all samples"] if room else []
     if (least := MOST_BYTES / (width * max(kept, 1)) - 3) > 1:
         ways.append(f"record_s = {np.ceil(1e3 * span / least) / 1e3:g} or more")
@@ -187,119 +197,134 @@ def _room(plan: Plan, kept: int, settle: float, record: float | None) -> int:
     )
 
 
-def _simulate_open_loop(
-    plan: Plan,
-    machine: Machine,
-    draws: Draws,
-    chosen: slice,
-    times: Array,
-    tell: Tell,
-    command: Command,
-) -> Recording:
-    """A run of the samples under the plan's own command."""
-    block_draws = draws.part(chosen)
-    motion = _motion(plan, machine, block_draws, command.part(chosen), times)
-    steps = len(command.t) - 1
-    motion.advance(steps, partial(tell, steps))
-    tell(steps, steps)
-    return _recording(plan, block_draws, times, motion, command.t)
+class _Run:
+    """A replay, of which some samples run after others.
+
+    Args:
+        plan: The plan.
+        machine: What the samples have in common.
+        draws: All samples.
+        whole: What is filled in.
+
+    Attributes:
+        most_rows: How many times are recorded in a stretch, at most.
+    """
+
+    def __init__(self, plan: Plan, machine: Machine, draws: Draws, whole: Recording) -> None:
+        self._plan, self._machine, self._draws, self._whole = plan, machine, draws, whole
+        spacing = float(whole.t[-1]) / len(whole.t)
+        self._longest = STRETCH_STEPS * min(machine.step_s, max(spacing, ROUNDING))
+        self.most_rows = min(len(whole.t), int(self._longest / spacing) + 1) if spacing else 1
+        period = machine.effects.get("control_period_s")
+        if plan.status == RECORDED:  # commands of a controller, which has held them already
+            period = None
+        hold = period.value[0] if period else None
+        self._stretches = parts = stretches(whole.t, 0.0, _whole_periods(self._longest, hold))
+        # Blocks of samples share a command; those of a long run are too large to keep.
+        self._command = lru_cache(1)(
+            lambda i: Command(plan, hold, draws, machine.step_s, parts[i][0])
+        )
+
+    def open_loop(self, chosen: slice, tell: Tell) -> None:
+        """Run some samples under the plan's own command."""
+        motion = _at_start(self._plan, self._machine, self._draws.part(chosen))
+        for i, (_, rows) in enumerate(self._stretches):
+            orders = self._command(i).part(chosen)
+            steps = len(orders.t) - 1
+            _begin(motion, self._plan, orders, self._whole.t, rows)
+            motion.advance(steps, partial(_tell_steps, tell, i, len(self._stretches), steps))
+            self._keep(chosen, motion, orders, rows)
+        self._end(chosen, motion)
+        tell(1.0)
+
+    def closed_loop(self, chosen: slice, tell: Tell, feedback: Feedback) -> float:
+        """Run some samples under a controller; returns how long it commands, s."""
+        draws, delay, whole = self._draws.part(chosen), self._draws["delay_s"][0], self._whole
+        controller = feedback.start(self._plan, self._machine, draws.numbers)
+        one_delay, until = bool(np.all(delay == delay[0])), float(whole.t[-1])
+        fed = FeedbackCommand(controller, draws, self._machine.step_s, until, one_delay)
+        motion = _at_start(self._plan, self._machine, draws)
+        longest = _whole_periods(self._longest, controller.period_s)
+        parts = stretches(whole.t, -controller.lead_s, longest)
+        for i, (stops, rows) in enumerate(parts):
+            fed.begin(stops)
+            steps = len(fed.t) - 1
+            report = partial(_tell_steps, tell, i, len(parts), steps)
+            _begin(motion, self._plan, fed, whole.t, rows)
+            for reading, k in enumerate(fed.reading_steps):
+                motion.advance(k, report)
+                read = encoder_readings(self._plan.problem.system, draws, motion.coordinates)
+                fed.set_command(reading, controller(float(fed.readings[reading]), read))
+            motion.advance(steps, report)
+            self._keep(chosen, motion, fed, rows)
+        self._end(chosen, motion)
+        tell(1.0)
+        assert whole.effort is not None
+        whole.effort[chosen], whole.fallbacks[chosen] = fed.effort, controller.fallbacks
+        return controller.lead_s + controller.end_s
+
+    def _keep(self, chosen: slice, motion: MachineMotion, orders: CommandGrid, rows: slice) -> None:
+        """Keep what is asked for of a stretch."""
+        whole, kept = self._whole, max(0, len(self._whole.q) - chosen.start)
+        whole.q[chosen, rows] = motion.q[:kept]
+        whole.motor_rates[chosen, rows] = motion.speed[:kept]
+        # One motor after the other takes a twentieth of the time of both at once.
+        for i in (0, 1):
+            peak, speed = whole.peak_rates[chosen, i], np.abs(motion.speed[..., i])
+            np.maximum(peak, speed.max(axis=1, initial=0.0), out=peak)
+        least, when = whole.margin[chosen], whole.margin_s[chosen]
+        lower_margins(least, when, self._plan.problem, motion.q, whole.t[rows])
+        step, begin = motion.slip[:, 1].astype(np.int64), whole.slip_begin[chosen]
+        new = (step >= 0) & np.isnan(begin)
+        begin[new] = orders.t[step[new]]
+
+    def _end(self, chosen: slice, motion: MachineMotion) -> None:
+        """Keep what is known at the end."""
+        whole, plan = self._whole, self._plan
+        whole.terminal_error[chosen] = motion.q[:, -1] - plan.wanted(plan.duration)
+        whole.deviation[chosen] = motion.deviation
+        whole.saturated_s[chosen] = motion.saturated_s
+        whole.slip_s[chosen], _, whole.slip_contact[chosen] = motion.slip.T
 
 
-def _simulate_closed_loop(
-    plan: Plan,
-    machine: Machine,
-    draws: Draws,
-    chosen: slice,
-    times: Array,
-    tell: Tell,
-    feedback: Feedback,
-    one_delay: bool,
-) -> Recording:
-    """A run of the samples under a controller, with new commands at each reading."""
-    block_draws = draws.part(chosen)
-    controller = feedback.start(plan, machine, block_draws.numbers)
-    fed = FeedbackCommand(controller, block_draws, machine.step_s, times, one_delay)
-    motion = _motion(plan, machine, block_draws, fed, times)
-    steps = len(fed.t) - 1
-    for i, k in enumerate(fed.reading_steps):
-        motion.advance(k, partial(tell, steps))
-        read = encoder_readings(plan.problem.system, block_draws, motion.coordinates)
-        fed.set_command(i, controller(float(fed.readings[i]), read))
-    motion.advance(steps, partial(tell, steps))
-    tell(steps, steps)
-    out = _recording(plan, block_draws, times, motion, fed.t)
-    run_s = controller.lead_s + controller.end_s
-    return replace(out, effort=fed.effort, fallbacks=controller.fallbacks, run_s=run_s)
+def _whole_periods(longest: float, period: float | None) -> float:
+    """The longest time that is no longer and has whole periods, s; as given if there is none."""
+    return longest // period * period if period and period < longest else longest
 
 
-def _motion(
-    plan: Plan, machine: Machine, draws: Draws, orders: CommandGrid, times: Array
-) -> MachineMotion:
+def _at_start(plan: Plan, machine: Machine, draws: Draws) -> MachineMotion:
     """Samples at the start of a plan."""
     system = plan.problem.system
     if isinstance(system, Manipulator) and machine.fidelity == "quasi-static":
         refuse_sliding(plan, system, draws)
-    start, rows = _start(plan, draws), np.searchsorted(orders.t, times)
+    return make_motion(plan, machine, draws, _start(plan, draws))
+
+
+def _begin(
+    motion: MachineMotion, plan: Plan, orders: CommandGrid, times: Array, rows: slice
+) -> None:
+    """Begin a stretch, in which these rows of the times of a recording are recorded."""
     desired = plan.wanted(orders.t)[:, 1:, None]
     desired[orders.t < times[0]] = np.nan  # no deviation is counted before the plan's start
-    return begin_motion(plan, machine, draws, orders, desired, rows, start)
+    motion.begin(orders, desired, np.searchsorted(orders.t, times[rows]))
 
 
-def begin_motion(
-    plan: Plan,
-    machine: Machine,
-    draws: Draws,
-    orders: CommandGrid,
-    desired: Array,
-    rows: NDArray[np.int64],
-    start: Array,
-) -> MachineMotion:
+def make_motion(plan: Plan, machine: Machine, draws: Draws, start: Array) -> MachineMotion:
     """Samples at the start: compiled where there is a kernel for them; see `StepwiseMotion`."""
     system = plan.problem.system
     few = machine.fidelity == "quasi-static" or system.size - 2 <= MOST_PASSIVE
     if isinstance(system, Manipulator) and few and library() is not None:
-        return CompiledMotion(system, machine.fidelity, draws, orders, desired, rows, start)
-    return StepwiseMotion(plan, machine, draws, orders, desired, rows, start)
+        return CompiledMotion(system, machine.fidelity, draws, start)
+    return StepwiseMotion(plan, machine, draws, start)
 
 
-def _tell(progress: Progress | None, before: int, runs: int, steps: int, done: int) -> None:
+def _tell_steps(tell: Tell, stretch: int, count: int, steps: int, done: int) -> None:
+    tell((stretch + done / steps) / count)
+
+
+def _tell(progress: Progress | None, before: int, runs: int, share: float) -> None:
     if progress:
-        progress(int(PROGRESS_PARTS * (before + done / steps)), PROGRESS_PARTS * runs)
-
-
-def _recording(
-    plan: Plan, draws: Draws, times: Array, motion: MachineMotion, grid: Array
-) -> Recording:
-    none = np.zeros(draws.count, dtype=np.int64)
-    slip_s, step, contact = motion.slip.T.copy()
-    margin, place = least_margins(plan.problem, motion.q)
-    if len(times) <= FEWEST_TIMES:
-        margin[:] = np.nan
-    return Recording(
-        t=times,
-        q=motion.q,
-        motor_rates=motion.speed,
-        # One motor after the other takes a twentieth of the time of both at once.
-        peak_rates=np.stack([np.abs(motion.speed[..., i]).max(axis=1) for i in (0, 1)], axis=1),
-        terminal_error=motion.q[:, -1] - plan.wanted(plan.duration),
-        deviation=motion.deviation.copy(),
-        saturated_s=motion.saturated_s.copy(),
-        slip_s=slip_s,
-        slip_begin=np.where(step < 0, np.nan, grid[step.astype(np.int64)]),
-        slip_contact=contact.astype(np.int64),
-        margin=margin,
-        margin_s=times[place],
-        effort=None,
-        fallbacks=none,
-        run_s=plan.duration,
-    )
-
-
-def _command(plan: Plan, machine: Machine, draws: Draws, times: Array) -> Command:
-    period = machine.effects.get("control_period_s")
-    if plan.status == RECORDED:  # commands of a controller, which has held them already
-        period = None
-    return Command(plan, period.value[0] if period else None, draws, machine.step_s, times)
+        progress(int(PROGRESS_PARTS * (before + share)), PROGRESS_PARTS * runs)
 
 
 def _start(plan: Plan, draws: Draws) -> Array:
@@ -312,8 +337,14 @@ def _start(plan: Plan, draws: Draws) -> Array:
 
 
 def _record_times(duration: float, settle: float, record: float | None) -> Array:
-    ends = np.array([0.0, duration, duration + settle])
+    """Start, end and rest, and each `record` seconds but within rounding of those three."""
+    ends = merge_times(np.array([0.0, duration, duration + settle]))
     if record is None:
-        return merge_times(ends)
-    count = int(np.ceil((duration + settle) / record))
-    return merge_times(ends, np.arange(count, dtype=np.float64) * record)
+        return ends
+    ticks: Array = np.arange(np.ceil((duration + settle) / record), dtype=np.float64) * record
+    close, far = ROUNDING * max(1.0, float(ends[-1])), np.ones(len(ticks), dtype=bool)
+    for end in ends:
+        far[slice(*np.searchsorted(ticks, [end - close, end + close]))] = False
+    times = np.concatenate([ends, ticks[far]])
+    times.sort()
+    return times

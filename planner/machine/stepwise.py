@@ -57,12 +57,15 @@ class Plant(Protocol):
 class MachineMotion(Protocol):
     """S samples that advance together and can be looked at in between.
 
+    A run has one stretch or more; `begin` begins each.
+
     Attributes:
-        q: Recorded coordinates, (S, R, N).
+        q: Recorded coordinates of the stretch, (S, R, N).
         speed: Recorded speeds of the motors, (S, R, 2).
         deviation: Largest |true − plan| so far of each coordinate after the first, (S, N−1).
-        slip: Seconds so far with a contact in gross slip; step in which that began; which contact
-            it was (see `contacts.contact_name`); (S, 3), the last two −1 where there was none.
+        slip: Seconds so far with a contact in gross slip; step of its stretch in which that began;
+            which contact it was (see `contacts.contact_name`); (S, 3), the last two −1 where there
+            was none.
     """
 
     q: Array
@@ -78,8 +81,18 @@ class MachineMotion(Protocol):
     def saturated_s(self) -> Array:
         """Seconds so far for which each motor was asked for more than its limit, (S, 2)."""
 
+    def begin(self, orders: CommandGrid, desired: Array, rows: NDArray[np.int64]) -> None:
+        """Begin a stretch where the one before ended.
+
+        Args:
+            orders: What the servos are told, and the grid of M steps.
+            desired: The plan's coordinates after the first at the grid's points, (M+1, N−1, 1); NaN
+                where no deviation counts.
+            rows: Which points of the grid to record, increasing.
+        """
+
     def advance(self, last: int, tell: Steps | None = None) -> None:
-        """Go on from where it stands to the point `last` of the command's grid."""
+        """Go on from where it stands to the point `last` of the stretch's grid."""
 
 
 class StepwiseMotion:
@@ -89,33 +102,24 @@ class StepwiseMotion:
         plan: The plan.
         machine: What the samples have in common.
         draws: The machines.
-        orders: What the servos are told, and the grid of M steps.
-        desired: The plan's coordinates after the first at the grid's points, (M+1, N−1, 1); NaN
-            where no deviation counts.
-        rows: Which points of the grid to record, increasing; the first is 0, the last M.
         start: True coordinates at the start, (N, S).
     """
 
-    def __init__(
-        self,
-        plan: Plan,
-        machine: Machine,
-        draws: Draws,
-        orders: CommandGrid,
-        desired: Array,
-        rows: NDArray[np.int64],
-        start: Array,
-    ) -> None:
-        self._orders, self._desired = orders, desired
-        self._rows = {int(k): row for row, k in enumerate(rows)}
-        self._lengths = lengths(orders.t)
+    def __init__(self, plan: Plan, machine: Machine, draws: Draws, start: Array) -> None:
         self._servos = Servos(draws)
         self._plant = plant(plan, machine, draws, start)
-        self._k = 0
-        self.deviation = np.nan_to_num(np.abs(start[1:] - desired[0])).T
+        self.deviation = np.zeros((draws.count, len(start) - 1))
         self.slip = np.tile([0.0, -1.0, -1.0], (draws.count, 1))
-        self.q = np.empty((draws.count, len(rows), len(start)))
-        self.speed = np.empty((draws.count, len(rows), 2))
+
+    def begin(self, orders: CommandGrid, desired: Array, rows: NDArray[np.int64]) -> None:
+        """See `MachineMotion`."""
+        self._orders, self._desired, self._k = orders, desired, 0
+        self._rows = {k: row for row, k in enumerate(rows.tolist())}
+        self._lengths = lengths(orders.t).tolist()
+        start, count = self._plant.q, len(self.slip)
+        np.fmax(self.deviation, np.abs(start[1:] - desired[0]).T, out=self.deviation)
+        self.q = np.empty((count, len(rows), len(start)))
+        self.speed = np.empty((count, len(rows), 2))
 
     @property
     def coordinates(self) -> Array:

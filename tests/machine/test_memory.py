@@ -6,6 +6,7 @@ import re
 import sys
 import tracemalloc
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -120,14 +121,74 @@ def test_blocks_are_smaller_where_motions_are_long(
 ) -> None:
     machine = Machine.prototype(**COARSE)
     whole = replay(smooth_plan, machine, **ALL)
-    monkeypatch.setattr(SIMULATE, "MOST_BYTES", whole.q.nbytes // 2)
+    monkeypatch.setattr(SIMULATE, "BLOCK_BYTES", whole.q.nbytes // 2)
     seen = []
-    usual = SIMULATE._motion
+    usual = SIMULATE._at_start
     monkeypatch.setattr(
-        SIMULATE, "_motion", lambda *given: (seen.append(given[2].count), usual(*given))[1]
+        SIMULATE, "_at_start", lambda *given: (seen.append(given[2].count), usual(*given))[1]
     )
     same(whole, replay(smooth_plan, machine, motions=0, **ALL))
     assert seen == [2, 2, 2, 1]
+
+
+@pytest.mark.parametrize(
+    ("effects", "feedback", "kernel"),
+    [
+        ({"delay_s": 0.0137}, False, True),
+        ({"delay_s": 0.0137, "friction_capacity_nm": 0.1, "creep_per_nm": 0.1}, False, False),
+        ({"control_period_s": False}, False, True),
+        ({"control_period_s": False, "delay_s": {"value": 0.005, "spread": 0.002}}, False, True),
+        ({"fidelity": "dynamic"}, False, True),
+        ({"delay_s": 0.0137}, TRACKER, True),
+        ({"delay_s": {"value": 0.105, "spread": 0.05}}, TRACKER, False),
+    ],
+)
+def test_stretches_of_time_are_one_run(
+    smooth_plan: Plan,
+    monkeypatch: pytest.MonkeyPatch,
+    use: Any,
+    effects: dict[str, Any],
+    feedback: bool | Tracker,
+    kernel: bool,
+) -> None:
+    """Cuts lie on the grid, so that rounding of times is all that differs."""
+    if not kernel:
+        use(None)
+    plan = slowed(smooth_plan, 0.2)
+    machine = Machine.prototype(**COARSE, **effects)
+    given = {**ALL, "samples": 3, "record_s": 0.02, "feedback": feedback}
+    whole = replay(plan, machine, **given)
+    monkeypatch.setattr(SIMULATE, "STRETCH_STEPS", 33)
+    cut = replay(plan, machine, **given)
+    assert np.array_equal(cut.t, whole.t)
+    close = partial(np.testing.assert_allclose, rtol=1e-7, atol=1e-9)
+    for name in (
+        *("q", "motor_rates", "peak_rates", "saturated_s", "slip_s", "slip_begin", "slip_contact"),
+        *("margin", "margin_s", "terminal_error", "deviation", "fallbacks"),
+    ):
+        close(getattr(cut, name), getattr(whole, name), err_msg=name)
+    assert cut.run_s == whole.run_s
+    assert feedback is False or bool(np.all(cut.effort == pytest.approx(whole.effort)))
+
+
+@pytest.mark.parametrize("period", [0.01, False])
+def test_memory_does_not_grow_with_the_duration(
+    smooth_plan: Plan, monkeypatch: pytest.MonkeyPatch, period: float | bool
+) -> None:
+    monkeypatch.setattr(SIMULATE, "STRETCH_STEPS", 3000)
+    machine = Machine.prototype(step_s=0.01, control_period_s=period)
+
+    def peak(factor: float) -> int:
+        plan = slowed(smooth_plan, factor)
+        tracemalloc.start()
+        replay(plan, machine, record_s=1.0)
+        top = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return top
+
+    peak(10)
+    short, long = peak(20), peak(60)
+    assert long - short < 400 * 200  # of which each recorded instant takes 56 bytes
 
 
 def test_motions_is_a_number(smooth_plan: Plan) -> None:

@@ -173,7 +173,7 @@ class Estimate:
 
 
 class History:
-    """What S samples have been told, tick by tick, from the first reading on.
+    """What S samples have been told, tick by tick, from the first reading on until forgotten.
 
     Args:
         tick: Length of a tick, s.
@@ -182,7 +182,7 @@ class History:
     """
 
     def __init__(self, tick: float, first: Array, count: int) -> None:
-        self._tick = tick
+        self._tick, self._first = tick, 0
         self._values: list[Array] = []
         self._travel = [np.zeros((2, count))]
         self.append(np.repeat(first[:, :, None], count, axis=2))
@@ -201,17 +201,26 @@ class History:
     def ticks(self, first: int, count: int) -> Array:
         """Commands of some ticks, (count, 2, S); zero after the last one told."""
         none = np.zeros_like(self._travel[0])
+        first -= self._first
         known = self._values[first : first + count]
         return np.stack(known + [none] * (count - len(known)))
+
+    def forget(self, time: float) -> None:
+        """Forget the ticks before a time, s, of which nobody will ask again."""
+        count = max(0, int(time // self._tick) - 1 - self._first)
+        del self._values[:count], self._travel[:count]
+        self._first += count
 
     def travel(self, times: Array) -> Array:
         """How far each motor has been told to turn until its own time (2,), (2, S)."""
         if not self._values:
             return self._travel[0]
-        position = np.clip(times / self._tick, 0.0, len(self._values))
-        whole = np.minimum(np.floor(position + 1e-9).astype(int), len(self._values) - 1)
+        end = self._first + len(self._values)
+        position = np.clip(times / self._tick, self._first, end)
+        whole = np.minimum(np.floor(position + 1e-9).astype(int), end - 1)
         out = [
-            self._travel[k][i] + (x - k) * self._tick * self._values[k][i]
+            self._travel[k - self._first][i]
+            + (x - k) * self._tick * self._values[k - self._first][i]
             for i, (k, x) in enumerate(zip(whole, position, strict=True))
         ]
         return np.stack(out)

@@ -15,6 +15,7 @@ added only if the solution without them violates one; otherwise it is the soluti
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,9 @@ LIMIT_ROUNDING = 1e-9
 
 STATE_TOLERANCE_RAD = 1e-6
 """Excess over a state limit (rad) that OSQP's tolerance may leave."""
+
+KEPT_STEPS = 2000
+"""Programmes that are kept for the next samples, some 50 kB each."""
 
 Rows = tuple[Array, Array, Array, Array]
 """M (r, n), T (r, 2H), least and greatest values (r,)."""
@@ -90,7 +94,7 @@ class TrackingProgramme:
         self._driven = self.horizon * (self._kinds[0] + self._kinds[1])
         self._inner = Solver(mask[: self._driven], iterations)
         self._whole = Solver(mask, iterations)
-        self._steps = [self._assembled(k) for k in range(len(ref.feed))]
+        self._step = lru_cache(KEPT_STEPS)(self._assembled)
 
     @property
     def solve_count(self) -> int:
@@ -110,7 +114,7 @@ class TrackingProgramme:
             state: ξ, (n, S).
             last: What was decided one period ago.
         """
-        step, size = self._steps[k], 2 * self.horizon
+        step, size = self._step(k), 2 * self.horizon
         values = step.M @ state
         low, high = step.low[:, None], step.high[:, None]
         bound = np.any((values < low - LIMIT_ROUNDING) | (values > high + LIMIT_ROUNDING), axis=0)

@@ -137,6 +137,7 @@ class TrackerControl:
             estimate.take_forecast(
                 self._forecast(estimate, before, now, self._history, self._passing)
             )
+            self._history.forget(float(np.min(before)))
         estimate.read(measured)
         if k < len(self._ref.feed):
             self._decide(k, now)

@@ -49,7 +49,8 @@ SLIP_SPEED_RAD_S = 1e-3
 """Speed of motor 1 from which gross slip counts: below one motor rpm behind 1:100 a servo only
 settles."""
 
-HALVINGS = 40
+MOST_TRIES, RATE_TOLERANCE = 60, 1e-12
+"""Of Newton's method for the part of a rate that a contact passes on; most need five."""
 
 
 MOST_CAPACITY_NM = 1e5
@@ -107,6 +108,12 @@ class Grip:
         lost = self.sideways * carried / (self.cosine * self.hold(carried))
         return np.where(load < self.most, np.maximum(1.0 - lost, 0.0), 0.0)
 
+    def slope(self, load: Array) -> Array:
+        """By how much that falls for each N m more; 0 beyond the loads that are carried."""
+        carried = self.carried(load)
+        slope = self.sideways * self._capacity**2 / (self.cosine * self.hold(carried) ** 3)
+        return np.where(carried == load, slope, 0.0)
+
 
 def chain_loads(
     cosines: Array,
@@ -155,15 +162,26 @@ def chain_loads(
 
 
 def _share(grip: Grip, steady: Array, whole: Array) -> tuple[Array, Array]:
-    """Load and part of the rate where a part of the rate brings that part of `whole − steady`."""
+    """Load and part of the rate where a part of the rate brings that part of `whole − steady`.
+
+    Newton's method within bounds. Each sample stops by itself, whatever the others need.
+    """
     full, rising = grip.passed(whole), whole - steady
     low, high = np.zeros_like(full), np.ones_like(full)
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        holds = grip.passed(steady + rising * middle) >= middle
-        low, high = np.where(holds, middle, low), np.where(holds, high, middle)
-    free = full >= 1
-    return np.where(free, whole, steady + rising * low), np.where(free, full, low)
+    free, still = full >= 1, grip.passed(steady) <= 0
+    rate, active = np.where(still & ~free, 0.0, full), ~(free | still)
+    for _ in range(MOST_TRIES):
+        if not active.any():
+            break
+        load = steady + rising * rate
+        gap = grip.passed(load) - rate
+        low, high = np.where(gap > 0, rate, low), np.where(gap < 0, rate, high)
+        guess = rate + gap / (1 + rising * grip.slope(load))
+        guess = np.where((guess > low) & (guess < high), guess, (low + high) / 2)
+        active &= gap != 0
+        change, rate = np.abs(guess - rate), np.where(active, guess, rate)
+        active &= change >= RATE_TOLERANCE
+    return np.where(free, whole, steady + rising * rate), rate
 
 
 def contact_name(contact: int) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.machine.commands import Command
 from planner.machine.identification.parameters import Parameters
-from planner.machine.simulate import begin_motion
+from planner.machine.simulate import make_motion
 from planner.plan.recorded.log import Log
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
@@ -68,9 +68,8 @@ class LogModel:
         start[1:] += offsets.T
         draws = self._parameters.draws(x)
         desired = np.zeros((len(self._command.t), len(start) - 1, 1))
-        motion = begin_motion(
-            self._plan, self._machine, draws, self._command, desired, self._rows, start
-        )
+        motion = make_motion(self._plan, self._machine, draws, start)
+        motion.begin(self._command, desired, self._rows)
         motion.advance(len(self._command.t) - 1)
         return np.asarray(motion.q[:, :, 1:])
 

@@ -295,7 +295,7 @@ def replay(
     Raises:
         InputError: If the plan has no real inputs, the machine does not match the system, an
             argument is out of range, or the motions to be kept take more than 2 GB of memory.
-            All else takes some hundred bytes a sample and half a GB, whatever the duration.
+            All else takes some hundred bytes a sample and half a GB; a tracker some kB a period.
     """
     refuse_inexecutable(plan)
     closing = _feedback(feedback, plan)

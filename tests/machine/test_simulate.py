@@ -194,7 +194,7 @@ def test_samples_are_paired_between_plans_and_numbers(jumping: Plan) -> None:
 def test_how_far_it_is_is_told_in_steps_that_are_done(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[tuple[int, int]] = []
     module = sys.modules["planner.machine.simulate"]
-    monkeypatch.setattr(module, "_tell", lambda *given: told.append((given[4], given[3])))
+    monkeypatch.setattr(module, "_tell_steps", lambda *given: told.append((given[4], given[3])))
     plan = plan_from(Problem.from_dict(CAR), JUMPS, pieces=100)
     replay(plan, Machine.ideal(step_s=0.002), record_s=None, progress=lambda *_: None)
     every, (steps,) = REPORT_EVERY, {steps for _, steps in told}

@@ -91,12 +91,12 @@ class Comparison:
     @property
     def differences(self) -> tuple[Difference, ...]:
         """Differences of E between every two replayed plans; see `planner.support.statistics`."""
-        return paired(self.rows, lambda run: run.index_E_deg, self.threshold_deg)
+        return paired(self.rows, "E", self.threshold_deg)
 
     @property
     def end_differences(self) -> tuple[Difference, ...]:
         """The same pairs with the largest error of an angle at the end in place of E."""
-        return paired(self.rows, lambda run: run.terminal_E_deg, self.threshold_deg)
+        return paired(self.rows, "end", self.threshold_deg)
 
     @property
     def headline(self) -> str:

@@ -141,10 +141,22 @@ Each plan met the same {comparison.samples} machines ({comparison.machine.preset
 E of the plan minus E of the other, degrees, with its interval (order statistics: it holds the true
 median with at least 95 %, whatever the distribution). End: the same for the error at the end.
 Better on: share of the machines on which the plan has the smaller error. p: sign
-test, corrected for {len(comparison.differences)} pairs by Holm's method, for E and end each; \
+test, corrected by Holm's method for {len(comparison.differences)} pairs by E and as many by end; \
 with many machines small differences are
 significant too, but those below {comparison.threshold_deg:g} degrees are too small to matter.
 """
+
+
+def csv_machines(comparison: Comparison) -> str:
+    """E and the error at the end of every plan on every machine, full precision."""
+    lines = ["plan,machine,E_deg,end_deg"]
+    for row in comparison.rows:
+        if row.replay is None:
+            continue
+        figures = zip(row.replay.index_E_deg, row.replay.terminal_E_deg, strict=True)
+        label = '"' + row.label.replace('"', '""') + '"'
+        lines += [f"{label},{k},{float(E)!r},{float(end)!r}" for k, (E, end) in enumerate(figures)]
+    return "\n".join(lines) + "\n"
 
 
 def csv_differences(comparison: Comparison) -> str:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
 from planner.comparison.rows import FEEDBACK, Row, plain_label
 from planner.machine.feedforward.legs import compensable
-from planner.machine.replay import Replay
 from planner.plan.measures import effort_unit
-from planner.support.arrays import Array
 from planner.support.statistics import Difference, differences
 from planner.support.tables import number
 
@@ -22,17 +21,22 @@ LEAST_SWING_DEG = 5.0
 
 
 def paired(
-    rows: Sequence[Row], error: Callable[[Replay], Array], threshold_deg: float
+    rows: Sequence[Row], which: Literal["E", "end"], threshold_deg: float
 ) -> tuple[Difference, ...]:
     """Every two replayed plans, machine by machine; see `planner.support.statistics`.
 
+    The tests by E and those by the error at the end are corrected together, whichever is asked.
+
     Args:
         rows: Of a comparison.
-        error: The error of each machine (S,), degrees.
+        which: By E, or by the largest error of an angle at the end.
         threshold_deg: A difference that does not matter, degrees.
     """
-    runs = {row.label: row.replay for row in rows if row.worst is not None}
-    return differences({k: error(run) for k, run in runs.items() if run}, threshold_deg)
+    kept = {row.label: row.replay for row in rows if row.worst is not None and row.replay}
+    by_E = {label: run.index_E_deg for label, run in kept.items()}
+    by_end = {label: run.terminal_E_deg for label, run in kept.items()}
+    errors, beside = (by_E, by_end) if which == "E" else (by_end, by_E)
+    return differences(errors, threshold_deg, beside)
 
 
 def recommended(rows: Sequence[Row], threshold_deg: float) -> Row | None:
@@ -59,10 +63,9 @@ def recommended(rows: Sequence[Row], threshold_deg: float) -> Row | None:
 def _worse_than(row: Row, rows: Sequence[Row], threshold_deg: float) -> set[str]:
     """Labels of the plans that the paired test calls worse than this one, in E or at the end."""
     out = set()
-    for error in (lambda run: run.index_E_deg, lambda run: run.terminal_E_deg):
-        for d in paired(rows, error, threshold_deg):
-            if row.label in (d.first, d.second) and d.told_apart:
-                out.add(d.second if d.median_deg < 0 else d.first)
+    for d in (*paired(rows, "E", threshold_deg), *paired(rows, "end", threshold_deg)):
+        if row.label in (d.first, d.second) and d.told_apart:
+            out.add(d.second if d.median_deg < 0 else d.first)
     return out - {row.label}
 
 

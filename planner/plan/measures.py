@@ -16,7 +16,7 @@ import numpy as np
 
 from planner.plan.quadrature import greatest, input_values, jumps, largest, read_trajectory, slopes
 from planner.plan.retimed import RetimedTrajectory
-from planner.plan.trajectory import Trajectory
+from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.requirements.requirement import MotionPoint, Requirement
 from planner.support.arrays import Array
 from planner.support.calculus.extremes import maximum, minimum, sample_times, zeros
@@ -71,6 +71,8 @@ def objective_of(trajectory: Trajectory, name: str) -> float | None:
     kind, _, words = name.removesuffix(" (not minimised by this method)").partition(": ")
     if kind == "time" and words.startswith("the least") and words.endswith(", in seconds"):
         return trajectory.duration
+    if kind in ("smoothness", "peak |v2| with v1 constant"):
+        return _chart_objective(trajectory, kind)
     times, weights = _quadrature(trajectory)
     first, second = np.einsum("ij,ijk->k", weights, trajectory.u(times) ** 2).tolist()
     known = {
@@ -83,6 +85,22 @@ def objective_of(trajectory: Trajectory, name: str) -> float | None:
     if not re.fullmatch(rf"{term}(?: \+ {term})*", words):
         return None
     return float(sum(float(weight or 1) * known[of] for weight, of in re.findall(term, words)))
+
+
+def _chart_objective(trajectory: Trajectory, kind: str) -> float | None:
+    """The objective of a convex plan: of its path before it was timed anew, with v₁ constant."""
+    path = trajectory
+    while isinstance(path, RetimedTrajectory):
+        path = path.path
+    if not isinstance(path, ChainedTrajectory):
+        return None
+    if kind == "smoothness":
+        times, weights = _quadrature(path)
+        v1, v2 = np.moveaxis(path.v(times), -1, 0)
+        with np.errstate(all="ignore"):  # the path of a changed file may be anything
+            return float(np.sum(weights * v2**2 / np.abs(v1))) / 2
+    highest = float(np.max(np.abs(path.v_curve.c[..., 1])))  # v₂ is linear on each piece at most
+    return highest * path.duration / trajectory.duration
 
 
 def peak_inputs(trajectory: Trajectory) -> Array:

@@ -7,7 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from planner.errors import InputError
 from planner.plan.claims import certificate_from_dict
@@ -96,6 +96,11 @@ Finite = Annotated[float, Field(ge=-MOST_NUMBER, le=MOST_NUMBER)]
 Amount = Annotated[float, Field(ge=0, le=MOST_NUMBER)]
 
 
+MOST_COEFFICIENTS = 100_000
+"""Of a curve, each of one component or more: the judge takes some 5 kB for each. A compensated
+plan of 500 s has as many."""
+
+
 class CurveTable(Table):
     """A piecewise polynomial in the Bernstein basis.
 
@@ -113,6 +118,16 @@ class CurveTable(Table):
         if not all(a < b for a, b in pairwise(breaks)):
             raise ValueError("times must increase")
         return breaks
+
+    @model_validator(mode="after")
+    def _small(self) -> CurveTable:
+        count = (len(self.breaks) - 1) * len(self.bernstein)
+        if count > MOST_COEFFICIENTS:
+            raise ValueError(
+                f"has {len(self.breaks) - 1} pieces of degree {len(self.bernstein) - 1}; at most"
+                f" {MOST_COEFFICIENTS} coefficients are read (pieces times degree + 1)"
+            )
+        return self
 
     bernstein: list[list[Finite | list[Finite | None] | None]] = Field(
         description="Coefficients: degree + 1 lists of K pieces, each a list of components."

@@ -28,6 +28,10 @@ from planner.systems.triangular_system import TriangularSystem
 LENGTH_TOLERANCE = 1e-12
 """Distance of two lengths, or two own times, over the whole, that is the rounding of an inverse."""
 
+LEAST_GROWTH = 1e-4
+"""Growth of the length, over that of the inputs' own integral, that is taken for standing still:
+with `arc_length` the two differ by no more than the scales of the two inputs do."""
+
 
 @dataclass(frozen=True, eq=False)
 class RetimedTrajectory(Trajectory):
@@ -85,7 +89,7 @@ class RetimedTrajectory(Trajectory):
         """Whether the clock goes all the way along the path, piece by piece, and never jumps.
 
         Ends and joints are compared to the last bit: whoever makes a clock takes them from the
-        length. That the length grows wherever the path moves is not looked at here.
+        length, which grows wherever the path moves.
         """
         path, length, clock, stations = self.path, self.length, self.clock, self.stations
         (begin, end), (first, last) = (
@@ -119,7 +123,20 @@ class RetimedTrajectory(Trajectory):
             ),
             (np.any(astray > slack), "the clock is not at its stations when it should be"),
         )
-        return next((words for bad, words in checks if bad), "")
+        return next((words for bad, words in checks if bad), "") or self._stall
+
+    @property
+    def _stall(self) -> str:
+        """Where the length hardly grows though the path moves: inputs would be beyond measure."""
+        grid = Grid(self.length.x)
+        speed = np.linalg.norm(self.path.u(grid.times), axis=-1)
+        slope = self._inverse.slope(grid.times)
+        speed, slope = (each / np.nanmean(each) for each in (speed, slope))
+        still = (speed > 1e-3) & (slope < LEAST_GROWTH * speed)
+        if not np.any(still):
+            return ""
+        when = grid.times[still][0]
+        return f"its length nearly stands still at {when:.4g} s of the path, which moves there"
 
     def q(self, t: ArrayLike) -> Array:
         """The path's own, where the clock is."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison, command, comparison_csv
-from planner.comparison.differences import csv_differences, markdown_differences
+from planner.comparison.differences import csv_differences, csv_machines, markdown_differences
 from planner.errors import InputError
 from planner.report.figures.arm import can_draw, plot_arm
 from planner.report.figures.on_the_machine import (
@@ -66,6 +66,7 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
         if comparison.differences:
             write_text(place / "differences.md", markdown_differences(comparison))
             write_text(place / "differences.csv", csv_differences(comparison))
+            write_text(place / "machines.csv", csv_machines(comparison))
         for row, file in zip(data["rows"], _write_plans(comparison, place), strict=True):
             row["plan_file"] = file
         text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False)

@@ -40,7 +40,7 @@ class Difference:
         interval_deg: Its 95 % interval, (2,); NaN where there are too few machines to bound it.
         first_better: Share of machines on which the first plan has the smaller E; ties count half.
         p_value: Of the sign test, two-sided; machines on which both are equal do not count.
-        p_corrected: The same after Holm's correction for all pairs of the comparison.
+        p_corrected: The same after Holm's correction for all tests of the comparison.
         threshold_deg: The least median difference that matters to a person, degrees.
     """
 
@@ -84,21 +84,28 @@ def percentile_interval(values: Array, percent: float) -> tuple[float, float]:
 
 
 def differences(
-    errors: Mapping[str, Array], threshold_deg: float = LEAST_DIFFERENCE_DEG
+    errors: Mapping[str, Array],
+    threshold_deg: float = LEAST_DIFFERENCE_DEG,
+    beside: Mapping[str, Array] | None = None,
 ) -> tuple[Difference, ...]:
     """Every pair of plans.
 
     Args:
         errors: E of each plan on the same machines, shape (S,), degrees, by label.
         threshold_deg: The least median difference that matters, degrees.
+        beside: Another error of the same plans, whose pairs are tested too: Holm's correction is
+            for the pairs of both.
 
     Returns:
         One entry a pair, in the order of the labels.
     """
-    gaps = {(a, b): errors[a] - errors[b] for a, b in combinations(errors, 2)}
+    gaps, others = (
+        {(a, b): of[a] - of[b] for a, b in combinations(of, 2)} for of in (errors, beside or {})
+    )
     p_values = [_sign_test(gap) for gap in gaps.values()]
+    together = holm([*p_values, *map(_sign_test, others.values())])[: len(p_values)]
     out = []
-    for (pair, gap), p, corrected in zip(gaps.items(), p_values, holm(p_values), strict=True):
+    for (pair, gap), p, corrected in zip(gaps.items(), p_values, together, strict=True):
         better = float(np.mean(gap < 0) + np.mean(gap == 0) / 2)
         median, interval = float(np.median(gap)), percentile_interval(gap, 50)
         out.append(Difference(*pair, median, interval, better, p, corrected, threshold_deg))

@@ -23,7 +23,9 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
     A plan that was verified comes back with `verified` True only if `verify` still says so and its
     certificate, proven anew, does not say otherwise; a compensated one only with the plan that it
     compensates, which solves the same problem. Its objective is computed, if it is one of duration
-    and efforts; where the file says another, that of the motion is taken, with a warning. What is
+    and efforts or of a convex plan; where the file says another, that of the motion is taken, with
+    a warning, and a proof of optimality that is about the other is dropped. All else in `notes`,
+    and the objective of a desensitised plan, is what the file says. What is
     not a plan any more has `verified` False, the status "verification_failed", no certificate, and
     says in `why` what it breaks. A file that never claimed to hold a verified plan (a refused one,
     kept for study) keeps its own status.
@@ -68,7 +70,8 @@ def _correct_objective(plan: Plan, path: str | Path) -> Plan:
         InputWarning,
         stacklevel=5,
     )
-    return replace(plan, objective=true)
+    notes = {key: value for key, value in plan.notes.items() if key != "optimality"}
+    return replace(plan, objective=true, notes=notes)
 
 
 def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:

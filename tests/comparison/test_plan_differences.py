@@ -9,7 +9,12 @@ import pytest
 from compared import paper_comparison
 from printed import printed
 
-from planner.comparison.differences import csv_differences, markdown_differences, rich_differences
+from planner.comparison.differences import (
+    csv_differences,
+    csv_machines,
+    markdown_differences,
+    rich_differences,
+)
 
 
 def test_markdown_names_every_pair_and_what_it_says() -> None:
@@ -18,7 +23,7 @@ def test_markdown_names_every_pair_and_what_it_says() -> None:
     assert len(lines) == 3
     assert lines[0].startswith("| `polynomial:travel=middle` | `polynomial` | +")
     assert lines[0].endswith("| worse |")
-    assert "corrected for 3 pairs" in text
+    assert "method for 3 pairs by E and as many by end" in text
 
 
 def test_csv_keeps_full_precision() -> None:
@@ -29,6 +34,18 @@ def test_csv_keeps_full_precision() -> None:
         assert float(row["median_deg"]) == made.median_deg
         assert float(row["interval_low_deg"]) == made.interval_deg[0]
         assert row["significant"] == str(made.significant)
+
+
+def test_csv_of_machines_keeps_full_precision() -> None:
+    result = paper_comparison()
+    rows = list(csv.DictReader(io.StringIO(csv_machines(result))))
+    for made in result.rows:
+        own = [row for row in rows if row["plan"] == made.label]
+        if made.replay is not None:
+            assert [int(row["machine"]) for row in own] == list(range(result.samples))
+            assert [float(row["E_deg"]) for row in own] == made.replay.index_E_deg.tolist()
+            assert [float(row["end_deg"]) for row in own] == made.replay.terminal_E_deg.tolist()
+    assert rows
 
 
 def test_the_terminal_sees_all_from_the_best_plan() -> None:

@@ -304,8 +304,9 @@ def test_a_clearance_is_kept_beyond_the_disc() -> None:
     assert replace(far, clearance=1.6).values_out_of_reach(arm) is None
     near = _broken(disc, 0.1, 1)
     said = disc.contradiction_text("goal", replace(near[2], limit=0.25))
-    assert (
-        said == "at the goal link 2 is 0.1 m from obstacle 1, clearance_m = 0.25; move one of them"
+    assert said == (
+        "at the goal link 2 is 0.1 m from obstacle 1, clearance_m = 0.25; move one of them, or"
+        " lower clearance_m to 0.0999 or less"
     )
     assert Obstacle.easing([near]) == "obstacles.clearance_m = 0.0999 or less"
 

@@ -27,6 +27,7 @@ def test_everything_is_written(saved: Path) -> None:
         "table.csv",
         "differences.md",
         "differences.csv",
+        "machines.csv",
         "comparison.json",
         "replays.json",
         "problem.toml",

@@ -61,6 +61,17 @@ def test_chance_is_rarely_called_significant() -> None:
     assert wrong <= 6
 
 
+def test_two_errors_of_one_comparison_are_one_family() -> None:
+    stream = np.random.default_rng(4)
+    ends = {str(k): stream.normal(size=60) for k in range(3)}
+    errors = {**ends, "0": ends["0"] + 0.4}
+    alone, both = differences(errors), differences(errors, beside=ends)
+    assert [d.p_value for d in both] == [d.p_value for d in alone]
+    least = int(np.argmin([d.p_value for d in alone]))
+    assert alone[least].p_corrected == pytest.approx(3 * alone[least].p_value)
+    assert both[least].p_corrected == pytest.approx(min(1.0, 6 * both[least].p_value))
+
+
 def test_equal_plans_do_not_differ() -> None:
     (same,) = differences({"a": np.arange(9.0), "b": np.arange(9.0)})
     assert (same.p_value, same.p_corrected, same.median_deg) == (1.0, 1.0, 0.0)

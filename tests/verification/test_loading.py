@@ -249,6 +249,47 @@ def test_what_no_motion_tells_is_no_objective_of_it(
     assert planner.load_plan(path).objective == 1
 
 
+@pytest.mark.parametrize("objective", ["smooth", "peak"])
+def test_a_false_proof_of_a_convex_plan_is_dropped(
+    paper: planner.Problem, tmp_path: Path, objective: str
+) -> None:
+    plan = planner.solve(paper, "convex", objective=objective, pieces=20)
+    true = planner.load_plan(plan.save(tmp_path / "true.json"))
+    assert (true.objective, true.notes) == (plan.objective, plan.notes)
+    false = edited(plan, tmp_path / "false.json", put("objective", 0.9 * plan.objective))
+    with pytest.warns(planner.InputWarning, match="the objective is said to be"):
+        back = planner.load_plan(false)
+    assert back.objective == pytest.approx(plan.objective, rel=1e-6)
+    assert "optimality" not in back.notes
+
+
+# -- what would take long -------------------------------------------------------------------------
+
+
+def test_a_length_that_nearly_stands_still_is_not_integrated(
+    retimed: planner.Plan, tmp_path: Path
+) -> None:
+    def still(data: dict[str, Any]) -> None:
+        length = data["trajectory"]["length"]
+        c = np.array(length["bernstein"])
+        c[1:-1] = c[0] + 1e-12 * (c[-1] - c[0])
+        length["bernstein"] = c.tolist()
+
+    back = planner.load_plan(edited(retimed, tmp_path / "x.json", still))
+    assert not back.verified
+    assert back.why.startswith("its length nearly stands still at 0 s of the path")
+
+
+def test_a_file_of_many_pieces_is_refused(law: planner.Plan, tmp_path: Path) -> None:
+    def cut(data: dict[str, Any]) -> None:
+        own = curve(data, "z")
+        own["breaks"] = np.linspace(0, own["breaks"][-1], 60_001).tolist()
+
+    path = edited(law, tmp_path / "x.json", cut)
+    with pytest.raises(planner.InputError, match=r"has 60000 pieces .* at most 100000 coeff"):
+        planner.load_plan(path)
+
+
 # -- comparison folders --------------------------------------------------------------------------
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.methods.collocation.solvers import Settings, SolverAnswer, backend, names
+from planner.methods.collocation.solvers import Settings, SolverAnswer, ask, backend, names
 from planner.methods.collocation.transcription.bounds import Bounds, InputDemands, bounds
 from planner.methods.collocation.transcription.form import Form, Mesh, Objective, kept_between_nodes
 from planner.methods.collocation.transcription.transcription import Transcription, transcription
@@ -100,9 +100,8 @@ class Task:
                 start, settings = found.iterate, replace(settings, near=True)
             deadline.check()
             progress.count_solve()
-            call = backend(made, replace(settings, solver=name))
             packed = made.layout.pack(start, data.widths).clip(data.lower, data.upper)
-            answer = call(packed, data)
+            answer = ask(made, replace(settings, solver=name), packed, data)
             answer = replace(answer, vector=answer.vector.clip(data.lower, data.upper))
             iterations += answer.iterations
             found = replace(_check(made, data, answer, ACCEPTED_RESIDUAL), iterations=iterations)

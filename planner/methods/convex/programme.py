@@ -21,6 +21,7 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sp
 
+from planner.errors import lacks_memory
 from planner.methods.convex.paths import Frame
 from planner.support.arrays import Array
 from planner.support.interrupts import osqp_result
@@ -174,7 +175,12 @@ def solve_quadratic(
         return _optimum(G, h, np.zeros(A.shape[1]), np.zeros(len(h)), "none needed")
     order = (_by_osqp, _by_active_set) if engine == "osqp" else (_by_active_set, _by_osqp)
     for attempt in order:
-        answer = attempt(G, h, radius)
+        try:
+            answer = attempt(G, h, radius)
+        except (RuntimeError, ArithmeticError, ValueError) as error:  # an unfinished answer
+            if lacks_memory(error):
+                raise
+            continue
         if isinstance(answer, Farkas) and answer.margin > 0:
             return answer
         if isinstance(answer, Optimum) and answer.accurate:

@@ -144,8 +144,9 @@ class Obstacle(Requirement):
         """The words of a contradiction."""
         link = next(k for k, part in enumerate(self.parts, 1) if part.label == v.label)
         if v.value > 0:
-            near = f"is {v.value:.3g} m from obstacle {self.number}"
-            return f"at the {name} link {link} {near}, clearance_m = {v.limit:g}; move one of them"
+            near = f"is {v.value:.3g} m from obstacle {self.number}, clearance_m = {v.limit:g}"
+            lower = f"lower clearance_m to {0.999 * v.value:.4g} or less"
+            return f"at the {name} link {link} {near}; move one of them, or {lower}"
         into = f"{-v.value:.3g} m into obstacle {self.number}"
         return f"at the {name} link {link} reaches {into}; move one of them"
 

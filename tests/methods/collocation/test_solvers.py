@@ -53,6 +53,23 @@ def test_solvers_agree(name: str, changes: Any, options: Any) -> None:
     assert list(found.values()) == pytest.approx([found["ipopt"]] * len(found), rel=1e-6)
 
 
+@pytest.mark.parametrize("broken", sorted(SOLVERS))
+def test_a_solver_that_raises_has_not_finished(
+    broken: SolverName, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other takes over; alone it is a refusal, never a traceback."""
+
+    def fail(*_: Any) -> SolverAnswer:
+        raise RuntimeError("Error in Function::call:\n.../nlpsol.cpp:1: out of order")
+
+    monkeypatch.setitem(SOLVERS, broken, lambda *_: fail)
+    problem = planner.load_problem(PROBLEMS / "paper.toml", {"goal.duration": 9.87})
+    with pytest.raises(planner.NotConvergedError):
+        plan_collocation(problem, CollocationOptions(solver=broken, starts=1))
+    if broken == "fatrop":
+        assert planner.verify(plan_collocation(problem, CollocationOptions())).ok
+
+
 def test_who_is_first() -> None:
     def order(name: str, free: bool = False, discs: int = 0, **settings: Any) -> tuple[str, ...]:
         system = planner.load_problem(PROBLEMS / f"{name}.toml").system

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from registered import restored
 
 import planner
 from planner import Plan, compensation
@@ -16,6 +19,7 @@ from planner.errors import Violation
 from planner.machine.feedforward import legs
 from planner.machine.feedforward.advice import compensation_changes, settings_to_try
 from planner.machine.feedforward.follow import follow
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.user_tables import parse
 from planner.verification.verify import Check
@@ -298,3 +302,30 @@ def test_sweeps_and_check_know_it(paper: planner.Problem, tmp_path: Path) -> Non
     planner.run_sweep(tables, tmp_path / "db.sqlite", workers=0)
     errors = planner.load_sweep(tmp_path / "db.sqlite")["E_median_deg"].tolist()
     assert errors[0] > 4.5 > 2 > errors[1]
+
+
+@dataclass(frozen=True)
+class InputProduct(Requirement):
+    """|u₁ u₂| ≤ most: a limit of a package."""
+
+    most: float
+
+    key, reads, speed = "test_product", frozenset({"u"}), 2
+    table = float, "Largest |u1 u2|.", 0.2
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (Part("product", "", -self.most, self.most, self.most),)
+
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
+        return [point.u[0] * point.u[1]]
+
+
+def test_a_limit_of_inputs_that_compensation_does_not_keep_gives_a_warning(
+    paper: planner.Problem,
+) -> None:
+    with restored():
+        planner.register_requirement(InputProduct)
+        limited = paper.changed({"limits.test_product": 0.2})
+        with pytest.warns(planner.InputWarning, match=r"do not mind limits\.test_product"):
+            limited.changed({"compensation.on": True})

@@ -168,6 +168,15 @@ class Problem:
             )
         if doubt := likely_slip(system, problem.start, problem.goal):
             warnings.warn(f"{source}: {doubt}", InputWarning, stacklevel=2)
+        formulas = [r for r in problem.requirements if r.speed and not r.is_direct]
+        if problem.compensation.on and formulas:
+            keys = ", ".join(f"limits.{required.key}" for required in formulas)
+            warnings.warn(
+                f"{source}: compensation.on: the inputs that it adds do not mind {keys}; a"
+                " compensated plan that breaks one of them is refused",
+                InputWarning,
+                stacklevel=2,
+            )
         return problem
 
     @classmethod

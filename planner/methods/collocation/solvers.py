@@ -13,7 +13,6 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from planner.errors import lacks_memory
 from planner.methods.collocation.transcription.bounds import Bounds
 from planner.methods.collocation.transcription.form import TERMS
 from planner.methods.collocation.transcription.transcription import Program, Transcription
@@ -295,18 +294,6 @@ def backend(made: Transcription, settings: Settings) -> Backend:
         made.solvers[settings] = SOLVERS[settings.solver](made, settings)
     found: Backend = made.solvers[settings]
     return found
-
-
-def ask(made: Transcription, settings: Settings, start: Array, data: Bounds) -> SolverAnswer:
-    """What a solver answers; one that raises an error gives the start back, as one that fails."""
-    try:
-        return backend(made, settings)(start, data)
-    except (RuntimeError, ArithmeticError) as error:  # what CasADi makes of errors in C++
-        if lacks_memory(error):
-            raise
-        made.solvers.pop(settings, None)  # it may be left in any state
-        words = str(error).strip().rpartition("\n")[2]
-        return SolverAnswer(start, False, f"Raised_Error: {words[:80]}", 0)
 
 
 def _draw_in(lower: Array, upper: Array) -> tuple[Array, Array]:

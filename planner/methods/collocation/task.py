@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.methods.collocation.solvers import Settings, SolverAnswer, ask, backend, names
+from planner.errors import lacks_memory
+from planner.methods.collocation.solvers import Settings, SolverAnswer, backend, names
 from planner.methods.collocation.transcription.bounds import Bounds, InputDemands, bounds
 from planner.methods.collocation.transcription.form import Form, Mesh, Objective, kept_between_nodes
 from planner.methods.collocation.transcription.transcription import Transcription, transcription
@@ -101,7 +102,7 @@ class Task:
             deadline.check()
             progress.count_solve()
             packed = made.layout.pack(start, data.widths).clip(data.lower, data.upper)
-            answer = ask(made, replace(settings, solver=name), packed, data)
+            answer = _ask(made, replace(settings, solver=name), packed, data)
             answer = replace(answer, vector=answer.vector.clip(data.lower, data.upper))
             iterations += answer.iterations
             found = replace(_check(made, data, answer, ACCEPTED_RESIDUAL), iterations=iterations)
@@ -220,3 +221,15 @@ def stretch_to(iterate: Iterate, duration: float) -> Iterate:
     """The same path in another time: the systems are driftless, so it stays a motion."""
     factor = iterate.duration / duration
     return replace(iterate, duration=duration, inputs=iterate.inputs * factor)
+
+
+def _ask(made: Transcription, settings: Settings, start: Array, data: Bounds) -> SolverAnswer:
+    """What a solver answers; one that raises an error gives the start back, as one that fails."""
+    try:
+        return backend(made, settings)(start, data)
+    except (RuntimeError, ArithmeticError) as error:  # what CasADi makes of errors in C++
+        if lacks_memory(error):
+            raise
+        made.solvers.pop(settings, None)  # it may be left in any state
+        words = str(error).strip().rpartition("\n")[2]
+        return SolverAnswer(start, False, f"Raised_Error: {words[:80]}", 0)

@@ -16,7 +16,7 @@ solution, and proves none of the 155 that have none. Where both are accurate the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -228,7 +228,13 @@ def _by_active_set(G: Array, h: Array, radius: float) -> Optimum | Farkas | None
 def _by_osqp(G: Array, h: Array, radius: float) -> Optimum | Farkas | None:
     import osqp  # a tenth of a second, which only this needs
 
-    solver = osqp.OSQP()
+    try:
+        return _solved_by_osqp(osqp.OSQP(), G, h, radius)
+    except osqp.OSQPException:
+        return None
+
+
+def _solved_by_osqp(solver: Any, G: Array, h: Array, radius: float) -> Optimum | Farkas | None:
     size = G.shape[1]
     solver.setup(
         sp.eye(size, format="csc"),

@@ -62,7 +62,12 @@ def test_a_solver_that_raises_has_not_finished(
     def fail(*_: Any) -> SolverAnswer:
         raise RuntimeError("Error in Function::call:\n.../nlpsol.cpp:1: out of order")
 
-    monkeypatch.setitem(SOLVERS, broken, lambda *_: fail)
+    inner = module.backend
+
+    def backend(made: Any, settings: Settings) -> Any:
+        return fail if settings.solver == broken else inner(made, settings)
+
+    monkeypatch.setattr(module, "backend", backend)
     problem = planner.load_problem(PROBLEMS / "paper.toml", {"goal.duration": 9.87})
     with pytest.raises(planner.NotConvergedError):
         plan_collocation(problem, CollocationOptions(solver=broken, starts=1))

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import osqp
 import pytest
 from scipy.optimize import linprog, minimize
 
@@ -79,3 +80,19 @@ def test_no_claim_is_made_where_none_can_be() -> None:
     A, b = np.array([[1.0, 1e-17], [-1.0, 1e-17]]), np.array([-1.0, -1.0])
     with pytest.raises(StalledError):
         solve_quadratic(A, b, np.inf)
+
+
+@pytest.mark.parametrize("error", [osqp.OSQPException(1), RuntimeError("out of order")])
+def test_an_engine_that_raises_is_no_answer(
+    monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    """The other takes over."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("osqp.OSQP.setup", fail)
+    found = solve_quadratic(np.array([[-1.0, 0.0]]), np.array([-2.0]), 10.0, "osqp")
+    assert isinstance(found, Optimum)
+    assert found.engine == "active set"
+    assert found.y == pytest.approx([2.0, 0.0])

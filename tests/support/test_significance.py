@@ -64,7 +64,7 @@ def test_chance_is_rarely_called_significant() -> None:
 def test_two_errors_of_one_comparison_are_one_family() -> None:
     stream = np.random.default_rng(4)
     ends = {str(k): stream.normal(size=60) for k in range(3)}
-    errors = {**ends, "0": ends["0"] + 0.4}
+    errors = {**ends, "0": ends["0"] + 2.0}
     alone, both = differences(errors), differences(errors, beside=ends)
     assert [d.p_value for d in both] == [d.p_value for d in alone]
     least = int(np.argmin([d.p_value for d in alone]))

@@ -17,6 +17,7 @@
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
 #   make gallery   the pictures of docs/gallery.md, to results/gallery (a minute)
+#   make results-check  the pages of results/ whose code has changed since they were made
 #   make notebook  Jupyter with the notebooks, the explorer in the first of them
 #   make docs      the documentation, to out/docs/index.html; warnings are errors
 #   make test      what CI runs: lint, types, tests
@@ -34,11 +35,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
+SIGN := $(BIN)/python tests/benchmarks/pages.py --sign
+
 KERNEL := planner/machine/kernel.c planner/machine/dynamic.c planner/machine/layout.h
 
 .DEFAULT_GOAL := compare
 .PHONY: compare suite bench stress coverage optimality mutants paper robustness controller sensitivity compensation \
-  identification report explorer gallery notebook docs test \
+  identification report explorer gallery results-check notebook docs test \
   processors installed check lint format generated clean
 
 compare: $(VENV)/.run
@@ -46,54 +49,73 @@ compare: $(VENV)/.run
 
 suite: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/suite.py
+	@$(SIGN) suite
 
 bench: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/collocation.py
 	@$(BIN)/python tests/benchmarks/replay.py --out results/benchmarks
 	@$(BIN)/python tests/benchmarks/sweep.py --out results/benchmarks
+	@$(SIGN) benchmarks
 
 stress: $(VENV)/.dev
 	@$(BIN)/python -m pytest $(PYTEST_FLAGS) -m campaign
 	@$(BIN)/python tests/benchmarks/judged.py
 	@$(BIN)/python tests/benchmarks/families.py
 	@$(BIN)/python tests/benchmarks/stress.py
+	@$(SIGN) judging
+	@$(SIGN) stress
 
 coverage: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/coverage.py
+	@$(SIGN) coverage
 
 optimality: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/optimality.py
+	@$(SIGN) optimality
 
 paper: $(VENV)/.run
 	@$(BIN)/planner reproduce --out results/paper
+	@$(SIGN) paper
 
 mutants: $(VENV)/.dev
 	@$(PIP) install -e '.[mutants]'
 	@$(BIN)/python tests/benchmarks/mutants.py
+	@$(SIGN) mutants
 
 robustness: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/robustness.py
+	@$(SIGN) feedback
 
 controller: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/controller.py
+	@$(SIGN) controller
 
 sensitivity: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/sensitivity.py
+	@$(SIGN) sensitivity
 
 compensation: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/compensation.py
+	@$(SIGN) compensation
 
 identification: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/identification.py
+	@$(SIGN) identification
 
 report: $(VENV)/.dev
 	@$(BIN)/python tests/benchmarks/pictures.py
+	@$(SIGN) report
 
 explorer: $(VENV)/.dev
 	@PLANNER_SCREENSHOTS=results/explorer $(BIN)/python -m pytest -s -m campaign tests/browser/test_explorer_page.py
+	@$(SIGN) explorer
 
 gallery: $(VENV)/.run
 	@MPLBACKEND=Agg $(BIN)/python tests/benchmarks/gallery.py
+	@$(SIGN) gallery
+
+results-check: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/pages.py
 
 notebook: $(VENV)/.notebook
 	@$(BIN)/python -m jupyterlab --notebook-dir=notebooks quick-tour.ipynb

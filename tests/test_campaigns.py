@@ -25,6 +25,7 @@ import collocation
 import frameworks
 import gallery
 import identification
+import pages
 import replay
 from bench_cases import cases
 from outside_judge import campaign
@@ -60,6 +61,48 @@ def test_there_are_ten_pictures_in_the_gallery() -> None:
     pictures = sorted(path for _, path in gallery.blocks())
     assert len(pictures) == 10
     assert pictures == sorted(pictures[0].parent.glob("*.png"))
+
+
+def test_every_page_of_results_is_signed() -> None:
+    folders = {path.name for path in pages.RESULTS.iterdir()}
+    assert folders == set(pages.DEPENDENCIES)
+    for folder in folders:
+        assert pages.SIGNATURE.search((pages.RESULTS / folder / "README.md").read_text("utf-8"))
+    for names in pages.DEPENDENCIES.values():
+        assert all(pages._files(pages.ROOT, name) for name in names)
+
+
+def test_a_fingerprint_changes_with_what_is_computed_alone(tmp_path: Path) -> None:
+    file = tmp_path / "planner" / "one.py"
+    file.parent.mkdir()
+    kinds = {
+        "plain": "def f(x: float) -> float:\n    return 2 * x\n",
+        "words": 'def f(x: float) -> float:\n    """Twice x."""\n    return 2*x  # fast\n',
+        "other": "def f(x: float) -> float:\n    return 3 * x\n",
+    }
+    found = {}
+    for name, text in kinds.items():
+        file.write_text(text, encoding="utf-8")
+        found[name] = pages.fingerprint(["one.py"], tmp_path)
+    assert found["plain"] == found["words"] != found["other"]
+
+
+def test_a_page_is_signed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pages, "RESULTS", tmp_path)
+    path = tmp_path / "suite" / "README.md"
+    path.parent.mkdir()
+    path.write_text("# Suite\n", encoding="utf-8")
+    pages.sign("suite", tmp_path)  # of a checkout without code
+    assert pages.SIGNATURE.search(path.read_text("utf-8"))[1] != pages.fingerprint(
+        pages.DEPENDENCIES["suite"]
+    )  # type: ignore[index]
+    pages.sign("suite")
+    once = path.read_text("utf-8")
+    pages.sign("suite")
+    assert path.read_text("utf-8") == once
+    assert once.startswith(
+        "# Suite\n\n<small>Fingerprint `" + pages.fingerprint(pages.DEPENDENCIES["suite"])
+    )
 
 
 def test_frameworks_that_are_not_installed_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -65,11 +65,11 @@ def test_links_lead_to_files_of_the_repository() -> None:
 
 def test_targets_of_make_are_those_that_are_told() -> None:
     """None of them is the name of a folder that would keep make from its work."""
-    lines = re.findall(r"^([a-z][a-z ]*):(?!=)", MAKEFILE.replace("\\\n", " "), flags=re.M)
+    lines = re.findall(r"^([a-z][a-z -]*):(?!=)", MAKEFILE.replace("\\\n", " "), flags=re.M)
     targets = {name for line in lines for name in line.split()}
     phony = re.findall(r"^\.PHONY:(.*)$", MAKEFILE.replace("\\\n", " "), flags=re.M)
     assert targets == set(" ".join(phony).split())
-    told = re.findall(r"(?:^#   |^|`)make (\w+)", MAKEFILE + TEXT + README, flags=re.M)
+    told = re.findall(r"(?:^#   |^|`)make ([\w-]+)", MAKEFILE + TEXT + README, flags=re.M)
     assert set(told) <= targets
 
 

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from planner.support.files import write_text
+from planner.support.package import made_by
+
 PAGE = Path(__file__).parents[2] / "docs" / "gallery.md"
 BLOCK = re.compile(r"^```python\n(.*?)^```\n\n!\[.+?\]\((.+?)\)", flags=re.DOTALL | re.MULTILINE)
 
@@ -29,3 +32,5 @@ if __name__ == "__main__":
         print(path.name, flush=True)
         path.parent.mkdir(exist_ok=True)
         figure_of(code).savefig(path, dpi=80)
+    note = "The pictures of [the gallery](../../docs/gallery.md), each drawn by the lines above it."
+    write_text(path.parent / "README.md", f"# Gallery\n\n{note}\n\n{made_by('make gallery')}\n")

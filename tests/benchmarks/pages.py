@@ -1,0 +1,135 @@
+"""Which pages of results/ are older than the code that made them (`make results-check`).
+
+A page ends with a fingerprint of the code that its figures depend on. Only what is computed counts:
+comments, docstrings and layout may change.
+
+    python tests/benchmarks/pages.py                       the pages whose code has changed
+    python tests/benchmarks/pages.py --sign compensation   after its command has made a page anew
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import hashlib
+import re
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+RESULTS = ROOT / "results"
+
+PLANS = ("systems", "problem", "plan", "methods", "verification", "solve.py")
+"""What every plan depends on, in planner/."""
+MACHINES = (*PLANS, "machine", "compensation.py")
+COMPARISONS = (*MACHINES, "comparison")
+
+DEPENDENCIES: dict[str, tuple[str, ...]] = {
+    "benchmarks": (*MACHINES, "sweep", "tests/benchmarks/collocation.py"),
+    "budget": (*MACHINES, "robustness/budget.py"),
+    "calibration": ("machine", "paper/calibrate.py"),
+    "certificate": ("verification", "tests/benchmarks/certifying.py"),
+    "compare": (*COMPARISONS, "problems/paper.toml"),
+    "compensation": (*MACHINES, "tests/benchmarks/compensation.py"),
+    "controller": (*MACHINES, "report/controller", "tests/benchmarks/controller.py"),
+    "coverage": (*PLANS, "tests/benchmarks/coverage.py"),
+    "design": (*MACHINES, "sweep/design", "problems/designs"),
+    "explorer": ("explorer", "report/charts"),
+    "feedback": (*MACHINES, "tests/benchmarks/robustness.py"),
+    "gallery": (*COMPARISONS, "robustness", "report/figures", "docs/gallery.md"),
+    "identification": (*MACHINES, "tests/benchmarks/identification.py"),
+    "judging": (*PLANS, "tests/benchmarks/judged.py", "tests/benchmarks/judging.py"),
+    "mutants": ("verification", "systems", "machine", "methods", "tests"),
+    "optimality": (*PLANS, "tests/benchmarks/optimality.py"),
+    "paper": (*COMPARISONS, "paper", "report/figures"),
+    "report": ("report", "comparison"),
+    "searching": PLANS,
+    "sensitivity": (*MACHINES, "robustness", "tests/benchmarks/sensitivity.py"),
+    "stress": (*PLANS, "tests/benchmarks/stress.py", "tests/benchmarks/families.py"),
+    "suite": (*PLANS, "problems", "tests/benchmarks/suite.py"),
+}
+"""By page: folders and files, in planner/ or, where they are not there, of the checkout."""
+
+SIGNATURE = re.compile(r"\n*^<small>Fingerprint `(\w+)` of .*</small>\n*\Z", flags=re.MULTILINE)
+
+
+def fingerprint(names: Iterable[str], root: Path = ROOT) -> str:
+    """Twelve digits that change with what the code computes."""
+    digest = hashlib.sha256()
+    for name in names:
+        for path in _files(root, name):
+            digest.update(path.relative_to(root).as_posix().encode())
+            digest.update(_substance(path))
+    return digest.hexdigest()[:12]
+
+
+def _files(root: Path, name: str) -> list[Path]:
+    place = root / "planner" / name
+    place = place if place.exists() else root / name
+    if place.is_file():
+        return [place]
+    kinds = {".py", ".c", ".h", ".js", ".css", ".html", ".toml"}
+    return sorted(path for path in place.rglob("*") if path.suffix in kinds)
+
+
+def _substance(path: Path) -> bytes:
+    """Of Python the syntax tree without docstrings; of other files all of it."""
+    if path.suffix != ".py":
+        return path.read_bytes()
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [each for each in body if not _is_text(each)]  # type: ignore[attr-defined]
+    return ast.dump(tree).encode()
+
+
+def _is_text(node: ast.AST) -> bool:
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
+
+
+def sign(page: str, root: Path = ROOT) -> None:
+    """Put the fingerprint of the code at the end of a page that was just made with it."""
+    path, names = RESULTS / page / "README.md", DEPENDENCIES[page]
+    text = SIGNATURE.sub("", path.read_text(encoding="utf-8")).rstrip("\n")
+    of = ", ".join(_files_named(name) for name in names)
+    line = f"<small>Fingerprint `{fingerprint(names, root)}` of {of}</small>"
+    path.write_text(f"{text}\n\n{line}\n", encoding="utf-8")
+
+
+def _files_named(name: str) -> str:
+    return f"planner/{name}" if (ROOT / "planner" / name).exists() else name
+
+
+def stale() -> list[str]:
+    """The pages whose code has changed since they were made, or that were never signed."""
+    out = []
+    for page, names in DEPENDENCIES.items():
+        match = SIGNATURE.search((RESULTS / page / "README.md").read_text(encoding="utf-8"))
+        if not match or match[1] != fingerprint(names):
+            out.append(page)
+    return out
+
+
+def main() -> None:
+    """Sign a page, or list those that are stale and end with status 1 if there are some."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--sign", metavar="PAGE", choices=sorted(DEPENDENCIES))
+    asked = parser.parse_args()
+    if asked.sign:
+        sign(asked.sign)
+        return
+    pages = stale()
+    for page in pages:
+        print(f"results/{page}: code that it depends on has changed since it was made")
+    print(f"{len(DEPENDENCIES) - len(pages)} of {len(DEPENDENCIES)} pages are of this code")
+    sys.exit(bool(pages))
+
+
+if __name__ == "__main__":
+    main()

@@ -29,7 +29,7 @@ def outside() -> planner.Plan:
 
 @cache
 def quick_comparison() -> planner.Comparison:
-    """Two polynomials of the paper's example, one refused, and one whose constraint no path keeps."""
+    """Two polynomials of the paper's example, one refused, and one that has no path at all."""
     problem = planner.load_problem(ROOT / "problems/paper.toml", CHANGES)
     specs = ["polynomial:travel=middle", "polynomial", "polynomial:points=[[5.0, 0.5]]"]
     return planner.compare(problem, specs, samples=5, seed=1)

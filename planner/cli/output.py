@@ -91,7 +91,7 @@ def fit_console() -> Iterator[None]:
         yield
     finally:
         for stream, errors in zip(streams, before, strict=True):
-            with suppress(ValueError):  # closed
+            with suppress(ValueError, OSError):  # closed; what is buffered cannot be written
                 stream.reconfigure(errors=errors)
 
 

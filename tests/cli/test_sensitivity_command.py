@@ -73,14 +73,14 @@ def test_spread_comes_from_the_table(run: Callable[..., Any]) -> None:
 
 def test_methods_side_by_side(run: Callable[..., Any], tmp_path: Path) -> None:
     """The polynomial is refused here for its speed, and is a whole motion all the same."""
-    methods = ("--methods", "polynomial,polynomial:points=[[5.0,-0.2]],collocation")
+    methods = ("--methods", "polynomial,polynomial:points=[[5.0,0.5]],collocation")
     result = run("sensitivity", PAPER, *methods, "--out", tmp_path / "s", "--json")
     plans = result.json["plans"]
     assert list(plans) == ["polynomial", "collocation"]
     blocks = {label: plan["passive_block_deg"] for label, plan in plans.items()}
     assert blocks["polynomial"] == pytest.approx(blocks["collocation"], rel=0.01)
     assert "every plan" in result.json["sentence"]
-    assert list(result.json["refused"]) == ["polynomial", "polynomial:points=[[5.0,-0.2]]"]
+    assert list(result.json["refused"]) == ["polynomial", "polynomial:points=[[5.0,0.5]]"]
     kept = planner.load_plan(tmp_path / "s" / "plans" / "collocation.json")
     assert planner.sensitivity(kept).passive_block_deg() == pytest.approx(blocks["collocation"])
     rows = list(csv.DictReader((tmp_path / "s" / "sensitivities.csv").read_text().splitlines()))
@@ -88,14 +88,14 @@ def test_methods_side_by_side(run: Callable[..., Any], tmp_path: Path) -> None:
     assert (tmp_path / "s" / "sensitivities.png").read_bytes().startswith(b"\x89PNG")
     shown = run("sensitivity", PAPER, *methods).out
     assert "polynomial: refused, input u2" in shown
-    assert "polynomial:points=[[5.0,-0.2]]: no plan, " in shown
+    assert "polynomial:points=[[5.0,0.5]]: no plan, " in shown
 
 
 def test_what_cannot_stand_side_by_side(run: Callable[..., Any], tmp_path: Path) -> None:
     for words, says in (
         (["--methods", "collocation compensated"], "leave out the word compensated"),
         (["--methods", "collocation", "--pareto", "effort"], "contradict each other"),
-        (["--methods", "polynomial:points=[[5.0,-0.2]]"], "no executable plan"),
+        (["--methods", "polynomial:points=[[5.0,0.5]]"], "no executable plan"),
     ):
         result = run("sensitivity", PAPER, *words)
         assert (result.status, says in result.err) == (2, True), result.err

@@ -134,7 +134,7 @@ def default_limit(given: float | None) -> AbstractContextManager[Span]:
 def time_share(
     part: float = SEARCH_SHARE, words: str = "", condition: Callable[[], bool] | None = None
 ) -> AbstractContextManager[Span]:
-    """The block takes no more than this share of the time that remains.
+    """The block takes no more than this share of the time that remains, by the same clock.
 
     Args:
         part: Of one.
@@ -142,10 +142,11 @@ def time_share(
         condition: Given where the share counts only once this is true. It is a share of what is
             left then: shares around it that wait likewise count.
     """
-    now, left = time.monotonic(), _left(waiting=condition is not None)
-    return _open_span(
-        Span(_span.get(), now, now + part * max(0.0, left), words, condition=condition)
-    )
+    span = Span(_span.get(), time.monotonic(), math.inf, words, condition=condition)
+    if first := _first_to_end(waiting=condition is not None):
+        span.counts_processor_time = first.counts_processor_time
+        span.end_within(part * max(0.0, first.left))
+    return _open_span(span)
 
 
 @contextmanager
@@ -159,16 +160,14 @@ def _open_span(span: Span) -> Iterator[Span]:
 
 def remaining() -> float:
     """Seconds left, infinite without a limit; not below zero."""
-    return max(0.0, _left())
+    first = _first_to_end()
+    return math.inf if first is None else max(0.0, first.left)
 
 
-def _left(waiting: bool = False) -> float:
-    """Seconds to the first end of the blocks around; of those that wait too where that is asked."""
-    least = math.inf
-    for span in _spans():
-        if span.left < least and (waiting or span.condition is None or span.condition()):
-            least = span.left
-    return least
+def _first_to_end(waiting: bool = False) -> Span | None:
+    """Of the blocks around, the one that ends first; those that wait count where that is asked."""
+    counted = (s for s in _spans() if waiting or s.condition is None or s.condition())
+    return min(counted, key=lambda span: span.left, default=None)
 
 
 def check() -> None:

@@ -74,6 +74,21 @@ def test_a_share_that_waits_is_one_of_the_share_around_it() -> None:
     assert not deadline.holds_answer()
 
 
+def test_a_share_of_processor_time_does_not_pass_by_the_clock(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On a busy computer, plans depended on what else it did."""
+    wall_s, processor_s = 0.0, 0.0
+    monkeypatch.setattr(time, "monotonic", lambda: wall_s)
+    monkeypatch.setattr(time, "process_time", lambda: processor_s)
+    with deadline.default_limit(None), time_share(0.5, condition=lambda: True):
+        wall_s = 1000.0
+        assert deadline.remaining() == deadline.DEFAULT_SEARCH_S / 2
+        processor_s = deadline.DEFAULT_SEARCH_S / 2
+        with pytest.raises(TimeUpError):
+            deadline.check()
+
+
 def test_what_is_cut_short_is_known_outside() -> None:
     assert not deadline.is_over()
     with time_limit(100.0) as outer, time_limit(1e-9) as inner:

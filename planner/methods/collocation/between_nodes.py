@@ -119,15 +119,15 @@ def _basis(kind: Kind, degree: int) -> Array:
 def clears(task: Task, solution: Solution) -> bool:
     """Whether no link passes through a disc between two places at which it must clear it.
 
-    What reaches less than half its radius into a disc can be drawn out of it.
+    What reaches less than half way to a disc's centre can be drawn out of it.
     """
     requirements = [required for required in task.requirements if required.divides]
     if not requirements:
         return True
-    scale = np.array([part.scale for required in requirements for part in required.parts])
+    thickness = np.concatenate([[each.thickness] * len(each.parts) for each in requirements])
     iterate = solution.iterate
     deep = excess(task, iterate, task.motion(iterate)[None], requirements)
-    return bool(np.all(deep < scale / 2))
+    return bool(np.all(deep < thickness / 2))
 
 
 def excess(
@@ -155,7 +155,7 @@ def excess(
         low, high, scale = required.bounds
         here = at
         if required.divides:
-            here = MotionPoint.of(system, _dense(system, curves, float(np.min(scale))))
+            here = MotionPoint.of(system, _dense(system, curves, required.thickness))
         values = np.stack(required.values(here), axis=-1)
         if (low == -high).all():
             out.append(_over(np.abs(values), high, scale))

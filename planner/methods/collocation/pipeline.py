@@ -124,6 +124,8 @@ class Pipeline:
                 motions.append(held)
             if answer := self._refined(motions):
                 return answer
+            if held and any(held.solution is each.solution for each in motions):
+                held = None  # no true motion
         return None
 
     def _refined(self, motions: list[Motion]) -> tuple[Motion, PolishedMotion] | None:

@@ -100,6 +100,11 @@ class Obstacle(Requirement):
             for link in range(1, 1 + self.links)
         )
 
+    @property
+    def thickness(self) -> float:
+        """The least distance of the links from its centre."""
+        return self.radius + self.clearance
+
     @classmethod
     def easing(cls, broken: Sequence[Breach]) -> str:
         """A smaller clearance, or without those that links touch."""
@@ -122,7 +127,7 @@ class Obstacle(Requirement):
         """
         system: Any = point.system
         offset: list[Any] = [-self.x, -self.y]
-        apart = self.radius + self.clearance
+        apart = self.thickness
         heading: Any = 0.0
         out = []
         for i, length in enumerate(system.link_lengths, 1):

@@ -206,6 +206,11 @@ class Requirement(Demand):
         """Its least values where no motion can violate it; None where one may."""
         return None
 
+    @property
+    def thickness(self) -> float:
+        """How deep a motion can lie in what divides paths, in the unit of its parts."""
+        return min(part.scale for part in self.parts)
+
     @cached_property
     def bounds(self) -> tuple[Array, Array, Array]:
         """Low, high and scale of its parts, shape (R,) each."""

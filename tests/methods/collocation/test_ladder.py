@@ -33,7 +33,7 @@ PROBLEM = planner.Problem.manipulator(
 
 @pytest.fixture
 def no_guesses(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pipeline, "seeds", lambda kind, count: [])
+    monkeypatch.setattr(pipeline, "seeds", lambda *_, **__: [])
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@
 static const double LEAST_DRAG = 1e-6, LEAST_COSINE = 1e-9, LEAST_TORQUE_NM = 1e-30;
 static const double MOST_SHARE = 0.99, SLIP_SPEED_RAD_S = 1e-3, STICTION_SLOPE = 1e8, EDGE_NM = 1e-8, EDGE_RAD = 1e-16;
 static const int FULL_PASSES = 12, MOST_PASSES = 100, HALVINGS = 40;
+static const double NEAR_END = 1e-6;
 
 #define LINKS (1 + JOINTS)
 
@@ -263,7 +264,9 @@ static void search(const Rows *r, const Stage *s, const double *start, double *e
     double way[BODIES], at[BODIES], low = 0.0, high = 1.0;
     for (int i = 0; i < r->bodies; i++)
         way[i] = end[i] - start[i];
-    if (slope_along(r, s, end, way) <= 0)
+    for (int i = 0; i < r->bodies; i++)
+        at[i] = end[i] - NEAR_END * way[i];
+    if (slope_along(r, s, at, way) <= 0)
         return;
     for (int k = 0; k < HALVINGS; k++) {
         double middle = (low + high) / 2;

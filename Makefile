@@ -35,7 +35,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
-SIGN := $(BIN)/python tests/benchmarks/pages.py --sign
+SIGN := $(BIN)/python tests/benchmarks/results_pages.py --sign
 
 KERNEL := planner/machine/kernel.c planner/machine/dynamic.c planner/machine/layout.h
 
@@ -115,7 +115,7 @@ gallery: $(VENV)/.run
 	@$(SIGN) gallery
 
 results-check: $(VENV)/.run
-	@$(BIN)/python tests/benchmarks/pages.py
+	@$(BIN)/python tests/benchmarks/results_pages.py
 
 notebook: $(VENV)/.notebook
 	@$(BIN)/python -m jupyterlab --notebook-dir=notebooks quick-tour.ipynb

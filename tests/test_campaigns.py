@@ -25,8 +25,8 @@ import collocation
 import frameworks
 import gallery
 import identification
-import pages
 import replay
+import results_pages as pages
 from bench_cases import cases
 from outside_judge import campaign
 

@@ -3,8 +3,8 @@
 A page ends with a fingerprint of the code that its figures depend on. Only what is computed counts:
 comments, docstrings and layout may change.
 
-    python tests/benchmarks/pages.py                       the pages whose code has changed
-    python tests/benchmarks/pages.py --sign compensation   after its command has made a page anew
+    python tests/benchmarks/results_pages.py               the pages whose code has changed
+    python tests/benchmarks/results_pages.py --sign suite  after its command has made a page anew
 """
 
 from __future__ import annotations

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict
+from io import BytesIO
 from pathlib import Path
 from typing import Annotated
 
@@ -11,11 +14,17 @@ from rich.table import Table
 
 from planner.cli.arguments import Cluster, Workers, out_option
 from planner.cli.output import explain_interruption, facts, finish, job, say
+from planner.errors import InputError
+from planner.report.figures.sweep import draw_sweep
+from planner.support.files import refuse_unwritable, write_bytes
 from planner.sweep.description import Sweep
 from planner.sweep.design.design_file import StudyInput, read_design
 from planner.sweep.design.study import CASES_FILE, design_study
-from planner.sweep.results import export, refuse_unexportable
+from planner.sweep.results import Record, export, read, refuse_unexportable, solved_by_method
 from planner.sweep.run import run_sweep
+
+PICTURES = (".png", ".svg", ".pdf")
+"""Endings of the picture's name."""
 
 
 def sweep(
@@ -45,6 +54,14 @@ def sweep(
             "--export", metavar="OUT", help="Save the results in this .csv or .parquet file."
         ),
     ] = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option(
+            "--figure",
+            metavar="FILE",
+            help="Draw what each method solves, at what effort, in this .png, .svg or .pdf file.",
+        ),
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Check the file and count its cases, but run none.")
     ] = False,
@@ -59,6 +76,7 @@ def sweep(
     Examples:
       planner sweep problems/sweeps/paper-travel.toml
       planner sweep problems/sweeps/paper-travel.toml --export travel.csv
+      planner sweep problems/sweeps/twenty-goals.toml --figure goals.png
       planner sweep problems/sweeps/paper-travel.toml --cluster tcp://host:8786
     """
     task = Sweep.load(file)
@@ -67,11 +85,20 @@ def sweep(
     path = Path(f"{file.stem}.sqlite") if db is None else db
     if export_to is not None:
         refuse_unexportable(export_to)
+    if figure is not None:
+        _refuse_undrawable(figure)
     with explain_interruption("cases", path), job() as progress:
         outcome = run_sweep(
             task, path, workers=workers, cluster=cluster, retry=retry or (), progress=progress
         )
     written = export_to and export(path, export_to)
+    columns, records = read(path)
+    counts = solved_by_method(records)
+    if figure is not None:
+        drawing = BytesIO()
+        picture = draw_sweep(columns, records)
+        picture.savefig(drawing, format=figure.suffix[1:], dpi=110)
+        write_bytes(figure, drawing.getvalue())
     if outcome.bugs:
         say(f"{outcome.bugs} cases ended with a bug; see the column 'traceback'", "red")
     same = outcome.points - outcome.cases
@@ -81,10 +108,29 @@ def sweep(
         ("cases", f"{outcome.cases}" + (f"  ({same} more are identical)" if same else "")),
         ("were there", str(outcome.kept)),
         ("ran", f"{outcome.ran} in {outcome.elapsed_s:.3g} s{each}"),
-        *((k.replace("_", " "), str(n)) for k, n in outcome.statuses.items()),
+        *(
+            (label, f"{n} of {total} solved{_refusals(label, records)}")
+            for label, (n, total) in counts.items()
+        ),
     ]
-    data = {**asdict(outcome), "file": file, "written": written}
+    methods = {label: {"solved": n, "cases": total} for label, (n, total) in counts.items()}
+    data = {**asdict(outcome), "methods": methods, "file": file}
+    data |= {"written": written, "figure": figure}
     return finish(data, task.name, facts(rows), status=1 if outcome.bugs else 0)
+
+
+def _refusals(label: str, records: Sequence[Record]) -> str:
+    """How many cases of a method ended in each status that is no plan; "" where none did."""
+    mine = (r["status"] for r in records if r["method"] == label and not r["solved"])
+    counts = Counter(status.replace("_", " ") for status in mine)
+    return "".join(f", {n} {status}" for status, n in counts.items())
+
+
+def _refuse_undrawable(file: Path) -> None:
+    """Refuse a picture that could not be written, before the work that fills it."""
+    if file.suffix not in PICTURES:
+        raise InputError(f"--figure {file}: its name must end in {', '.join(PICTURES)}")
+    refuse_unwritable(file)
 
 
 def _count_cases(task: Sweep) -> int:

@@ -125,6 +125,15 @@ def read(db: str | Path, which: int | None = None) -> tuple[list[str], list[Reco
     return columns, records
 
 
+def solved_by_method(records: Iterable[Record]) -> dict[str, tuple[int, int]]:
+    """Of each method how many of its finished cases are solved, and how many there are."""
+    out: dict[str, tuple[int, int]] = {}
+    for record in records:
+        solved, total = out.get(record["method"], (0, 0))
+        out[record["method"]] = (solved + record["solved"], total + 1)
+    return out
+
+
 def _cells(columns: Iterable[str], records: list[Record]) -> Mapping[str, list[Any]]:
     """Each column's values, of one type."""
     out = {}

@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
 from planner.errors import InputError
+from planner.problem.tables.problem_file import ProblemFile
 from planner.support.arrays import Array
 from planner.support.user_tables import Pair, Table, allowed_hint
 
@@ -46,6 +47,8 @@ class Range(Table):
 
 class Distribution(Table):
     """How one key is drawn; exactly one of these."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
     uniform: Pair | None = Field(None, description="[low, high].")
     log_uniform: Pair | None = Field(
@@ -86,7 +89,10 @@ class Distribution(Table):
 class SampleTable(Table):
     """A sample: how many points, by which sequence, and one distribution a dotted key."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(
+        extra="allow",
+        json_schema_extra={"propertyNames": {"pattern": r"^(count|seed|method|.+\..+)$"}},
+    )
     __pydantic_extra__: dict[str, Distribution] = Field(init=False)
 
     count: Annotated[int, Field(ge=1, le=MAX_POINTS)] = Field(description="Number of points.")
@@ -100,7 +106,9 @@ class SampleTable(Table):
     @model_validator(mode="before")
     @classmethod
     def _keys(cls, data: Any) -> Any:
-        for key in data if isinstance(data, dict) else ():
+        for key, value in data.items() if isinstance(data, dict) else ():
+            if "." in key and _is_axis(value):
+                raise ValueError(f"'{key}' has a list or a range of values: put it under [grid]")
             if "." not in key and key not in cls._own_keys:
                 hint = allowed_hint(key, [*cls._own_keys, "dotted keys of the problem"])
                 raise ValueError(f"unknown key '{key}'; {hint}")
@@ -147,6 +155,41 @@ class SweepFile(Table):
     sample: SampleTable | None = Field(None, description="A sample of dotted keys.")
     replay: ReplayTable = Field(default_factory=ReplayTable)
     plans: bool = Field(False, description="Keep every plan in the database.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _places(cls, data: Any) -> Any:
+        """Say of a key in a wrong place where it belongs."""
+        if not isinstance(data, dict):
+            return data
+        own = {field.alias or name for name, field in cls.model_fields.items()}
+        for key in data.keys() - own:
+            if place := _place_of(key):
+                raise ValueError(f"'{key}' stands in no table: it belongs under {place}")
+        grid = data.get("grid")
+        for key, value in grid.items() if isinstance(grid, dict) else ():
+            if isinstance(value, dict) and value.keys() & Distribution.model_fields.keys():
+                raise ValueError(f"'grid.{key}' is drawn at random: put it under [sample]")
+            if key in SampleTable.model_fields:
+                raise ValueError(f"'grid.{key}' belongs under [sample]; [grid] has dotted keys")
+        return data
+
+
+def _is_axis(value: Any) -> bool:
+    """Whether a value is what a grid takes."""
+    ends = {field.alias or name for name, field in Range.model_fields.items()}
+    return isinstance(value, list) or (isinstance(value, dict) and bool(value.keys() & ends))
+
+
+def _place_of(key: str) -> str:
+    """The table of a sweep file to which a key belongs that stands outside of all; or ""."""
+    if key in SampleTable.model_fields:
+        return "[sample]"
+    if key in ReplayTable.model_fields:
+        return "[replay]"
+    if "." in key or key in ProblemFile.model_fields or key in ("system", "start", "goal"):
+        return "[set] (the same in every case), [grid] (lists, ranges) or [sample] (draws)"
+    return ""
 
 
 def sweep_schema() -> dict[str, Any]:

@@ -10,6 +10,9 @@ from typing import Any
 
 import pytest
 
+from planner.report.figures.sweep import draw_sweep
+from planner.sweep.results import read
+
 PROBLEMS = Path(__file__).parents[2] / "problems"
 STUDY = PROBLEMS / "designs/gear-ratios.toml"
 SWEEP = """
@@ -41,7 +44,34 @@ def test_it_runs_exports_and_goes_on(run: Callable[..., Any], file: Path) -> Non
     again = run("sweep", file, "--workers", "1", "--db", "short.sqlite")
     assert again.status == 0
     assert "were there  6" in again.out
-    assert "infeasible  6" in again.out
+    counts = " ".join(again.out.split())
+    assert "polynomial 0 of 3 solved, 3 infeasible" in counts
+    assert "piecewise 0 of 3 solved, 3 infeasible" in counts
+    assert result.json["methods"]["piecewise"] == {"solved": 0, "cases": 3}
+
+
+def test_one_picture_shows_what_each_method_solves(run: Callable[..., Any], file: Path) -> None:
+    file.write_text(SWEEP.replace("0.07]", "30.0]"), encoding="utf-8")
+    result = run("sweep", file, "--workers", "1", "--figure", "goals.png", "--json")
+    assert result.json["methods"]["polynomial"] == {"solved": 1, "cases": 3}
+    assert (file.parent / "goals.png").read_bytes().startswith(b"\x89PNG")
+    columns, records = read(file.parent / "short.sqlite")
+    bars, efforts = draw_sweep(columns, records).axes
+    assert "polynomial: 1 of 3" in [text.get_text() for text in bars.texts]
+    marks = {line.get_label(): line.get_xydata() for line in efforts.lines}
+    solved = [r for r in records if r["solved"]]
+    assert {label: len(xy) for label, xy in marks.items()} == {r["method"]: 1 for r in solved}
+    one = next(r for r in solved if r["method"] == "polynomial")
+    assert marks["polynomial"].tolist() == [[30.0, one["effort"]]]
+    assert efforts.get_xlabel() == "goal.duration"
+
+
+def test_a_picture_of_another_kind_is_refused_before_the_work(
+    run: Callable[..., Any], file: Path
+) -> None:
+    result = run("sweep", file, "--figure", "goals.gif")
+    assert (result.status, "must end in .png" in result.err) == (2, True)
+    assert not (file.parent / "short.sqlite").exists()
 
 
 def test_a_dry_run_counts_and_writes_nothing(run: Callable[..., Any], file: Path) -> None:

@@ -129,6 +129,14 @@ SAMPLE = {"count": 4, "goal.travel": {"uniform": [0.8, 0.82]}}
         ({"sample": {"count": 4, "goal.travel": {"unifrom": [0, 1]}}}, "did you mean 'uniform'"),
         ({"sample": {"count": 4, "goal.travel": {**EVEN, "normal": [0, 1]}}}, "exactly one of"),
         ({"sample": {"count": 4, "goal.travel": {"log_uniform": [0, 1]}}}, "must be positive"),
+        ({"count": 4}, "'count' stands in no table: it belongs under \\[sample\\]"),
+        ({"samples": 4}, "'samples' stands in no table: it belongs under \\[replay\\]"),
+        ({"limits.z2_margin": EVEN}, "belongs under \\[set\\] .* or \\[sample\\]"),
+        ({"goal": {"travel": EVEN}}, "'goal' stands in no table: it belongs under"),
+        ({"grid": {"goal.travel": EVEN}}, "'grid.goal.travel' is drawn at random: put it under"),
+        ({"grid": {"count": 20}}, "'grid.count' belongs under \\[sample\\]"),
+        ({"sample": {"count": 4, "goal.travel": [0.8, 0.9]}}, "put it under \\[grid\\]"),
+        ({"sample": {"count": 4, "goal.travel": {**ENDS, "count": 3}}}, "under \\[grid\\]"),
         ({"replay": {"samples": -1}}, "'replay.samples' = -1: must be at least 0"),
         ({"grid": {f"limits.{k}": {**ENDS, "count": 2000} for k in "ab"}}, "4000000 points are"),
     ],
@@ -183,6 +191,8 @@ def test_the_schema_refuses_what_the_program_refuses(tables: Tables, schema: Any
         {"grids": {}},
         {"sample": {**SAMPLE, "count": 0}},
         {"sample": {"count": 3, "a.b": 1}},
+        {"sample": {"count": 3, "cuont": EVEN}},
+        {"sample": {"count": 3, "a.b": {**EVEN, "normal": [0, 1]}}},
     ):
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate({**tables, **bad}, schema)

@@ -1,0 +1,70 @@
+"""The results of a sweep as one picture: what each method solves, and at what effort."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.report.figures.style import colours, grid, make_logarithmic
+from planner.sweep.results import Record, solved_by_method
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
+    """Solved cases of each method, and effort of each solved case (E of replays below).
+
+    A refused case has no mark. Cases lie over the key that varies, where that is one number, else
+    over the numbers of the points in the order of the sweep.
+
+    Args:
+        columns: Names of columns, of which those before `method` are the varied keys.
+        records: The finished cases; `planner.sweep.results.read` gives both.
+    """
+    counts = solved_by_method(records)
+    colour = colours(list(counts))
+    rows = [("effort", "effort of the solved cases")]
+    if any(record["E_median_deg"] is not None for record in records):
+        rows.append(("E_median_deg", "E of the solved cases, median over machines (deg)"))
+    figure, axes = grid(1, 1 + len(rows), size=(4.6, max(2.8, 0.5 * len(counts) + 1.4)))
+    ax = axes[0, 0]
+    for k, (label, (solved, total)) in enumerate(counts.items()):
+        ax.barh(k, total, color="#E8E8E8")
+        ax.barh(k, solved, color=colour[label])
+        ax.text(0.02 * total, k, f"{label}: {solved} of {total}", va="center", bbox=_PAPER)
+    ax.set_yticks([])
+    ax.invert_yaxis()
+    ax.set_xlabel("solved cases")
+    places, name = _places(columns[: columns.index("method")], records)
+    for ax, (key, text) in zip(axes[0, 1:], rows, strict=True):
+        for label in counts:
+            mine = [
+                (places[k], r[key])
+                for k, r in enumerate(records)
+                if r["method"] == label and r["solved"] and r[key] is not None
+            ]
+            if mine:
+                ax.plot(*np.transpose(mine), "o", color=colour[label], label=label, alpha=0.8)
+        ax.set_xlabel(name)
+        ax.set_ylabel(text)
+        if ax.has_data():
+            make_logarithmic(ax.yaxis)
+    return figure
+
+
+_PAPER = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
+"""Behind the counts, so that they can be read on every colour."""
+
+
+def _places(keys: Sequence[str], records: Sequence[Record]) -> tuple[list[float], str]:
+    """Where each case lies along the figure, and what that is."""
+    if len(keys) == 1 and all(type(r[keys[0]]) in (int, float) for r in records):
+        return [float(r[keys[0]]) for r in records], keys[0]
+    points: dict[str, int] = {}
+    numbers: list[Any] = [
+        points.setdefault(repr([r[key] for key in keys]), len(points) + 1) for r in records
+    ]
+    return [float(n) for n in numbers], "point of the sweep"

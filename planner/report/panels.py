@@ -326,15 +326,6 @@ FIGURES = {
     figure.id: figure
     for figure in (
         Figure(
-            "z",
-            chained_panels,
-            "Chained coordinates",
-            "Shaded around z₂: where a real θ₁ exists, given the later angles. Curves outside, and"
-            " margins below zero, are of paths that have left the domain of the chart.",
-            executable=False,
-            columns=True,
-        ),
-        Figure(
             "joints",
             joint_panels,
             "Coordinates",
@@ -353,6 +344,15 @@ FIGURES = {
             "Map of the first two joints",
             "Shaded: outside the chart that the start lies in. Dotted: the joints' limits.",
             fits=lambda system: hasattr(system, "arm_points") and system.size > 2,
+        ),
+        Figure(
+            "z",
+            chained_panels,
+            "Chained coordinates",
+            "Shaded around z₂: where a real θ₁ exists, given the later angles. Curves outside, and"
+            " margins below zero, are of paths that have left the domain of the chart.",
+            executable=False,
+            columns=True,
         ),
     )
 }

@@ -77,7 +77,7 @@ def test_ctrl_c_while_a_motion_is_held(presses: int, tmp_path: Path) -> None:
     with started([sys.executable, "-c", script, *words]) as job:
         assert job.stderr is not None
         said = iter(job.stderr)
-        assert any("'wander 2'" in line for line in said)
+        assert any("'random loop 2'" in line for line in said)
         job.send_signal(signal.SIGINT)
         assert any("refining what is held" in line for line in said)
         if presses == 2:

@@ -18,6 +18,7 @@ import planner
 from planner.cli.app import main
 from planner.comparison.rows import FEEDBACK
 from planner.report import folders as report_folder
+from planner.report.charts.scripts import stylesheet
 from planner.report.figures.style import readable_name
 from planner.report.page.page import report_page, write_report
 from planner.report.page.series import page_data
@@ -188,3 +189,8 @@ def test_the_page_of_an_arm_shows_its_mechanism(
     assert 'src="data:image/svg+xml;base64,' in page
     monkeypatch.setattr("planner.report.page.page.mechanism_svg", lambda _: "")
     assert "Mechanism</h2>" not in write_report(copied).read_text()
+
+
+def test_what_one_asks_first_is_drawn_first_and_not_covered() -> None:
+    assert list(FIGURES) == ["joints", "inputs", "map", "z"]
+    assert "sticky" not in stylesheet("planner.report.page", "page.css")

@@ -246,7 +246,7 @@ def wander(number: int) -> Seed:
         k = np.arange(1, terms + 1)
         return lambda s: np.asarray(np.sin(np.pi * s[:, None] * k) @ weights)
 
-    return Seed(f"wander {number}", series(path), series(driven))
+    return Seed(f"random loop {number}", series(path), series(driven))
 
 
 def sign_of(value: float) -> str:

@@ -38,6 +38,7 @@ def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
     ax.set_yticks([])
     ax.invert_yaxis()
     ax.set_xlabel("solved cases")
+    ax.xaxis.get_major_locator().set_params(integer=True)
     places, name = _places(columns[: columns.index("method")], records)
     for ax, (key, text) in zip(axes[0, 1:], rows, strict=True):
         for label in counts:
@@ -49,6 +50,8 @@ def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
             if mine:
                 ax.plot(*np.transpose(mine), "o", color=colour[label], label=label, alpha=0.8)
         ax.set_xlabel(name)
+        if name == POINT:
+            ax.xaxis.get_major_locator().set_params(integer=True)
         ax.set_ylabel(text)
         if ax.has_data():
             make_logarithmic(ax.yaxis)
@@ -59,6 +62,9 @@ _PAPER = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
 """Behind the counts, so that they can be read on every colour."""
 
 
+POINT = "point of the sweep"
+
+
 def _places(keys: Sequence[str], records: Sequence[Record]) -> tuple[list[float], str]:
     """Where each case lies along the figure, and what that is."""
     if len(keys) == 1 and all(type(r[keys[0]]) in (int, float) for r in records):
@@ -67,4 +73,4 @@ def _places(keys: Sequence[str], records: Sequence[Record]) -> tuple[list[float]
     numbers: list[Any] = [
         points.setdefault(repr([r[key] for key in keys]), len(points) + 1) for r in records
     ]
-    return [float(n) for n in numbers], "point of the sweep"
+    return [float(n) for n in numbers], POINT

@@ -12,6 +12,7 @@ from outside import integrate
 
 from planner import InputError, Machine, Plan, Problem, replay
 from planner.machine.machine import draw
+from planner.machine.simulate import PROGRESS_PARTS
 from planner.machine.stepwise import REPORT_EVERY
 
 JUMPS = inputs(
@@ -193,13 +194,20 @@ def test_samples_are_paired_between_plans_and_numbers(jumping: Plan) -> None:
 
 def test_how_far_it_is_is_told_in_steps_that_are_done(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[tuple[int, int]] = []
+    seen: list[tuple[int, int]] = []
     module = sys.modules["planner.machine.simulate"]
     monkeypatch.setattr(module, "_tell_steps", lambda *given: told.append((given[4], given[3])))
     plan = plan_from(Problem.from_dict(CAR), JUMPS, pieces=100)
-    replay(plan, Machine.ideal(step_s=0.002), record_s=None, progress=lambda *_: None)
+    replay(
+        plan,
+        Machine.ideal(step_s=0.002),
+        record_s=None,
+        progress=lambda *how_far: seen.append(how_far),
+    )
     every, (steps,) = REPORT_EVERY, {steps for _, steps in told}
     assert steps >= 1000
-    assert [done for done, _ in told] == [*range(every, steps + 1, every), steps]
+    assert [done for done, _ in told] == [*range(every, steps + 1, every)]
+    assert seen[-1] == (PROGRESS_PARTS, PROGRESS_PARTS)
 
 
 def test_the_machine_must_fit_the_arm(jumping: Plan) -> None:

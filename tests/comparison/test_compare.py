@@ -483,7 +483,7 @@ class _Held:
     """Feedback that only ever says 0.1 rad/s."""
 
     period_s, tick_s, lead_s, end_s = 0.1, 0.1, 0.0, 1.0
-    fallbacks = np.zeros(3, dtype=np.int64)
+    fallbacks = np.zeros((), dtype=np.int64)  # of however many samples
 
     def start(self, plan: object, machine: object, numbers: object) -> _Held:
         return self

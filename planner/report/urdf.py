@@ -35,7 +35,7 @@ def urdf_text(plan: Plan) -> str:
     names = [coordinate.name for coordinate in system.coordinates[1:]]
     most = plan.problem.limits.joint[1:]
     times = np.linspace(0.0, plan.duration, 1001)
-    speeds = np.abs(np.gradient(plan.q(times)[:, 1:], times, axis=0)).max(axis=0)
+    speeds = np.abs(system.rates(plan.q(times), plan.u(times))[:, 1:]).max(axis=0)
     width = float(THICKNESS * lengths.mean())
     robot = ET.Element("robot", name="planner_arm")
     _add_link(robot, "base", 2 * width, width, 0.0)

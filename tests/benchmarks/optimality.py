@@ -27,6 +27,7 @@ from scipy.optimize import brentq
 
 import planner
 from planner.support.arrays import Array
+from planner.support.package import release
 
 FOLDER = Path(__file__).parents[2] / "results" / "optimality"
 RECORDS = FOLDER / "records.txt"
@@ -213,7 +214,8 @@ def read() -> dict[str, dict[int, float]]:
 
 HEAD = """# How close to optimal plans are
 
-Made by `make optimality` (`tests/benchmarks/optimality.py`), which goes on where it was ended.
+Made by `make optimality` (`tests/benchmarks/optimality.py`; {release}),
+which goes on where it was ended.
 Collocation with its defaults, every plan verified; no limits on the arms' inputs. The figures are
 ratios that an optimal planner has at one. A relation is broken by a local optimum in one of its
 three problems; where all three have the same one, it says nothing. The inputs of the fastest
@@ -242,7 +244,7 @@ def write_page(figures: dict[str, dict[int, float]]) -> None:
     axes.axvline(1e-3, color="grey", linestyle=":")
     axes.legend(loc="lower right")
     figure.savefig(FOLDER / "optimality.png", dpi=150)
-    text = HEAD + "".join(rows) + "\n![ratios](optimality.png)\n"
+    text = HEAD.replace("{release}", release()) + "".join(rows) + "\n![ratios](optimality.png)\n"
     (FOLDER / "README.md").write_text(text, encoding="utf-8")
 
 

@@ -64,7 +64,7 @@ def _excesses(plan: planner.Plan) -> Iterator[tuple[str, float]]:
         breaks = plan.t[1:-1]
         before, after = (plan.u(t)[:, i] for t in (np.nextafter(breaks, 0.0), breaks))
         jump = np.max(np.abs(after - before), initial=0.0) / np.max(np.abs(plan.u(plan.t)[:, i]))
-        yield f"jump {i}", jump / 1e-7
+        yield f"jump {i}", jump / 1e-6
         if isinstance(path, StateTrajectory):
             slope = path.u_curve.derivative()
             peak = -_least(plan, lambda t, i=i, f=slope: -np.abs(f(t)[..., i]))  # type: ignore[misc]

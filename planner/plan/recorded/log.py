@@ -15,6 +15,7 @@ import numpy as np
 
 from planner.errors import InputError, expect
 from planner.plan.plan import Plan
+from planner.plan.recorded.bag import is_bag, read_bag
 from planner.plan.recorded.columns import find_columns, parse_name
 from planner.plan.recorded.number_table import Blanks, NumberTable, read_table
 from planner.plan.samples import MAX_ROWS
@@ -230,11 +231,16 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
             jump or are in another unit than the header says. The message names line and column.
     """
     names = columns or {}
-    table = read_table(
-        path,
-        "a log is CSV",
-        lambda cell: parse_name(cell) is not None or cell.strip() in names.values(),
-        may_be_cut=True,
+    expect(Mapping, names, 'columns maps names to those of the file: {"theta1_rad": "pos[0]"}')
+    table = (
+        read_bag(path, names)
+        if is_bag(path)
+        else read_table(
+            path,
+            "a log is CSV",
+            lambda cell: parse_name(cell) is not None or cell.strip() in names.values(),
+            may_be_cut=True,
+        )
     )
     places = find_columns(table, names)
     if not LEAST_ROWS <= len(table.rows) <= MAX_ROWS:

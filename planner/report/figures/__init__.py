@@ -3,5 +3,5 @@
 In this order: `style`, `notebook_figure` (shown by itself); `over_time` (inputs, joints, z), `arm`
 (in the plane), `mechanism_layout` and `mechanism` (motors, disks, gears and belts),
 `on_the_machine` (replays, errors), `recorded` (runs of an arm), `robustness`, `sensitivities` (of
-several plans), `design` (studies of mechanisms).
+several plans), `design` (studies of mechanisms), `sweep` (many cases).
 """

@@ -50,7 +50,9 @@ def test_solvers_agree(name: str, changes: Any, options: Any) -> None:
         plan = plan_collocation(problem, CollocationOptions(**options))
         found[solver] = plan.objective
         assert planner.verify(plan).ok
-    assert list(found.values()) == pytest.approx([found["ipopt"]] * len(found), rel=1e-6)
+    assert list(found.values()) == pytest.approx(
+        [found["ipopt"]] * len(found), rel=1e-5
+    )  # where refined, meshes differ by rounding
 
 
 @pytest.mark.parametrize("broken", sorted(SOLVERS))
@@ -152,7 +154,9 @@ def test_the_other_takes_over(paper: Problem, monkeypatch: pytest.MonkeyPatch, f
     transcription.cache_clear()
     assert broken.calls == 1
     assert plan.iterations > 7
-    assert plan.objective == pytest.approx(reference.objective, rel=1e-6)
+    assert plan.objective == pytest.approx(
+        reference.objective, rel=1e-5
+    )  # where refined, meshes differ by rounding
 
 
 def test_a_solver_named_is_the_only_one(paper: Problem, monkeypatch: pytest.MonkeyPatch) -> None:

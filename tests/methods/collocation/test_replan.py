@@ -128,7 +128,6 @@ def test_other_numbers_or_guesses_build_nothing(paper: Problem, builds: list[obj
     ]
     for changes in numbers:
         assert plan_collocation(paper.changed(changes), CollocationOptions()).build_time_s == 0
-    plan_collocation(paper, CollocationOptions(rest=True))
     replan_collocation(paper.changed(NEIGHBOUR), CollocationOptions(), first)
     plan_collocation(paper, CollocationOptions(start="straight", max_iterations=80))
     assert len(builds) == 1

@@ -14,6 +14,7 @@ from typing import Any
 from planner.errors import InputError
 from planner.plan.recorded.columns import parse_name
 from planner.plan.recorded.number_table import NumberTable
+from planner.support.files import expect_path
 from planner.support.package import how_to_install
 from planner.support.tables import line
 from planner.support.user_tables import allowed_hint
@@ -25,7 +26,7 @@ _PART = re.compile(r"(\w+)((?:\[[^\]]*\])?)")
 
 def is_bag(path: str | Path) -> bool:
     """Whether this is the folder that `ros2 bag record` writes, or a file of one."""
-    path = Path(path)
+    path = expect_path(path)
     return path.suffix in (".mcap", ".db3") or (path / "metadata.yaml").is_file()
 
 

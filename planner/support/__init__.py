@@ -1,6 +1,6 @@
-"""What has nothing to do with robots.
+"""General-purpose code that knows nothing about robots.
 
-Read first: `arrays`, `package`. The rest when something asks for it: `files`, `tables` and
-`user_tables` (what users wrote, checked and shown), `deadline`, `progress`, `interrupts` (while a
-search runs), `calculus`, `statistics`, `casadi`, `compiled_calls`, `solver_calls`.
+Read `arrays` and `package` first. Read the rest when you need it: `files`, `tables` and
+`user_tables` (check and print what users wrote), `deadline`, `progress` and `interrupts` (used
+while a search runs), `calculus`, `statistics`, `casadi`, `compiled_calls`, `solver_calls`.
 """

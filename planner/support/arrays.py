@@ -1,4 +1,4 @@
-"""Arrays, and what JSON can hold of a value."""
+"""The array type, and conversions of values to plain Python and JSON."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 def jsonable(value: Any) -> Any:
-    """Plain lists, dictionaries and finite numbers; None in place of NaN and infinity."""
+    """Convert to lists, dictionaries and finite numbers; NaN and infinity become None."""
     if isinstance(value, Mapping):
         return {str(key): jsonable(item) for key, item in value.items()}
     if isinstance(value, list | tuple | np.ndarray):
@@ -23,7 +23,7 @@ def jsonable(value: Any) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """A copy as a file would hold it: lists for tuples and arrays, Python's numbers for NumPy's."""
+    """Copy a value as a file would hold it: lists for tuples and arrays, Python's numbers."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -32,7 +32,7 @@ def plain(value: Any) -> Any:
 
 
 def hashable(value: Any) -> Any:
-    """Of a plain value one that has a hash, and is equal where the plain ones are."""
+    """Convert a plain value to a hashable one; equal values stay equal."""
     if isinstance(value, Mapping):
         return frozenset((key, hashable(item)) for key, item in value.items())
     if isinstance(value, list | tuple):
@@ -44,10 +44,10 @@ Array = NDArray[np.float64]
 
 
 def product(matrix: Array, columns: Array) -> Array:
-    """The matrix times columns (K, M), a few at a time.
+    """Multiply a matrix by columns (K, M) in blocks, to keep OpenBLAS on one thread.
 
     OpenBLAS starts threads for products of more than 2^18 multiplications (its default,
-    GEMM_MULTITHREAD_THRESHOLD 4); on a computer that is busy they cost more than they gain.
+    GEMM_MULTITHREAD_THRESHOLD 4). On a busy computer the threads cost more than they save.
     """
     most = max(1, 2**18 // matrix.size)
     if columns.shape[1] <= most:

@@ -1,6 +1,6 @@
-"""CasADi, loaded when something of it is first used: a problem file is written without it.
+"""CasADi, imported on first use, because `planner new` writes a problem file without it.
 
-`ca` stands for the module. The files that `planner new` reads import it from here.
+`ca` stands for the module. The files that `planner new` imports take it from here.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""CasADi functions on NumPy arrays."""
+"""Call CasADi functions on NumPy arrays."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from planner.support.casadi import ca
 
 
 class Call(threading.local):
-    """A CasADi function's first value on NumPy arrays; each thread has a buffer of its own.
+    """Evaluate the first output of a CasADi function on NumPy arrays; one buffer per thread.
 
-    The arrays' own memory is handed over; neither their shapes nor their sizes are checked.
+    CasADi reads the arrays' memory directly. Shapes and sizes are not checked.
     """
 
     def __init__(self, function: Any) -> None:
@@ -24,7 +24,7 @@ class Call(threading.local):
         self._size = function.nnz_out(0)
 
     def __call__(self, *arguments: Array) -> Array:
-        """All nonzeros, shape (n,); those of matrices by columns, as CasADi stores them."""
+        """Return all nonzeros, shape (n,); matrices column by column, as CasADi stores them."""
         out, buffer, kept_alive = np.empty(self._size), self._buffer, []
         for i, given in enumerate(arguments):
             kept_alive.append(np.ascontiguousarray(given, dtype=float).reshape(-1))
@@ -35,13 +35,12 @@ class Call(threading.local):
 
 
 class Pointwise:
-    """A function of column vectors that maps over the leading axes of its arguments.
+    """A function of column vectors, evaluated over the leading axes of its arguments.
 
     CasADi stores matrices by columns, so a row-major array (m, k) of m points is the (k, m) matrix
-    its `map` wants: the arrays' own memory is handed over.
-
+    that CasADi's `map` expects, and CasADi can read the array's memory directly.
     Args:
-        name: For messages.
+        name: The function's name in CasADi's messages.
         arguments: CasADi column vectors.
         value: Expression of them, a column vector or matrix.
     """
@@ -49,20 +48,20 @@ class Pointwise:
     def __init__(self, name: str, arguments: Sequence[Any], value: Any) -> None:
         self.function = ca.Function(name, list(arguments), [ca.densify(value)])
         self.shape = self.function.size_out(0)
-        self._mapped = {0: Call(self.function)}  # by the power of two of the points they take
+        self._mapped = {0: Call(self.function)}  # key k: the function mapped over 2^k points
 
     def __call__(self, *arguments: Array) -> Array:
-        """Values at points given by arrays (…, k) whose leading axes agree.
+        """Return values at points given by arrays (…, k) with equal leading axes.
 
         Returns:
-            Array (…, r) of a column of r, or (…, r, c) of a matrix.
+            Array (…, r) for a column of r entries, or (…, r, c) for a matrix.
         """
         lead = arguments[0].shape[:-1]
         count = math.prod(lead)
         rows, columns = self.shape
         points = [a.reshape(count, a.shape[-1]) for a in arguments]
         done, parts = 0, [np.empty(0)]
-        # any count is a sum of few powers of two, and a map takes long to make
+        # split the points into powers of two: building a map is slow, so few sizes are kept
         for power in range(count.bit_length() - 1, -1, -1):
             if count & 2**power:
                 if power not in self._mapped:

@@ -1,7 +1,7 @@
-"""When a search must end, and how all of its parts hear of it.
+"""Time limits: when a search must end, and how every part of it learns this.
 
-The time belongs to the context, so that no function between `solve` and a solver has to pass it
-on: whoever allows so much time opens a block, whoever takes time asks in it.
+The limit belongs to the context (`contextvars`), so no function between `solve` and a solver has to
+pass it on. `time_limit` opens a block with a limit; code inside asks `remaining` or `check`.
 
 >>> with time_limit(60.0):
 ...     remaining() <= 60.0
@@ -20,35 +20,35 @@ from dataclasses import dataclass
 from planner.errors import InputError
 
 DEFAULT_SEARCH_S = 60.0
-"""Seconds of processor time after which a search ends to which nobody gave a limit. Time by the
-clock would make plans depend on what else the computer does."""
+"""Processor seconds after which a search without a given limit ends. A limit in clock time would
+make plans depend on the computer's load."""
 
 SEARCH_SHARE = 0.75
-"""Share of the time after which a search ends; the rest is for what is made of what it found."""
+"""Share of the time after which a search ends; the rest is for refining its result."""
 
 LEAST_FINISH_S, FINISH_SHARE = 3.0, 0.25
-"""Time for refining after Ctrl-C: this share of what the search took, or so many seconds."""
+"""Time for refining after Ctrl-C: the longer of 3 s and a quarter of the search so far."""
 
 
 class TimeUpError(Exception):
-    """There is no time left. No refusal: what catches those to go on otherwise must not go on."""
+    """No time is left. Not a refusal: code that tries something else after those must stop too."""
 
 
 @dataclass(eq=False)
 class Span:
-    """A block with an end of its own.
+    """A block with its own end time.
 
     Attributes:
-        enclosing: The block around it, which may end earlier.
-        start: By `time.monotonic`.
-        end: Likewise, or in processor time; infinite where the block adds no limit.
-        words: What the limit is called in a refusal.
-        has_answer: Whether there is an answer to show for it, were it to end now; None where the
+        enclosing: The block around this one, which may end earlier.
+        start: Start time, by `time.monotonic`.
+        end: End time, by the same clock or in processor time; infinite if the block has no limit.
+        words: Name of the limit in a refusal.
+        has_answer: Tells whether the search would have an answer if it ended now; None if the
             block is not a search.
         was_reached: Whether something in the block was cut short.
-        interrupter: Who ended it before its time ("Ctrl-C"), or "".
-        condition: The end counts only once this is true; None if it always does.
-        verification_ended: Whether even the verification of what was found must stop.
+        interrupter: Who ended the block early ("Ctrl-C"), or "".
+        condition: The limit applies only while this returns true; None: always.
+        verification_ended: Whether even the verification of plans must stop.
         counts_processor_time: Whether `end` is in processor time.
     """
 
@@ -65,11 +65,11 @@ class Span:
 
     @property
     def left(self) -> float:
-        """Seconds until its end, negative afterwards."""
+        """Seconds until the end; negative afterwards."""
         return self.end - self._now
 
     def end_within(self, seconds: float) -> None:
-        """Bring its end forward, if it is later than in so many seconds."""
+        """End the block at most this many seconds from now."""
         self.end = min(self.end, self._now + seconds)
 
     @property
@@ -77,7 +77,7 @@ class Span:
         return time.process_time() if self.counts_processor_time else time.monotonic()
 
     def outwards(self) -> Iterator[Span]:
-        """It, and the blocks around it."""
+        """Yield this block, then the blocks around it from the inside out."""
         span: Span | None = self
         while span is not None:
             yield span
@@ -85,12 +85,12 @@ class Span:
 
     @property
     def ended_by(self) -> str:
-        """Who ended it, or a block around it, before its time; or ""."""
+        """Who ended this block or a block around it early; "" if nobody did."""
         return next((span.interrupter for span in self.outwards() if span.interrupter), "")
 
     @property
     def why(self) -> str:
-        """What cut it short, in words."""
+        """Name of the limit that cut the block short."""
         if self.ended_by:
             return self.ended_by
         named = [span for span in self.outwards() if span.words]
@@ -104,15 +104,15 @@ _span: ContextVar[Span | None] = ContextVar("span", default=None)
 def time_limit(
     seconds: float | None, words: str = "", has_answer: Callable[[], bool] | None = None
 ) -> AbstractContextManager[Span]:
-    """Nothing in the block takes longer; None adds no limit to those around.
+    """Limit the time of a block; None adds no limit to those of the blocks around it.
 
     Args:
         seconds: Greater than zero.
-        words: What the limit is called in a refusal; "the time limit of ... s" if left out.
-        has_answer: Given for a search: whether it holds an answer, so that Ctrl-C need not lose it.
+        words: Name of the limit in a refusal; default "the time limit of ... s".
+        has_answer: For a search: tells whether it has an answer that Ctrl-C should keep.
 
     Raises:
-        InputError: If the seconds are no such number.
+        InputError: If `seconds` is not a number above zero.
     """
     now = time.monotonic()
     if seconds is None:
@@ -123,7 +123,7 @@ def time_limit(
 
 
 def default_limit(given: float | None) -> AbstractContextManager[Span]:
-    """The limit of a search where nobody gave one; no further one where somebody did."""
+    """Limit a search to `DEFAULT_SEARCH_S` unless the caller gave a limit."""
     if given is not None:
         return time_limit(None)
     end = time.process_time() + DEFAULT_SEARCH_S
@@ -134,13 +134,13 @@ def default_limit(given: float | None) -> AbstractContextManager[Span]:
 def time_share(
     part: float = SEARCH_SHARE, words: str = "", condition: Callable[[], bool] | None = None
 ) -> AbstractContextManager[Span]:
-    """The block takes no more than this share of the time that remains, by the same clock.
+    """Limit a block to a share of the remaining time, measured by the same clock.
 
     Args:
-        part: Of one.
+        part: The share, 0 to 1.
         words: As for `time_limit`.
-        condition: Given where the share counts only once this is true. It is a share of what is
-            left then: shares around it that wait likewise count.
+        condition: The limit applies only while this returns true. The remaining time then also
+            counts enclosing shares whose condition does not hold yet.
     """
     span = Span(_span.get(), time.monotonic(), math.inf, words, condition=condition)
     if first := _first_to_end(waiting=condition is not None):
@@ -159,29 +159,29 @@ def _open_span(span: Span) -> Iterator[Span]:
 
 
 def remaining() -> float:
-    """Seconds left, infinite without a limit; not below zero."""
+    """Seconds left, at least zero; infinite without a limit."""
     first = _first_to_end()
     return math.inf if first is None else max(0.0, first.left)
 
 
 def _first_to_end(waiting: bool = False) -> Span | None:
-    """Of the blocks around, the one that ends first; those that wait count where that is asked."""
+    """The enclosing block that ends first; `waiting` includes blocks whose condition is false."""
     counted = (s for s in _spans() if waiting or s.condition is None or s.condition())
     return min(counted, key=lambda span: span.left, default=None)
 
 
 def check() -> None:
-    """To be asked wherever a search has come round once more.
+    """Stop if no time is left. Call this in every iteration of a search.
 
     Raises:
-        TimeUpError: If there is no time left.
+        TimeUpError: If no time is left.
     """
     if remaining() <= 0:
         raise time_up()
 
 
 def check_stopped() -> None:
-    """The same for work that a time limit must not cut short, such as a verification.
+    """Stop work that a time limit must not cut short, such as a verification.
 
     Raises:
         TimeUpError: If `end` was called.
@@ -192,19 +192,19 @@ def check_stopped() -> None:
 
 
 def time_up() -> TimeUpError:
-    """The exception, to be raised where a solver has noticed the end by itself."""
+    """Mark the enclosing blocks as cut short, and return the exception for the caller to raise."""
     for span in _spans():
         span.was_reached = True
     return TimeUpError()
 
 
 def is_over() -> bool:
-    """Whether time is up, or somebody has ended the search: what there is must do."""
+    """Whether time is up or somebody ended the search."""
     return remaining() <= 0 or _is_stopped()
 
 
 def time_advice() -> str | None:
-    """What a refusal for lack of time advises; None where somebody ended the search before."""
+    """Advice for a refusal after a time limit; None if somebody ended the search."""
     return None if _is_stopped() else "a larger time limit (--time-limit, time_limit_s)"
 
 
@@ -213,15 +213,18 @@ def _is_stopped() -> bool:
 
 
 def holds_answer(context: Context | None = None) -> bool:
-    """Whether the search that is under way holds an answer."""
+    """Whether the running search has an answer."""
     search = _search(context)
     return search is not None and search.has_answer is not None and search.has_answer()
 
 
 def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
-    """End the search at once, but for the refining of what it holds; whether it holds anything.
+    """End the search now, but leave time to refine its answer.
 
-    For a handler of Ctrl-C, or for another thread, with the context that the search runs in.
+    Call it from a handler of Ctrl-C, or from another thread with the search's context.
+
+    Returns:
+        False if the search has no answer; then nothing is ended.
     """
     outermost, now = _search(context), time.monotonic()
     if outermost is None or not holds_answer(context):
@@ -237,17 +240,17 @@ def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
 
 
 def end(context: Context, by: str) -> None:
-    """End all that runs in a context of another thread, verification included."""
+    """End everything that runs in another thread's context, verification included."""
     for span in _spans(context):
         span.end_within(0.0)
         span.interrupter, span.was_reached, span.verification_ended = by, True, True
 
 
 def check_seconds(seconds: float) -> float:
-    """A time limit, if it can be one.
+    """Return a valid time limit as a float.
 
     Raises:
-        InputError: If not.
+        InputError: If `seconds` is not a finite number above zero.
     """
     number = isinstance(seconds, int | float) and not isinstance(seconds, bool)
     if not number or not 0 < seconds < math.inf:
@@ -258,12 +261,12 @@ def check_seconds(seconds: float) -> float:
 
 
 def _search(context: Context | None = None) -> Span | None:
-    """The outermost search: a part of it may hold what is no answer to the whole."""
+    """The outermost search, because an answer to a part of it does not answer the whole."""
     searches = [span for span in _spans(context) if span.has_answer is not None]
     return searches[-1] if searches else None
 
 
 def _spans(context: Context | None = None) -> Iterator[Span]:
-    """From the innermost outwards."""
+    """Yield the open blocks from the inside out."""
     span = _span.get() if context is None else context.get(_span)
     return iter(()) if span is None else span.outwards()

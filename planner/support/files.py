@@ -1,9 +1,10 @@
-"""Writing that leaves either the whole file or nothing.
+"""Read and write files safely.
 
-Reading files that others wrote: regular files of a sane size, and text that can be parsed.
+A file is written whole or not at all. Only regular files up to a size limit are read.
 
-Everything that reads a file a user names goes through here. What cannot be read is an `InputError`
-that names the file, at once: not a wait for a pipe, and not a device read until the memory is full.
+All code that reads a file named by a user uses this module. If a file cannot be read, an
+`InputError` names it at once: the program neither waits for a pipe nor fills the memory from a
+device.
 """
 
 from __future__ import annotations
@@ -27,24 +28,23 @@ from planner.support.interrupts import hold_signals
 from planner.support.tables import shorten
 
 written_paths: list[Path] = []
-"""Files and folders that were put in their places; the command line tells of them when ended."""
+"""Files and folders written so far; the command line lists them when it is interrupted."""
 
 
 def write_text(path: str | Path, text: str) -> Path:
-    """Write a text file whole or not at all (temporary file, then rename); its folder is made.
+    """Write a text file whole or not at all (temporary file, then rename); create its folder.
 
-    Halves of surrogate pairs (bytes of a file's name that are not UTF-8) are written as \\udc80,
-    which is their escape in JSON. A link is followed; a device or pipe (/dev/stdout) is written to
-    as it is.
+    Halves of surrogate pairs (bytes of file names that are not UTF-8) are written as \\udc80, their
+    escape in JSON. A link is followed. A device or pipe (/dev/stdout) is written to directly.
 
     Raises:
-        InputError: If the folder cannot be made or written, or the disk is full.
+        InputError: If the folder cannot be created or written to, or the disk is full.
     """
     return write_bytes(path, text.encode("utf-8", "backslashreplace"))
 
 
 def write_bytes(path: str | Path, content: bytes) -> Path:
-    """As `write_text`, for a binary file."""
+    """Write a binary file in the same way as `write_text`."""
     refuse_unwritable(path)
     target = Path(path).resolve()
     try:
@@ -69,10 +69,10 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
 
 
 def refuse_unwritable(path: str | Path) -> None:
-    """Refuse a file that `write_text` could not write, before the work that fills it.
+    """Refuse a path that `write_text` could not write to; call it before long work.
 
     Raises:
-        InputError: If the path is a folder, or its folder is a file, read-only, or cannot be made.
+        InputError: If the path is a folder, or its folder is a file, read-only, or not creatable.
     """
     target = _possible_path(path)
     if target.is_dir():
@@ -84,7 +84,7 @@ def refuse_unwritable(path: str | Path) -> None:
 
 
 def _refuse_ground(target: Path) -> None:
-    """Refuse a path where nothing can be made: the part of it that exists is a file, or closed."""
+    """Refuse a path whose nearest existing parent is a file or is not writable."""
     ground = next(p for p in target.resolve().parents if p.exists())
     if not ground.is_dir():
         raise InputError(f"cannot write {target}: {ground} is a file, not a folder")
@@ -93,10 +93,10 @@ def _refuse_ground(target: Path) -> None:
 
 
 def expect_path(path: object) -> Path:
-    """The path of a file or folder that a caller names.
+    """Return the path of a file or folder that a caller names.
 
     Raises:
-        InputError: If it is something else than a name.
+        InputError: If the argument is not a path.
     """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"{shorten(repr(path))} is not the name of a file or folder")
@@ -104,16 +104,16 @@ def expect_path(path: object) -> Path:
 
 
 def _possible_path(path: str | Path) -> Path:
-    """The path, if there can be one of this name.
+    """Return the path if the file system allows such a name.
 
     Raises:
-        InputError: If a part is too long, holds a zero byte, or is a link to itself.
+        InputError: If a part is too long, contains a zero byte, or is a link to itself.
     """
     wanted = expect_path(path)
     try:
         os.stat(wanted)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
-        pass  # told better below
+        pass  # `refuse_unwritable` reports these with better words
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise InputError(f"cannot write {shorten(str(path))}: {reason}; use another name") from None
@@ -121,10 +121,10 @@ def _possible_path(path: str | Path) -> Path:
 
 
 def refuse_unwritable_folder(path: str | Path) -> None:
-    """Refuse a folder that `folder` could not fill, before the work that fills it.
+    """Refuse a path that `folder` could not write to; call it before long work.
 
     Raises:
-        InputError: If it holds something else than an earlier run, or cannot be made.
+        InputError: If the folder holds anything but an earlier run, or cannot be created.
     """
     target = _possible_path(path)
     if target.is_dir():
@@ -140,10 +140,10 @@ def refuse_unwritable_folder(path: str | Path) -> None:
 
 
 def make_folder(path: str | Path) -> Path:
-    """The folder, made when missing, to which several runs add.
+    """Return a folder to which several runs add files; create it if it is missing.
 
     Raises:
-        InputError: If it is a file or cannot be made.
+        InputError: If the path is a file or the folder cannot be created.
     """
     place = expect_path(path)
     if place.exists() and not place.is_dir():
@@ -157,7 +157,7 @@ def make_folder(path: str | Path) -> Path:
 
 @contextmanager
 def folder(path: str | Path) -> Iterator[Path]:
-    """A folder to fill that takes the place of `path` when the block ends, and only then.
+    """Yield a temporary folder to fill; it replaces `path` when the block ends without an error.
 
     An existing folder at `path` is replaced only if this function made it (it leaves a marker).
 
@@ -194,7 +194,7 @@ def folder(path: str | Path) -> Iterator[Path]:
 
 
 _STAGING = ".planner."
-"""How the names of what is not complete begin; not with the target's own, which may be too long."""
+"""Prefix of temporary names. It leaves out the target's name, which may be too long."""
 
 _MARKER = ".planner"
 
@@ -223,34 +223,34 @@ Value = TypeVar("Value")
 
 MB = 1_000_000
 TOML_BYTES = 4 * MB
-"""A problem is a few kB; a sweep of 50,000 cases, each in a line of its own, is 4 MB."""
+"""A problem has a few kB; a sweep of 50,000 cases with one line each has 4 MB."""
 JSON_BYTES = 200 * MB
-"""A plan is below 1 MB; the motions of thousands of machines are some tens."""
+"""A plan has less than 1 MB; the motions of thousands of machines have some tens of MB."""
 SAMPLES_BYTES = 2000 * MB
-"""Two million rows, the most that is exported, with fifty columns."""
+"""Two million rows (the most that an export writes) with fifty columns."""
 
 MOST_LEVELS = 50
-"""Levels of tables and lists; a problem has six, a plan of a plan of a plan twice as many."""
+"""Levels of nested tables and lists; a problem has six, nested plans about twice as many."""
 
 MOST_BITS = 1023
-"""Bits of a whole number; a float holds no larger one."""
+"""Bits of a whole number; a float holds no larger number."""
 
-# tomllib takes time with the square of a key's parts: a thousand take a second.
+# tomllib's time grows with the square of the parts of a key: a thousand parts take a second.
 _DEEP_KEY = re.compile(r"(?<![\w.\"'-])(?:[\w\"'-]++[ \t]*\.[ \t]*){100}")
 
 
 def _open_without_waiting(path: str, flags: int) -> int:
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # Windows has neither
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # Windows lacks this flag
 
 
 def read_bytes(path: str | Path, largest: int) -> bytes:
-    """The content of a regular file.
+    """Read the content of a regular file.
 
     Raises:
-        InputError: If it cannot be read, is a folder, pipe or device, or holds more bytes.
+        InputError: If the path cannot be read, is no regular file, or exceeds `largest` bytes.
     """
     try:
-        # A pipe without a writer is opened at once, to be refused; a file is read as ever.
+        # Without O_NONBLOCK, opening a pipe would wait for its writer; files read as usual.
         with open(expect_path(path), "rb", opener=_open_without_waiting) as stream:
             status = os.fstat(stream.fileno())
             regular = stat.S_ISREG(status.st_mode)
@@ -272,7 +272,7 @@ def read_bytes(path: str | Path, largest: int) -> bytes:
 
 
 def read_text(path: str | Path, largest: int, what: str) -> str:
-    """The text of a file in UTF-8, with a byte order mark or without.
+    """Read a text file in UTF-8, with or without a byte order mark.
 
     Args:
         path: The file.
@@ -289,10 +289,10 @@ def read_text(path: str | Path, largest: int, what: str) -> str:
 
 
 def read_toml(path: str | Path, what: str) -> dict[str, Any]:
-    """The tables of a TOML file.
+    """Read a TOML file.
 
     Raises:
-        InputError: If it cannot be read, or is not TOML.
+        InputError: If it cannot be read or is not TOML.
     """
     text = read_text(path, TOML_BYTES, f"{what} is TOML")
     try:
@@ -304,10 +304,10 @@ def read_toml(path: str | Path, what: str) -> dict[str, Any]:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The tables of a TOML text.
+    """Parse TOML text.
 
     Raises:
-        ValueError: If it is none that can be read; says why.
+        ValueError: If the text cannot be parsed; the message says why.
     """
     if _DEEP_KEY.search(text):
         raise ValueError("a key of more than 100 parts")
@@ -315,10 +315,10 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def toml_value(text: str) -> Any:
-    """One value as in TOML; a plain word may go without quotes.
+    """Parse one TOML value; a plain word may go without quotes.
 
     Raises:
-        ValueError: If it is neither.
+        ValueError: If the text is neither a value nor a word.
     """
     try:
         table = parse_toml(f"value = {text}")
@@ -332,14 +332,14 @@ def toml_value(text: str) -> Any:
 
 
 def read_json(path: str | Path, otherwise: str = "") -> dict[str, Any]:
-    """The object in a JSON file.
+    """Read the object in a JSON file.
 
     Args:
         path: The file.
-        otherwise: What to add where it is not JSON: how to get such a file.
+        otherwise: Advice for the error message: how to get such a file.
 
     Raises:
-        InputError: If it cannot be read, is not JSON, or holds something else than one object.
+        InputError: If it cannot be read, is not JSON, or holds anything but one object.
     """
     text = read_text(path, JSON_BYTES, "it should be JSON")
     try:
@@ -352,10 +352,10 @@ def read_json(path: str | Path, otherwise: str = "") -> dict[str, Any]:
 
 
 def parse_json(text: str) -> Any:
-    """The value of a JSON text; a key that is there twice is an error, not the last of its values.
+    """Parse JSON text; a key that appears twice in an object is an error.
 
     Raises:
-        ValueError: If it is none that can be read; says why.
+        ValueError: If the text cannot be parsed; the message says why.
     """
     return _parse(partial(json.loads, object_pairs_hook=_check_unique_keys), text)
 
@@ -372,7 +372,7 @@ def _parse(loads: Callable[[str], Value], text: str) -> Value:
 
 
 def _check_depth(data: Value) -> Value:
-    """The data, if those who walk through it level by level can."""
+    """Return the data if it is nested shallowly enough for recursive functions."""
     depth = 0
     level: list[Any] = [data] if isinstance(data, dict | list) else []
     while level:
@@ -399,7 +399,7 @@ def _check_unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def toml(value: Any) -> str:
-    """A value as TOML text, so that it can be given back on a command line."""
+    """Format a value as TOML, so that a user can paste it into a command line."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, Mapping):
@@ -414,11 +414,11 @@ def _key(name: str) -> str:
 
 
 def toml_lines(table: Mapping[str, Any], path: str = "") -> Iterator[str]:
-    """A table as TOML, each value on a line: its own values, then the tables in it.
+    """Yield a table as TOML, one value a line; nested tables follow the plain values.
 
     Args:
         table: The table.
-        path: The dotted name of the table with a dot behind, or "" for that of the file.
+        path: Dotted name of the table, with a final dot; "" for the top level.
     """
     inner = {key: value for key, value in table.items() if _holds_tables(value)}
     yield from (f"{_key(key)} = {toml(table[key])}" for key in table if key not in inner)
@@ -430,6 +430,6 @@ def toml_lines(table: Mapping[str, Any], path: str = "") -> Iterator[str]:
 
 
 def _holds_tables(value: Any) -> bool:
-    """Whether it is a table, or a list of such."""
+    """Whether the value is a table or a list of tables."""
     listed = value if isinstance(value, list) and value else [value]
     return all(isinstance(each, Mapping) for each in listed)

@@ -1,6 +1,6 @@
-"""Ctrl-C and SIGTERM: not swallowed by compiled code, and held back where steps belong together.
+"""Handle Ctrl-C and SIGTERM, and hide useless lines that solvers print.
 
-Lines of solvers that tell a user nothing, kept from standard output and standard error.
+Compiled code must not swallow a signal, and some short steps must not be interrupted.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from typing import Any, Literal, TextIO, cast
 SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
-"""Signals that end a command: Ctrl-C, what `kill` and batch systems send, a closed terminal."""
+"""Signals that end a command: Ctrl-C, `kill` and batch systems, a closed terminal."""
 
 
 RAISE_AGAIN_S = 0.01
-"""Until a signal is raised again whose exception Python dropped, and again until it is not."""
+"""Seconds between attempts to raise a signal again after Python dropped its exception."""
 
 
 class Terminated(BaseException):
-    """SIGTERM or SIGHUP: end at once, but clean up. Not an `Exception`, which handlers swallow."""
+    """SIGTERM or SIGHUP: clean up and end. Not an `Exception`, so handlers do not swallow it."""
 
 
 class SignalListener:
-    """What the command line has heard of `SIGNALS`.
+    """The command line's handler of `SIGNALS`.
 
     Attributes:
-        signals: Numbers of the signals since `hear_signals` began.
-        is_over: Whether the outcome is decided; what is heard from then on changes nothing.
-        substitute: What the first Ctrl-C does in place of raising, where it finds something to do.
-        was_substituted: Whether it did.
+        signals: Numbers of the signals received since `hear_signals` began.
+        is_over: Whether the outcome is decided; later signals are ignored.
+        substitute: Called at the first Ctrl-C; if it returns true, no exception is raised.
+        was_substituted: Whether `substitute` returned true.
     """
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class SignalListener:
         self._dropped = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        """The handler: raises, unless the outcome is decided or `hold_signals` holds it back."""
+        """Raise the signal's exception, unless the outcome is decided or signals are held back."""
         if self.is_over:
             return
         unanswered = number == signal.SIGINT and not self.was_substituted
@@ -68,7 +68,7 @@ class SignalListener:
             return
         while frame is not None:
             if frame.f_code is SignalListener.take_dropped.__code__:
-                return  # from there it would be dropped too
+                return  # Python would drop an exception raised from there
             frame = frame.f_back
         self._dropped = False
         raise self.exception
@@ -76,9 +76,9 @@ class SignalListener:
     def take_dropped(
         self, what: sys.UnraisableHookArgs, otherwise: Callable[[sys.UnraisableHookArgs], object]
     ) -> None:
-        """Take what Python drops, as what a weak reference's callback or `__del__` raises.
+        """Handle exceptions that Python drops, such as those of weak references or `__del__`.
 
-        A signal's exception is raised again a moment later; `otherwise` takes what is none.
+        A signal's exception is raised again after a moment; others go to `otherwise`.
         """
         if not isinstance(what.exc_value, KeyboardInterrupt | Terminated) or self.is_over:
             otherwise(what)
@@ -95,22 +95,22 @@ class SignalListener:
 
     @property
     def exception(self) -> BaseException:
-        """What a signal raises; the strongest of those heard decides."""
+        """The exception to raise; signals other than Ctrl-C take precedence."""
         return KeyboardInterrupt() if self.status == 128 + signal.SIGINT else Terminated()
 
     @property
     def status(self) -> int:
-        """The exit status that says which signal ended the command."""
+        """Exit status of a command that these signals ended."""
         return 128 + next((n for n in self.signals if n != signal.SIGINT), signal.SIGINT)
 
     @contextmanager
     def hold_signals(self) -> Iterator[Callable[[], bool]]:
-        """Hold signals back until the block has ended: for steps that belong together, and short.
+        """Hold signals back until the block ends. For short steps that must not be separated.
 
         Yields:
-            Whether a signal waits. It raises when the block ends.
+            A function that tells whether a signal waits; it raises when the block ends.
         """
-        if threading.current_thread() is not threading.main_thread():  # it hears no signals
+        if threading.current_thread() is not threading.main_thread():  # gets no signals
             yield lambda: False
             return
         token = object()
@@ -125,21 +125,21 @@ class SignalListener:
 
 
 signal_listener = SignalListener()
-"""There is one main thread, and so one."""
+"""The only instance: only the main thread receives signals."""
 
 hold_signals = signal_listener.hold_signals
 
 
 @contextmanager
 def hear_signals(last: bool = False) -> Iterator[None]:
-    """Have `signal_listener` take the signals.
+    """Make `signal_listener` the handler of the signals in a block.
 
-    Where one is ignored it stays so: a script's jobs in the background begin like that, and Ctrl-C
-    is for what runs before them.
+    Ignored signals stay ignored: a shell script starts its background jobs with Ctrl-C ignored,
+    because Ctrl-C is meant for the foreground job.
 
     Args:
-        last: Whether the process ends after the block: signals are ignored from there on, so that
-            the interpreter shuts down in peace.
+        last: Whether the process ends after the block; signals are then ignored from there on, so
+            that nothing disturbs the interpreter's shutdown.
     """
     signal_listener.begin()
     before = {number: signal.getsignal(number) for number in SIGNALS}
@@ -161,14 +161,14 @@ def hear_signals(last: bool = False) -> Iterator[None]:
 
 @contextmanager
 def heed_interrupts() -> Iterator[None]:
-    """Raise after the block what a signal raised in it.
+    """Raise an exception after the block if a signal raised it inside.
 
-    CasADi catches the exception inside its solvers and returns as if the solver had failed; a
+    CasADi catches the exception inside its solvers and returns as if the solver had failed. The
     caller would then try the next start instead of stopping.
 
     Raises:
         KeyboardInterrupt: If Ctrl-C was pressed.
-        Terminated: If the command line has heard SIGTERM.
+        Terminated: If the command line received SIGTERM.
     """
     before = {number: signal.getsignal(number) for number in SIGNALS}
     mine = {number: handler for number, handler in before.items() if callable(handler)}
@@ -188,7 +188,7 @@ def heed_interrupts() -> Iterator[None]:
     try:
         with mute_lines("stderr", "KeyboardInterruptException"):  # CasADi's warning of it
             yield
-    except SystemError:  # Python 3.13 finds the exception that CasADi has left set, and says so
+    except SystemError:  # Python 3.13 reports the exception that CasADi left set
         if not raised:
             raise
     finally:
@@ -202,22 +202,21 @@ HANDOVER_S = 0.05
 """Time for the main thread to take a signal before OSQP takes signals again."""
 
 _osqp_lock = threading.RLock()
-"""OSQP puts back the handler of Ctrl-C that it found: where two threads solve at once, the first to
-end brings back the second's own, which stays for good, and the process never hears Ctrl-C again."""
+"""OSQP restores the Ctrl-C handler that it found at its start. If two threads solve at once, the
+first to finish installs the second's handler for good, and Ctrl-C never works again."""
 
 
 def osqp_result(solver: Any) -> Any:
-    """Run a set-up OSQP solver, and return its result whatever that is.
+    """Run a prepared OSQP solver and return its result, whatever it is.
 
-    While it runs OSQP takes Ctrl-C for itself, says so on standard output and returns as if it had
-    failed; a caller would then try the next solver, or count it as late, instead of stopping. In
-    its last iteration it takes it and says nothing at all. With no limit active it tells standard
-    output that it need not polish, however quiet it was asked to be.
-    Here whoever would have had Ctrl-C without OSQP gets it; if that does not raise, as in a thread
-    beside the main one, OSQP goes on from where it was.
+    While OSQP runs it catches Ctrl-C, prints a line and returns as if it had failed; in its last
+    iteration it even returns normally. The caller would then try the next solver instead of
+    stopping. This function passes Ctrl-C on to the handler that was active before. If that handler
+    does not raise, as in a thread other than the main one, OSQP continues where it was.
+    It also hides the line on polishing that OSQP prints when no limit is active.
 
     Raises:
-        KeyboardInterrupt: If Ctrl-C was pressed, and Python's own handler is in place.
+        KeyboardInterrupt: If Ctrl-C was pressed and Python's own handler is active.
     """
     from osqp import SolverStatus
 
@@ -234,7 +233,7 @@ def osqp_result(solver: Any) -> Any:
 
 @cache
 def _osqp_interrupt_query() -> Callable[[], int]:
-    """OSQP's own mark of a Ctrl-C since its last solve began, where its library shows that."""
+    """OSQP's function that tells whether Ctrl-C was pressed in the last solve, if exported."""
     try:
         from osqp import ext_builtin
 
@@ -245,14 +244,14 @@ def _osqp_interrupt_query() -> Callable[[], int]:
 
 
 def _pass_on_interrupt() -> None:
-    """Give Ctrl-C to the main thread, which may be asleep; only while OSQP does not run."""
+    """Send Ctrl-C to the main thread, which may be asleep. OSQP must not be running."""
     _to_main_thread(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread():
         time.sleep(HANDOVER_S)
 
 
 def _to_main_thread(number: int) -> None:
-    """A signal to the process does not wake the main thread where another thread takes it."""
+    """Send a signal to the main thread, to wake it even if another thread received the signal."""
     main = threading.main_thread().ident
     if main is None or sys.platform == "win32":
         signal.raise_signal(number)
@@ -262,7 +261,7 @@ def _to_main_thread(number: int) -> None:
 
 @contextmanager
 def mute_lines(stream: Literal["stdout", "stderr"], *words: str) -> Iterator[None]:
-    """Keep lines with any of these words from a stream of the main thread, to which it belongs."""
+    """Hide lines with any of these words from a stream; the main thread only."""
     target = getattr(sys, stream)
     if threading.current_thread() is not threading.main_thread() or target is None:
         yield
@@ -277,7 +276,7 @@ def mute_lines(stream: Literal["stdout", "stderr"], *words: str) -> Iterator[Non
 
 
 class _LineFilter:
-    """A stream that passes on line by line, and some lines not at all."""
+    """A stream that passes on lines, except those with certain words."""
 
     def __init__(self, stream: TextIO, words: tuple[str, ...]) -> None:
         self._stream, self._words, self._begun = stream, words, ""
@@ -290,7 +289,7 @@ class _LineFilter:
         return len(text)
 
     def end(self) -> None:
-        """Pass on a line that has not ended."""
+        """Pass on an unfinished line."""
         if self._begun:
             self._stream.write(self._begun)
 

@@ -1,8 +1,6 @@
-"""The package as it was installed: its name on the index, its version, how to add an extra.
+"""The installed package: its name on the index, its version, and how to add an extra.
 
-Which version made a page.
-
-What results hand themselves to: functions that are imported when they are used.
+`import_function` imports a function on use, for results that call code in higher rooms.
 """
 
 from __future__ import annotations
@@ -19,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 
 def import_function(function: str) -> Callable[..., Any]:
-    """A function that the caller must not import, by its whole name.
+    """Import a function by its full name, where a normal import would break the room order.
 
-    Only for results that users ask for their tables, pictures and folders: these read results, and
-    imports go one way.
+    Only for methods of results that return tables, pictures and folders: those modules import the
+    results.
     """
     module, _, name = function.rpartition(".")
     imported: Callable[..., Any] = getattr(importlib.import_module(module), name)
@@ -30,15 +28,15 @@ def import_function(function: str) -> Callable[..., Any]:
 
 
 NAME = "nonholonomic-planner"
-"""On the package index, where `planner` is somebody else's; modules and command are `planner`."""
+"""Name on the package index, where `planner` belongs to others. Modules are called `planner`."""
 
 ROOT = Path(__file__).parents[2]
 
 
 def version() -> str:
-    """The version that a checkout's pyproject.toml says, else the one that was installed.
+    """The version in a checkout's pyproject.toml, else that of the installed package.
 
-    An editable install keeps the number of the day it was made, so the file is asked first.
+    An editable install keeps the version of the day it was installed, so the file comes first.
     """
     if found := _checkout():
         return found
@@ -52,9 +50,9 @@ def version() -> str:
 
 @cache
 def release() -> str:
-    """What figures on a page are made with: "planner 0.1.0, commit 25f0839".
+    """Name of the version for pages of results: "planner 0.1.0, commit 25f0839".
 
-    The commit is the last that changed the package; without a checkout under git the version alone.
+    The commit is the last that changed the package; it is left out without a git checkout.
     """
     asked = ["git", "log", "-1", "--format=%h", "--abbrev=7", "--", "."]
     where = ROOT / "planner"
@@ -67,10 +65,10 @@ def release() -> str:
 
 
 def made_by(*commands: str) -> str:
-    """The lines of a page that say which version made it, by which commands.
+    """Lines for a page that name the version and the commands that made it.
 
     Returns:
-        Markdown without a line's end after it.
+        Markdown without a final newline.
     """
     return "\n".join([f"Made with {release()} by", "", *(f"    {command}" for command in commands)])
 
@@ -82,7 +80,7 @@ def how_to_install(extra: str) -> str:
         extra: One of `project.optional-dependencies` in pyproject.toml.
 
     Returns:
-        A line for a shell; in a checkout it installs the checkout, in place.
+        A line for a shell; in a checkout an editable install of that checkout.
     """
     if not _checkout():
         return f"pip install '{NAME}[{extra}]'"
@@ -92,7 +90,7 @@ def how_to_install(extra: str) -> str:
 
 @cache
 def _checkout() -> str | None:
-    """The version in the pyproject.toml beside the package; None if there is none, or not ours."""
+    """The version in the pyproject.toml beside the package; None without one of this project."""
     try:
         text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
         project = tomllib.loads(text)["project"]
@@ -106,7 +104,7 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name: str) -> str:
-        """`__version__`, looked up when it is asked for: that takes a file or slow imports."""
+        """Look up `__version__` on access: it needs a file or a slow import."""
         if name == "__version__":
             return version()
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -116,7 +114,7 @@ LIBRARIES = ("casadi", "numpy", "scipy", "osqp")
 
 
 def versions() -> dict[str, str]:
-    """Versions of the planner, of Python, and of the libraries that numbers depend on."""
+    """Versions of the planner, of Python, and of the libraries that affect the numbers."""
     from importlib import metadata
 
     return {

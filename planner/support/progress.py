@@ -1,7 +1,7 @@
-"""What a search tells of itself while it runs: to callbacks, and to the logger `planner`.
+"""Progress reports of a running search, to callbacks and to the logger `planner`.
 
-Like the time it may take (`planner.support.deadline`) this belongs to the context: any part of a
-search tells, whoever asked hears it.
+Listeners belong to the context, like time limits (`planner.support.deadline`): any part of a search
+can report, and every listener around it is called.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ logger = logging.getLogger("planner")
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a search has come; `str` gives one line.
+    """Progress of a search; `str` gives one line.
 
     Attributes:
-        doing: What it does now, in words.
-        seconds: Since it began.
-        solves: Times that a solver was called so far.
-        best: The best motion found so far, in words; None while there is none.
-        iterations: Of all solvers so far.
+        doing: The current step, in words.
+        seconds: Time since the search began, s.
+        solves: Number of solver calls so far.
+        best: The best motion so far, in words; None before the first.
+        iterations: Number of iterations of all solvers so far.
     """
 
     doing: str
@@ -46,10 +46,10 @@ Listener = Callable[[Progress], None]
 
 
 def expect_listener(progress: object) -> None:
-    """Refuse an argument `progress` that cannot be called, before the work that it would hear of.
+    """Refuse an argument `progress` that cannot be called; call it before long work.
 
     Raises:
-        InputError: If it is neither a function nor None.
+        InputError: If `progress` is neither a function nor None.
     """
     if progress is not None and not callable(progress):
         raise InputError(f"progress = {shorten(repr(progress))}: give a function, such as print")
@@ -76,10 +76,10 @@ _run: ContextVar[_Run | None] = ContextVar("run", default=None)
 
 @contextmanager
 def progress_listener(listener: Listener | None) -> Iterator[None]:
-    """What is told in the block goes to the listener, and to those around.
+    """Send reports from the block to the listener, and to the listeners around it.
 
     Raises:
-        InputError: As `expect_listener`.
+        InputError: As for `expect_listener`.
     """
     expect_listener(listener)
     token = _run.set(_Run(listener, _run.get()))
@@ -90,13 +90,13 @@ def progress_listener(listener: Listener | None) -> Iterator[None]:
 
 
 def tell(doing: str) -> None:
-    """Say what is done now."""
+    """Report the current step."""
     logger.info("%s", doing)
     _notify(doing=doing)
 
 
 def report_motion(best: str) -> None:
-    """Say that there is a motion better than all before."""
+    """Report a motion that is better than all before."""
     logger.info("a motion is held (%s)", best)
     _notify(best=best)
 
@@ -108,19 +108,19 @@ def count_solve() -> None:
 
 
 def count_iterations(iterations: int) -> None:
-    """Count a solver's iterations."""
+    """Add to the number of solver iterations."""
     for run in _runs():
         run.iterations += iterations
 
 
 def current_progress() -> Progress | None:
-    """How far the search around has come; None outside of any."""
+    """Progress of the innermost running search; None outside of a search."""
     run = _run.get()
     return None if run is None else run.now
 
 
 def _notify(doing: str = "", best: str = "") -> None:
-    """Put down what is new in all runs around, and let their listeners hear."""
+    """Update all enclosing runs and call their listeners."""
     for run in _runs():
         run.doing, run.best = doing or run.doing, best or run.best
         if run.listener is not None:
@@ -128,7 +128,7 @@ def _notify(doing: str = "", best: str = "") -> None:
 
 
 def _runs() -> Iterator[_Run]:
-    """The runs around, from the innermost outwards."""
+    """Yield the enclosing runs from the inside out."""
     run = _run.get()
     while run is not None:
         yield run

@@ -1,9 +1,9 @@
-"""Calls of solvers, which may never return.
+"""Call solvers that may never return.
 
-Nothing can interrupt compiled code, but CasADi gives Python's lock away while it runs: in a thread
-of its own it can be left behind. That thread goes on until the process ends.
+Nothing can interrupt compiled code. CasADi releases Python's lock while it runs, so a solver can
+run in its own thread and be abandoned there; that thread runs until the process ends.
 
-IPOPT is told when time is up, and passes Ctrl-C on.
+IPOPT is stopped when time is up, and passes Ctrl-C on.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from planner.support.interrupts import Terminated, heed_interrupts
 Value = TypeVar("Value")
 
 CLOCK_INTERVAL_S = 0.5
-"""Time between two looks at the clock; a call that returns is noticed at once."""
+"""Seconds between two looks at the clock; a call that returns is noticed at once."""
 
 
 def call_within(seconds: float, call: Callable[[], Value]) -> Value | None:
-    """What a call returns; None if that takes the process more of the processor's time than this.
+    """Return the value of a call; None if it takes more than `seconds` of processor time.
 
-    A loaded machine slows the call and this clock alike, so that it changes no answer.
+    A busy computer slows the call and this clock alike, so its load changes no answer.
 
     Raises:
-        TimeUpError: If time is up sooner; the call is left behind too, but may yet return.
-        Exception: Whatever the call raises.
+        TimeUpError: If the deadline comes first; the call is abandoned but may still return.
+        Exception: Any exception of the call.
     """
     out: list[Value] = []
     errors: list[BaseException] = []
@@ -56,27 +56,27 @@ def call_within(seconds: float, call: Callable[[], Value]) -> Value | None:
 
 
 STOPPED_STATUS = "User_Requested_Stop"
-"""What IPOPT says where `_IterationWatch` has ended it."""
+"""IPOPT's return status after `_IterationWatch` stopped it."""
 
 
 class IpoptCall:
-    """CasADi's IPOPT for one programme, to be called like CasADi's own.
+    """CasADi's IPOPT for one program, called like CasADi's own solver object.
 
-    The time that remains is asked for after each iteration. It is no option of the solver, which
-    may thus be kept and used again.
+    The remaining time is checked after each iteration. It is not an option of the solver, so a
+    solver can be kept and used again.
     """
 
     def __init__(self, name: str, problem: dict[str, Any], options: dict[str, Any]) -> None:
         sizes = {key: int(problem[key].numel()) for key in problem if key != "f"}
-        self._watch = _IterationWatch(sizes)  # CasADi does not keep it
+        self._watch = _IterationWatch(sizes)  # CasADi holds no reference to it
         watched = {**options, "iteration_callback": self._watch}
         self._solver = ca.nlpsol(name, "ipopt", problem, watched)
 
     def __call__(self, **given: Any) -> dict[str, Any]:
-        """What the solver returns.
+        """Solve, and return CasADi's result.
 
         Raises:
-            TimeUpError: If time was up before it had finished.
+            TimeUpError: If time was up before the solver finished.
             KeyboardInterrupt: If Ctrl-C was pressed.
         """
         deadline.check()
@@ -93,7 +93,7 @@ class IpoptCall:
 
 
 class _IterationWatch(ca.Callback):
-    """Called after each iteration: one ends the solver."""
+    """Called after each iteration; a return value of 1 stops the solver."""
 
     def __init__(self, sizes: dict[str, int]) -> None:
         ca.Callback.__init__(self)

@@ -1,12 +1,13 @@
-"""How sure the figures of replays are, and whether two plans differ on the same machines.
+"""Confidence intervals of replay results, and tests whether two plans differ on the same machines.
 
 Nothing is assumed about the distribution of the errors. Intervals of percentiles come from order
 statistics (W. J. Conover, Practical Nonparametric Statistics, 3rd ed., section 3.2); they are exact
-for any distribution, need no resampling and no seed. Plans meet the same machines, so that they are
-compared machine by machine by the sign test (the same book, section 3.4), which agrees with the
-interval of the median difference and, unlike Wilcoxon's, assumes no symmetry. It is corrected for
-the number of pairs by Holm's method (S. Holm, Scand. J. Statist. 6, 1979, 65), and the size of the
-difference stands beside it, since with a thousand machines any difference is significant.
+for any distribution and need neither resampling nor a seed. All plans run on the same machines, so
+they are compared machine by machine with the sign test (same book, section 3.4). It agrees with the
+interval of the median difference and, unlike Wilcoxon's test, assumes no symmetry. P-values are
+corrected for the number of pairs by Holm's method (S. Holm, Scand. J. Statist. 6, 1979, 65). The
+size of the difference is reported too, since with a thousand machines any difference is
+significant.
 """
 
 from __future__ import annotations
@@ -25,23 +26,23 @@ SIGNIFICANCE_LEVEL = 0.05
 """Corrected p-values below this are called significant."""
 
 LEAST_DIFFERENCE_DEG = 0.1
-"""Differences of E below this matter to nobody: about one step of the prototype's encoders."""
+"""Smaller differences of E are irrelevant: about one step of the prototype's encoders, degrees."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """One plan against another on the same machines.
+    """Comparison of two plans on the same machines.
 
     Attributes:
         first: Label of one plan.
         second: Label of the other.
         median_deg: Median over machines of E(first) − E(second), degrees; negative when the first
             is better.
-        interval_deg: Its 95 % interval, (2,); NaN where there are too few machines to bound it.
+        interval_deg: Its 95 % interval, (2,), degrees; NaN if there are too few machines.
         first_better: Share of machines on which the first plan has the smaller E; ties count half.
-        p_value: Of the sign test, two-sided; machines on which both are equal do not count.
+        p_value: Of the two-sided sign test; machines with equal E do not count.
         p_corrected: The same after Holm's correction for all tests of the comparison.
-        threshold_deg: The least median difference that matters to a person, degrees.
+        threshold_deg: The smallest median difference that matters in practice, degrees.
     """
 
     first: str
@@ -55,26 +56,26 @@ class Difference:
 
     @property
     def matters(self) -> bool:
-        """Whether the difference is large enough for a person to care about."""
+        """Whether the difference is large enough to matter in practice."""
         return abs(self.median_deg) >= self.threshold_deg
 
     @property
     def significant(self) -> bool:
-        """Whether the difference is more than chance, at the level 0.05 for all pairs together."""
+        """Whether the difference is significant at the level 0.05 for all pairs together."""
         return self.p_corrected < SIGNIFICANCE_LEVEL
 
     @property
     def told_apart(self) -> bool:
-        """Whether one plan is called better: the difference matters and is significant, or has one
-        sign on all of too few machines for that."""
+        """Whether one plan is called better: the difference matters, and is significant or has the
+        same sign on all machines."""
         return self.matters and (self.significant or self.first_better in (0.0, 1.0))
 
 
 def percentile_interval(values: Array, percent: float) -> tuple[float, float]:
-    """95 % confidence interval of a percentile of the distribution that values (S,) come from.
+    """95 % confidence interval of a percentile of the distribution that values (S,) are drawn from.
 
     Returns:
-        Its ends, two of the values; NaN where so few values cannot bound it.
+        The two ends, which are two of the values; NaN if there are too few values.
     """
     from scipy.stats import quantile_test  # slow to import
 
@@ -88,16 +89,15 @@ def differences(
     threshold_deg: float = LEAST_DIFFERENCE_DEG,
     beside: Mapping[str, Array] | None = None,
 ) -> tuple[Difference, ...]:
-    """Every pair of plans.
+    """Compare every pair of plans.
 
     Args:
         errors: E of each plan on the same machines, shape (S,), degrees, by label.
-        threshold_deg: The least median difference that matters, degrees.
-        beside: Another error of the same plans, whose pairs are tested too: Holm's correction is
-            for the pairs of both.
+        threshold_deg: The smallest median difference that matters, degrees.
+        beside: A second error of the same plans; Holm's correction then counts the pairs of both.
 
     Returns:
-        One entry a pair, in the order of the labels.
+        One entry per pair, in the order of the labels.
     """
     gaps, others = (
         {(a, b): of[a] - of[b] for a, b in combinations(of, 2)} for of in (errors, beside or {})
@@ -120,7 +120,7 @@ def _sign_test(gap: Array) -> float:
 
 
 def holm(p_values: list[float]) -> list[float]:
-    """Holm's correction of p-values for their number, in the order given."""
+    """Correct p-values for their number by Holm's method; the order is kept."""
     p = np.array(p_values)
     order = np.argsort(p, kind="stable")
     steps = np.minimum(1.0, p[order] * np.arange(len(p), 0, -1))

@@ -1,11 +1,11 @@
-"""Tables: a list of columns and rows, for a terminal, as Markdown, CSV or HTML. Foreign text.
+"""Format tables for a terminal, Markdown, CSV and HTML, and clean text from users.
 
-Who has something to tabulate owns `Column`s; how a table looks is here alone.
+A table is a list of `Column`s and rows. Other modules define columns; this one formats them.
 
-Files keep what a user wrote, and give it back as it was. What is *shown* of it (a title, a label, a
-name, a message) goes through `clean_text` where it enters an object that others draw or print, and
-once more at the one door to the terminal; so a title cannot colour a terminal, turn a line around,
-or break the XML of a figure. Each format then escapes what is special to it alone.
+Files keep what a user wrote unchanged. Text that is *shown* (a title, a label, a name, a message)
+passes `clean_text` where it enters an object that is drawn or printed, and again where it is
+printed to the terminal. So a title cannot colour a terminal, reverse a line, or break the XML of a
+figure. Each format then escapes its own special characters.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ if TYPE_CHECKING:
 R = TypeVar("R")
 
 TABLE_WIDTH, LEAST_TEXT_WIDTH, HEAD_WIDTH = 80, 10, 11
-"""Characters of a table in a terminal, the fewest that the text of a ruled one is given, and those
-of a line of its heads."""
+"""Characters: width of a table in a terminal, least width of the text column of a ruled table,
+width of a line of a column head."""
 
 
 def short_number(value: Any) -> str:
-    """A number in few characters, anything else as it is."""
+    """Format a number in few characters; return anything else as text."""
     if isinstance(value, float):
         return number(value)
     return value if isinstance(value, str) else str(value)
 
 
 def digits(count: int) -> Callable[[float], str]:
-    """A format for numbers with this many significant digits."""
+    """Return a formatter for numbers with this many significant digits."""
     return lambda value: number(value, count)
 
 
 class Markup(str):
-    """Text of the format's own, Markdown or HTML, which is not escaped."""
+    """Text that is already Markdown or HTML and is not escaped."""
 
     __slots__ = ()
 
@@ -56,14 +56,14 @@ class Column(Generic[R]):
     """One column of a table of rows `R`.
 
     Attributes:
-        title: What it holds, in few words.
-        unit: Its unit, or "".
-        value: From a row to a number in full precision or to text.
-        shown: From this value to what is read; None for a column of CSV alone.
-        key: Its name in CSV, by default of title and unit; "" for a column that CSV lacks.
-        left: Whether it is text: to the left, and folded where a terminal is too narrow.
-        width: Most characters of a narrow column of text in a terminal, where it begins a line
-            after each colon; by default the others leave the room.
+        title: Short title.
+        unit: Unit, or "".
+        value: Maps a row to a number in full precision, or to text.
+        shown: Formats this value for reading; None for a column of CSV only.
+        key: Name in CSV, by default from title and unit; "" for a column that CSV lacks.
+        left: Whether it holds text: aligned left, and wrapped if a terminal is too narrow.
+        width: Maximum characters of a narrow text column in a terminal; its text starts a new line
+            after each colon. By default the width that the other columns leave.
         code: Whether Markdown shows it as `code`.
     """
 
@@ -78,12 +78,12 @@ class Column(Generic[R]):
 
     @property
     def head(self) -> str:
-        """Title and unit in one line."""
+        """Title and unit on one line."""
         return f"{self.title} ({self.unit})" if self.unit else self.title
 
     @property
     def name(self) -> str:
-        """Its name in files."""
+        """The column's name in files."""
         return self.key or re.sub(r"\W+", "_", f"{self.title} {self.unit}").strip("_")
 
     def text(self, row: R) -> str:
@@ -106,17 +106,17 @@ def terminal_table(
     gap: int = 0,
     dim: Callable[[R], bool] = lambda row: False,
 ) -> Table:
-    """For a terminal: `rich.print` shows it.
+    """Format for a terminal; print the result with `rich.print`.
 
     Args:
-        columns: Its columns.
-        rows: Its rows.
-        title: A line over it.
-        caption: Text under it.
-        ruled: Whether it has heads of several lines over a rule and is made to fit 80 columns;
+        columns: The columns.
+        rows: The rows.
+        title: A line above the table.
+        caption: Text below the table.
+        ruled: Whether heads have several lines above a rule and the table fits 80 columns;
             otherwise heads have one line.
-        gap: Further spaces between columns of a ruled one.
-        dim: Which rows are shown weakly.
+        gap: Extra spaces between the columns of a ruled table.
+        dim: Tells which rows are shown dimmed.
     """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
@@ -161,19 +161,19 @@ def terminal_table(
 
 
 def _break_head(title: str) -> str:
-    """A head in two lines, or as many as a longer one needs."""
+    """Wrap a head to two lines, or to as many as a long title needs."""
     if len(title) <= HEAD_WIDTH + 1:
         return title.replace(" ", "\n", 1)
     return textwrap.fill(title, HEAD_WIDTH, break_long_words=False)
 
 
 def _break_lines(text: str, width: int | None) -> str:
-    """Text of a narrow column begins a line after each colon."""
+    """Start a new line after each colon, in a narrow column."""
     return text.replace(":", ":\n") if width else text
 
 
 def markdown_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:
-    """Lines of Markdown; all text but `Markup` is escaped."""
+    """Format as Markdown; all text but `Markup` is escaped."""
     shown = _read(columns)
     lines = [
         [markdown(c.head) for c in shown],
@@ -190,7 +190,7 @@ def _mark_code(text: str, code: bool) -> str:
 
 
 def csv_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:
-    """CSV in full precision, empty where a number is not defined."""
+    """Format as CSV in full precision; undefined numbers are empty."""
     kept = [column for column in columns if column.key != ""]
     lines = ([jsonable(c.value(row)) for c in kept] for row in rows)
     return csv_text([[c.name for c in kept], *lines])
@@ -203,15 +203,15 @@ def html_table(
     *,
     kind: Callable[[R], str] | None = None,
 ) -> str:
-    """An HTML table; all text but `Markup` is escaped.
+    """Format as an HTML table; all text but `Markup` is escaped.
 
     Args:
-        columns: Its columns.
-        rows: Its rows.
-        above: A line over it.
-        kind: From a row to its class, on a page with a style sheet: units then have their own
-            elements, the first column heads its row, and each cell bears its column's title, which
-            is read where a screen is too narrow for heads. Left out for a notebook.
+        columns: The columns.
+        rows: The rows.
+        above: A line above the table.
+        kind: Maps a row to its CSS class, for a page with a style sheet. Units then have their own
+            elements, the first column holds row heads, and each cell repeats its column's title,
+            which narrow screens show in place of heads. Leave it out for a notebook.
     """
     shown, heads, around = _read(columns), [], []
     for k, c in enumerate(shown):
@@ -238,27 +238,27 @@ def html_table(
     )
 
 
-# C0 but tab and newline, DEL, C1, marks and overrides of direction, and halves of surrogate pairs
-# (bytes of file names that are not UTF-8).
+# C0 except tab and newline, DEL, C1, marks and overrides of direction, and halves of surrogate
+# pairs (bytes of file names that are not UTF-8).
 _CONTROL_CHARACTERS = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff]"
 )
 LONGEST_LINE = 200
-"""Characters of a title, label or name that are shown: twice what fits a line."""
+"""Maximum characters of a title, label or name that is shown; about two lines."""
 
 
 def clean_text(text: str) -> str:
-    """Text of several lines without control characters, which would steer what shows it."""
+    """Remove control characters, which could change the terminal or page that shows the text."""
     return _CONTROL_CHARACTERS.sub("", text)
 
 
 def line(text: str, longest: int = LONGEST_LINE) -> str:
-    """Clean text in one line, cut where it is too long to be looked at."""
+    """Clean the text, put it on one line, and shorten it."""
     return shorten(" ".join(clean_text(text).split()), longest)
 
 
 def error_words(error: BaseException) -> str:
-    """Type and message of any exception, whose own code may fail."""
+    """Type and message of any exception, even if its `__str__` fails."""
     try:
         return f"{type(error).__name__}: {error}"
     except Exception:
@@ -266,22 +266,22 @@ def error_words(error: BaseException) -> str:
 
 
 def shorten(text: str, longest: int = 60) -> str:
-    """Text cut to `longest` characters."""
+    """Shorten text to `longest` characters."""
     return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
 def markdown(text: str) -> str:
-    """One cell or title of Markdown: no new columns, code, tags or links."""
+    """Escape a cell or title for Markdown: no new columns, code, tags or links."""
     return re.sub(r"([\\`|<>\[\]])", r"\\\1", line(text))
 
 
 def markdown_code(text: str) -> str:
-    """The same in `code`, where only the mark itself and a table's bar are special."""
+    """Format as `code` in Markdown; only backticks and a table's bar are special there."""
     return "`" + line(text).replace("`", "'").replace("|", "\\|") + "`"
 
 
 def csv_text(rows: Iterable[Sequence[Any]]) -> str:
-    """Rows as CSV; no text in it is a formula to a spreadsheet, and numbers stay numbers."""
+    """Format rows as CSV; a spreadsheet takes no text for a formula, and numbers stay numbers."""
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerows([_cell(value) for value in row] for row in rows)
@@ -289,7 +289,7 @@ def csv_text(rows: Iterable[Sequence[Any]]) -> str:
 
 
 def _cell(value: Any) -> Any:
-    """Text that begins as a formula does is led by an apostrophe, as spreadsheets have it."""
+    """Put an apostrophe before text that a spreadsheet would read as a formula."""
     if not isinstance(value, str) or not value.startswith(("=", "+", "-", "@", "\t", "\r")):
         return value
     try:
@@ -300,7 +300,7 @@ def _cell(value: Any) -> Any:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number in few characters; "-" when it is not defined."""
+    """Format a number in few characters; "-" if it is not finite."""
     if not np.isfinite(value):
         return "-"
     if value == 0 or 1e-3 <= abs(value) < 10**digits:

@@ -1,6 +1,6 @@
-"""What every table of a problem file shares: strict types, no unknown keys, one clear message.
+"""Validation of the tables of a problem file: strict types, no unknown keys, clear messages.
 
-From pydantic's errors to one plain line a key: key, value, what is allowed, nearest key.
+Pydantic's errors become one line per key: key, value, what is allowed, nearest valid key.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ class Table(BaseModel):
         strict=True,
         frozen=True,
         allow_inf_nan=False,
-        defer_build=True,  # until a table is used: most problems use a few of them
+        defer_build=True,  # build on first use: most problems use only a few tables
     )
 
     former: ClassVar[Mapping[str, str]] = {}
-    """Keys that there were, and what took their place."""
+    """Keys of earlier versions, each with a note on what replaced it."""
 
 
 def parse(model: type[Model], data: Any, source: str) -> Model:
@@ -40,7 +40,7 @@ def parse(model: type[Model], data: Any, source: str) -> Model:
     Args:
         model: The table's model.
         data: The raw table.
-        source: What to name in messages: a file, or "options of method polynomial".
+        source: Name in messages: a file, or "options of method polynomial".
 
     Raises:
         InputError: One line per key: source, key, value, what is allowed, nearest valid key.
@@ -59,9 +59,9 @@ Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Path = tuple[Any, ...]
 
 MOST_ERRORS = 10
-"""Errors that are told of one table; who has more has one reason for them."""
+"""Errors reported for one table; more usually have a common cause."""
 
-_short_repr = reprlib.Repr()  # a list of a million numbers is not written out to be cut short
+_short_repr = reprlib.Repr()  # does not format all of a list of a million numbers
 _short_repr.maxlist = _short_repr.maxtuple = _short_repr.maxdict = 20
 _short_repr.maxstring = _short_repr.maxother = _short_repr.maxlong = 80
 
@@ -87,7 +87,7 @@ _PHRASES = {
 
 
 def _explain(model: type[BaseModel], data: Any, errors: Sequence[Any]) -> list[str]:
-    """One line per key, from `ValidationError.errors()`."""
+    """Convert `ValidationError.errors()` to one line per key."""
     grouped: dict[Path, list[Any]] = {}
     for error in errors:
         grouped.setdefault(_path(data, error), []).append(error)
@@ -101,7 +101,7 @@ def _explain(model: type[BaseModel], data: Any, errors: Sequence[Any]) -> list[s
 
 
 def allowed_hint(word: str, allowed: Sequence[str]) -> str:
-    """A sentence on what is allowed, led by the nearest match if one is near."""
+    """List what is allowed, after the nearest match if there is one."""
     close = _closest_match(word, allowed)
     hint = f"did you mean '{close}'? " if close else ""
     return f"{hint}allowed: {', '.join(allowed)}"
@@ -113,7 +113,7 @@ def _closest_match(word: str, allowed: Sequence[str]) -> str | None:
 
 
 def _path(data: Any, error: Any) -> Path:
-    """The error's location without the tags that pydantic adds for the options of a union."""
+    """The error's location, without the tags that pydantic adds for members of a union."""
     out: list[Any] = []
     *parents, last = error["loc"] or (None,)
     for part in parents:
@@ -132,12 +132,12 @@ def _contains(data: Any, part: Any) -> bool:
 
 
 def _has_faulty_entry(path: Path, errors: Sequence[Any], above: Collection[Path]) -> bool:
-    """Whether an entry of the list at `path` is at fault, so that the list as such is not."""
+    """Whether an entry of the list at `path` has the error, so the list itself is not reported."""
     return path in above and all(e["type"] != "value_error" for e in errors)
 
 
 def _typos(model: type[BaseModel], grouped: Mapping[Path, Any]) -> set[Path]:
-    """Paths that a misspelt key beside them was meant for."""
+    """Paths of missing keys for which a misspelt key was probably meant."""
     every = (p for p, group in grouped.items() if group[0]["type"] == "extra_forbidden")
     unknown = list(islice(every, MOST_ERRORS))
     meant = {p: _closest_match(str(p[-1]), _keys_at(model, p[:-1])) for p in unknown}
@@ -182,7 +182,7 @@ def _dotted(parts: Sequence[Any]) -> str:
 
 
 def _home_table(model: type[BaseModel], path: Path) -> str:
-    """Where an unknown key belongs when another table has a key of exactly that name."""
+    """Name the tables that have a key of exactly this name, for an unknown key."""
     homes = [
         name
         for name, table in _fields(model).items()
@@ -192,18 +192,18 @@ def _home_table(model: type[BaseModel], path: Path) -> str:
 
 
 def _fields(model: Any) -> dict[str, Any]:
-    """The keys of a table, with aliases where a field has one."""
+    """The fields of a table by key: the alias if there is one."""
     fields = getattr(model, "model_fields", {})
     return {f.alias or name: f for name, f in fields.items()}
 
 
 def _keys_at(model: type[BaseModel], path: Path) -> list[str]:
-    """Keys of the table that `path` leads to."""
+    """Keys of the table at `path`."""
     return list(_fields(_table_at(model, path)))
 
 
 def _table_at(model: type[BaseModel], path: Path) -> Any:
-    """The table that `path` leads to."""
+    """The table at `path`."""
     current: Any = model
     for part in path:
         if part in _fields(current):

@@ -1,5 +1,5 @@
-"""Functions of one variable, one subject a file.
+"""Functions of one variable, one subject per file.
 
-`bernstein` (piecewise polynomials), `chebyshev` (the same by their values at points, and series),
-`extremes` (least values and zeros, between samples too), `inverse` (where f(x) = y), `runge_kutta`.
+`bernstein` (piecewise polynomials), `chebyshev` (polynomials by values at points, and series),
+`extremes` (minima and zeros, also between samples), `inverse` (solves f(x) = y), `runge_kutta`.
 """

@@ -4,7 +4,7 @@ On the piece from xₖ to xₖ₊₁, with s = (t − xₖ)/(xₖ₊₁ − xₖ
 
     p(t) = Σⱼ c[j, k] C(d, j) sʲ (1 − s)ᵈ⁻ʲ.
 
-`c` and `x` are laid out as in SciPy's `BPoly`, whose import takes a third of a second.
+`c` and `x` have the layout of SciPy's `BPoly`, whose import takes a third of a second.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from planner.support.arrays import Array, product
 
 Pieces = NDArray[np.int_]
-"""Numbers of pieces, or of cells, from 0."""
+"""Indices of pieces, or of cells, from 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Bernstein:
         x: Breaks between the pieces, shape (K+1,), increasing.
 
     Raises:
-        ValueError: If there is another number of pieces than spaces between breaks.
+        ValueError: If the number of pieces does not fit the number of breaks.
     """
 
     c: Array
@@ -48,13 +48,13 @@ class Bernstein:
 
     @property
     def degree(self) -> int:
-        """Of every piece."""
+        """Degree of every piece."""
         return len(self.c) - 1
 
     def __call__(self, t: ArrayLike) -> Array:
-        """Values (…, *value) at times t (…): at a break those of the piece that begins there.
+        """Return values (…, *value) at times t (…); at a break, those of the piece after it.
 
-        Outside the breaks the first and the last piece go on.
+        Outside the breaks the first and the last piece are continued.
         """
         times = np.asarray(t, dtype=float)
         if times.ndim == 0:
@@ -70,7 +70,7 @@ class Bernstein:
         return np.asarray(out.reshape(*times.shape, *self.c.shape[2:]))
 
     def _value(self, t: float) -> Array:
-        """At one time: in plain numbers, a third of the array's way."""
+        """Return the value at one time; plain floats take a third of the time of arrays."""
         inner, rows, binomials = self._rows
         if t != t:
             return np.full(self.c.shape[2:], t)
@@ -89,13 +89,13 @@ class Bernstein:
         return np.diff(self.x)
 
     def piece(self, t: Array) -> Pieces:
-        """The piece that each time (…) is read from."""
+        """Index of the piece that contains each time (…)."""
         return np.asarray(self.x[1:-1].searchsorted(t, side="right"))
 
     def piece_values(self, piece: Pieces, fraction: Array) -> Array:
         """Values (P, C, …) at fractions (P, C) of the pieces (C,)."""
         c = self.c[:, piece].reshape(len(self.c), len(piece), -1)
-        if np.all(fraction == fraction[:, :1]):  # the same in all pieces: one matrix
+        if np.all(fraction == fraction[:, :1]):  # equal in all pieces: one matrix does
             out = product(basis(self.degree, fraction[:, 0]).T, c.reshape(len(c), -1))
         else:
             weights = np.transpose(basis(self.degree, fraction), (2, 1, 0))
@@ -103,14 +103,14 @@ class Bernstein:
         return np.asarray(out.reshape(*fraction.shape, *self.c.shape[2:]))
 
     def derivative(self, order: int = 1) -> Bernstein:
-        """The derivative of an order in time, so many degrees lower."""
+        """The time derivative of this order; the degree falls by the order."""
         c = self.c
         for _ in range(order):
             c = (len(c) - 1) * np.diff(c, axis=0) / self._wide if len(c) > 1 else np.zeros_like(c)
         return Bernstein(c, self.x)
 
     def antiderivative(self) -> Bernstein:
-        """∫ p dt from the first break, one degree higher; its pieces meet to the last bit."""
+        """∫ p dt from the first break, one degree higher, exactly continuous at the breaks."""
         c = integral(self.c) * self._wide
         c[:, 1:] += np.cumsum(c[-1], axis=0)[:-1]
         return Bernstein(c, self.x)
@@ -120,7 +120,7 @@ class Bernstein:
         return self._width.reshape(-1, *[1] * (self.c.ndim - 2))
 
     def slowed(self, factor: float, gain: float = 1.0) -> Bernstein:
-        """The curve in `factor` times the time, its values times `gain`."""
+        """Stretch the curve in time by `factor` and multiply its values by `gain`."""
         return Bernstein(self.c * gain, self.x * factor)
 
     def to_dict(self) -> dict[str, Any]:
@@ -129,14 +129,14 @@ class Bernstein:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Bernstein:
-        """Read back what `to_dict` wrote."""
+        """Read the output of `to_dict`."""
         return cls(data["bernstein"], data["breaks"])
 
 
 def basis(degree: int, x: Array) -> Array:
-    """All Bernstein polynomials of a degree at x (…), shape (degree+1, …)."""
+    """Evaluate all Bernstein polynomials of a degree at x (…); shape (degree+1, …)."""
     if not degree:
-        return np.asarray(1 + 0 * x[None])  # NaN where x is
+        return np.asarray(1 + 0 * x[None])  # keeps NaN
     up, down = np.ones((2, degree + 1, *x.shape))
     rest = 1 - x
     for k in range(1, degree + 1):
@@ -155,14 +155,14 @@ def _binomials(degree: int) -> Array:
 
 
 def elevate(c: Array, degree: int) -> Array:
-    """The same polynomial written at a higher degree."""
+    """Write the same polynomial at a higher degree."""
     out = np.dot(_elevation(len(c) - 1, degree), c.reshape(len(c), -1))
     return np.asarray(out.reshape(-1, *c.shape[1:]))
 
 
 @lru_cache(maxsize=256)
 def _elevation(low: int, high: int) -> Array:
-    """Matrix (high+1, low+1) that raises coefficients from one degree to another."""
+    """Matrix (high+1, low+1) from coefficients of degree `low` to those of degree `high`."""
     out = np.eye(low + 1)
     for d in range(low + 1, high + 1):
         share = (np.arange(d + 1) / d)[:, None]
@@ -176,7 +176,10 @@ def integral(c: Array) -> Array:
 
 
 def split(c: Array, place: Array | float) -> tuple[Array, Array]:
-    """On [0, place] and on [place, 1], by de Casteljau; one place, or one for each polynomial."""
+    """Split into [0, place] and [place, 1] by de Casteljau's algorithm.
+
+    `place` is one number, or one for each polynomial.
+    """
     left, right, row, rest = [c[0]], [c[-1]], c, 1 - place
     while len(row) > 1:
         row = rest * row[:-1] + place * row[1:]
@@ -186,5 +189,5 @@ def split(c: Array, place: Array | float) -> tuple[Array, Array]:
 
 
 def part(c: Array, low: Array, high: Array) -> Array:
-    """On [low, high], of which there is one for each polynomial."""
+    """Restrict each polynomial to its own interval [low, high]."""
     return split(split(c, high)[0], low / high)[1]

@@ -1,8 +1,8 @@
-"""Functions by their values at Chebyshev–Lobatto points, and as Chebyshev series.
+"""Functions represented by values at Chebyshev–Lobatto points, or by Chebyshev series.
 
 At these points products are exact up to the degree, and integrals and derivatives are one small
-matrix (Trefethen, "Spectral Methods in MATLAB", 2000, ch. 6 and 12). Everything is on [0, 1]; a
-series' argument there is 2x − 1.
+matrix (Trefethen, "Spectral Methods in MATLAB", 2000, ch. 6 and 12). Functions are on 0 ≤ x ≤ 1;
+the argument of a series is 2x − 1.
 """
 
 from __future__ import annotations
@@ -21,53 +21,53 @@ from planner.support.calculus.bernstein import Bernstein, elevate
 
 @lru_cache(maxsize=64)
 def points(count: int) -> Array:
-    """The points, increasing, shape (count,)."""
+    """The Chebyshev–Lobatto points on [0, 1], increasing, shape (count,)."""
     return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1)))
 
 
 @lru_cache(maxsize=16)
 def to_series(count: int) -> Array:
-    """Values at the points → coefficients."""
+    """Matrix from values at the points to coefficients of the series."""
     return np.asarray(np.linalg.inv(chebyshev.chebvander(2 * points(count) - 1, count - 1)))
 
 
 @lru_cache(maxsize=16)
 def from_series(width: int, count: int) -> Array:
-    """Coefficients → values at `count` points."""
+    """Matrix from coefficients of the series to values at `count` points."""
     return np.asarray(chebyshev.chebvander(2 * points(count) - 1, width - 1))
 
 
 @lru_cache(maxsize=16)
 def resampling(count: int, new: int) -> Array:
-    """Values at the points → values at `new` points."""
+    """Matrix from values at the points to values at `new` points."""
     return np.asarray(from_series(count, new) @ to_series(count))
 
 
 @lru_cache(maxsize=16)
 def integration(count: int) -> Array:
-    """Values at the points → values there of the integral from 0, which begins with zero."""
+    """Matrix from values at the points to values there of the integral from 0."""
     integrals = chebyshev.chebint(np.eye(count), lbnd=-1) / 2
     return np.asarray(chebyshev.chebval(2 * points(count) - 1, integrals).T @ to_series(count))
 
 
 @lru_cache(maxsize=16)
 def series_slopes(count: int) -> Array:
-    """Coefficients → the derivative's values at the points."""
+    """Matrix from coefficients of the series to the derivative's values at the points."""
     return np.asarray(from_series(count - 1, count) @ (2 * chebyshev.chebder(np.eye(count))))
 
 
 @lru_cache(maxsize=16)
 def differentiation(count: int) -> Array:
-    """Values at the points → the derivative's values there."""
+    """Matrix from values at the points to the derivative's values there."""
     return np.asarray(series_slopes(count) @ to_series(count))
 
 
 @lru_cache(maxsize=16)
 def to_bernstein(count: int) -> Array:
-    """Values at the points → Bernstein coefficients.
+    """Matrix from values at the points to Bernstein coefficients.
 
-    Tₙ(2x−1) has the coefficients (−1)^{n−i} C(2n, 2i)/C(n, i) at its own degree; they are raised to
-    the common one.
+    Tₙ(2x−1) has the coefficients (−1)^{n−i} C(2n, 2i)/C(n, i) at degree n; they are raised to the
+    common degree.
     """
     out = np.zeros((count, count))
     for n in range(count):
@@ -76,16 +76,16 @@ def to_bernstein(count: int) -> Array:
         )
         out[:, n] = elevate(weights, count - 1)
     out = out @ to_series(count)
-    out[0], out[-1] = np.eye(count)[[0, -1]]  # ends exact, so that pieces join
+    out[0], out[-1] = np.eye(count)[[0, -1]]  # exact ends, so that pieces are continuous
     return np.asarray(out)
 
 
 @lru_cache(maxsize=64)
 def from_bernstein(width: int) -> Array:
-    """Bernstein coefficients → coefficients of the same degree, (width, width), in whole numbers.
+    """Matrix (width, width) from Bernstein to Chebyshev coefficients, in exact arithmetic.
 
     With τ = 2x − 1 the basis is C(d, i) (1+τ)^i (1−τ)^{d−i} / 2^d, and τⁿ = 2^{1−n} Σ C(n, (n−k)/2)
-    Tₖ over the k of n's parity, the term of T₀ halved.
+    Tₖ over all k of the parity of n, with the term of T₀ halved.
     """
     d = width - 1
     out = np.zeros((width, width))
@@ -102,7 +102,7 @@ def from_bernstein(width: int) -> Array:
 
 
 def apply(matrix: Array, values: Array) -> Array:
-    """A matrix (M, P) on the first axis of values (P, …)."""
+    """Apply a matrix (M, P) to the first axis of values (P, …)."""
     return product(matrix, values.reshape(len(values), -1)).reshape(len(matrix), *values.shape[1:])
 
 
@@ -111,22 +111,22 @@ DEGREE = 14
 
 @dataclass(frozen=True)
 class Grid:
-    """Pieces, and DEGREE + 1 points on each; functions on them are values (P, DEGREE+1, …).
+    """Pieces with DEGREE + 1 points each; a function is its values (P, DEGREE+1, …).
 
     Attributes:
-        breaks: Times between the pieces, shape (P+1,).
+        breaks: Times of the breaks between the pieces, shape (P+1,).
     """
 
     breaks: Array
 
     @property
     def times(self) -> Array:
-        """The points, shape (P, DEGREE+1); piece ends appear twice."""
+        """Times of the points, shape (P, DEGREE+1); inner breaks appear twice."""
         left, width = self.breaks[:-1, None], np.diff(self.breaks)[:, None]
         return np.asarray(left + width * points(DEGREE + 1))
 
     def integral(self, f: Array) -> Array:
-        """∫ f from the first break to every point."""
+        """∫ f dt from the first break to every point."""
         integrals = _on_pieces(integration(DEGREE + 1), f) * self._width(f)
         before = np.cumsum(integrals[:, -1], axis=0) - integrals[:, -1]
         return integrals + before[:, None]
@@ -136,7 +136,7 @@ class Grid:
         return _on_pieces(differentiation(DEGREE + 1), f) / self._width(f)
 
     def tail(self, f: Array) -> Array:
-        """Largest of the last two coefficients, shape (P, …)."""
+        """Magnitude of the last two series coefficients (the larger), shape (P, …)."""
         return np.asarray(np.max(np.abs(_on_pieces(to_series(DEGREE + 1)[-2:], f)), axis=1))
 
     def curve(self, f: Array) -> Bernstein:
@@ -149,6 +149,6 @@ class Grid:
 
 
 def _on_pieces(matrix: Array, f: Array) -> Array:
-    """The matrix (M, D) on the second axis of f (P, D, …)."""
+    """Apply a matrix (M, D) to the second axis of f (P, D, …)."""
     flat = matrix @ f.reshape(*f.shape[:2], -1)
     return np.asarray(flat.reshape(len(f), len(matrix), *f.shape[2:]))

@@ -1,4 +1,4 @@
-"""Extremes and zeros of a function of time, between samples as well as on them."""
+"""Extremes and zeros of a function of time, also between its samples."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ Function = Callable[[Array], Array]
 
 
 def sample_times(breaks: Array, count: int = 2000, least: int = 9) -> Array:
-    """About `count` times over the pieces between `breaks`, crowded towards each piece's ends.
+    """About `count` times over the pieces between `breaks`, denser near the ends of each piece.
 
-    On each piece there are `least` or more, two of them its ends.
+    Each piece has at least `least` times, including its two ends.
 
-    The crowding (Chebyshev–Lobatto) finds the short, steep starts that plans have close to a
-    singularity. Interior breaks appear from both sides.
+    The spacing (Chebyshev–Lobatto) resolves the short, steep starts of plans close to a
+    singularity. Inner breaks appear twice, once for each side.
     """
     per_piece = max(least, count // (len(breaks) - 1))
     left, right = breaks[:-1, None], np.nextafter(breaks[1:, None], -np.inf)
@@ -29,23 +29,23 @@ def sample_times(breaks: Array, count: int = 2000, least: int = 9) -> Array:
 
 
 FLAT_DEPTH = 1e-13
-"""Depth of a dip that is rounding, where a function is of order one."""
+"""Dips of smaller depth are rounding, for a function of order one."""
 
 _ROUNDS = 11
-"""Rounds that each narrow a dip eight times: to 1e-10 of the distance between samples."""
+"""Each round narrows a dip eightfold; together to 1e-10 of the distance between samples."""
 
 _SECTIONS = 13
-"""Rounds that each narrow a change of sign 16 times: to rounding of the distance."""
+"""Each round narrows a change of sign 16-fold; together to rounding of the distance."""
 
 
 def minimum(function: Function, times: Array) -> tuple[float, float]:
-    """Least value of `function` and its time.
+    """Find the least value of `function` and its time.
 
-    Every dip between samples is narrowed but those that would have to fall by more than twice their
-    sides.
+    Each dip between samples is narrowed, unless it would have to fall below its samples by more
+    than twice their depth to be the minimum.
 
     Args:
-        function: Vectorised, times (m,) to values (m,); NaN values are passed over.
+        function: Vectorised, times (m,) to values (m,); NaN values are ignored.
         times: Increasing samples.
 
     Returns:
@@ -65,16 +65,16 @@ def minimum(function: Function, times: Array) -> tuple[float, float]:
 
 
 def maximum(function: Function, times: Array) -> tuple[float, float]:
-    """Greatest value of `function` and its time; see `minimum`."""
+    """Find the greatest value of `function` and its time; see `minimum`."""
     value, time = minimum(lambda t: -function(t), times)
     return -value, time
 
 
 def zeros(function: Function, times: Array) -> list[float]:
-    """Times at which `function` changes sign, to rounding; on the side where it is not positive.
+    """Find times at which `function` changes sign, to rounding, on the side where it is ≤ 0.
 
-    Dips between two samples of the same sign are narrowed first, so that a short excursion between
-    samples is not missed. NaN counts as negative.
+    Dips between two samples of the same sign are narrowed first, so that a short change of sign
+    between samples is not missed. NaN counts as negative.
     """
     values = _nan_negative(function(times))
     extra: list[float] = []
@@ -107,7 +107,7 @@ def _nan_negative(values: Array) -> Array:
 
 
 def _dips(values: Array) -> tuple[NDArray[np.int_], Array]:
-    """Indices of finite interior local minima, and how far the higher finite side is above each."""
+    """Indices of finite interior local minima, and their depths below the higher finite side."""
     middle, sides = values[1:-1], np.stack([values[:-2], values[2:]])
     with np.errstate(invalid="ignore"):
         is_dip = np.all(middle <= sides, axis=0) & np.isfinite(middle)
@@ -118,7 +118,7 @@ def _dips(values: Array) -> tuple[NDArray[np.int_], Array]:
 def _narrow_samples(
     function: Function, times: Array, dips: NDArray[np.int_]
 ) -> tuple[Array, Array]:
-    """Least values between the samples beside each dip, and when."""
+    """Least value between the two samples beside each dip, and its time."""
 
     def together(x: Array) -> Array:
         return function(x.ravel()).reshape(x.shape)
@@ -127,18 +127,21 @@ def _narrow_samples(
 
 
 def narrow_dips(function: Function, low: Array, high: Array) -> tuple[Array, Array]:
-    """Least values of functions that dip once between `low` and `high` (M,), and where.
+    """Find the minima of functions that dip once between `low` and `high` (M,).
 
     Args:
-        function: From x (R, M), a column for each dip, to values (R, M); NaN is passed over.
-        low: Before each dip.
-        high: After it.
+        function: From x (R, M), one column per dip, to values (R, M); NaN is ignored.
+        low: Lower ends.
+        high: Upper ends.
+
+    Returns:
+        Least values (M,) and their x (M,).
     """
     row, share = np.arange(len(low)), np.linspace(0.0, 1.0, 17)[:, None]
     value, where = np.full(len(low), np.inf), (low + high) / 2
     for _ in range(_ROUNDS if len(low) else 0):
         x = low + (high - low) * share
-        with np.errstate(invalid="ignore"):  # beside the dip it may be infinite
+        with np.errstate(invalid="ignore"):  # beside the dip values may be infinite
             values = function(x)
         values = np.where(np.isnan(values), np.inf, values)
         k = np.argmin(values, axis=0)

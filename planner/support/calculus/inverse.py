@@ -1,8 +1,9 @@
-"""Where f(x) = y, on the stretch of an interval where f rises, or falls; many at once.
+"""Solve f(x) = y on the part of an interval where f rises, or falls; vectorised.
 
-f may turn once in the interval. The search needs no turning point beforehand: a point beyond it is
-known by the sign of f' and counts as too far. Newton's method inside a shrinking bracket, with
-bisection wherever a Newton step leaves the bracket, the stretch, or does not halve the last step.
+f may have one turning point in the interval, which need not be known: the sign of f' tells whether
+a point is beyond it, and such points count as too far. The method is Newton's inside a shrinking
+bracket. It bisects if a Newton step leaves the bracket or the part, or does not halve the last
+step.
 """
 
 from __future__ import annotations
@@ -16,26 +17,25 @@ from numpy.typing import NDArray
 from planner.support.arrays import Array
 
 WithSlope = Callable[[Array], tuple[Array, Array]]
-"""From x (M,) to f(x) and f'(x), each (M,)."""
+"""A function from x (M,) to f(x) and f'(x), each (M,)."""
 
 INSET = 1e-10
-"""How far inside an open interval its ends are evaluated, relative to its width."""
+"""Distance from the ends of an open interval at which f is evaluated, relative to its width."""
 
 _STEPS = 200
 
 
 @dataclass(frozen=True)
 class Preimage:
-    """Where f(x) = value on the stretch.
+    """Solution of f(x) = value on the chosen part of the interval.
 
     Attributes:
-        x: The solution, shape (M,), or the nearest point of the stretch where there is none; NaN
-            where f' has the wanted sign nowhere, and where the value is NaN.
-        exists: Whether there is one.
-        short_low: By how much the value lies below f at the interval's low end (on the scale
-            sign·f), where that is why there is none; 0 elsewhere.
-        short_high: The same above f at the high end.
-        short_turn: The same beyond f at its turning point.
+        x: The solution, shape (M,); without one, the nearest point of the part. NaN where f' never
+            has the wanted sign, and where the value is NaN.
+        exists: Whether there is a solution.
+        short_low: If the value is below f at the low end (on the scale sign·f): by how much; else
+        0. short_high: If it is above f at the high end: by how much; else 0.
+        short_turn: If it is beyond f at the turning point: by how much; else 0.
     """
 
     x: Array
@@ -51,9 +51,9 @@ def inverse(function: WithSlope, value: Array, low: float, high: float, sign: fl
     Args:
         function: f and f', with at most one turning point in the interval.
         value: Right-hand sides, shape (M,).
-        low: Low end of the interval.
-        high: High end.
-        sign: 1 for the stretch where f rises, −1 where it falls.
+        low: Lower end of the interval.
+        high: Upper end.
+        sign: 1 for the part where f rises, −1 where it falls.
     """
     inset = INSET * (high - low)
     a, b = np.full(value.shape, low + inset), np.full(value.shape, high - inset)
@@ -83,7 +83,7 @@ def inverse(function: WithSlope, value: Array, low: float, high: float, sign: fl
 def _gap_and_slope(
     function: WithSlope, x: Array, value: Array, sign: float
 ) -> tuple[Array, NDArray[np.bool_], Array]:
-    """sign·(f − value), whether x is on the stretch, and the Newton step's target."""
+    """Return sign·(f − value), whether x is on the part, and the point of the Newton step."""
     f, slope = function(x)
     return sign * (f - value), sign * slope > 0, x - (f - value) / slope
 
@@ -97,7 +97,7 @@ def _search(
     seen: tuple[NDArray[np.bool_], NDArray[np.bool_]],
     active: NDArray[np.bool_],
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
-    """The bracketed iteration; also whether values under and over were met on the stretch."""
+    """Iterate in the bracket; also return whether values ≤ and ≥ the target were met."""
     (low, high), (under, over) = bracket, seen
     turn_is_high = on_stretch[0] & ~on_stretch[1]
     x, last = 0.5 * (low + high), high - low

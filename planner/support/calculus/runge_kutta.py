@@ -7,12 +7,12 @@ from typing import Any
 
 
 def step(rate: Callable[[Any, int], Any], x: Any, h: Any) -> Any:
-    """x after one step.
+    """Return x after one step.
 
     Args:
-        rate: dx/dt of (x, k) at the step's start (k = 0), middle (1) and end (2).
-        x: At the step's start.
-        h: The step.
+        rate: dx/dt as a function of x and k: at the step's start (k = 0), middle (1), end (2).
+        x: Value at the start of the step.
+        h: Step size.
     """
     k1 = rate(x, 0)
     k2 = rate(x + h / 2 * k1, 1)

@@ -1,30 +1,31 @@
 """The manipulator in motion: motor 2 turns joint 1, motor 1 the chain of friction disks (eq. 6).
 
-    axis of joint i:  kᵢ cos³θᵢ₋₁ ∏_{j≤i−2} cosθⱼ · ω₁ · (what the contacts on the way pass on)
+    axis of joint i:  kᵢ cos³θᵢ₋₁ ∏_{j≤i−2} cosθⱼ · ω₁ · (fraction that the contacts transmit)
 
 The motion of joint i passes i + 1 friction contacts: P₁ of the stages 1 … i−1, then P₂ and P₃ of
-its branch; that of φₙ₋₁ passes the n − 2 of the stages before it (see `contacts`). Into each of
-joints 2 … n lead bevel gears, belt and shaft (see `Play`). Joint 1 has only the gearhead of motor 2
-before it, as the first disk has that of motor 1.
+its branch; that of φₙ₋₁ passes the n − 2 contacts P₁ before it (see `contacts`). Bevel gears, belt
+and shaft drive each of joints 2 … n (see `Play`). Joint 1 is driven through the gearhead of motor
+2 alone, and the first disk through that of motor 1.
 
-Integration goes down the triangle: with θᵢ₋₁ known at the points of a step, the travel of axis i to
-each of them follows by quadrature: fourth order with three points, second with two.
+The system is triangular, so one joint is integrated after the other: with θᵢ₋₁ known at the points
+of a step, the travel of axis i to each of them follows by quadrature, of order four with three
+points and of order two with two.
 
-From a driven axis to what it turns: backlash, and a soft shaft wound up by friction.
+Between a driven axis and its joint are backlash and a soft shaft that friction winds up.
 
 With m the angle of the driven axis and θ that of the joint, quasi-static balance of the joint is
 
     d θ̇ = k · dz(m − θ, w),   w = backlash/2 + coulomb/k,   dz(e, w) = e − clip(e, −w, w)
 
-for stiffness k and viscous friction d: the joint rests while the play and the wind-up that Coulomb
-friction can hold are not used up, and otherwise follows with the time constant d/k. Without
+for stiffness k and viscous friction d. The joint rests while m − θ stays within the play and the
+wind-up that Coulomb friction can hold; beyond, it follows with the time constant d/k. Without
 viscous friction, or with a rigid shaft, this is the play operator θ ← clip(θ, m − w, m + w); with
 every effect off it is θ = m.
 
 On an inclined plane gravity loads joint i with G = −∂V/∂θᵢ, V = g sin(incline) Σ momentⱼ sinψⱼ,
 ψⱼ = θ₁ + … + θⱼ. The joint then rests while the shaft's torque lies between −coulomb − G and
-coulomb − G. Where gravity overcomes friction it takes the link to the other side of its play. The
-arm starts settled. Friction is taken to hold the disk behind motor 1's gearhead.
+coulomb − G. Where gravity overcomes friction, the link moves to the other side of its play. The
+arm starts settled. We assume that friction holds the disk behind motor 1's gearhead.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ class DiskChain:
         q: Coordinates at the start, (N, S).
 
     Attributes:
-        slipping: Which contact of each slips grossly, (S,); see `contacts.contact_name`; −1 for
+        slipping: Number of the contact in gross slip, (S,), see `contacts.contact_name`; −1 if
             none.
     """
 
@@ -97,8 +98,8 @@ class DiskChain:
         """Advance by a step.
 
         Args:
-            speed: Of the motors at the step's P points (2 or 3), (P, 2, S), rad/s.
-            travel: Of the motors from the start to each later point, (P−1, 2, S), rad.
+            speed: Motor speeds at the step's P points (2 or 3), (P, 2, S), rad/s.
+            travel: Motor travel from the start to each later point, (P−1, 2, S), rad.
             h: Length of the step, s.
         """
         last = len(self._k) - 1
@@ -121,7 +122,7 @@ class DiskChain:
         self._state[last + 2] = self._joints[last + 1].move(ways[-1], h)
 
     def _load(self) -> None:
-        """Load the joints with what gravity does where they are."""
+        """Apply gravity's torques at the present angles to the joints."""
         if self._weights is not None:
             for joint, load in zip(
                 self._joints, gravity_torques(self._weights, self._state[1:]), strict=True
@@ -129,7 +130,7 @@ class DiskChain:
                 joint.apply_load(load)
 
     def _geared(self, speed: Array, travel: Array, h: float) -> Array:
-        """Speed of the first disk: of motor 1, less what its gearhead's play takes up, (P, S)."""
+        """Speed of the first disk: that of motor 1, reduced by its gearhead's play, (P, S)."""
         if self._motor.exact:
             return speed
         before = self._motor.theta
@@ -138,10 +139,10 @@ class DiskChain:
         return np.asarray(speed * np.where(still, 1.0, turned / np.where(still, 1.0, travel)))
 
     def _passed_on(self, speed: Array) -> tuple[Array, Array]:
-        """Parts of the rate V cosθ that P₁ of each stage passes on now, and P₂ with P₃, (n−1, S).
+        """Fractions of the rate V cosθ that P₁, and P₂ with P₃, of each stage transmit, (n−1, S).
 
         Args:
-            speed: Of the first disk, (S,), rad/s.
+            speed: Speed of the first disk, (S,), rad/s.
         """
         cosines, joints = self._cosines, self._joints[1:]
         # A joint at more than 90 degrees reverses the direction of what it drives.
@@ -158,7 +159,7 @@ class DiskChain:
         return parts[0], parts[1] * parts[2]
 
     def _rising(self, turning: Array, speed: Array) -> Array:
-        """What the joints' damping adds at full speed, (n−1, S)."""
+        """Torques that the joints' damping adds at full speed, (n−1, S), N m."""
         torques, disk = np.empty_like(self._cosines), np.abs(speed)
         for j, joint in enumerate(self._joints[1:]):
             c = np.abs(self._cosines[j])
@@ -167,7 +168,7 @@ class DiskChain:
         return torques
 
     def _turned(self, i: int, ways: list[Array], h: float) -> Array:
-        """Turn axis i by the travels to each later point; cosθᵢ at all points, (P, S)."""
+        """Turn axis i by the travels to each later point; return cosθᵢ at all points, (P, S)."""
         joint, part = self._joints[i], h / len(ways)
         c = np.empty((len(ways) + 1, len(joint.theta)))
         c[0] = self._cosines[i]
@@ -182,26 +183,27 @@ class DiskChain:
 Value = float | Array
 
 TOUCH_TOLERANCE_RAD = 1e-9
-"""Play that counts as taken up, rad."""
+"""Remaining play that counts as taken up, rad."""
 
 
 class Play:
-    """The connection of one driven axis to what it turns, for S samples.
+    """The connection between one driven axis and its joint, for S samples.
 
     Args:
-        theta: Angle of the joint at the start, (S,), rad; nothing is wound up then.
+        theta: Angle of the joint at the start, (S,), rad; the shaft is unwound then.
         half_gap: Half of the backlash, rad; this and the following are (S,) or a number for all.
-        stiffness: Of the shaft, N m/rad; infinite when rigid.
-        coulomb: Friction of the joint, N m.
-        viscous: Friction of the joint, N m s/rad.
-        start: Where in its play the axis starts, −1 … 1; 0 is the middle.
-        share: In its place, where in the range in which the joint rests, −1 … 1; NaN for none.
+        stiffness: Stiffness of the shaft, N m/rad; infinite when rigid.
+        coulomb: Coulomb friction of the joint, N m.
+        viscous: Viscous friction of the joint, N m s/rad.
+        start: Position of the axis in its play at the start, −1 … 1; 0 is the middle.
+        share: Replaces `start`: position of the axis in the range in which the joint rests,
+            −1 … 1; NaN to use `start`.
 
     Attributes:
         theta: Joint angle, (S,), rad.
         axis: Angle of the driven axis, (S,), rad, on the same scale.
-        exact: Whether the two are the same.
-        damped: Whether the axis feels viscous friction at once, as through a rigid shaft.
+        exact: Whether the two are always equal.
+        damped: Whether viscous friction acts on the axis directly, as through a rigid shaft.
     """
 
     def __init__(
@@ -232,25 +234,25 @@ class Play:
         self.axis = theta + start * self._half_gap
 
     def apply_load(self, load: Array) -> None:
-        """Be pushed forwards by a torque (S,), N m, from now on."""
+        """Let a torque (S,), N m, push the joint forwards from now on."""
         self._load, self.exact = load, False
         self._least, self._most = rest_range(load, self._half_gap, self._coulomb, self._stiffness)
 
     def settle(self) -> None:
-        """Let the axis be where the joint rests at its angle under its load."""
+        """Move the axis to where the joint rests at its angle under its load."""
         self.axis = self.theta + rest_at(
             self._share, self._start * self._half_gap, self._least, self._most
         )
 
     @classmethod
     def gearhead(cls, draws: Draws, motor: int, angle: Array) -> Play:
-        """Between motor 0 or 1 and what it turns, from its angle (S,)."""
+        """The gearhead of motor 0 or 1, from its angle (S,), rad."""
         half_gap = np.deg2rad(_row(draws, "gearhead_backlash_deg", motor)) / 2
         return cls(angle, half_gap, share=draws.start[motor])
 
     @classmethod
     def passive(cls, draws: Draws, i: int, theta: Array) -> Play:
-        """Into passive joint i (0: the paper's joint 2), from its angle (S,)."""
+        """The connection to passive joint i (0: the paper's joint 2), from its angle (S,), rad."""
         return cls(
             theta,
             half_gap=np.deg2rad(_row(draws, "backlash_deg", i)) / 2,
@@ -262,7 +264,7 @@ class Play:
         )
 
     def move(self, travel: Array, h: float) -> Array:
-        """Turn the axis by `travel` (S,), rad, evenly over h seconds; returns θ (S,)."""
+        """Turn the axis by `travel` (S,), rad, at constant speed over h seconds; return θ (S,)."""
         axis = self.axis = self.axis + travel
         if self.exact:
             self.theta = axis
@@ -278,11 +280,11 @@ class Play:
         return np.asarray(moved)
 
     def _deflection_weights(self, h: float) -> tuple[Array, Array]:
-        """How much of the deflection at start and end of a step of length h the joint makes good.
+        """Fractions of the deflections at start and end of a step that the joint makes up in it.
 
-        The deflection is that of the shaft beyond rest, were the joint still. Exact while it
-        changes evenly; the step in which play is taken up counts as even from its start, an error
-        that dies out with the same time constant.
+        The deflection is how far the shaft would be beyond rest if the joint stood still. The
+        weights are exact if it changes linearly over the step. In the step in which the play is
+        taken up it does not; that error decays with the joint's time constant.
         """
         lag = self._constant / h
         slow = np.where(lag > 0, lag, 1.0)
@@ -292,11 +294,11 @@ class Play:
         return self._weight[h]
 
     def torque(self, turning: Array) -> Array:
-        """Torque that the joint asks of its driven axis whatever the speed, (S,), N m.
+        """Torque of the joint on its driven axis that does not depend on the speed, (S,), N m.
 
-        Positive against the motion; `turning` (S,) is the direction of that, −1, 0 or 1. A soft
-        shaft asks for what its twist gives. A rigid one asks for the joint's Coulomb friction once
-        its play is taken up.
+        It is positive against the motion, whose direction is `turning` (S,): −1, 0 or 1. A soft
+        shaft transmits the torque of its twist. A rigid one transmits the joint's Coulomb friction
+        once its play is taken up.
         """
         ahead = (self.axis - self.theta) * turning
         if self._soft:
@@ -306,9 +308,9 @@ class Play:
         return np.asarray(self._touching(ahead, turning) * friction)
 
     def damping(self, turning: Array) -> Array:
-        """Torque that comes on top for each rad/s of the joint, (S,), N m s/rad.
+        """Additional torque on the driven axis per rad/s of the joint, (S,), N m s/rad.
 
-        Only a rigid shaft asks for it; in the twist of a soft one it is contained.
+        It is zero for a soft shaft, whose twist already includes it.
         """
         if not self.damped:
             return np.zeros_like(self.theta)
@@ -325,10 +327,10 @@ class Play:
 def rest_range(
     load: Value, half_gap: Value, coulomb: Value, stiffness: Value
 ) -> tuple[Array, Array]:
-    """How far the axis may be ahead of a joint at rest: least and most, rad.
+    """Least and largest lead of the axis over a joint at rest, rad.
 
     Args:
-        load: Torque that pushes the joint forwards, N m; the rest as of `Play`.
+        load: Torque that pushes the joint forwards, N m; for the others see `Play`.
     """
     least, most = -coulomb - load, coulomb - load
     return (
@@ -338,8 +340,8 @@ def rest_range(
 
 
 def rest_at(share: Value, middle: Value, least: Array, most: Array) -> Array:
-    """How far the axis is ahead of a joint at rest, rad: at a share −1 … 1 of the range from least
-    to most, or, where that is NaN, next to `middle`."""
+    """Lead of the axis over a joint at rest, rad: at the position `share`, −1 … 1, of the range
+    from least to most, or, where that is NaN, as near to `middle` as the range allows."""
     there = least + (np.asarray(share) + 1) / 2 * (most - least)
     return np.where(np.isnan(share), np.clip(middle, least, most), there)
 

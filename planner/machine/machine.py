@@ -1,19 +1,17 @@
 """The emulated machine: a set of named effects, each on or off, with an optional random spread.
 
-From a machine with spreads to single machines, reproducibly.
+`draw` takes single machines from a machine with spreads, reproducibly. Every effect has its own
+random stream, keyed by the seed and the effect's name; sample k is the k-th entry of each stream.
+So the same seed gives every plan the same machines, sample k does not depend on the number of
+samples, and switching one effect off does not change the draws of the others: comparisons are
+paired.
 
-Every effect has a random stream of its own, keyed by the seed and the effect's name, and sample k
-is the k-th entry of each. So the same seed gives every plan the same machines, sample k is the same
-whatever the number of samples, and switching one effect off leaves the draws of all others as they
-were: comparisons are paired.
-
-Where machines start from: everything off, or the paper's prototype.
-
-The paper gives no data sheet. The prototype is **calibrated, not measured**: its parameters are the
-most probable ones within the ranges of parts of their kind, given that the largest error of θ₃ was
-5 degrees (Fig. 9), that of θ₂ no more (eq. 29), and that the motors followed their commands
-precisely (Fig. 10). `planner calibrate` gives the numbers again and says which of them the paper
-cannot tell: results/calibration has the ranges, their sources and the figures.
+There are two presets: `IDEAL`, with every effect off, and `PROTOTYPE`, the paper's arm. The paper
+gives no data sheet. The prototype is **calibrated, not measured**: its parameters are the most
+probable ones within the usual ranges of such parts, given that the largest error of θ₃ was
+5 degrees (Fig. 9), that of θ₂ no larger (eq. 29), and that the motors followed their commands
+precisely (Fig. 10). `planner calibrate` computes the numbers again and reports which of them the
+paper does not determine; results/calibration has the ranges, their sources and the figures.
 """
 
 from __future__ import annotations
@@ -55,7 +53,7 @@ class Quantity:
         return any(s > 0 for s in self.spread)
 
     def to_setting(self) -> Any:
-        """The number, list or table of a problem file that gives it back."""
+        """The number, list or table that describes it in a problem file."""
         value, spread = _as_plain(self.value), _as_plain(self.spread)
         return {"value": value, "spread": spread} if self.varies else value
 
@@ -75,8 +73,8 @@ class Machine:
         effects: The effects that are on, by name; all others are off.
         fidelity: "quasi-static", or "dynamic" with inertia and torque. Only manipulators differ;
             other systems have no mechanism between motor and motion.
-        start_state: How the arm stood before the start: one word, or one for each joint.
-        source: The file it was read from, for words and commands; no motion depends on it.
+        start_state: How the arm came to rest before the start: one word, or one for each joint.
+        source: The file it was read from, used in messages and commands only.
     """
 
     preset: str
@@ -160,7 +158,7 @@ class Machine:
     def nominal(self) -> Machine:
         """The same machine with all spreads zero, so that all samples are equal.
 
-        Where its start state is unknown it stands in the middle: unwound.
+        An unknown start state becomes "unwound", the middle of its range.
         """
         if "unknown" not in self.start_state and not any(q.varies for q in self.effects.values()):
             return self
@@ -169,35 +167,35 @@ class Machine:
         return self.with_(start_state=states[0] if len(states) == 1 else states, **means)
 
     def mean(self, name: str, joints: int | None = None) -> Array:
-        """Mean of an effect, one number or one per motor or joint; its neutral value when off.
+        """Mean of an effect, one number or one per motor or joint; its off value when it is off.
 
         Args:
             name: The effect.
-            joints: Coordinates after the first; a preset's numbers then fit so many, see `fitted`.
+            joints: Number of coordinates after the first; a preset's list is then cut or extended
+                to that number, see `fitted`.
         """
         given = self.effects[name].value if name in self.effects else (EFFECTS[name].off_value,)
         return np.array(given if joints is None else fitted(name, given, joints))
 
     def spread(self, name: str, joints: int) -> Array:
-        """Standard deviation of an effect from machine to machine, likewise; 0 when it is off."""
+        """Standard deviation of an effect between machines, in the form of `mean`; 0 when off."""
         given = self.effects[name].spread if name in self.effects else (0.0,)
         return np.array(fitted(name, given, joints))
 
-    # -- looking -------------------------------------------------------------------------------
+    # -- description ---------------------------------------------------------------------------
 
     @property
     def origin(self) -> str:
-        """Where it comes from, in words: its file, or its preset."""
+        """Its file, or else its preset, in words."""
         return f"from {self.source}" if self.source else self.preset
 
     @property
     def start_words(self) -> str:
-        """How the arm stood before the start, in words."""
+        """How the arm came to rest before the start, in words."""
         return f"{', '.join(self.start_state)} at the start"
 
     def to_dict(self) -> dict[str, Any]:
-        """The complete `[machine]` table with every effect, independent of later changes of
-        presets."""
+        """The complete `[machine]` table with every effect: it stays valid if presets change."""
         settings = {
             name: self.effects[name].to_setting() if name in self.effects else False
             for name in EFFECTS
@@ -216,7 +214,7 @@ class Machine:
         return f"Machine.{self.preset}({', '.join(changes)})"
 
     def __str__(self) -> str:
-        """The effects that are on, one a line: mean, standard deviation, unit."""
+        """The effects that are on, one per line: mean, standard deviation, unit."""
         rows = [f"{self.preset} machine, {self.fidelity}"]
         for name, quantity in self.effects.items():
             mean = ", ".join(f"{number:.4g}" for number in quantity.value)
@@ -226,7 +224,7 @@ class Machine:
         return "\n".join(rows if self.effects else [*rows, "  no effect is on"])
 
     def __getattr__(self, name: str) -> float | list[float]:
-        """Mean of an effect (`machine.backlash_deg`), in its unit; its neutral value when off."""
+        """Mean of an effect (`machine.backlash_deg`) in its unit; its off value when it is off."""
         if name in EFFECTS:
             return _as_plain(tuple(self.mean(name).tolist()))
         hint = allowed_hint(name, list(EFFECTS))
@@ -267,7 +265,7 @@ def machine_for(table: MachineTable, given: Machine | str | None) -> Machine:
 
 
 def load_machine(path: str | Path) -> Machine:
-    """The machine in a file with a `[machine]` table: of `planner identify --out`, or a problem's.
+    """Read a machine from the `[machine]` table of a file, as of `planner identify` or a problem.
 
     Raises:
         InputError: If the file cannot be read, has no such table, or a key or value is wrong.
@@ -299,20 +297,20 @@ def _as_plain(numbers: tuple[float, ...]) -> float | list[float]:
 
 
 POSITIVE_FLOOR = 0.1
-"""What must be positive is drawn no lower than this part of its mean."""
+"""An effect that must be positive is drawn no lower than this fraction of its mean."""
 
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Some single machines.
+    """Parameters of S single machines.
 
     Attributes:
         numbers: Sample numbers, shape (S,).
         values: For each effect that is on, its values (c, S), c being the number of motors (2),
             joints (N−1), passive joints (N−2) or 1.
-        start: Where the gears stand before the start, as shares of the range in which friction lets
-            them rest, −1 … 1: of the gearhead of motor 1 and of joints 1 … n, (1+n, S); NaN where
-            the arm is unwound.
+        start: Position of the gears before the start within the range in which friction lets them
+            rest, −1 … 1, for the gearhead of motor 1 and joints 1 … n, (1+n, S); NaN where the arm
+            is unwound.
     """
 
     numbers: NDArray[np.int64]
@@ -329,7 +327,7 @@ class Draws:
         return name in self.values
 
     def __getitem__(self, name: str) -> Array:
-        """Values (c, S) of an effect that is on; its neutral value, (1, 1), when it is off."""
+        """Values (c, S) of an effect that is on; its off value, (1, 1), when it is off."""
         if name in self.values:
             return self.values[name]
         return np.array([[EFFECTS[name].off_value]])
@@ -341,14 +339,14 @@ class Draws:
 
 
 MOST_MACHINES = 1_000_000
-"""Machines of one replay; so many take a quarter of an hour to hours, and half a gigabyte."""
+"""Largest number of machines in one replay; it takes from 15 minutes to hours, and half a GB."""
 
 
 def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
-    """Numbers of the first so many samples, or those given, checked; shape (S,).
+    """Numbers of the first `samples` samples, or the given numbers, checked; shape (S,).
 
     Raises:
-        InputError: If there is none, or one is not a whole number from 0.
+        InputError: If the list is empty, or an entry is not a whole number from 0.
     """
     if isinstance(samples, bool):
         raise InputError(
@@ -376,7 +374,7 @@ def draw(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -
     Args:
         machine: The distribution.
         joints: Coordinates after the first, N−1 (n for the manipulator).
-        numbers: Which samples, shape (S,), counted from 0.
+        numbers: Numbers of the samples, counted from 0, shape (S,).
         seed: Seed, ≥ 0.
 
     Returns:
@@ -391,7 +389,7 @@ def draw(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -
         if quantity.varies:
             uniform = _uniform(name, numbers, count, seed)
             values[name] = at_quantiles(name, quantity, joints, uniform)
-        else:  # one number for all, which takes no memory of its own for each
+        else:  # one number for all samples, without a copy for each
             mean = at_quantiles(name, quantity, joints, np.full((count, 1), 0.5))
             values[name] = np.broadcast_to(mean, (count, len(numbers)))
     return Draws(numbers, values, draw_start(machine, joints, numbers, seed))
@@ -401,7 +399,7 @@ _SHARES = {"unwound": np.nan, "forward": 1.0, "backward": -1.0}
 
 
 def draw_start(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -> Array:
-    """`Draws.start`, (1+n, S); what is unknown is drawn evenly from the whole range.
+    """`Draws.start`, (1+n, S); an unknown position is drawn uniformly from the whole range.
 
     Raises:
         InputError: If there is not one word for each joint.
@@ -421,11 +419,11 @@ def draw_start(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: 
 
 
 def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int) -> Array:
-    """Entries `numbers` (S,) of an effect's stream, (count, S); none between them is made."""
+    """Entries `numbers` (S,) of an effect's stream, (count, S); skips the entries in between."""
     sequence = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),))
     bits = np.random.PCG64(
         sequence
-    )  # as in `numpy.random.default_rng`; a number takes one step of it
+    )  # as in `numpy.random.default_rng`; each number advances it by one step
     generator, passed, runs = np.random.Generator(bits), 0, []
     wanted, place = np.unique(numbers, return_inverse=True)
     for run in np.split(wanted, np.flatnonzero(np.diff(wanted) > 1) + 1):
@@ -436,17 +434,17 @@ def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int) -> Ar
 
 
 def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> Array:
-    """Values of an effect at places in its distribution.
+    """Values of an effect at given quantiles.
 
     Args:
         name: The effect.
         quantity: Its mean and spread.
         joints: Coordinates after the first, N−1.
-        uniform: Shares of the distribution that lie below, 0 … 1, shape (c, S), c being the number
-            of values of that effect (see `Draws`).
+        uniform: Quantiles, 0 … 1, shape (c, S), c being the number of values of that effect (see
+            `Draws`).
 
     Returns:
-        The values, (c, S); the mean where nothing spreads.
+        The values, (c, S); the mean where the spread is zero.
 
     Raises:
         InputError: If a list of the quantity does not match the system's joints.
@@ -462,7 +460,7 @@ def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> 
         return np.repeat(mean, uniform.shape[1], axis=1)
     from scipy.special import ndtr, ndtri  # slow to import
 
-    # A truncated normal, inverted: one uniform number a value, so that streams stay aligned.
+    # Invert a truncated normal: one uniform number per value, so that streams stay aligned.
     low = np.maximum(effect.low, POSITIVE_FLOOR * mean) if effect.positive else effect.low
     sigma = np.where(spread > 0, spread, 1.0)
     least, most = ndtr((low - mean) / sigma), ndtr((effect.high - mean) / sigma)
@@ -471,12 +469,12 @@ def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> 
 
 
 IDEAL: Mapping[str, Any] = MappingProxyType({"step_s": 0.001})
-"""No effects at all: the command is continuous and the kinematics are exact."""
+"""No effect is on: the command is continuous and the kinematics are exact."""
 
 PROTOTYPE: Mapping[str, Any] = MappingProxyType(
     {
         "step_s": 0.001,
-        # Not fitted (planner.paper.statements.FIXED_PARAMETERS says why they are what they are).
+        # Not fitted (planner.paper.statements.FIXED_PARAMETERS gives the reasons).
         "control_period_s": 0.01,
         "delay_s": 0.005,
         "velocity_resolution_rad_s": 0.001,
@@ -489,10 +487,10 @@ PROTOTYPE: Mapping[str, Any] = MappingProxyType(
         "initial_play": {"value": 0.0, "spread": 0.5},
         "initial_angle_error_deg": {"value": 0.0, "spread": 0.2},
         "encoder_resolution_deg": 0.088,
-        "link_moment_kgm": 0.16,  # idle on a level plane
-        # The paper does not say: planner.paper.statements.FIXED_PARAMETERS, results/calibration.
+        "link_moment_kgm": 0.16,  # no effect on a level plane
+        # Not in the paper: see planner.paper.statements.FIXED_PARAMETERS, results/calibration.
         "lateral_friction": {"value": 0.1, "spread": 0.05},
-        # What `planner calibrate` gives.
+        # Fitted by `planner calibrate`.
         "servo_bandwidth_rad_s": 67.2,
         "motor_inertia_kgm2": 0.02,
         "servo_gain_nms_per_rad": 5.03,
@@ -524,10 +522,10 @@ _PRESET_LISTS = {
 
 
 def fitted(name: str, numbers: Sequence[float], joints: int) -> Sequence[float]:
-    """Numbers of an effect for so many joints.
+    """Values of an effect for an arm with `joints` joints.
 
-    The prototype has three joints. Its lists end, or go on with their last entry, where an arm has
-    fewer or more; lists that a user gives are as they are.
+    The prototype has three joints. For an arm with fewer or more, its lists are cut, or their last
+    entry is repeated. Lists that a user gives are not changed.
     """
     count = EFFECTS[name].count(joints)
     if tuple(numbers) not in _PRESET_LISTS:

@@ -1,7 +1,7 @@
-"""A plan through some machines, open loop or by a controller.
+"""Simulate a plan on S machines, open loop or under a controller.
 
-They march in blocks of samples, and each block in stretches of time. Kept are the errors, and the
-motions that are asked for, so that memory grows with neither samples nor duration.
+The samples advance in blocks, and each block in stretches of time. Only the errors and the
+requested motions are kept, so that memory grows neither with the samples nor with the duration.
 """
 
 from __future__ import annotations
@@ -38,28 +38,28 @@ CHUNK_SAMPLES = 1000
 """Samples that advance together: enough to keep NumPy busy, few enough to stay in the cache."""
 
 PROGRESS_PARTS = 1000
-"""Parts of a run that progress is counted in."""
+"""Progress of a run is reported in this many parts."""
 
 MOST_BYTES = 2_000_000_000
-"""Of motions, all recorded at a time: half of the memory of the smallest computers in use."""
+"""Limit on the memory of recorded motions: half of the memory of the smallest computers in use."""
 
 STRETCH_STEPS = 100_000
-"""Steps of a stretch: what is known of each takes some hundred bytes."""
+"""Steps in a stretch; each takes some hundred bytes."""
 
 BLOCK_BYTES = 250_000_000
-"""Of the motions of a block in a stretch."""
+"""Limit on the memory for the motions of one block in one stretch."""
 
 FEWEST_TIMES = 3
-"""Start, end and rest, which are always recorded, say nothing of limits on the way."""
+"""Start, end and rest are always recorded; they alone do not show whether limits are kept."""
 
 Progress = Callable[[int, int], None]
 Tell = Callable[[float], None]
-"""Told the part that is done, 0 … 1."""
+"""Called with the fraction that is done, 0 … 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What happened to S samples; the attributes are those of `planner.Replay`."""
+    """Results of S samples; for the attributes see `planner.Replay`."""
 
     t: Array
     q: Array
@@ -79,7 +79,7 @@ class Recording:
 
 
 def _blank(plan: Plan, times: Array, count: int, motions: int, has_feedback: bool) -> Recording:
-    """A recording of so many samples, with the motions of so many, before anything has happened."""
+    """An empty recording of `count` samples that keeps the motions of the first `motions`."""
     size, parts = plan.problem.system.size, sum(len(each.parts) for each in watched(plan.problem))
     return Recording(
         t=times,
@@ -113,12 +113,12 @@ def simulate(
 ) -> Recording:
     """Run an executable plan through single machines.
 
-    What all samples share is taken from `machine`: step and control period. Motions are kept of
-    the first `motions` samples, by default of all.
+    All samples share the step and the control period of `machine`. The motions of the first
+    `motions` samples are kept, by default those of all.
 
     Raises:
-        InputError: If the machine does not match the system, the plan's input, or what feedback
-            commands, is not finite, or the motions would take too much memory.
+        InputError: If the machine does not match the system, if the plan's input or a command of
+            the feedback is not finite, or if the motions would take too much memory.
     """
     count = draws.count
     kept = count if motions is None else min(motions, count)
@@ -142,15 +142,15 @@ def simulate(
 def simulate_variants(
     plan: Plan, machine: Machine, t: Array, values: Array, is_linear: bool, times: Array
 ) -> Array:
-    """Motions of one machine, the nominal one, under S variants of its commands.
+    """Simulate the nominal machine under S variants of its commands.
 
     Args:
-        plan: Says the system, where it starts, and what it must hold against gravity.
-        machine: Its spreads count for nothing.
+        plan: Gives the system, the start, and the loads to hold against gravity.
+        machine: The machine; its spreads are ignored.
         t: Ends of the commands' ticks, shape (K+1,), s.
-        values: What is asked for in each tick, shape (K, 2, S).
-        is_linear: Whether inputs go straight from one tick's beginning to the next.
-        times: When they are recorded, increasing, shape (R,), s; the last ends them.
+        values: Commanded inputs in each tick, shape (K, 2, S).
+        is_linear: Whether inputs are linear from the beginning of one tick to the next.
+        times: Times to record, increasing, shape (R,), s; the simulation ends at the last.
 
     Returns:
         Coordinates, shape (S, R, N).
@@ -171,15 +171,15 @@ def simulate_variants(
 
 
 def _row_bytes(plan: Plan) -> int:
-    """What one sample's motion takes at one recorded time."""
+    """Bytes that one sample's motion takes at one recorded time."""
     return 8 * (plan.problem.system.size + 2)
 
 
 def _refuse_too_large(plan: Plan, kept: int, settle: float, record: float | None) -> None:
-    """Refuse motions for which there is no memory.
+    """Refuse motions that need too much memory.
 
     Raises:
-        InputError: If the motions to be kept take more than `MOST_BYTES`, or one of them does.
+        InputError: If the motions to keep take more than `MOST_BYTES`, or one of them does.
     """
     span, width = plan.duration + settle, _row_bytes(plan)
     rows = 3 if record is None else 3 + span / record
@@ -198,16 +198,16 @@ def _refuse_too_large(plan: Plan, kept: int, settle: float, record: float | None
 
 
 class _Run:
-    """A replay, of which some samples run after others.
+    """A replay whose samples run block after block.
 
     Args:
         plan: The plan.
-        machine: What the samples have in common.
+        machine: The parameters that all samples share.
         draws: All samples.
-        whole: What is filled in.
+        whole: The recording to fill in.
 
     Attributes:
-        most_rows: How many times are recorded in a stretch, at most.
+        most_rows: Largest number of recorded times in a stretch.
     """
 
     def __init__(self, plan: Plan, machine: Machine, draws: Draws, whole: Recording) -> None:
@@ -216,11 +216,11 @@ class _Run:
         self._longest = STRETCH_STEPS * min(machine.step_s, max(spacing, ROUNDING))
         self.most_rows = min(len(whole.t), int(self._longest / spacing) + 1) if spacing else 1
         period = machine.effects.get("control_period_s")
-        if plan.status == RECORDED:  # commands of a controller, which has held them already
+        if plan.status == RECORDED:  # the commands are already sampled and held
             period = None
         hold = period.value[0] if period else None
         self._stretches = parts = stretches(whole.t, 0.0, _whole_periods(self._longest, hold))
-        # Blocks of samples share a command; those of a long run are too large to keep.
+        # Blocks of samples share a command; keep one only, since those of a long run are large.
         self._command = lru_cache(1)(
             lambda i: Command(plan, hold, draws, machine.step_s, parts[i][0])
         )
@@ -238,7 +238,7 @@ class _Run:
         tell(1.0)
 
     def closed_loop(self, chosen: slice, tell: Tell, feedback: Feedback) -> float:
-        """Run some samples under a controller; returns how long it commands, s."""
+        """Run some samples under a controller; return how long it commands, s."""
         draws, delay, whole = self._draws.part(chosen), self._draws["delay_s"][0], self._whole
         controller = feedback.start(self._plan, self._machine, draws.numbers)
         one_delay, until = bool(np.all(delay == delay[0])), float(whole.t[-1])
@@ -264,11 +264,11 @@ class _Run:
         return controller.lead_s + controller.end_s
 
     def _keep(self, chosen: slice, motion: MachineMotion, orders: CommandGrid, rows: slice) -> None:
-        """Keep what is asked for of a stretch."""
+        """Store the requested results of a stretch."""
         whole, kept = self._whole, max(0, len(self._whole.q) - chosen.start)
         whole.q[chosen, rows] = motion.q[:kept]
         whole.motor_rates[chosen, rows] = motion.speed[:kept]
-        # One motor after the other takes a twentieth of the time of both at once.
+        # One motor after the other is twenty times as fast as both at once.
         for i in (0, 1):
             peak, speed = whole.peak_rates[chosen, i], np.abs(motion.speed[..., i])
             np.maximum(peak, speed.max(axis=1, initial=0.0), out=peak)
@@ -279,7 +279,7 @@ class _Run:
         begin[new] = orders.t[step[new]]
 
     def _end(self, chosen: slice, motion: MachineMotion) -> None:
-        """Keep what is known at the end."""
+        """Store the results that are known at the end."""
         whole, plan = self._whole, self._plan
         whole.terminal_error[chosen] = motion.q[:, -1] - plan.wanted(plan.duration)
         whole.deviation[chosen] = motion.deviation
@@ -288,7 +288,7 @@ class _Run:
 
 
 def _whole_periods(longest: float, period: float | None) -> float:
-    """The longest time that is no longer and has whole periods, s; as given if there is none."""
+    """The longest multiple of the period up to `longest`, s; `longest` itself without a period."""
     return longest // period * period if period and period < longest else longest
 
 
@@ -303,14 +303,14 @@ def _at_start(plan: Plan, machine: Machine, draws: Draws) -> MachineMotion:
 def _begin(
     motion: MachineMotion, plan: Plan, orders: CommandGrid, times: Array, rows: slice
 ) -> None:
-    """Begin a stretch, in which these rows of the times of a recording are recorded."""
+    """Begin a stretch that records the rows `rows` of a recording's times."""
     desired = plan.wanted(orders.t)[:, 1:, None]
-    desired[orders.t < times[0]] = np.nan  # no deviation is counted before the plan's start
+    desired[orders.t < times[0]] = np.nan  # ignore deviations before the plan's start
     motion.begin(orders, desired, np.searchsorted(orders.t, times[rows]))
 
 
 def make_motion(plan: Plan, machine: Machine, draws: Draws, start: Array) -> MachineMotion:
-    """Samples at the start: compiled where there is a kernel for them; see `StepwiseMotion`."""
+    """Samples at the start: in the compiled kernel if it is there, else a `StepwiseMotion`."""
     system = plan.problem.system
     few = machine.fidelity == "quasi-static" or system.size - 2 <= MOST_PASSIVE
     if isinstance(system, Manipulator) and few and library() is not None:
@@ -337,7 +337,7 @@ def _start(plan: Plan, draws: Draws) -> Array:
 
 
 def _record_times(duration: float, settle: float, record: float | None) -> Array:
-    """Start, end and rest, and each `record` seconds but within rounding of those three."""
+    """Start, end and rest, and every `record` seconds except within rounding of those three."""
     ends = merge_times(np.array([0.0, duration, duration + settle]))
     if record is None:
         return ends

@@ -1,4 +1,4 @@
-"""The bodies of the dynamic arm, their inertias, and what connects them.
+"""The bodies of the dynamic arm, their inertias, and the connections between them.
 
     motor 1 -gear- disk B1 -P1- stage 1 -P1- stage 2 ...          motor 2 -gear- link 1
                                    |P2,P3       |P2,P3
@@ -6,31 +6,31 @@
                                    |shaft       |shaft
                                  link 2       link 3
 
-Every axis that the planner knows is two masses, the driven axis and the link, with play and a soft
-shaft between. A stage is disk A of joint j with disk B of the next; its speed is counted without
-the constant gear ratio before it, as that of B1 times the cosines on the way.
+Each passive joint of the planner's model is two masses here, the driven axis and the link, with
+play and a soft shaft between them. A stage is disk A of joint j with disk B of the next. Its speed
+leaves out the constant gear ratio: it is the speed of B1 times the cosines in between.
 
 Rows of all arrays of speeds: motors (2), axes (m), disk B1, links (1 + m), stages (m), with m = n−1
-passive joints. So the first 2 + m connect to the next 2 + m through play: two gearheads, m shafts.
+passive joints. So play connects the first 2 + m bodies (motors, axes) to the next 2 + m (disk B1,
+links), through two gearheads and m shafts.
 
-The links are a planar chain, so that each feels the acceleration of all joints before it, and they
-the reaction of all after it; see `chain_inertia`.
+The links are a planar chain: each is coupled to the accelerations of all the others; see
+`chain_inertia`.
 
-One implicit stage of the dynamic arm: speeds and torques that agree at its end.
-
-Every connection is a monotone law between one relative speed w and one torque, with three pieces:
+`StageLaws` solves one implicit stage for the speeds and torques at its end. Every connection is a
+monotone, piecewise linear law between one relative speed w and one torque, with three pieces:
 
     limited    T = clip(o + g w, ± limit)       servo, friction contact, Coulomb friction
     play       T = A dz(e + h w, gap/2)         shaft behind play
 
-so that the speeds minimise a convex function, and are unique. They are found by active sets (a
-semi-smooth Newton method): with the piece of every law known, the bodies form a tree of linear
-equations, solved from the links to the motors and back. That ends when the pieces agree with the
-speeds: after one pass in most steps, since pieces seldom change.
+so the speeds minimise a convex function and are unique. An active-set (semi-smooth Newton) method
+finds them: with the piece of every law known, the bodies form a tree of linear equations, solved
+from the links to the motors and back. It ends when the pieces agree with the speeds, which in most
+steps takes one pass, since pieces seldom change.
 
-The links' mass matrix is its diagonal in the tree, and N besides. With v₀ the speeds that the tree
-gives without N, G those that it gives for a unit torque on each link, and those of the links with
-index l, v = v₀ − G N v_l; so (1 + G_l N) v_l = v₀_l, a system of the size of the arm.
+The tree includes only the diagonal of the links' mass matrix; N is the rest. Let v₀ be the speeds
+that the tree gives without N, G the speeds that it gives for a unit torque on each link, and index
+l the links' rows. Then v = v₀ − G N v_l, so (1 + G_l N) v_l = v₀_l, a system of the arm's size.
 """
 
 from __future__ import annotations
@@ -53,17 +53,17 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import chain_inertia
 
 STICTION_SLOPE = 1e8
-"""What holds rigidly slips by 1 rad/s for so many N m."""
+"""Torque per relative speed of a connection that sticks, N m s/rad."""
 
 RIGID_STIFFNESS = 1e5
-"""A gearhead, or a shaft without softness, N m/rad."""
+"""Stiffness of gearheads and rigid shafts, N m/rad."""
 
 RIGID_DAMPING = 100.0
-"""Damping of such, N m s/rad: rigid teeth meet without bouncing."""
+"""Damping of gearheads and rigid shafts, N m s/rad, so that their teeth meet without bouncing."""
 
 
 class BodyRows:
-    """Where the bodies are, for m passive joints."""
+    """Rows of the bodies in arrays of speeds, for m passive joints."""
 
     def __init__(self, m: int) -> None:
         self.m = m
@@ -77,16 +77,16 @@ class BodyRows:
 
 
 class StateRows:
-    """Rows of the state, for m passive joints: speeds first, then what they move.
+    """Rows of the state, for m passive joints: speeds, then angles and torques.
 
     Attributes:
         bodies: Rows of the speeds.
-        behind: How far the motors are behind their references, (2), rad.
-        twist: Of gearheads and shafts, (2+m), rad.
-        gap: Where they are in their play, (2+m), rad.
-        reference: Speeds that the motors aimed at last, (2), rad/s.
+        behind: Angles of the references minus those of the motors, (2), rad.
+        twist: Twist of gearheads and shafts, (2+m), rad.
+        gap: Positions of gearheads and shafts in their play, (2+m), rad.
+        reference: Last reference speeds of the motors, (2), rad/s.
         q: Coordinates (φₙ₋₁, θ₁ … θₙ), rad.
-        torque: Of gearheads and shafts, (2+m), N m.
+        torque: Torques of gearheads and shafts, (2+m), N m.
     """
 
     def __init__(self, m: int) -> None:
@@ -106,27 +106,29 @@ class StateRows:
 class Masses:
     """Parameters of S arms; every array is (rows, S).
 
-    Compiled code has them in this order; `rows` (a, b) says a + b m rows for m passive joints.
+    Compiled code reads them in this order. `rows` (a, b) in a field's metadata means a + b m rows
+    for m passive joints.
 
     Attributes:
-        inertia: Of all bodies, kg m^2.
-        gain: Torque of the velocity loops for each rad/s behind, (2, S), N m s/rad.
-        integral: And for each rad, (2, S), N m/rad.
+        inertia: Inertia of all bodies, kg m^2.
+        gain: Proportional gain of the velocity loops, (2, S), N m s/rad.
+        integral: Integral gain of the velocity loops, (2, S), N m/rad.
         limit: Largest torque of the motors, (2, S), N m.
-        stiffness: Of gearheads and shafts, (2+m, S), N m/rad.
-        damping: Likewise, N m s/rad.
+        stiffness: Stiffness of gearheads and shafts, (2+m, S), N m/rad.
+        damping: Damping of gearheads and shafts, (2+m, S), N m s/rad.
         half_gap: Half of the play before them, (2+m, S), rad.
-        coulomb: Friction of the links, (1+m, S), N m.
-        viscous: Of the passive links, (m, S), N m s/rad.
+        coulomb: Coulomb friction of the links, (1+m, S), N m.
+        viscous: Viscous friction of the passive links, (m, S), N m s/rad.
         k: Gear constants k2 … kn, (m, S).
-        disk: Speed of disk B of each stage over that of the stage before, constant part, (m, S).
-        kept: Part of the rate that a contact passes on without load, (1, S).
-        creep: Part that it loses for each N m, (1, S), 1/(N m).
+        disk: Constant part of the ratio between the speeds of disk B of each stage and of the first
+            stage, (m, S).
+        kept: Fraction of the rate that a contact transmits without load, (1, S).
+        creep: Fraction that a contact loses per N m of load, (1, S), 1/(N m).
         capacity: Largest torque of a contact, force at the rims times r₁, (1, S), N m.
-        lateral: Sideways over driving friction of a contact, (1, S).
+        lateral: Ratio of sideways to driving friction of a contact, (1, S).
         weights: Torques of the links' weights about their own joints, (1+m, S), N m; see
             `gravity_torques`.
-        lengths: Of the links, (1+m, S), m.
+        lengths: Lengths of the links, (1+m, S), m.
         moments: Mass of each link times the distance of its centre from its joint, (1+m, S), kg m.
     """
 
@@ -159,10 +161,10 @@ def masses(draws: Draws, k: Array) -> Masses:
 
     Args:
         draws: The machines.
-        k: Gear constants k2 … kn of each, (m, S).
+        k: Gear constants k2 … kn of each machine, (m, S).
 
     Raises:
-        InputError: If links of such length and moment have more inertia than given.
+        InputError: If the given inertias are too small for the links' lengths and moments.
     """
     m, count = k.shape
 
@@ -212,8 +214,9 @@ def masses(draws: Draws, k: Array) -> Masses:
 def _refuse_light_links(inertia: Array, lengths: Array, moments: Array) -> None:
     """Refuse a chain whose kinetic energy could be negative.
 
-    The straight pose decides: in another each A is that times a cosine of a difference of angles,
-    and both are positive semidefinite (the product theorem of Schur).
+    Only the straight pose need be tested. In any other pose, each entry of the inertia matrix is
+    multiplied by the cosine of a difference of angles. These cosines form a positive semidefinite
+    matrix, so the entrywise product stays positive semidefinite (Schur product theorem).
     """
     if not (lengths[:-1] * moments[1:]).any():
         return
@@ -228,43 +231,45 @@ def _refuse_light_links(inertia: Array, lengths: Array, moments: Array) -> None:
 
 
 ROUNDING = 1e-12
-"""Of an eigenvalue, as a part of the largest inertia."""
+"""Rounding error of an eigenvalue, relative to the largest inertia."""
 
 FULL_PASSES = 12
-"""Passes with full steps; after them, each step goes as far as the convex function falls."""
+"""Passes with full steps; later steps go to the minimum of the convex function along the step."""
 
 MOST_PASSES = 100
 HALVINGS, NEAR_END = 40, 1e-6
-"""Of the search along a step; and the last part of a step, in which rounding would decide where the
-function is lowest: its end counts. Rigid laws turn a step of 1e-12 rad/s too few into 1e-4 N m."""
+"""Bisections of the line search, and the last fraction of a step in which its end is taken as the
+minimum. There rounding would decide, and with rigid laws an error of 1e-12 rad/s in the speed makes
+one of 1e-4 N m in the torque."""
 
 EDGE_NM = 1e-8
-"""A law may lie so far outside its piece, N m."""
+"""Tolerance for the value of a limited law outside its piece, N m."""
 
 EDGE_RAD = 1e-16
+"""Tolerance for the value of a play law outside its piece, rad."""
 
 
 @dataclass(frozen=True, eq=False)
 class StageLaws:
-    """The laws of one stage; arrays are (rows, S), rows of speeds as in `Masses`.
+    """The laws of one stage; arrays are (rows, S), rows of speeds as in `BodyRows`.
 
     Rows of limited laws: servos (2), contacts P1 (m), contacts P2 with P3 (m), friction of the
-    links (1 + m), what contacts that slide sideways ask of disk B1 and of the stages (1 + m).
+    links (1 + m), drag of contacts that slide sideways on disk B1 and on the stages (1 + m).
 
     Attributes:
-        rows: Where the bodies are.
+        rows: Rows of the bodies.
         h: Length of the stage, s.
-        drag: Inertia over h, and viscous friction, N m s/rad; of links the diagonal of M over h.
+        drag: Inertia over h plus viscous friction, N m s/rad; for links, the diagonal of M over h.
         coupling: M over h without its diagonal, (1+m, 1+m, S), N m s/rad.
         push: Inertia over h, times the speed that each body would keep, N m.
-        reference: Speed that the servos aim at, (2, S), rad/s.
-        first: Speed of each stage over that of the disk before, without slip, (m, S).
+        reference: Reference speed of the servos, (2, S), rad/s.
+        first: Speed of each stage over that of the disk before it, without slip, (m, S).
         second: Speed of each axis over that of its stage, without slip, (m, S).
         offset: o of the limited laws, (4+4m, S), N m.
-        slope: g of them, N m s/rad.
-        limit: Their limits, N m.
+        slope: g of the limited laws, N m s/rad.
+        limit: Limits of the limited laws, N m.
         ahead: e of the play laws, (2+m, S), rad.
-        stiff: A of them, N m/rad.
+        stiff: A of the play laws, N m/rad.
         half_gap: Half of the play, rad.
     """
 
@@ -284,16 +289,16 @@ class StageLaws:
     half_gap: Array
 
     def part(self, chosen: NDArray[np.intp]) -> StageLaws:
-        """The equations of some samples."""
+        """The laws of some samples."""
         values: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
         arrays = {k: v[..., chosen] for k, v in values.items() if isinstance(v, np.ndarray)}
         return StageLaws(**{**values, **arrays})
 
     def solve(self, pieces: Array) -> tuple[Array, Array]:
-        """Speeds (rows, S) and pieces of all laws that agree.
+        """Find the speeds (rows, S) and the pieces of all laws, consistent with each other.
 
         Args:
-            pieces: A guess: −1, 0 or 1 for each law, limited ones first, (6+5m, S).
+            pieces: First guess: −1, 0 or 1 for each law, limited laws first, (6+5m, S).
         """
         v = self._speeds(pieces)
         fresh = self._pieces(v, pieces)
@@ -332,7 +337,7 @@ class StageLaws:
         return limited, v[rows.before] - v[rows.after]
 
     def torques(self, v: Array) -> tuple[Array, Array]:
-        """Torques of the limited laws and of the play laws, likewise, N m."""
+        """Torques of the limited laws, (4+4m, S), and of the play laws, (2+m, S), N m."""
         limited, play = self.relative(v)
         ahead = self.ahead + self.h * play
         wound = ahead - np.minimum(np.maximum(ahead, -self.half_gap), self.half_gap)
@@ -342,7 +347,7 @@ class StageLaws:
         return limited_torque, self.stiff * wound
 
     def _pieces(self, v: Array, before: Array) -> Array:
-        """Pieces at these speeds; those before wherever they hold to within rounding."""
+        """Pieces at these speeds; a piece in `before` stays if it is valid within rounding."""
         limited, play = self.relative(v)
         value = np.concatenate([self.offset + self.slope * limited, self.ahead + self.h * play])
         edge = np.concatenate([self.limit, self.half_gap])
@@ -358,7 +363,7 @@ class StageLaws:
         return new
 
     def _lines(self, pieces: Array) -> tuple[Array, Array, Array, Array]:
-        """Torque c + s w of the limited and of the play laws on their pieces: c, s, c, s."""
+        """c and s of the torque c + s w of the limited laws, then of the play laws, by piece."""
         count = len(self.limit)
         limited_pieces, touching = pieces[:count], pieces[count:]
         moving = limited_pieces == 0
@@ -389,7 +394,7 @@ class StageLaws:
         return np.asarray(v - np.einsum("ijs,js->is", answers, pull))
 
     def _tree(self, lines: tuple[Array, ...], all_push: Array, reference: Array) -> Array:
-        """The same without coupling, for laws on lines; push and reference as of the stage."""
+        """Speeds (rows, S) without the coupling N, for linear laws c + s w (see `_lines`)."""
         rows, m = self.rows, self.rows.m
         c, s, c_play, s_play = lines
         one, two = self.first, self.second
@@ -430,7 +435,7 @@ class StageLaws:
     # -- the convex function -------------------------------------------------------------------
 
     def _search(self, start: Array, end: Array) -> Array:
-        """The lowest point of the convex function on the way from start to end."""
+        """The minimum of the convex function on the segment from start to end."""
         way = end - start
         low, high = np.zeros(start.shape[1]), np.ones(start.shape[1])
         falling = self._slope_along(end - NEAR_END * way, way) <= 0
@@ -453,10 +458,10 @@ class StageLaws:
 
 
 def _reflected_load(c: Array, s: Array, drag: Array, push: Array) -> tuple[Array, Array]:
-    """What a body, and all behind it, asks of the body before it through a law c + s w.
+    """Torque of a body, and of all bodies after it, on the body before it through a law c + s w.
 
     Returns:
-        a and b of the torque a + b (speed that comes without slip), N m and N m s/rad.
+        a and b of the torque a + b (input speed without slip), N m and N m s/rad.
     """
     share = 1.0 / (drag + s)
     return (c * drag - s * push) * share, s * drag * share

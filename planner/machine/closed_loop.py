@@ -1,6 +1,6 @@
-"""Closed loop: who reads the encoders now and then, and commands the motors.
+"""Closed loop: a controller reads the encoders periodically and commands the motors.
 
-What a controller tells the servos: held for a tick, then delayed and at their resolution.
+Each command is held for a tick, then delayed and rounded to the servos' resolution.
 """
 
 from __future__ import annotations
@@ -21,15 +21,14 @@ from planner.systems.triangular_system import TriangularSystem
 class Controller(Protocol):
     """Commands S samples that follow a plan together.
 
-    Times are the plan's: 0 where it starts. Before the first command and after the last the motors
-    are told to rest.
+    Time 0 is the plan's start. Before the first command and after the last the command is zero.
 
     Attributes:
         period_s: Time between two readings, s.
-        tick_s: How long each command is held, s; the period is a multiple of it.
-        lead_s: How long before the plan's start it begins, s, ≥ 0.
-        end_s: When its last command ends, s.
-        fallbacks: How often it had to command something cruder than it should, shape (S,).
+        tick_s: Time for which each command is held, s; the period is a multiple of it.
+        lead_s: Time before the plan's start at which it begins, s, ≥ 0.
+        end_s: Time at which its last command ends, s.
+        fallbacks: Number of times that it used a fallback command, shape (S,).
     """
 
     period_s: float
@@ -39,11 +38,11 @@ class Controller(Protocol):
     fallbacks: NDArray[np.int64]
 
     def __call__(self, t: float, measured: Array) -> Array:
-        """What the motors are told in the M ticks from t until the next reading.
+        """Commands of the motors in the M ticks from t until the next reading.
 
         Args:
-            t: Now, s.
-            measured: What the encoders read (see `encoder_readings`), (N, S).
+            t: Present time, s.
+            measured: Encoder readings (see `encoder_readings`), (N, S).
 
         Returns:
             Speeds before delay, resolution and limits of the drive, shape (M, 2, S), rad/s.
@@ -51,25 +50,26 @@ class Controller(Protocol):
 
 
 class Feedback(Protocol):
-    """A feedback law: makes a controller for each replay."""
+    """A feedback law: it makes a controller for each replay."""
 
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Controller:
-        """A fresh controller of the samples `numbers` (S,), of which it knows the machine's kind.
+        """Make a controller for the samples `numbers` (S,) of the machine.
 
-        Nothing that it is given tells one sample from another but what the encoders read.
+        The controller knows the distribution of the machines; it can distinguish the samples only
+        by their encoder readings.
         """
 
 
 def encoder_readings(system: TriangularSystem, draws: Draws, q: Array) -> Array:
-    """What the encoders read.
+    """Encoder readings.
 
     Args:
-        system: Says which coordinates are angles.
+        system: The system, for which coordinates are angles.
         draws: The machines, for the resolution of each joint.
         q: True coordinates, (N, S) or (N, R, S).
 
     Returns:
-        The same with the angles after the first at their encoders' resolution.
+        q with the angles after the first coordinate rounded to their encoders' resolution.
     """
     out = q.copy()
     steps = np.deg2rad(draws["encoder_resolution_deg"])
@@ -85,20 +85,21 @@ def encoder_readings(system: TriangularSystem, draws: Draws, q: Array) -> Array:
 class FeedbackCommand:
     """The commands of one controller on the time grid of a stretch; see `CommandGrid`.
 
-    `begin` begins each stretch. Of earlier stretches it keeps the commands that are still delayed.
+    `begin` starts each stretch. Delayed commands of earlier stretches are kept while needed.
 
     Args:
-        controller: Says when it reads and commands.
+        controller: The controller, for the times of its readings and commands.
         draws: The machines, for delay and resolution.
         step: Largest step, s.
         until: End of the whole run, s.
-        one_delay: Whether the delay is one for all samples, of these and other runs; the grid then
-            holds every change of the command. Otherwise one inside a step is seen at its end.
+        one_delay: Whether all samples, of these and other runs, have the same delay; the grid then
+            contains every change of the command. Otherwise a change inside a step takes effect at
+            the step's end.
 
     Attributes:
-        t: The grid, shape (M+1,), s; the first one starts when the controller does.
-        running: Whether the controller is at work in each step, shape (M,).
-        readings: When the encoders are read in this stretch, shape (K,), s.
+        t: The grid, shape (M+1,), s; that of the first stretch starts with the controller.
+        running: Whether the controller is running in each step, shape (M,).
+        readings: Times of the encoder readings in this stretch, shape (K,), s.
     """
 
     def __init__(
@@ -115,7 +116,7 @@ class FeedbackCommand:
         self._effort = np.zeros(draws.count)
 
     def begin(self, stops: Array) -> None:
-        """Begin a stretch, from the first to the last of the times (m,) that its grid must hold."""
+        """Begin a stretch from the first to the last of `stops` (m,); its grid contains all."""
         is_first, low = not len(self._values), self._next
         periods = (stops[-1] - self._start) / (self._per_reading * self._tick)
         high = min(self._count, int(np.ceil(periods - 1e-6)) * self._per_reading)
@@ -131,7 +132,7 @@ class FeedbackCommand:
         self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < self._end
 
     def _keep(self, first: int, last: int) -> None:
-        """Keep the commands of the ticks from `first` on, and make room until `last`."""
+        """Keep the commands of the ticks from `first` on, and allocate those up to `last`."""
         dropped, self._first = first - self._first, first
         self._effort += self._effort_of(self._values[:dropped])
         room = np.zeros((last - first, *self._values.shape[1:]))
@@ -149,14 +150,14 @@ class FeedbackCommand:
 
     @property
     def effort(self) -> Array:
-        """∫ u₁² + u₂² dt of what was commanded so far, shape (S,)."""
+        """∫ u₁² + u₂² dt of the commands so far, shape (S,)."""
         return self._effort + self._effort_of(self._values)
 
     def set_command(self, i: int, values: Array) -> None:
-        """Command (M, 2, S) from reading i of the stretch on.
+        """Set the commands (M, 2, S) of the ticks after reading i of the stretch.
 
         Raises:
-            InputError: If a number is not finite, or the shape is another.
+            InputError: If a number is not finite, or the shape is wrong.
         """
         first = self._reading + i * self._per_reading
         room = self._values[first : first + self._per_reading]

@@ -1,9 +1,10 @@
-"""From a plan's u(t) to what the servos are told: sample and hold, delay, resolution.
+"""Turn a plan's u(t) into commands of the servos: sample and hold, delay, resolution.
 
 Before the plan's start and after its end the command is zero.
 
-The times of a simulation: no step crosses a jump of the command, none is too long. A long run is
-cut into stretches of time, so that memory does not grow with its duration.
+This file also makes the time grid of a simulation: no step crosses a jump of the command or is
+longer than allowed. A long run is cut into stretches, so that memory does not grow with its
+duration.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class CommandSource(Protocol):
     Attributes:
         jumps: Increasing times, s, between which it is smooth enough for the quadrature; the first
             is the plan's start, the last its end.
-        parts: Where in a step it is read: 0 at the start, 1 just before the end.
+        parts: Positions in a step at which it is read: 0 at the start, 1 just before the end.
     """
 
     jumps: Array
@@ -41,8 +42,8 @@ class CommandSource(Protocol):
 class SampleAndHold:
     """Sample and hold: u at the start of each period, held until the next or the plan's end.
 
-    A sampling instant within rounding of a break of the plan reads what follows the break.
-    It is known from the plan times `low` to `high`, s.
+    A sampling instant within rounding of a break of the plan takes the value after the break.
+    The values are computed for plan times from `low` to `high`, s.
     """
 
     parts: tuple[float, ...] = (0.0, 1.0)
@@ -63,7 +64,7 @@ class SampleAndHold:
 
 
 class ContinuousSource:
-    """The plan's own u(t), known from the plan times `low` to `high`, s."""
+    """The plan's own u(t), for plan times from `low` to `high`, s."""
 
     parts: tuple[float, ...] = (0.0, 0.5, 1.0)
 
@@ -79,7 +80,7 @@ class ContinuousSource:
 
 
 class TableSource:
-    """A continuous source by linear interpolation, for when every sample reads it elsewhere."""
+    """Interpolates a continuous source, for samples that read it at different times."""
 
     def __init__(self, source: CommandSource) -> None:
         self.jumps, self.parts = source.jumps, source.parts
@@ -93,21 +94,21 @@ class TableSource:
 
 
 class CommandGrid(Protocol):
-    """What the servos are told on the time grid of one simulation.
+    """Commands of the servos on the time grid of one simulation.
 
     Attributes:
         t: The grid, shape (M+1,), s.
-        running: Whether something is being executed in each step, shape (M,).
+        running: Whether a plan or a controller is running in each step, shape (M,).
     """
 
     t: Array
     running: NDArray[np.bool_]
 
     def block(self, first: int, last: int) -> Array:
-        """What the steps first ≤ k < last ask for at their P points, shape (K, P, 2, S or 1).
+        """Commands at the P points of the steps first ≤ k < last, shape (K, P, 2, S or 1).
 
-        A held command has 2 points, the ends, with the same value at both; a continuous one 3, the
-        middle between them.
+        A held command has 2 points, the ends of the step, with equal values; a continuous one has
+        3, the ends and the middle.
         """
 
 
@@ -119,15 +120,15 @@ class Command:
         period: Sampling period, s, or None for a continuous command.
         draws: The machines, for delay and resolution.
         step: Largest step, s.
-        stops: Times (m,) that the grid must hold, s; it begins with the first, at or after 0, and
-            ends with the last.
+        stops: Times (m,) that the grid must contain, s; it begins with the first, at or after 0,
+            and ends with the last.
 
     Raises:
         InputError: If the plan's input is not finite somewhere.
 
     Attributes:
-        t: The grid, shape (M+1,), s. With one delay for all samples it holds every jump; otherwise
-            a jump inside a step is seen at the next point of it.
+        t: The grid, shape (M+1,), s. If all samples have the same delay, it contains every jump;
+            otherwise a jump inside a step takes effect at the step's next point.
         running: Whether each step lies before the plan's end, shape (M,).
     """
 
@@ -159,7 +160,7 @@ class Command:
         self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < plan.duration
 
     def part(self, chosen: slice) -> Command:
-        """The same command for a run of the samples."""
+        """The same command for a range of the samples."""
         out = copy(self)
         if self._table is None:
             out._delay = self._delay[chosen]
@@ -178,11 +179,11 @@ class CommandVariants:
 
     Args:
         t: Ends of the ticks, shape (K+1,), s.
-        values: What is asked for in each tick, shape (K, 2, S).
-        is_linear: Whether inputs go straight from one tick's beginning to the next.
-        draws: The samples, which share their delay.
+        values: Commanded inputs in each tick, shape (K, 2, S).
+        is_linear: Whether inputs are linear from the beginning of one tick to the next.
+        draws: The samples, which all have the same delay.
         step: Largest step, s.
-        stops: As of `Command`.
+        stops: See `Command`.
     """
 
     def __init__(
@@ -214,7 +215,7 @@ class CommandVariants:
 
 
 def quantise(values: Array, resolution: Array) -> Array:
-    """Values (…, 2, S) at the resolution (2, 1) of each motor's command; 0 leaves them."""
+    """Round values (…, 2, S) to the resolution (2, 1) of each motor's command; 0 does not round."""
     if not np.any(resolution):
         return values
     step = np.where(resolution > 0, resolution, 1.0)
@@ -236,22 +237,22 @@ def _check_finite(values: Array, times: Array) -> Array:
 
 
 QUADRATURE_TOLERANCE = 1e-12
-"""Largest estimated error of Simpson's rule on a continuous command, in radians a step."""
+"""Largest estimated error of Simpson's rule on a continuous command, rad per step."""
 
 ROUNDING = 1e-12
-"""Times closer than this part of the longest (or of a second) are the same."""
+"""Times are equal if they differ by less than this fraction of the largest time, or of 1 s."""
 
 EXACT_S = 1000.0
-"""Until then the lengths of steps have eleven digits in spite of rounding, s."""
+"""Up to this time the lengths of steps are correct to eleven digits in spite of rounding, s."""
 
 InputOfTime = Callable[[Array], Array]
 
 Steps = Callable[[int], None]
-"""Told how many steps are done."""
+"""Called with the number of steps done."""
 
 
 def merge_times(*times: Array) -> Array:
-    """All these times, increasing; of those closer than rounding, the one named first."""
+    """All these times, increasing; of times equal within rounding, the one from the first array."""
     every = np.concatenate(times)
     rank = np.concatenate([np.full(len(t), i) for i, t in enumerate(times)])
     order = np.lexsort((rank, every))
@@ -264,14 +265,14 @@ def merge_times(*times: Array) -> Array:
 
 
 def between(times: Array, stops: Array) -> Array:
-    """Those of `times` that lie between the first and the last of `stops`."""
+    """The entries of `times` strictly between the first and the last of `stops`."""
     return np.asarray(times[(times > stops[0]) & (times < stops[-1])])
 
 
 def subdivide(times: Array, step: float, low: float = -np.inf, high: float = np.inf) -> Array:
-    """`times` with equal steps between, none longer than `step`.
+    """Divide the intervals of `times` into equal steps, none longer than `step`.
 
-    Of a long grid only the steps between `low` and `high` are made, and those that reach beyond.
+    Only the steps that overlap the range from `low` to `high` are made.
     """
     gaps = np.diff(times)
     counts = np.maximum(1, np.ceil(gaps / step - 1e-9)).astype(int)
@@ -291,13 +292,13 @@ def subdivide(times: Array, step: float, low: float = -np.inf, high: float = np.
 
 
 def stretches(times: Array, begin: float, longest: float) -> list[tuple[Array, slice]]:
-    """A run from `begin` to the last of `times` in stretches of about `longest`, s.
+    """Cut a run from `begin` to the last of `times` into stretches of about `longest`, s.
 
-    Where it can it is cut at one of `times`, which adds no time to the grid.
+    It cuts at one of `times` where possible, since that adds no time to the grid.
 
     Returns:
-        Of each stretch the times that its grid must hold, from its start to its end, and which of
-        `times` are recorded in it: those before its end, and in the last stretch the end, too.
+        For each stretch: the times that its grid must contain, from its start to its end; and the
+        range of `times` recorded in it. The end of a stretch belongs to the next one.
     """
     count = max(1, int(np.ceil((times[-1] - begin) / longest - 1e-9)))
     cuts: Array = begin + longest * np.arange(count, dtype=np.float64)
@@ -310,14 +311,15 @@ def stretches(times: Array, begin: float, longest: float) -> list[tuple[Array, s
 
 
 def refine_times(command: InputOfTime, times: Array) -> Array:
-    """`times` with steps halved until Simpson's rule integrates the command over each of them.
+    """Halve the steps of `times` until Simpson's rule integrates the command accurately.
 
     Args:
-        command: Times (…) to values (…, 2); smooth inside each step, right-hand limits at jumps.
-        times: Increasing; includes every jump.
+        command: Maps times (…) to values (…, 2); smooth inside each step, right-hand limits at
+            jumps.
+        times: Increasing times that include every jump.
 
     Returns:
-        The times, increasing, with what was added.
+        The given and the added times, increasing.
     """
     left, right = times[:-1], times[1:]
     narrow = 4 * ROUNDING * max(1.0, abs(float(times[-1])))
@@ -333,15 +335,16 @@ def refine_times(command: InputOfTime, times: Array) -> Array:
 
 
 def lengths(times: Array) -> Array:
-    """Lengths of the steps, equal where they differ by rounding alone (their factors are kept)."""
+    """Lengths of the steps, equal where they differ only by rounding, so that factors computed for
+    one length can be reused."""
     steps, which = np.unique(np.diff(times), return_inverse=True)
-    late = max(1.0, float(np.max(np.abs(times))) / EXACT_S)  # late times are rounded more coarsely
+    late = max(1.0, float(np.max(np.abs(times))) / EXACT_S)  # large times have larger rounding
     digits = 11 - int(np.ceil(np.log10(late)))
     return np.array([float(f"{h:.{max(digits, 1)}g}") for h in steps])[which]
 
 
 def snap_times(times: Array, marks: Array) -> Array:
-    """`times`, each within rounding of one of the increasing `marks` moved onto it."""
+    """Move each of `times` that is within rounding of one of the increasing `marks` onto it."""
     index = np.clip(np.searchsorted(marks, times), 1, len(marks) - 1)
     below, above = marks[index - 1], marks[index]
     near = np.where(times - below < above - times, below, above)
@@ -350,14 +353,14 @@ def snap_times(times: Array, marks: Array) -> Array:
 
 
 def step_times(left: Array, right: Array, part: float) -> Array:
-    """Times at a part (0 … 1) of each step, the last one just before its end."""
+    """Times at the fraction `part` (0 … 1) of each step; 1 gives a time just before its end."""
     return np.minimum(left + part * (right - left), np.nextafter(right, left))
 
 
 def _simpson_gap(command: InputOfTime, left: Array, right: Array) -> Array:
     """|Simpson on halves − Simpson on the whole|, the larger of both motors, shape (m,).
 
-    Fifteen times the error of the finer rule where the command is smooth; so a safe estimate.
+    For a smooth command it is fifteen times the error of the finer rule, so the estimate is safe.
     """
     u = np.stack([command(step_times(left, right, p)) for p in (0.0, 0.25, 0.5, 0.75, 1.0)])
     width = (right - left)[:, None]

@@ -1,8 +1,8 @@
-"""The manipulator in motion, compiled: the C files do what `StepwiseMotion` does, sooner.
+"""The compiled simulation of manipulators: the C files compute the same as `StepwiseMotion`.
 
-The kernel is an optional extension: where no compiler was at hand when the package was installed,
-`library` returns None and replays run in NumPy. Measured (`make bench`, results/benchmarks), it
-runs as fast as a loop in C written for one machine alone.
+The kernel is an optional extension: if the package was installed without a compiler, `library`
+returns None and replays run in NumPy. By measurement (`make bench`, results/benchmarks) it is as
+fast as a loop in C written for a single machine.
 """
 
 from __future__ import annotations
@@ -34,28 +34,28 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 SAMPLES_A_CALL, STEPS_A_CALL = 32, 2000
-"""How much one call does: short enough to share the work among threads and to heed Ctrl-C."""
+"""Work of one call, small enough to share among threads and to react to Ctrl-C."""
 
 SLOW_WARNING = (
     "planner: the compiled replay is {}, so replays are about ten times slower (50 machines at"
     " once: 30 times; 1000: 3 times); {}"
 )
-"""Process time on the paper's plan, its machine, one thread."""
+"""The factors are of process time, for the paper's plan and machine with one thread."""
 MISSING_WARNING = SLOW_WARNING.format("missing", "install a C compiler, then this package again")
 VERSION_WARNING = SLOW_WARNING.format(
     "of another version", "run make in the project's folder, or install this package again"
 )
 
-# -- what is handed over -------------------------------------------------------------------------
-# `make generated` writes layout.h from these tables, which kernel.c and dynamic.c include.
+# -- data shared with C --------------------------------------------------------------------------
+# `make generated` writes layout.h from these tables; kernel.c and dynamic.c include it.
 
 FLAGS = ("lagging", "second", "limited", "ramped", "geared_1", "geared_2", "lagged", "soft",
          "damped", "creeping", "loaded", "inclined")  # fmt: skip
-"""Which effects are on: the same for all samples."""
+"""Flags of `Model`: which effects are on, for all samples."""
 
 COUNTS = ("samples", "joints", "points", "steps", "rows", *FLAGS, "dynamic", "coordinates", "heavy")
-"""Of Model. dynamic: rows of a dynamic state, 0 if quasi-static; coordinates: where its coordinates
-begin; heavy: numbers of `Masses`."""
+"""Integers of `Model`. dynamic: rows of a dynamic state, 0 if quasi-static; coordinates: first row
+of its coordinates; heavy: how many numbers `Masses` has."""
 
 ARRAYS = {
     "parameters": "const double",  # (samples, see `Own`)
@@ -69,13 +69,13 @@ ARRAYS = {
     "masses": "const double",  # (samples, see `Masses`)
     "moving": "double",  # (samples, see `Moving`)
 }
-"""Of Model, with the type of an element in C."""
+"""Arrays of `Model`, with the type of an element in C."""
 
 STRIDES = ("step", "point", "motor", "sample")
-"""Of Commands: in numbers, 0 where all are alike."""
+"""Strides of `Commands`, counted in numbers; 0 along an axis with equal values."""
 
 Size = tuple[int, int]
-"""(a, b): a + b m numbers, for m passive joints."""
+"""(a, b) means a + b m numbers, for m passive joints."""
 
 MACHINE, MOTORS, PASSIVE, JOINTS = (1, 0), (2, 0), (0, 1), (1, 1)
 
@@ -91,7 +91,7 @@ MACHINE_NUMBERS: dict[str, Size] = {
     **dict.fromkeys(("k", "half_gap", "rest"), PASSIVE),
     "weights": JOINTS,
 }
-"""One machine's numbers: the effects but for those of inertia, and what `_parameters` adds."""
+"""Numbers of one machine: the effects except those of inertia, and what `_parameters` adds."""
 
 STATE_NUMBERS: dict[str, Size] = {
     **dict.fromkeys(("speed", "slope", "saturated"), MOTORS),
@@ -100,16 +100,16 @@ STATE_NUMBERS: dict[str, Size] = {
     "first": (1, 0),  # coordinate of the last disk
     **dict.fromkeys(("theta", "axis", "wound", "gap"), JOINTS),  # gap: largest deviation
 }
-"""One sample's state."""
+"""State of one sample."""
 
 MASSES: dict[str, Size] = {each.name: each.metadata["rows"] for each in fields(Masses)}
 
 LIMITED_LAWS, PLAY_LAWS = (4, 4), (2, 1)
-"""Laws of `StageLaws`."""
+"""Number of laws in `StageLaws`."""
 
 
 def _row_numbers(m: int) -> dict[str, int]:
-    """Where the parts of a dynamic state begin, `StateRows`."""
+    """First rows of the parts of a dynamic state (`StateRows`)."""
     state, bodies = StateRows(m), StateRows(m).bodies
     speeds = {"axes": bodies.axes.start, "disk": bodies.disk, "links": bodies.links.start}
     speeds |= {"stages": bodies.stages.start, "bodies": bodies.count}
@@ -128,10 +128,10 @@ DYNAMIC_NUMBERS: dict[str, Size] = {
     "slipping": (1, 0),
     "last": (1, 0),
 }
-"""One sample's dynamic state: `March`, and the length of the last step."""
+"""Dynamic state of one sample: that of `March`, and the length of the last step."""
 
 MOST_PASSIVE = 16
-"""Passive joints that `dynamic.c` has room for."""
+"""Largest number of passive joints in `dynamic.c`."""
 
 VERSION = zlib.crc32(
     repr(
@@ -150,11 +150,11 @@ VERSION = zlib.crc32(
         )
     ).encode()
 )
-"""Of all that; a kernel with another layout is not used, and a warning says so."""
+"""Checksum of this layout. A kernel with another one is not used, and a warning says so."""
 
 
 def places(table: dict[str, Size], m: int) -> dict[str, slice]:
-    """Where each part of a table is, for m passive joints."""
+    """Position of each part of a table, for m passive joints."""
     ends = accumulate(a + b * m for a, b in table.values())
     return {
         name: slice(end - a - b * m, end)
@@ -181,10 +181,10 @@ class _KernelCommands(ctypes.Structure):
 
 @cache
 def library() -> Any | None:
-    """The compiled kernel, or None if there is none, or only one that was built from older source.
+    """The compiled kernel, or None if it is missing or was built from other source.
 
-    Without it the first call says so, as a warning of the logger `planner`, which Python prints on
-    standard error where the program has set up no logging.
+    In that case the first call logs a warning in the logger `planner`. Python prints it on standard
+    error unless the program configures logging.
     """
     why = MISSING_WARNING
     for suffix in EXTENSION_SUFFIXES:
@@ -192,9 +192,9 @@ def library() -> Any | None:
         if path.exists():
             try:
                 kernel = open_library(path)
-            except OSError:  # built for another computer, or not whole
+            except OSError:  # built for another computer, or incomplete
                 continue
-            except AttributeError:  # one that does not say what it was built from
+            except AttributeError:  # a kernel without a checksum of its source
                 kernel = None
             if kernel is not None:
                 return kernel
@@ -204,8 +204,8 @@ def library() -> Any | None:
 
 
 def source_checksum(unknown: int) -> int:
-    """That of the C files beside this one, as setup.py takes it; where a wheel left them out, the
-    kernel in it can only be theirs, and `unknown` is returned."""
+    """Checksum of the C files in this folder, computed as in setup.py. If a wheel leaves them out,
+    its kernel cannot be stale, and `unknown` is returned."""
     files = [Path(__file__).with_name(n) for n in ("kernel.c", "dynamic.c", "layout.h")]
     if not all(file.exists() for file in files):
         return unknown
@@ -230,7 +230,7 @@ def open_library(path: Path) -> Any | None:
 
 
 def threads() -> int:
-    """How many threads to use: OMP_NUM_THREADS if set, else one per core of this process."""
+    """Number of threads to use: OMP_NUM_THREADS if set, else one per core of this process."""
     wanted = os.environ.get("OMP_NUM_THREADS", "")
     if wanted.isdigit() and int(wanted) > 0:
         return int(wanted)
@@ -240,12 +240,12 @@ def threads() -> int:
 
 
 class CompiledMotion:
-    """A `Motion` of manipulators in the compiled kernel.
+    """A `MachineMotion` of manipulators in the compiled kernel.
 
     Args:
         system: The manipulator.
-        fidelity: Of it: "quasi-static" or "dynamic".
-        draws, start: As of `StepwiseMotion`.
+        fidelity: "quasi-static" or "dynamic".
+        draws, start: See `StepwiseMotion`.
     """
 
     def __init__(
@@ -264,7 +264,7 @@ class CompiledMotion:
         self.deviation, self.saturated_s, self.slip = (
             state[:, self._places[name]] for name in ("gap", "saturated", "slip")
         )
-        self._arrays = {  # kept here as long as the kernel points into them
+        self._arrays = {  # kept alive while the kernel points into them
             "parameters": np.concatenate([*parameters.values()]).T.copy(),
             "state": self._state,
             **(_moving(system, draws, start) if fidelity == "dynamic" else _NO_INERTIA),
@@ -307,13 +307,13 @@ class CompiledMotion:
             while self._k < last:
                 first, self._k = self._k, min(self._k + STEPS_A_CALL, last)
                 block = self._orders.block(first, self._k)
-                # In numbers; 0 along what is one for all samples.
+                # Counted in numbers; 0 if all samples share the values.
                 strides = [step // block.itemsize for step in block.strides]
                 strides[3] *= block.shape[3] > 1
                 commands = _KernelCommands(block.ctypes.data, *strides)
                 begins = range(0, self._count, SAMPLES_A_CALL)
                 call = partial(self._call, commands, first=first, last=self._k)
-                # A thread for one call, each tick of a closed loop, takes longer than the call.
+                # For a single call, as in each tick of a closed loop, a thread costs more time.
                 calls = pool.map(call, begins) if len(begins) > 1 else map(call, begins)
                 for done, _ in enumerate(calls, start=1):
                     if tell:
@@ -326,7 +326,7 @@ class CompiledMotion:
 
 
 def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
-    """Each machine's numbers, (count, S), as in `MACHINE_NUMBERS`."""
+    """Numbers of each machine in the order of `MACHINE_NUMBERS`, each (count, S)."""
     m = len(system.K)
     half_gap = np.deg2rad(draws["backlash_deg"]) / 2
     weighed = weights(draws, m + 1)
@@ -369,7 +369,7 @@ def _flags(draws: Draws, parameters: dict[str, Array]) -> dict[str, int]:
 
 
 def _state(system: Manipulator, draws: Draws, start: Array) -> Array:
-    """The state at the start as in `STATE_NUMBERS`, (S, numbers)."""
+    """The state at the start in the order of `STATE_NUMBERS`, (S, numbers)."""
     place = places(STATE_NUMBERS, len(start) - 2)
     state = np.zeros((draws.count, place["gap"].stop))
     parts = {"first": start[:1], "theta": start[1:]}

@@ -1,6 +1,6 @@
-"""What machines break of the limits that the plan keeps: joint limits, obstacles, other links.
+"""Limits that machines break although the plan keeps them: joints, obstacles, other links.
 
-A plan may pass a post by nothing and be verified; every machine that strays then hits it.
+A verified plan may touch an obstacle without clearance; every machine that deviates then hits it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BLOCK_STATES = 20_000
 """States that are judged at once: their distances stay in the cache."""
 
 KEPT_PERCENT = 95.0
-"""Of the machines, for which the advised clearance is enough."""
+"""Percentage of the machines for which the advised clearance is enough."""
 
 
 @dataclass(frozen=True)
@@ -35,15 +35,15 @@ class MachineLimit:
     """One limit on S machines.
 
     Attributes:
-        requirement: What it belongs to.
+        requirement: The requirement that it is a part of.
         part: Its label, unit, least and largest value.
         broken: Number of machines that break it.
         samples: Number of machines S.
-        worst: The value that is furthest beyond it, or nearest to it, in the part's unit.
-        sample: On which machine that is.
-        t_s: When, s.
-        sweep: By how much the machine comes nearer to it than the plan, for 95 % of them at most,
-            in the part's unit.
+        worst: The value furthest beyond the limit, or else nearest to it, in the part's unit.
+        sample: Number of the machine with the worst value.
+        t_s: Time of the worst value, s.
+        sweep: 95th percentile over the machines of how much closer they come to the limit than the
+            plan, in the part's unit.
     """
 
     requirement: Requirement
@@ -67,7 +67,7 @@ class MachineLimit:
 
 
 def watched(problem: Problem) -> list[Requirement]:
-    """The limits that a machine may break; z₂ is a quantity of the methods, not of the arm."""
+    """The limits that a machine may break: all but that of z₂, a quantity of the methods only."""
     return [
         required
         for required in problem.requirements
@@ -78,28 +78,28 @@ def watched(problem: Problem) -> list[Requirement]:
 def bounds(required: Requirement) -> tuple[Array, Array]:
     """Least and largest values for a machine, (R,) each.
 
-    A clearance is there for machines to stray in: one that uses it up without touching breaks
-    nothing.
+    They leave out the clearance, which is room for machines to deviate: a machine that enters it
+    without contact breaks no limit.
     """
     low, high, _ = required.bounds
     return low - getattr(required, "clearance", 0.0), high
 
 
 def parts_of(problem: Problem) -> Iterator[tuple[Requirement, Part, float, float]]:
-    """The same by their parts, P of them, with the least and the largest value for a machine."""
+    """The P parts of these limits, each with the least and the largest value for a machine."""
     for required in watched(problem):
         yield from zip(repeat(required), required.parts, *bounds(required), strict=False)
 
 
 def lower_margins(least: Array, when: Array, problem: Problem, q: Array, times: Array) -> None:
-    """Lower the least distances of S motions from the P parts of a problem's limits.
+    """Update the least distances of S motions from the P parts of a problem's limits, in place.
 
     Args:
-        least: The least so far, negative beyond a limit, (S, P), in the parts' units.
-        when: When that was, (S, P), s.
-        problem: Its limits.
+        least: Least distances so far, negative beyond a limit, (S, P), in the parts' units.
+        when: Times of the least distances, (S, P), s.
+        problem: The problem, for its limits.
         q: Coordinates, (S, R, N).
-        times: Of these, (R,), s.
+        times: Times of q, (R,), s.
     """
     required = watched(problem)
     block = max(1, BLOCK_STATES // max(1, len(times)))
@@ -121,13 +121,13 @@ def lower_margins(least: Array, when: Array, problem: Problem, q: Array, times: 
 def machine_limits(
     problem: Problem, planned: Array, margins: Array, times: Array, numbers: NDArray[np.int64]
 ) -> tuple[MachineLimit, ...]:
-    """What S machines make of each limit.
+    """Summarise for each limit how S machines keep it.
 
     Args:
-        problem: Its limits, P parts.
-        planned: The plan's own least distance from each, (P,).
-        margins: Those of the machines, (S, P), NaN where they were not measured.
-        times: When they have it, (S, P), s.
+        problem: The problem, for its limits of P parts.
+        planned: Least distances of the plan from each part, (P,).
+        margins: Least distances of the machines, (S, P), NaN where they were not measured.
+        times: Times of the least distances, (S, P), s.
         numbers: The machines' numbers, (S,).
     """
     out = []
@@ -153,11 +153,11 @@ def machine_limits(
 
 
 def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
-    """Which limits machines break, and what would keep 95 % of them clear; "" if none does.
+    """Say which limits machines break, and what would keep 95 % of them clear; "" if none does.
 
     Args:
-        limits: Of `machine_limits`.
-        machines: How many break one.
+        limits: Result of `machine_limits`.
+        machines: Number of machines that break at least one limit.
     """
     broken = sorted((each for each in limits if each.broken), key=lambda each: -each.broken)
     if not broken:
@@ -171,7 +171,7 @@ def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
 
 
 def _furthest(broken: Sequence[MachineLimit]) -> list[MachineLimit]:
-    """Of each requirement the limit that machines come nearest to."""
+    """The limit of each requirement that machines come nearest to, or exceed most."""
     found: dict[Requirement, MachineLimit] = {}
     for each in broken:
         known = found.get(each.requirement)
@@ -181,7 +181,7 @@ def _furthest(broken: Sequence[MachineLimit]) -> list[MachineLimit]:
 
 
 def _advice(each: MachineLimit) -> str:
-    """The key that keeps a machine's error clear of the limit; "" for kinds that have none."""
+    """The setting that leaves room for a machine's error; "" for kinds that have none."""
     required = each.requirement
     if isinstance(required, Obstacle):
         return f"clearance_m = {_round_up(each.sweep)} of obstacle {required.number}"
@@ -194,6 +194,6 @@ def _advice(each: MachineLimit) -> str:
 
 
 def _round_up(value: float) -> str:
-    """To two digits, never less."""
+    """Round up to two digits."""
     step = 10.0 ** (np.floor(np.log10(value)) - 1)
     return f"{np.ceil(value / step - 1e-9) * step:.2g}"

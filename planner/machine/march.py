@@ -1,9 +1,10 @@
-"""A step of the dynamic arm: when second order, when backward, and what stays frozen over it.
+"""One time step of the dynamic arm.
 
-SDIRK2 (R. Alexander, SIAM J. Numer. Anal. 14, 1977, 1006; order 2, L-stable) with gear ratios
-frozen at the middle of the step. Samples in which any law changes its piece within the step (an
-impact, the start or end of slip) take two steps of the implicit Euler method instead, which never
-creates energy. Order 2 where nothing switches, at least 1 through events.
+The method is SDIRK2 (R. Alexander, SIAM J. Numer. Anal. 14, 1977, 1006; order 2, L-stable) with
+gear ratios frozen at the middle of the step. If a law of a sample changes its piece within the step
+(an impact, the start or end of slip), that sample takes two steps of the implicit Euler method
+instead, which never creates energy. So the order is 2 without such events, and at least 1 with
+them.
 """
 
 from __future__ import annotations
@@ -29,19 +30,20 @@ from planner.systems.manipulator import (
 )
 
 GAMMA = 1 - 1 / np.sqrt(2)
-"""Length of a stage of SDIRK2 as a part of the step."""
+"""Length of a stage of SDIRK2 as a fraction of the step."""
 
 LEAST_DRAG = 1e-6
-"""Viscous friction of every body, N m s/rad: what has no mass and no contact stays where it is."""
+"""Viscous friction of every body, N m s/rad, so that a body without mass or contact stays put."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Gears:
-    """What is frozen over a step: see `StageLaws.first` and `second`, slope and limit of contacts.
+    """Quantities that are constant over a step; for `first` and `second` see `StageLaws`.
 
-    `drag` limits what contacts that slide sideways ask of disk B1 and of the stages, (1+m, S), N m;
-    `pull` is the torque of gravity and of turning links on the joints, likewise; `mass` their mass
-    matrix, (1+m, 1+m, S), kg m^2.
+    The slopes and limits are those of the contacts. `drag` limits the drag of contacts that slide
+    sideways on disk B1 and on the stages, (1+m, S), N m; `pull` is the torque on the joints by
+    gravity and by the rotation of the links, (1+m, S), N m; `mass` is the links' mass matrix,
+    (1+m, 1+m, S), kg m^2.
     """
 
     first: Array
@@ -58,7 +60,7 @@ class _Gears:
 
 @dataclass(frozen=True, eq=False)
 class _StageEnd:
-    """A state (rows, S) at the end of a stage, the pieces of its laws, and power there, (2, S)."""
+    """State (rows, S), pieces of the laws, and powers (2, S) at the end of a stage."""
 
     y: Array
     pieces: Array
@@ -70,14 +72,14 @@ class March:
     """S arms that advance together.
 
     Attributes:
-        data: Their parameters.
+        data: Parameters of the arms.
         place: Rows of the state.
-        k_g: Drive constant of the disk, as the planner knows it.
+        k_g: Drive constant of the disk in the planner's model.
         y: State, (rows, S).
-        pieces: Of all laws at the end of the last step, (6+5m, S); see `StageLaws`.
+        pieces: Pieces of all laws at the end of the last step, (6+5m, S); see `StageLaws`.
         speed_change: Change of the speeds of disks and links over the last step, (1+2m, S), rad/s.
-        energy: Work of the motors so far, and what friction, slip and damping took, (2, S), J.
-        slipping: Which contact slips grossly, (1, S); see `contacts.contact_name`.
+        energy: Work of the motors so far, and energy lost to friction, slip and damping, (2, S), J.
+        slipping: Number of the contact in gross slip, (1, S); see `contacts.contact_name`.
     """
 
     data: Masses
@@ -95,13 +97,13 @@ class March:
         return np.concatenate([getattr(self.data, f.name) for f in fields(Masses)])
 
     def step(self, mean: Array, swing: Array, h: float, lead: float) -> None:
-        """Advance in place; the reference changes linearly.
+        """Advance by a step in which the reference changes linearly.
 
         Args:
             mean: Mean of the reference, (2, S), rad/s.
-            swing: Its change over the step, (2, S), rad/s.
+            swing: Change of the reference over the step, (2, S), rad/s.
             h: Length of the step, s.
-            lead: Half of it over the length of the last step, at most one half.
+            lead: h/2 divided by the length of the last step, at most one half.
         """
         data, gears, y = self.data, self._gears(h, lead), self.y
         early = mean + (GAMMA - 0.5) * swing
@@ -128,10 +130,10 @@ class March:
         self.energy[:] += energy
 
     def _gears(self, h: float, lead: float) -> _Gears:
-        """Ratios at the middle of the step, and the contacts that go with them.
+        """Ratios at the middle of the step, and the laws of the contacts there.
 
-        How much of a contact's friction is left for sideways follows from its load, which is taken
-        from the shafts' torques at the end of the last step.
+        The friction that a contact has left for the sideways direction depends on its load, which
+        is computed from the shafts' torques at the end of the last step.
         """
         data, rows, y = self.data, self.place.bodies, self.y
         angles = y[self.place.q][1:] + h / 2 * y[rows.links]
@@ -145,7 +147,7 @@ class March:
         self.slipping[0] = np.where(flat.any(axis=0), flat.argmax(axis=0), -1)
         grip = Grip(c, data.lateral, data.capacity)
         hold = grip.hold(grip.carried(loads))
-        # Rate lost for each N m, by creep and sideways; drag of P3 loads P2 whatever the torque.
+        # Rate lost per N m, by creep and sideways; the drag of P3 loads P2 at any torque.
         lost, drag = data.creep * grip.cosine + grip.sideways / hold, grip.sideways * hold
         kept = np.maximum(data.kept * np.ones_like(c), 0.0)
         first = c * kept
@@ -231,7 +233,7 @@ class March:
 
 
 def begin_march(system: Manipulator, draws: Draws, q: Array) -> March:
-    """Machines at rest at coordinates q (N, S), joints where they start in their play."""
+    """Machines at rest at coordinates q (N, S), each joint at its start position in its play."""
     k = gear_constants(system, draws)
     data, place = masses(draws, k), StateRows(len(k))
     y = np.zeros((place.count, draws.count))
@@ -245,7 +247,7 @@ def begin_march(system: Manipulator, draws: Draws, q: Array) -> March:
 
 
 def _settle(data: Masses, place: StateRows, y: Array, shares: Array) -> None:
-    """Let gears, shafts and velocity loops hold the arm against gravity from the start."""
+    """Set gears, shafts and velocity loops so that they hold the arm against gravity at first."""
     angles = y[place.q][1:]
     load = gravity_torques(data.weights, angles)
     ahead, k = np.zeros_like(data.half_gap), data.stiffness

@@ -38,32 +38,32 @@ class Replay(Recording):
 
     Attributes:
         plan: The plan.
-        machine: The machine, a distribution from which the samples are drawn.
+        machine: The machine from whose distribution the samples are drawn.
         seed: Random seed; together with `numbers` it reproduces every sample.
         numbers: Sample numbers, shape (S,).
         t: Recorded times, shape (R,), s; the last one is `settle_s` after the plan's end.
         q: True coordinates of the first M samples, whose motions are kept (by default all), shape
-            (M, R, N), in the coordinates' units; `motion` gives those of any.
+            (M, R, N), in the coordinates' units; `motion` gives those of any sample.
         motor_rates: Speeds of both their motors, shape (M, R, 2), rad/s.
         peak_rates: Largest |speed| of both motors at the recorded times, shape (S, 2), rad/s.
         saturated_s: Time during which the command of each motor exceeded its limit of speed or
             torque, shape (S, 2), s.
-        slip_s: Time during which a friction contact was in gross slip, so that what is behind it
+        slip_s: Time during which a friction contact was in gross slip, so that the joints behind it
             stood still, shape (S,), s.
-        slip_begin: When that began, shape (S,), s; NaN where there was none.
-        slip_contact: Which contact it was, shape (S,), in the order P1, P2, P3 at joint 1, at joint
-            2 and so on, from 0; −1 where there was none.
-        margin: Least distance from each part of the limits that machines are judged by, negative
+        slip_begin: Time at which gross slip began, shape (S,), s; NaN if there was none.
+        slip_contact: Number of the contact that slipped, shape (S,), counted from 0 in the order
+            P1, P2, P3 at joint 1, then at joint 2, and so on; −1 if none slipped.
+        margin: Least distance from each part of the limits that machines can break, negative
             beyond, shape (S, P), in the parts' units; see `limits`. NaN with `record_s=None`.
-        margin_s: When that was, shape (S, P), s.
+        margin_s: Time of the least distance, shape (S, P), s.
         terminal_error: True end minus planned end, shape (S, N), in the coordinates' units.
         deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1).
             For a compensated plan both errors refer to the original plan, from its start on.
         effort: ∫ u₁² + u₂² dt of the controller's commands, (S,); None in open loop.
         fallbacks: Number of control steps in which the controller used a fallback command, (S,).
-        run_s: From the first command to the end of the last, s: the plan's duration; with feedback
-            also what the controller prepares before and corrects after it.
-        again: Replays other samples, by their numbers, in the same way.
+        run_s: Time from the first command to the end of the last, s: the plan's duration, and with
+            feedback also the controller's preparation before and its correction after the plan.
+        again: Function that replays other samples, given by their numbers, in the same way.
     """
 
     plan: Plan
@@ -83,7 +83,7 @@ class Replay(Recording):
 
     @property
     def slip_words(self) -> str:
-        """Which contact slips grossly, when, and on how many machines; "" where none does."""
+        """Which contact slips grossly, when, and on how many machines; "" if none does."""
         slips, count = np.flatnonzero(self.slip_contact >= 0), len(self.numbers)
         if not slips.size:
             return ""
@@ -97,9 +97,9 @@ class Replay(Recording):
 
     @cached_property
     def limits(self) -> tuple[MachineLimit, ...]:
-        """What the machines make of joint limits, obstacles and the links' clearance.
+        """How the machines keep the joint limits, obstacles and the links' clearance.
 
-        They are judged at the recorded times; empty with `record_s=None`.
+        They are checked at the recorded times; empty with `record_s=None`.
         """
         times, shape = self.t[self.t <= self.plan.duration], (1, self.margin.shape[1])
         planned, when = np.full(shape, np.inf), np.zeros(shape)
@@ -110,12 +110,12 @@ class Replay(Recording):
 
     @property
     def limit_share(self) -> float:
-        """Share of the machines that break any of these limits; NaN where none was judged."""
+        """Share of the machines that break any of these limits; NaN if none was checked."""
         return float(np.mean(self._beyond)) if self.limits else np.nan
 
     @property
     def limit_words(self) -> str:
-        """Which limits the machines break, and what would help; "" where none does."""
+        """Which limits the machines break, and what would help; "" if they break none."""
         return limit_words(self.limits, int(np.sum(self._beyond)))
 
     @property
@@ -128,13 +128,13 @@ class Replay(Recording):
 
     @cached_property
     def draws(self) -> Draws:
-        """Parameters of each sample, drawn when they are asked for: seed and number say them."""
+        """Parameters of each sample, drawn again from the seed and the sample numbers."""
         return draw(self.machine, self.plan.problem.system.size - 1, self.numbers, self.seed)
 
     def motion(self, place: int) -> Array:
-        """True coordinates of the sample at that place in `numbers`, shape (R, N).
+        """True coordinates of the sample at index `place` of `numbers`, shape (R, N).
 
-        A motion that is not kept is replayed.
+        A motion that was not kept is replayed.
         """
         if place < len(self.q):
             return np.asarray(self.q[place])
@@ -187,7 +187,7 @@ class Replay(Recording):
         """One row per machine: its errors, and every parameter that differs between machines.
 
         Index: number of the sample. Columns: E_deg (eq. 29), terminal_E_deg, terminal_NAME_deg for
-        each angle, then settings by name, with _1, _2 ... where there is one per motor or joint.
+        each angle, then effects by name, with _1, _2 ... if there is one per motor or joint.
 
         Raises:
             InputError: If pandas is not installed.
@@ -288,14 +288,15 @@ def replay(
             terminal error.
         record_s: Time between recorded instants, s; None records only the start, the plan's end and
             the final instant. Errors use all simulation steps, recorded or not.
-        motions: How many samples' motions are kept, those of the first; all by default. Errors are
-            kept of all samples, in some hundred bytes each.
+        motions: Number of samples, from the first, whose motions are kept; all by default. Errors
+            are kept for all samples, some hundred bytes each.
         progress: Called with (steps done, steps in all).
 
     Raises:
         InputError: If the plan has no real inputs, the machine does not match the system, an
-            argument is out of range, or the motions to be kept take more than 2 GB of memory.
-            All else takes some hundred bytes a sample and half a GB; a tracker some kB a period.
+            argument is out of range, or the motions to keep take more than 2 GB of memory.
+            The rest takes some hundred bytes per sample and half a GB; a tracker some kB per
+            period.
     """
     refuse_inexecutable(plan)
     closing = _feedback(feedback, plan)
@@ -325,7 +326,7 @@ def replay(
 
 def _feedback(feedback: bool | Feedback, plan: Plan) -> Feedback | None:
     if feedback is True:
-        from planner.machine.feedback.tracker import Tracker  # with OSQP, which only this needs
+        from planner.machine.feedback.tracker import Tracker  # imports OSQP, needed only here
 
         return Tracker(plan.problem.feedback)
     if feedback is False:

@@ -4,14 +4,14 @@
     first order:   ω̇ = b (r − ω)                    b = servo_bandwidth_rad_s
     second order:  ω̈ = b² (r − ω) − 2 ζ b ω̇         ζ = servo_damping
 
-Both are solved exactly between the points of a step for a reference linear in it; then speed and
-its change are held to their limits: exact while one binds or not, first order in the step where it
-begins to. The bias acts while a plan runs; afterwards the drive holds still.
+Between the points of a step both are solved exactly for a linear reference. Then speed and
+acceleration are clipped to their limits; this is of first order in the step in which a limit
+becomes active, and exact in all others. The bias acts while a plan runs; afterwards the drive
+stands still.
 
-Integrals over a step from values at its points: both ends, or both ends and the middle.
-
-Held commands are integrated with two points (the trapezoidal rule, order 2: at 1 ms its error is
-far below every effect), continuous ones with three (Simpson's rule, order 4).
+The file also integrates over a step from values at its points. Held commands have two, the ends
+(trapezoidal rule, order 2: at 1 ms its error is far below every effect); continuous commands have
+the middle too (Simpson's rule, order 4).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from planner.machine.machine import Draws
 from planner.support.arrays import Array
 
 SPEED_TOLERANCE_RAD_S = 1e-12
-"""Difference of speeds beyond rounding, rad/s."""
+"""Speeds that differ by less are equal, rad/s."""
 
 LagFactors = tuple[Array, ...]
 
@@ -33,7 +33,7 @@ class Servos:
     """Both motors of S samples, at rest at first.
 
     Attributes:
-        saturated_s: Seconds for which each motor was asked for more than its limit, (2, S).
+        saturated_s: Time for which the command of each motor exceeded its limit, (2, S), s.
     """
 
     def __init__(self, draws: Draws) -> None:
@@ -88,7 +88,7 @@ class Servos:
         return speed, travel
 
     def _reference(self, command: Array, running: bool) -> tuple[list[Array], Array | None]:
-        """Reference speeds (2, S) at the points, one array if all agree; and where too large."""
+        """Reference speeds (2, S) at the points (one array if all agree), and which are clipped."""
         is_constant = bool(np.all(command == command[0]))
         r = self._gain * command[:1] if is_constant else self._gain * command
         if running:
@@ -99,7 +99,7 @@ class Servos:
         return points, over if over.any() else None
 
     def _advance(self, r0: Array, r1: Array, h: float) -> Array:
-        """Advance by h for a reference from r0 to r1; returns the travel, (2, S)."""
+        """Advance by h for a reference from r0 to r1; return the travel, (2, S)."""
         before = self._speed
         second = self._damping is not None
         free, travel = (self._second_order if second else self._first_order)(r0, r1, h)
@@ -110,7 +110,7 @@ class Servos:
         self._speed = new
         if new is free:
             return travel
-        if not self._lagging:  # the time that it takes to catch up with the reference
+        if not self._lagging:  # allow for the time that it takes to reach the reference
             travel = travel - (r0 - before) * np.abs(r0 - before) / (2 * self._ramp)
         is_held = np.abs(new - free) > SPEED_TOLERANCE_RAD_S
         if not is_held.any():
@@ -167,15 +167,15 @@ def _oscillator(b: Array, damping: Array, h: float) -> LagFactors:
 
 
 def integrals(f: Array, h: float) -> list[Array]:
-    """From the start of a step of length h to each of its later points.
+    """Integrals from the start of a step of length h to each of its later points.
 
     Args:
         f: Values at the points; the first axis has 2 or 3.
         h: Length of the step.
 
     Returns:
-        The integral to the end; or to the middle (exact for parabolas) and to the end (exact for
-        cubics). Shapes are those of f without its first axis.
+        With two points the integral to the end; with three those to the middle (exact for
+        parabolas) and to the end (exact for cubics). Shapes are those of f without its first axis.
     """
     if len(f) == 2:
         return [(h / 2) * (f[0] + f[1])]

@@ -1,20 +1,21 @@
-"""Some samples of a machine in motion: the loop over steps, in NumPy, for any plant.
+"""Simulate S samples step by step in NumPy, for any plant.
 
-A plant is a system whose inputs are the motors themselves (`KinematicPlant`), or the manipulator
-with inertia: two masses an axis, backlash by Nordin and Gutman, real torques. The gap position is a
-state of its own (M. Nordin, P.-O. Gutman, Automatica 38, 2002, 1633): with twist x of the shaft and
-position b of the axis in its play, |b| <= gap/2,
+A plant is a system driven by the motor speeds directly (`KinematicPlant`), the quasi-static
+manipulator (`DiskChain`), or the manipulator with inertia (`DynamicChain`): two masses per axis,
+backlash by Nordin and Gutman, and torques. The position in the gap is a state (M. Nordin, P.-O.
+Gutman, Automatica 38, 2002, 1633): with twist x of the shaft and position b of the axis in its
+play, |b| <= gap/2,
 
     x + b = axis − joint,    T = k x + c ẋ,    T in the normal cone of [−gap/2, gap/2] at b
 
 so that T = 0 inside the play and never pulls: the shaft's damping cannot hold the teeth together.
-Each servo is a velocity loop around what `servos` makes of the command, with that acceleration fed
-forward, integral action and a torque limit; the torque of the load acts back on the motor. Friction
-contacts hold up to their capacity; below it they slip by creep_per_nm times torque times rate, and
-where they are turned by more, as `contacts` says.
-Creep without load counts as a smaller rolling radius: it costs travel and no power.
+Each servo is a velocity loop with integral action and a torque limit. Its reference is the output
+of `servos`, whose acceleration is fed forward; the load's torque acts on the motor. Below their
+capacity friction contacts slip by creep_per_nm times torque times rate, and by more where they are
+turned (see `contacts`). Creep without load acts as a smaller rolling radius: it costs travel but no
+power.
 
-`dynamic.c` does the same, with the same numbers to rounding.
+`dynamic.c` computes the same numbers to within rounding.
 """
 
 from __future__ import annotations
@@ -36,11 +37,11 @@ from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
 REPORT_EVERY = 250
-"""Steps between two reports of progress."""
+"""Number of steps between two reports of progress."""
 
 
 class Plant(Protocol):
-    """What the motors move."""
+    """The mechanism that the motors move."""
 
     @property
     def q(self) -> Array:
@@ -55,17 +56,17 @@ class Plant(Protocol):
 
 
 class MachineMotion(Protocol):
-    """S samples that advance together and can be looked at in between.
+    """S samples that advance together, and whose state can be read in between.
 
-    A run has one stretch or more; `begin` begins each.
+    A run has one or more stretches; `begin` starts each.
 
     Attributes:
         q: Recorded coordinates of the stretch, (S, R, N).
-        speed: Recorded speeds of the motors, (S, R, 2).
+        speed: Recorded speeds of the motors, (S, R, 2), rad/s.
         deviation: Largest |true − plan| so far of each coordinate after the first, (S, N−1).
-        slip: Seconds so far with a contact in gross slip; step of its stretch in which that began;
-            which contact it was (see `contacts.contact_name`); (S, 3), the last two −1 where there
-            was none.
+        slip: Time so far with a contact in gross slip, s; step of the stretch in which it began;
+            number of that contact (see `contacts.contact_name`); (S, 3), the last two −1 if no
+            contact slipped.
     """
 
     q: Array
@@ -79,20 +80,20 @@ class MachineMotion(Protocol):
 
     @property
     def saturated_s(self) -> Array:
-        """Seconds so far for which each motor was asked for more than its limit, (S, 2)."""
+        """Time so far for which the command of each motor exceeded its limit, (S, 2), s."""
 
     def begin(self, orders: CommandGrid, desired: Array, rows: NDArray[np.int64]) -> None:
         """Begin a stretch where the one before ended.
 
         Args:
-            orders: What the servos are told, and the grid of M steps.
+            orders: Commands of the servos on the grid of M steps.
             desired: The plan's coordinates after the first at the grid's points, (M+1, N−1, 1); NaN
-                where no deviation counts.
-            rows: Which points of the grid to record, increasing.
+                where deviations are ignored.
+            rows: Indices of the grid points to record, increasing.
         """
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
-        """Go on from where it stands to the point `last` of the stretch's grid."""
+        """Advance to the point `last` of the stretch's grid."""
 
 
 class StepwiseMotion:
@@ -100,7 +101,7 @@ class StepwiseMotion:
 
     Args:
         plan: The plan.
-        machine: What the samples have in common.
+        machine: The parameters that all samples share.
         draws: The machines.
         start: True coordinates at the start, (N, S).
     """
@@ -153,13 +154,13 @@ class StepwiseMotion:
         row = self._rows.get(k)
         if row is not None:
             if isinstance(self._plant, DynamicChain):
-                speed = self._plant.motor_rates  # not what the drives aim at
+                speed = self._plant.motor_rates  # true speeds, not the drives' references
             self.q[:, row] = self._plant.q.T
             self.speed[:, row] = speed.T
 
 
 def _note_slip(slip: Array, k: int, h: float, slipping: Array) -> None:
-    """Keep in `slip` (S, 3) what a step did; see `MachineMotion.slip`."""
+    """Update `slip` (S, 3) by step k; see `MachineMotion.slip`."""
     slips = np.broadcast_to(slipping, len(slip)) >= 0
     if slips.any():
         new = slips & (slip[:, 1] < 0)
@@ -168,7 +169,7 @@ def _note_slip(slip: Array, k: int, h: float, slipping: Array) -> None:
 
 
 def plant(plan: Plan, machine: Machine, draws: Draws, start: Array) -> Plant:
-    """What the motors move: the disk chain of a manipulator, or the bare system of any other."""
+    """The plant of a plan: the disk chain of a manipulator, or the kinematics of another system."""
     system = plan.problem.system
     if isinstance(system, Manipulator) and machine.fidelity == "dynamic":
         return DynamicChain(system, draws, start)
@@ -198,8 +199,8 @@ class KinematicPlant:
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance by h seconds under motor speeds (P, 2, S) at the step's points.
 
-        Without a middle point (P = 2) the speeds are taken as linear between. `travel` is there for
-        systems with gears and is not used.
+        Without a middle point (P = 2) the speeds are assumed linear. `travel` is for systems with
+        gears; it is not used here.
         """
         points = np.swapaxes(speed, 1, 2)
         start, end = points[0], points[-1]
@@ -216,7 +217,7 @@ class DynamicChain:
         q: Coordinates at the start, (N, S); everything is at rest then.
 
     Attributes:
-        limited_s: Seconds so far at each motor's torque limit, (2, S).
+        limited_s: Time so far at each motor's torque limit, (2, S), s.
     """
 
     def __init__(self, system: Manipulator, draws: Draws, q: Array) -> None:
@@ -237,15 +238,15 @@ class DynamicChain:
 
     @property
     def motor_rates(self) -> Array:
-        """Speeds of the motors, behind their gearheads' ratio, (2, S), rad/s."""
+        """Motor speeds at the output of their gearheads, (2, S), rad/s."""
         return self._y[self._place.bodies.motors]
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance by a step.
 
         Args:
-            speed: That the motors should have at the step's P points (2 or 3), (P, 2, S), rad/s.
-            travel: Likewise, from the start to each later point, (P−1, 2, S), rad.
+            speed: Reference of the motor speeds at the step's P points (2 or 3), (P, 2, S), rad/s.
+            travel: Reference of the travel from the start to each later point, (P−1, 2, S), rad.
             h: Length of the step, s.
         """
         mean = np.broadcast_to(travel[-1] / h, self._shape)

@@ -6,10 +6,10 @@ joints 2 … n move, the contacts must overcome the friction of each,
 
     τᵢ = coulomb + viscous |θ̇ᵢ|,
 
-and on an inclined plane also gravity where it opposes the motion, and what later contacts that are
-turned drag sideways. `planner.machine.friction.contacts` has the law, as the emulated machine.
-Inertia is neglected: on the prototype, in a motion of ten seconds, its torque is less than a
-hundredth of the friction.
+and on an inclined plane also gravity where it opposes the motion, and the sideways drag of later
+contacts that are turned. The law is that of the emulated machine
+(`planner.machine.friction.contacts`). Inertia is neglected: on the prototype, in a motion of ten
+seconds, its torque is less than a hundredth of the friction.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from planner.support.calculus.extremes import sample_times
 from planner.systems.manipulator import Manipulator, gravity_torques
 
 LEAST_INSTANTS = 100
-"""Least number of sample times; the torque is smooth, and its maxima are flat. The pieces of a plan
-that has more of them, such as a compensated one, are asked at their ends alone."""
+"""Least number of sample times; the torque is smooth, and its maxima are flat. A plan with more
+pieces than this, such as a compensated one, is sampled only at their ends."""
 
 BLOCK = 64
-"""Instants at a time: what a thousand machines need for them fits into the processor's cache."""
+"""Instants per block, so that the arrays of a thousand machines fit into the processor's cache."""
 
 GRAVITY_M_S2 = 9.80665
 """Standard acceleration of free fall."""
@@ -53,15 +53,15 @@ def weights(draws: Draws, joints: int) -> Array | None:
 
 @dataclass(frozen=True, eq=False)
 class ContactLoad:
-    """The contact that is loaded most, on S machines.
+    """The largest load of the friction contacts, on S machines.
 
     Attributes:
         torque_nm: Largest load of any contact at any time, force at its rim times r₁, (S,), N m.
-        capacity_nm: Largest torque that a contact transmits, (S,), N m; infinite where the machine
-            knows none.
-        share: Largest load over that at which the contact, turned as it is, slips grossly, (S,):
-            from 1 on the motion behind it is lost.
-        motor_nm: Largest torque that all this asks of motor 1, (S,), N m.
+        capacity_nm: Largest torque that a contact transmits, (S,), N m; infinite if the machine
+            has no limit.
+        share: Largest ratio of a load to the load at which that contact slips grossly at its angle,
+            (S,); from 1 on, the contact no longer drives its joint.
+        motor_nm: Largest torque that these loads require of motor 1, (S,), N m.
     """
 
     torque_nm: Array
@@ -86,7 +86,7 @@ def contact_load(
     Args:
         plan: An executable plan of an arm with friction disks.
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
-        samples: Machines to draw, those that `replay` draws; 0: the nominal one alone.
+        samples: Number of machines to draw, the same as in `replay`; 0 takes only the nominal one.
         seed: Random seed.
 
     Raises:
@@ -106,7 +106,7 @@ def contact_load(
 
 
 def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
-    """Refuse gravity that friction cannot hold, which takes masses to compute.
+    """Refuse loads of gravity that friction cannot hold: only dynamic fidelity can compute them.
 
     Args:
         plan: The plan.
@@ -114,7 +114,7 @@ def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
         draws: The machines, quasi-static.
 
     Raises:
-        InputError: If the weight of some link asks more of a contact at rest than it passes.
+        InputError: If at rest the weight of the links exceeds what a contact can transmit.
     """
     if weights(draws, system.n) is None:
         return
@@ -131,13 +131,13 @@ def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
 
 
 def largest_load(system: Manipulator, draws: Draws, q: Array, rates: Array) -> ContactLoad:
-    """The largest loads at coordinates q (T, N) in motion at `rates` (T, N); 0 is at rest.
+    """The largest loads over T states of motion.
 
     Args:
         system: The manipulator.
         draws: The machines.
-        q: Coordinates.
-        rates: Their rates.
+        q: Coordinates, (T, N).
+        rates: Rates of the coordinates, (T, N); 0 at rest.
     """
     capacity = np.broadcast_to(draws["friction_capacity_nm"][0], draws.count)
     begins = range(0, len(q), BLOCK)
@@ -147,10 +147,8 @@ def largest_load(system: Manipulator, draws: Draws, q: Array, rates: Array) -> C
 
 
 def _loads(system: Manipulator, draws: Draws, q: Array, rates: Array) -> tuple[Array, Array, Array]:
-    """Largest load of any contact, the same over that at which it slips, and motor 1's, (S,) each.
-
-    Args: see `largest_load`.
-    """
+    """Largest load of any contact, largest ratio to the load at which it slips, largest torque of
+    motor 1, (S,) each; for the arguments see `largest_load`."""
     friction = [draws[name] for name in ("coulomb_friction_nm", "viscous_friction_nms_per_rad")]
     coulomb, viscous = (values[:, None, :] for values in friction)
     turning = rates[:, 2:].T[..., None]
@@ -162,7 +160,7 @@ def _loads(system: Manipulator, draws: Draws, q: Array, rates: Array) -> tuple[A
         torques = np.where(turning == 0, static_torque, torques - down * np.sign(turning))
     torques = np.broadcast_to(torques, (system.n - 1, len(q), draws.count))
     cosines = np.cos(q[:, 1:-1]).T[..., None]
-    driven = rates[:, :1] != 0  # what stands still does not slide sideways
+    driven = rates[:, :1] != 0  # a contact at rest does not slide sideways
     loads, _, most = chain_loads(
         cosines,
         gear_constants(system, draws),

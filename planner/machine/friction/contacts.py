@@ -1,20 +1,20 @@
 """A friction contact whose wheels are turned against each other, and the chain of such contacts.
 
-At a contact turned by θ the driving rim moves at V along its own direction. The driven rim can take
-V cosθ of it; V |sinθ| is left, and the rims slide on each other sideways. Friction opposes the
-whole sliding velocity. So a load X at the driven rim makes it slide along its own direction too,
-and sliding sideways drags on the driver. With C the largest torque μ N r₁ that friction transmits,
-ε the ratio of sideways to driving friction, and sinψ = X/C,
+At a contact turned by θ the driving rim moves at V along its own direction. The driven rim follows
+its component V cosθ; the component V |sinθ| remains, and the rims slide on each other sideways.
+Friction opposes the whole sliding velocity. So a load X at the driven rim makes it slide along its
+own direction too, and sideways sliding drags on the driver. With C the largest torque μ N r₁ that
+friction transmits, ε the ratio of sideways to driving friction, and sinψ = X/C,
 
     driven rim         V' = V cosθ − ε |V sinθ| tanψ
     driver's torque    X cosθ + ε C cosψ |sinθ|, against its motion
     gross slip         X ≥ C cosθ / √(cos²θ + ε² sin²θ): the driven rim stands still
 
-These are the forces of greatest dissipation with friction inside an ellipse of axes C and ε C
-(S. Goyal, A. Ruina, J. Papadopoulos, Wear 143, 1991, 307). ε = 1 is a plain disk; rollers have
-less. All torques are forces at the rims times r₁, the radius of disk B.
+Of all friction forces inside an ellipse of axes C and ε C these dissipate most (S. Goyal, A. Ruina,
+J. Papadopoulos, Wear 143, 1991, 307). A plain disk has ε = 1; rollers have less. All torques are
+forces at the rims times r₁, the radius of disk B.
 
-Along the chain (paper, Fig. 2) disk B of stage j drives disk A at P₁. That carries the next disk B,
+Along the chain (paper, Fig. 2) disk B of stage j drives disk A at P₁. Disk A turns the next disk B,
 φ̇ⱼ₊₁ = ρⱼ cosθⱼ φ̇ⱼ, and drives joint j+1 through P₂ and P₃, θ̇ⱼ₊₁ = κ cos³θⱼ φ̇ⱼ. By geometry κ = k₂
 and ρⱼ = kⱼ₊₂/kⱼ₊₁ = r₁/(λR). So with τ the torque of joint j+1, the loads at the driven rims are
 
@@ -22,8 +22,8 @@ and ρⱼ = kⱼ₊₂/kⱼ₊₁ = r₁/(λR). So with τ the torque of joint j
     X₂ = driver's torque at P₃
     X₁ = driver's torque at P₂ + ρ · driver's torque at P₁ of the next stage.
 
-Every contact also loses the fraction creep + creep_per_nm · |X| of its rate. One capacity stands
-for all contacts, since the paper prints no contact force.
+Every contact also loses the fraction creep + creep_per_nm · |X| of its rate. All contacts have the
+same capacity, since the paper gives no contact forces.
 """
 
 from __future__ import annotations
@@ -34,37 +34,37 @@ from planner.machine.machine import Draws
 from planner.support.arrays import Array
 
 UNBOUNDED_TORQUE_NM = 1e30
-"""A torque that nothing reaches, N m."""
+"""Stands for an unlimited torque, N m."""
 
 LEAST_COSINE = 1e-9
-"""A contact that is turned nearer to a right angle counts as turned so far."""
+"""Least |cosθ| of a contact; smaller values count as this one."""
 
 MOST_SHARE = 0.99
-"""Share of the capacity up to which tanψ follows a load that pushes on: one that needs all of it
-slides by itself, which takes masses to compute."""
+"""Largest |X|/C of a load that drives the contact. With more load the contact slides by itself,
+which only a model with inertia can compute."""
 
 LEAST_TORQUE_NM = 1e-30
 
 SLIP_SPEED_RAD_S = 1e-3
-"""Speed of motor 1 from which gross slip counts: below one motor rpm behind 1:100 a servo only
-settles."""
+"""Least speed of motor 1 at which gross slip counts. Slower motion (below one motor rpm with a
+1:100 gearhead) is the servo settling."""
 
 MOST_TRIES, RATE_TOLERANCE = 60, 1e-12
-"""Of Newton's method for the part of a rate that a contact passes on; most need five."""
+"""Limits of Newton's method for the fraction that a contact transmits; it mostly takes five."""
 
 
 MOST_CAPACITY_NM = 1e5
-"""From this capacity on a contact counts as one without: what stands for infinity lies above."""
+"""A contact of this capacity or more counts as unlimited; all values used for infinity are more."""
 
 
 def lateral_friction(draws: Draws) -> Array:
-    """ε of each machine, (1, S or 1); 0 where no capacity says how large friction is."""
+    """ε of each machine, (1, S or 1); 0 where the capacity is unlimited."""
     known = draws["friction_capacity_nm"] < MOST_CAPACITY_NM
     return np.asarray(np.where(known, draws["lateral_friction"], 0.0))
 
 
 def friction_capacity(draws: Draws) -> Array:
-    """C of each machine, (1, S or 1), N m; `UNBOUNDED_TORQUE_NM` where there is none."""
+    """C of each machine, (1, S or 1), N m; `UNBOUNDED_TORQUE_NM` where it is unlimited."""
     return np.minimum(draws["friction_capacity_nm"], UNBOUNDED_TORQUE_NM)
 
 
@@ -73,8 +73,8 @@ class Grip:
 
     Args:
         cosines: cosθ, any shape (…).
-        lateral: ε, likewise or a shape that fits.
-        capacity: C, likewise, N m.
+        lateral: ε, of a shape that broadcasts to it.
+        capacity: C, of a shape that broadcasts to it, N m.
 
     Attributes:
         cosine: |cosθ|, at least `LEAST_COSINE`.
@@ -93,23 +93,23 @@ class Grip:
         return np.maximum(np.minimum(load, self.most), -MOST_SHARE * self._capacity)
 
     def hold(self, load: Array) -> Array:
-        """C cosψ under a load that it carries, N m: what friction has left for sideways."""
+        """C cosψ under a load that it carries, N m: the friction left for sideways sliding."""
         left = np.sqrt(np.maximum(self._capacity * self._capacity - load * load, 0.0))
         return np.maximum(left, LEAST_TORQUE_NM)
 
     def driver_torque(self, load: Array) -> Array:
-        """What the driver feels under a load at the driven rim, N m."""
+        """Torque on the driver under a load at the driven rim, N m."""
         load = self.carried(load)
         return np.asarray(load * self.cosine + self.sideways * self.hold(load))
 
     def passed(self, load: Array) -> Array:
-        """V' / (V cosθ) under a load; 0 in gross slip."""
+        """V' / (V cosθ) under a load, the fraction transmitted; 0 in gross slip."""
         carried = self.carried(load)
         lost = self.sideways * carried / (self.cosine * self.hold(carried))
         return np.where(load < self.most, np.maximum(1.0 - lost, 0.0), 0.0)
 
     def slope(self, load: Array) -> Array:
-        """By how much that falls for each N m more; 0 beyond the loads that are carried."""
+        """−d passed / d load, 1/(N m); 0 beyond the loads that the contact carries."""
         carried = self.carried(load)
         slope = self.sideways * self._capacity**2 / (self.cosine * self.hold(carried) ** 3)
         return np.where(carried == load, slope, 0.0)
@@ -123,20 +123,20 @@ def chain_loads(
     capacity: Array,
     rising: Array | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Loads at the driven rims of all contacts, and what each passes on, from the joints back.
+    """Compute the loads of all contacts and the fractions they transmit, from the last stage back.
 
     Args:
-        cosines: Of θ₁ … θₙ₋₁, (n−1, …, S).
+        cosines: Cosines of θ₁ … θₙ₋₁, (n−1, …, S).
         k: Gear constants k₂ … kₙ of each machine, (n−1, S).
-        torques: Of joints 2 … n against their motion, (n−1, …, S), N m.
+        torques: Torques of joints 2 … n against their motion, (n−1, …, S), N m.
         lateral: ε, (1, S or 1).
-        capacity: C, likewise, N m.
-        rising: What comes on top at full speed, as through rigid shafts with viscous friction,
+        capacity: C, (1, S or 1), N m.
+        rising: Additional torques at full speed, such as viscous friction through rigid shafts,
             (n−1, …, S), N m. A contact then turns as fast as its load allows.
 
     Returns:
-        Of P₁, P₂ and P₃ of each stage, (3, n−1, …, S): loads, N m; parts of V cosθ that are passed
-        on; loads at which gross slip begins, N m.
+        For P₁, P₂ and P₃ of each stage, (3, n−1, …, S): loads at the driven rim, N m; fractions of
+        V cosθ that are transmitted; loads at which gross slip begins, N m.
     """
     loads, parts, most = (
         np.empty((3, *np.broadcast_shapes(torques.shape, cosines.shape))) for _ in range(3)
@@ -162,9 +162,10 @@ def chain_loads(
 
 
 def _share(grip: Grip, steady: Array, whole: Array) -> tuple[Array, Array]:
-    """Load and part of the rate where a part of the rate brings that part of `whole − steady`.
+    """Solve rate = passed(steady + rate · (whole − steady)); return load and rate (a fraction).
 
-    Newton's method within bounds. Each sample stops by itself, whatever the others need.
+    It is Newton's method within bounds. Each sample stops when it has converged, so its result does
+    not depend on the others.
     """
     full, rising = grip.passed(whole), whole - steady
     low, high = np.zeros_like(full), np.ones_like(full)
@@ -185,10 +186,10 @@ def _share(grip: Grip, steady: Array, whole: Array) -> tuple[Array, Array]:
 
 
 def contact_name(contact: int) -> str:
-    """What a user calls a contact, "P2 at joint 1", of its number 3 j + 0, 1, 2 for P₁, P₂, P₃ of
-    stage j, the first from motor 1 on."""
+    """Name of a contact for users, such as "P2 at joint 1". Its number is 3 j + 0, 1 or 2 for P₁,
+    P₂ or P₃ of stage j, counted from 0 at motor 1."""
     return f"P{contact % 3 + 1} at joint {contact // 3 + 1}"
 
 
 VARYING_EFFECTS = ("creep_per_nm", "friction_capacity_nm")
-"""Effects by which what a contact passes on changes along the motion."""
+"""Effects with which the fraction that a contact transmits varies along the motion."""

@@ -1,4 +1,4 @@
-"""What is proven of a plan, limit by limit: the words and numbers of `planner.certify`."""
+"""Results of `planner.certify`: what is proven of a plan, one claim per requirement."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ Status = Literal["proven", "undecided", "violated"]
 
 @dataclass(frozen=True)
 class Claim:
-    """One requirement, over all time.
+    """Result for one requirement, over all time.
 
     Attributes:
-        label: The requirement, as `verify` calls it ("input u2", "joint theta3").
+        label: The requirement, as in `verify` ("input u2", "joint theta3").
         status: "proven", "violated" (also by proof), or "undecided".
         guaranteed: Proven lower bound of the margin; −inf if there is none.
         attained: Proven upper bound of the least margin, reached at `time_s`; NaN if unknown.
-        time_s: Time of the least margin, as far as known, in seconds; None if there is none.
+        time_s: Time of the least margin, in seconds, if known; None if there is none.
         unit: Unit of the margin.
-        required: Whether the problem requires it; otherwise it is for information.
-        why: Why it is undecided; empty otherwise.
+        required: Whether the problem requires it; otherwise it is informative.
+        why: Reason why it is undecided; empty otherwise.
     """
 
     label: str
@@ -61,17 +61,17 @@ COLUMNS: list[Column[Claim]] = [
     Column("margin", "", lambda c: f"{c.guaranteed:.4g} {c.unit}".strip()),
     Column("least at", "s", lambda c: "" if c.time_s is None else f"{c.time_s:.4g}"),
 ]
-"""What a notebook shows of a claim."""
+"""The table of claims in a notebook."""
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """What is proven about a plan's true motion, over whole intervals instead of at samples.
+    """What is proven of a plan's true motion, on whole intervals and not only at samples.
 
     Attributes:
         claims: One per requirement.
         motion_error: Proven bound of |plan.q(t) − true motion| over all time, by coordinate name,
-            in the coordinates' units; infinite if there is none.
+            in the coordinates' units; infinite if no bound is proven.
         cells: Number of subintervals used in the proof.
         seconds: Computing time, in seconds.
     """
@@ -95,7 +95,7 @@ class Certificate:
 
     @property
     def only_sampled(self) -> tuple[str, ...]:
-        """Labels of what is required and undecided: of a verified plan, what rests on samples."""
+        """Labels of required claims that are undecided; for these a plan was only sampled."""
         return tuple(c.label for c in self.open if c.status == "undecided")
 
     def __getitem__(self, label: str) -> Claim:
@@ -108,7 +108,7 @@ class Certificate:
         return f"Certificate({self})"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: one row a claim."""
+        """Notebook view: one row per claim."""
         return html_table(COLUMNS, self.claims, str(self))
 
     def __str__(self) -> str:
@@ -123,7 +123,7 @@ class Certificate:
         return f"{counted}; only sampled: {shown_labels(self.only_sampled)} ({self.open[0].why})"
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form, null where nothing is known; `certificate_from_dict` reads it."""
+        """JSON-ready form; unknown numbers are null. `certificate_from_dict` reads it."""
         return {
             "ok": self.ok,
             "text": str(self),
@@ -144,17 +144,17 @@ class Certificate:
 
 
 MOST_LABELS = 3
-"""Labels that one line names; of more it says how many."""
+"""Maximum number of labels in one line; further ones are counted."""
 
 
 def shown_labels(labels: Sequence[str]) -> str:
-    """Some labels as one text."""
+    """Join labels into one text, and count those beyond `MOST_LABELS`."""
     more = len(labels) - MOST_LABELS
     return ", ".join(labels[:MOST_LABELS]) + (f" and {more} more" if more > 0 else "")
 
 
 def certificate_from_dict(data: Mapping[str, Any]) -> Certificate:
-    """Read back what `Certificate.to_dict` wrote."""
+    """Read the output of `Certificate.to_dict`."""
     errors = {n: np.inf if e is None else e for n, e in data["motion_error"].items()}
     claims = tuple(_claim_from_dict(c) for c in data["claims"])
     return Certificate(claims, errors, data["cells"], data["seconds"])
@@ -172,5 +172,5 @@ def _finite(value: float) -> float | None:
 
 
 def undecided_claim(label: str, unit: str, why: str, required: bool = True) -> Claim:
-    """A claim of which nothing is known."""
+    """Make a claim about which nothing is known."""
     return Claim(label, "undecided", -np.inf, np.nan, None, unit, required, why)

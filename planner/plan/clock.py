@@ -1,4 +1,4 @@
-"""What a plan's own clock reads while a machine runs its commands."""
+"""Map the machine's time to the plan's time while a machine runs a plan's commands."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from numpy.typing import ArrayLike
 from planner.support.arrays import Array
 
 RATE_TOLERANCE = 1e-6
-"""By how much the clock's rate may differ from 0 or 1: sums of ticks are rounded."""
+"""Tolerance of the clock's rate around 0 or 1, because sums of time steps are rounded."""
 
 
 @dataclass(frozen=True)
 class Clock:
     """A piecewise linear map from the machine's time to the plan's.
 
-    The plan's clock runs as the machine's does, or is held: while lost motion is taken up before
-    the plan starts and where its drive turns back, and after its end.
+    The plan's clock runs at the machine's rate or stands still. It stands still while backlash and
+    torsion are taken up, before the plan starts and where its drive reverses, and after its end.
 
     Attributes:
-        t: The machine's times where its rate changes, and both ends, shape (m,), s, from 0.
-        s: What it reads then, shape (m,), s.
+        t: The machine's times at which the rate changes, and both ends, shape (m,), s, from 0.
+        s: The plan's times at these, shape (m,), s.
     """
 
     t: tuple[float, ...]
@@ -37,11 +37,11 @@ class Clock:
 
     @classmethod
     def held(cls, seconds: float, holds: Iterable[tuple[float, float]]) -> Clock:
-        """The clock of a plan of so many seconds.
+        """The clock of a plan that is held at some of its times.
 
         Args:
-            seconds: Of the plan.
-            holds: What the clock reads while it is held, and for how long, s.
+            seconds: Duration of the plan, s.
+            holds: Pairs of plan time and length of the hold, s.
         """
         t, s = [0.0], [0.0]
 
@@ -63,7 +63,7 @@ class Clock:
 
     @property
     def flaw(self) -> str:
-        """Why this is no such map, in words; empty if it is one."""
+        """Why the map is not a valid clock; empty if it is."""
         if not (len(self.t) == len(self.s) >= 2 and self.t[0] == self.s[0] == 0):
             return "it must have times of the machine and of the plan, from 0"
         steps = np.diff(self.t)
@@ -75,13 +75,13 @@ class Clock:
         return ""
 
     def __call__(self, t: ArrayLike) -> Array:
-        """What it reads at the machine's times t (…), s; outside as at the ends."""
+        """The plan's times at the machine's times t (…), s; constant outside the ends."""
         return np.asarray(np.interp(np.asarray(t, dtype=float), self.t, self.s))
 
     def when(self, s: float) -> float:
-        """When it leaves what it reads, s, in the machine's time; at the plan's end, comes there.
+        """The machine's time at which the plan's clock leaves s; for the plan's end, reaches it.
 
-        The start of the plan is when the preparation is over.
+        For s = 0 this is the end of the preparatory motion.
         """
         last = self.s[-1]
         if s >= last:
@@ -91,22 +91,22 @@ class Clock:
 
     @property
     def seconds(self) -> float:
-        """What it reads in the end, s: the plan's duration."""
+        """The plan's duration, s: the clock's last value."""
         return self.s[-1]
 
     @property
     def lead_s(self) -> float:
-        """How long it is held before the plan starts, s."""
+        """Duration of the hold before the plan starts, s."""
         return self.when(0.0)
 
     @property
     def tail_s(self) -> float:
-        """How long it is held after the plan's end, s."""
+        """Duration of the hold after the plan's end, s."""
         return self.t[-1] - self.when(self.seconds)
 
     @property
     def holds(self) -> tuple[tuple[float, float], ...]:
-        """From when until when it is held on the way, in the machine's time, s."""
+        """Start and end of each hold during the plan, in the machine's time, s."""
         return tuple(
             (a, b)
             for (a, b), (before, after) in zip(pairwise(self.t), pairwise(self.s), strict=True)

@@ -1,4 +1,4 @@
-"""Parts of the pieces of a curve in time, and which curves are accepted."""
+"""Subdivision of a curve's pieces, and checks on curves."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from planner.support.calculus.bernstein import Bernstein, Pieces
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Parts of the pieces of a trajectory, as fractions of a piece that floats hold exactly.
+    """Parts of the pieces of a trajectory, as fractions that floats represent exactly.
 
     Attributes:
-        breaks: Times between the pieces, shape (K+1,), seconds.
-        piece: The piece each cell belongs to, shape (C,).
-        low: Where it begins, as a fraction of its piece, shape (C,).
-        size: Its width as a fraction of its piece, shape (C,).
+        breaks: Times of the breaks between the pieces, shape (K+1,), seconds.
+        piece: Index of the piece that each cell belongs to, shape (C,).
+        low: Start of the cell, as a fraction of its piece, shape (C,).
+        size: Width of the cell, as a fraction of its piece, shape (C,).
     """
 
     breaks: Array
@@ -31,13 +31,13 @@ class Cells:
 
     @classmethod
     def of(cls, breaks: Array) -> Cells:
-        """The pieces themselves, but for those that take no time."""
+        """One cell per piece; pieces of zero duration are left out."""
         piece = np.flatnonzero(np.diff(breaks) > 0)
         return cls(breaks, piece, np.zeros(len(piece)), np.ones(len(piece)))
 
     @classmethod
     def between(cls, breaks: Array, times: Array, finest: float) -> Cells:
-        """The pieces, divided at some times, to fractions that are multiples of `finest`."""
+        """The pieces, divided near given times, at fractions that are multiples of `finest`."""
         piece = np.clip(np.searchsorted(breaks, times, side="right") - 1, 0, len(breaks) - 2)
         share = np.round((times - breaks[piece]) / np.diff(breaks)[piece] / finest) * finest
         begins = np.array(
@@ -51,30 +51,30 @@ class Cells:
 
     @property
     def width(self) -> Array:
-        """Seconds, shape (C,), to a rounding."""
+        """Durations in seconds, shape (C,), rounded."""
         return np.asarray(np.diff(self.breaks)[self.piece] * self.size)
 
     def fractions(self, share: Array) -> Array:
-        """Shares (M,) of each cell as fractions of its piece, shape (M, C)."""
+        """Convert shares (M,) of each cell to fractions of its piece, shape (M, C)."""
         return np.asarray(self.low + self.size * share[:, None])
 
     def time(self, cell: Pieces, x: Array) -> Array:
-        """Seconds at x in [−1, 1] of cells."""
+        """Time in seconds at x in [−1, 1] of the cells with these indices."""
         begins = self.breaks[self.piece] + np.diff(self.breaks)[self.piece] * self.low
         return np.asarray(begins[cell] + self.width[cell] * (x + 1) / 2)
 
     def times(self, x: Array) -> Array:
-        """Seconds (C, M) at places x (M,) in [−1, 1] of each cell, or at one of each (C, 1)."""
+        """Times (C, M) in seconds at x in [−1, 1] of each cell; x of shape (M,), or (C, 1)."""
         return self.time(np.arange(len(self.piece))[:, None], x)
 
     def select(self, which: NDArray[Any]) -> Cells:
-        """Some of the cells, by index or mask."""
+        """Select cells by index or mask."""
         return Cells(self.breaks, self.piece[which], self.low[which], self.size[which])
 
     def split(self, parts: NDArray[np.int_] | int = 4) -> tuple[Cells, Pieces]:
-        """Each in so many equal parts (a power of two), and which cell each came from.
+        """Split each cell into equal parts (a power of two); also return each part's old cell.
 
-        Near a singularity parting in four takes half as many steps as halving.
+        Near a singularity, splitting in four needs half as many rounds as halving.
         """
         origin = np.repeat(np.arange(len(self.piece)), parts)
         first = np.searchsorted(origin, origin)
@@ -83,28 +83,28 @@ class Cells:
         return Cells(self.breaks, self.piece[origin], low, size), origin
 
     def halves(self) -> Cells:
-        """The left halves of all, then the right halves."""
+        """The left halves of all cells, then their right halves."""
         size = self.size / 2
         low = np.append(self.low, self.low + size)
         return Cells(self.breaks, np.tile(self.piece, 2), low, np.tile(size, 2))
 
 
 def join_cells(parts: Sequence[Cells]) -> Cells:
-    """Several groups of cells as one."""
+    """Concatenate groups of cells."""
     columns = [np.concatenate([getattr(p, n) for p in parts]) for n in ("piece", "low", "size")]
     return Cells(parts[0].breaks, *columns)
 
 
 MOST_DEGREE = 50
-"""Of a curve. A law through twenty points has 35 with eight joints; the judge reads each polynomial
-at more points than its degree, and the binomials stay exact."""
+"""Maximum degree of a curve. A law through twenty points has degree 35 with eight joints. The judge
+evaluates each polynomial at more points than its degree, and the binomials stay exact."""
 
 
 def expect_curve(name: str, curve: Bernstein, values: tuple[int, ...]) -> Bernstein:
-    """A curve over [0, duration], or one of SciPy's `BPoly`, as our own.
+    """Check a curve over [0, duration]; convert SciPy's `BPoly` to `Bernstein`.
 
     Raises:
-        ValueError: If its breaks do not increase from 0, its values have another shape, or its
+        ValueError: If its breaks do not increase from 0, its values have the wrong shape, or its
             degree is too high.
     """
     breaks, shape = np.asarray(curve.x), curve.c.shape[2:]
@@ -118,6 +118,6 @@ def expect_curve(name: str, curve: Bernstein, values: tuple[int, ...]) -> Bernst
 
 
 def nonfinite_part(**parts: Array) -> str:
-    """Which of some arrays holds what is no finite number, in words; empty if none does."""
+    """Name the arrays that contain NaN or infinity, in words; empty if none does."""
     bad = [name for name, part in parts.items() if not np.all(np.isfinite(part))]
     return f"{' and '.join(bad)} hold numbers that are not finite" if bad else ""

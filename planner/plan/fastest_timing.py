@@ -1,12 +1,12 @@
-"""The fastest clock along a path under limits on inputs and their rates: a convex programme.
+"""The fastest timing of a path under limits on inputs and their rates: a convex program.
 
-With s the length of `arc_length`, w(s) the inputs per unit of ds/dt and b = (ds/dt)² (so that
-b' = 2 d²s/dt²), inputs and rates are |wᵢ| √b and |wᵢ' b + wᵢ b'/2|: linear in b. The time ∫ ds/√b
-is convex in b. So with b linear between nodes the programme has one optimum, which IPOPT finds to
-its tolerance (Verscheure et al., IEEE Trans. Automatic Control 54(10), 2009, for robot arms).
+Let s be the length of `arc_length`, w(s) the inputs per unit of ds/dt, and b = (ds/dt)², so that
+b' = 2 d²s/dt². Inputs and rates are |wᵢ| √b and |wᵢ' b + wᵢ b'/2|; the rates are linear in b, and
+the time ∫ ds/√b is convex in b. So with b linear between nodes the program has one optimum, which
+IPOPT finds (Verscheure et al., IEEE Trans. Automatic Control 54(10), 2009, for robot arms).
 
-toppra poses the same problem, but has wheels for Linux on x86-64 only (0.6.10) and needs a compiler
-elsewhere; CasADi with IPOPT is a dependency anyway.
+toppra solves the same problem, but it has wheels only for Linux on x86-64 (0.6.10) and needs a
+compiler elsewhere; CasADi with IPOPT is a dependency anyway.
 """
 
 from __future__ import annotations
@@ -32,31 +32,31 @@ from planner.support.calculus.bernstein import Bernstein
 from planner.support.calculus.chebyshev import DEGREE, Grid
 
 _RATE_POINTS = [0, DEGREE // 2, DEGREE]
-"""Points of each interval at which the programme holds the rates."""
+"""Indices of the points in each interval at which the program limits the rates."""
 
 _MOST_ROUNDS = 5
 _LIMIT_TOLERANCE = 1e-5
-"""How far inputs and rates may pass their limits between the points before that; what is left is
-taken away by slowing the whole motion."""
+"""Relative excess of inputs and rates between these points that ends the rounds. The whole motion
+is then slowed to remove it."""
 
 _CORNER_TOLERANCE = JUMP_TOLERANCE / 2
-"""Change of direction at a node, in units of the limits, from which it is a corner: the motion goes
-through a lesser one, and its inputs must not jump there."""
+"""Change of direction at a node, in units of the limits, from which it counts as a corner. Below it
+the motion does not stop, and its inputs must not jump there."""
 
 _STRAIGHT_TOLERANCE = 1e-6
-"""Change of direction over a whole path, in units of the limits, below which it is rounding."""
+"""Change of direction over a whole path, in units of the limits, that counts as rounding."""
 
 
 @dataclass(frozen=True)
 class PathIntervals:
-    """A path cut into intervals of length.
+    """A path, divided into intervals of its length.
 
     Attributes:
-        nodes: Lengths, shape (M+1,).
-        stations: The path's own times there, shape (M+1,).
-        stops: Where the motion must stand still, shape (M+1,): corners, and the ends if at rest.
+        nodes: Lengths at the nodes, shape (M+1,).
+        stations: The path's own times at the nodes, shape (M+1,).
+        stops: Whether the motion must stop there, shape (M+1,): corners, and the ends if at rest.
         w: Inputs per unit of ds/dt at each interval's Chebyshev points, shape (M, D, 2).
-        dw: dw/ds there.
+        dw: dw/ds at the same points.
     """
 
     nodes: Array
@@ -69,7 +69,7 @@ class PathIntervals:
 def cut_path(
     path: Trajectory, length: Bernstein, scale: Array, intervals: int, rest: bool
 ) -> PathIntervals:
-    """Cut a path into about `intervals` intervals, finer where its direction turns."""
+    """Divide a path into about `intervals` intervals, finer where its direction changes."""
     edges = np.append(length.c[0], length.c[-1, -1])
     rough = _directions(path, length, Grid(edges))
     turning = np.sum(np.linalg.norm(np.diff(rough / scale, axis=1), axis=-1), axis=1)
@@ -81,21 +81,21 @@ def cut_path(
     nodes = np.concatenate([*cuts, edges[-1:]])
     grid = Grid(nodes)
     w = _directions(path, length, grid)
-    # Inside a piece of the length the path is smooth, however fast it turns.
+    # Inside a piece of the length the path is smooth, even where its direction changes fast.
     stops = _stop_nodes(w / scale, rest) & np.isin(nodes, edges)
     return PathIntervals(nodes, _stations(length, nodes), stops, w, grid.derivative(w))
 
 
 def _stop_nodes(w: Array, rest: bool) -> NDArray[np.bool_]:
-    """Where a motion with directions w (M, D, 2) must stand still, shape (M+1,)."""
+    """Whether a motion with directions w (M, D, 2) must stop at each node, shape (M+1,)."""
     jump = np.linalg.norm(w[1:, 0] - w[:-1, -1], axis=-1) > _CORNER_TOLERANCE
     return np.concatenate([[rest], jump, [rest]])
 
 
 def _graded_grid(count: int, first: bool, last: bool) -> Array:
-    """Points of the unit interval, shape (count+1,), denser towards ends where the motion stops.
+    """Points on [0, 1], shape (count+1,), denser near ends where the motion stops.
 
-    There the length grows with the square of time.
+    Near a stop the length grows with the square of time.
     """
     x = np.linspace(0.0, 1.0, count + 1)
     if first and last:
@@ -106,15 +106,15 @@ def _graded_grid(count: int, first: bool, last: bool) -> Array:
 
 
 def fastest_clock(stretch: PathIntervals, top: Array, rate: Array) -> Bernstein:
-    """The clock s(t), piecewise quadratic.
+    """Compute the fastest clock s(t), piecewise quadratic.
 
-    Limits are held at three points of each interval; where one is exceeded between, it is tightened
-    there and the programme solved again.
+    The program limits the rates at three points of each interval. If a limit is exceeded between
+    them, it is tightened in that interval and the program is solved again.
 
     Args:
         stretch: The path.
-        top: Largest |u|, shape (2,), infinite where there is none.
-        rate: Largest |du/dt|, shape (2,), the same.
+        top: Limits on |u|, shape (2,); infinite without a limit.
+        rate: Limits on |du/dt|, shape (2,); infinite without a limit.
 
     Raises:
         NotConvergedError: If the solver stops without a solution.
@@ -133,7 +133,7 @@ def fastest_clock(stretch: PathIntervals, top: Array, rate: Array) -> Bernstein:
 
 
 def _directions(path: Trajectory, length: Bernstein, grid: Grid) -> Array:
-    """w at the grid's points, each piece's ends a little inside it."""
+    """w at the grid's points; the ends of each piece are evaluated slightly inside it."""
     left, right = grid.breaks[:-1, None], grid.breaks[1:, None]
     nudge = 1e-7 * (right - left)
     s = np.clip(grid.times, left + nudge, right - nudge)
@@ -144,7 +144,7 @@ def _directions(path: Trajectory, length: Bernstein, grid: Grid) -> Array:
 
 
 def _stations(length: Bernstein, nodes: Array) -> Array:
-    """Own times at the nodes, exact at the pieces' edges."""
+    """The path's own times at the nodes; exact at the edges of pieces."""
     edges = np.append(length.c[0], length.c[-1, -1])
     k = np.minimum(np.searchsorted(edges, nodes, side="right") - 1, len(edges) - 2)
     sigma = Inverse(length)(nodes, length.x[k], length.x[k + 1])
@@ -164,7 +164,7 @@ def _interpolate(b: Array) -> Array:
 
 
 def _ceiling(stretch: PathIntervals, top: Array) -> Array:
-    """Largest b that keeps the inputs at the nodes, from both sides; top of shape (M, 2)."""
+    """Largest b at each node that respects the input limits (M, 2) of both adjacent intervals."""
     with np.errstate(divide="ignore"):
         left = np.min((top / np.abs(stretch.w[:, 0])) ** 2, axis=-1)
         right = np.min((top / np.abs(stretch.w[:, -1])) ** 2, axis=-1)
@@ -172,7 +172,7 @@ def _ceiling(stretch: PathIntervals, top: Array) -> Array:
 
 
 def _solve(stretch: PathIntervals, top: Array, rate: Array) -> Array:
-    """b at the nodes, with limits (M, 2) of each interval."""
+    """Solve for b at the nodes, with limits (M, 2) for each interval."""
     ceiling = _ceiling(stretch, top)
     free = np.flatnonzero(~stretch.stops)
     spread = ca.DM.zeros(len(stretch.nodes), len(free))
@@ -238,24 +238,24 @@ def fastest_motion(
     rest: bool = False,
     intervals: int = 200,
 ) -> tuple[RetimedTrajectory, dict[str, Any]]:
-    """The fastest timing of a path within limits of inputs and of their rates, not verified yet.
+    """Compute the fastest timing of a path within limits on inputs and their rates, not verified.
 
     Args:
-        path: A trajectory with inputs at all times. Of a retimed one its own path is timed anew.
-        limits: Of inputs and of their rates; one of them for each input that moves.
-        requirements: The whole is slowed for what it breaks of these: by little for limits of
-            inputs and rates, which the clock knows; for others as much as they need.
+        path: A trajectory with inputs at all times. For a retimed one, its original path is used.
+        limits: Limits on inputs and their rates; each moving input must have at least one.
+        requirements: The whole motion is slowed until it meets these: slightly for limits on
+            inputs and rates, which the clock respects already; as needed for others.
         moving: Which inputs move, shape (2,).
         rest: Whether inputs are zero at both ends; needs rate limits.
-        intervals: Intervals of the programme, where rates are limited.
+        intervals: Number of intervals of the program, if rates are limited.
 
     Returns:
-        The motion, and what to note of it; `slowed_for_other_limits` is the factor where limits
-        of other kinds slow the whole, so that it is not the fastest timing under those.
+        The motion and notes on it. The note `slowed_for_other_limits` is the factor by which other
+        limits slowed the motion; it is then not the fastest timing under those limits.
 
     Raises:
-        NotConvergedError: If the programme is not solved, or an input would jump where something
-            other than `limits` is asked of its rate.
+        NotConvergedError: If the program is not solved, or an input would jump although a
+            requirement other than `limits` limits its rate.
     """
     while isinstance(path, RetimedTrajectory):
         path = path.path
@@ -276,8 +276,8 @@ def fastest_motion(
 
 
 CLOCK_SLOWING = 1.01
-"""What the clock knows is passed by less than this; where the whole is slowed by more, some other
-limit asks for it, and the timing is not the fastest of the path."""
+"""The clock exceeds its own limits by a smaller factor. A larger factor comes from another limit,
+and the timing is then not the fastest of the path."""
 
 
 def _time_by_input_limits(path: Trajectory, limits: Limits, moving: InputMask) -> RetimedTrajectory:

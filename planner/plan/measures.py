@@ -1,9 +1,9 @@
-"""Figures of a trajectory that every method is compared by: effort, peak inputs, turns.
+"""Quantities by which methods are compared: effort, peak inputs, turns, margins of the chart.
 
-Where a trajectory lies in the chart's domain: margins, exits and crossings over all time.
+`domain_report` finds where a trajectory lies in the chart's domain: margins, exits and crossings.
 
-The paper tests z₂ < 0 only. The inverse exists exactly where every cos²θᵢ that the inverse asks for
-lies in (0, 1]; it is smooth where every one lies in (0, 1). `domain_report` tests all of them.
+The paper tests z₂ < 0 only. The inverse exists exactly where every cos²θᵢ that it needs lies in
+(0, 1], and is smooth where every one lies in (0, 1). `domain_report` tests all of them.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ _GAUSS = np.polynomial.legendre.leggauss(4)
 
 
 def effort(trajectory: Trajectory) -> float:
-    """∫ u₁² + u₂² dt, by Gauss quadrature between samples that crowd towards the ends of pieces."""
+    """∫ u₁² + u₂² dt, by Gauss quadrature between samples that are denser near ends of pieces."""
     times, weights = _quadrature(trajectory)
     return float(np.sum(weights[..., None] * trajectory.u(times) ** 2))
 
 
 def effort_unit(system: TriangularSystem) -> str:
-    """Unit of ∫ u₁² + u₂² dt: that of an input's square times seconds, or both where they differ.
+    """Unit of ∫ u₁² + u₂² dt: squared input times seconds; a sum if the inputs' units differ.
 
     >>> from planner.systems.manipulator import Manipulator
     >>> effort_unit(Manipulator([1.0]))
@@ -45,7 +45,7 @@ def effort_unit(system: TriangularSystem) -> str:
 
 
 def excess_share(trajectory: Trajectory, limit: Array) -> Array:
-    """Part of each input's travel ∫|u| dt that lies above a limit (2,) of |u|, 0 ... 1, (2,)."""
+    """Share of each input's travel ∫|u| dt that lies above a limit (2,) on |u|, 0 … 1, (2,)."""
     times, weights = _quadrature(trajectory)
     speed = np.abs(trajectory.u(times))
     above = np.maximum(speed - limit, 0.0)
@@ -54,7 +54,7 @@ def excess_share(trajectory: Trajectory, limit: Array) -> Array:
 
 
 def _quadrature(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Times and weights of Gauss quadrature between samples that crowd at the ends of pieces."""
+    """Times and weights of Gauss quadrature between samples that are denser near ends of pieces."""
     edges = np.unique(np.concatenate([sample_times(trajectory.breaks, 1000), trajectory.breaks]))
     nodes, weights = _GAUSS
     half = np.diff(edges)[:, None] / 2
@@ -62,11 +62,12 @@ def _quadrature(trajectory: Trajectory) -> tuple[Array, Array]:
 
 
 def objective_of(trajectory: Trajectory, name: str) -> float | None:
-    """What an objective is for a motion, where its name says so: a sum of duration and efforts.
+    """Compute an objective for a motion from the objective's name; None if the name is unknown.
 
     Args:
         trajectory: The motion.
-        name: As in `Plan.objective_name`; its weights are written with four digits or more.
+        name: As in `Plan.objective_name`: a sum of duration and efforts, with weights of four or
+            more digits.
     """
     kind, _, words = name.removesuffix(" (not minimised by this method)").partition(": ")
     if kind == "time" and words.startswith("the least") and words.endswith(", in seconds"):
@@ -88,7 +89,7 @@ def objective_of(trajectory: Trajectory, name: str) -> float | None:
 
 
 def _chart_objective(trajectory: Trajectory, kind: str) -> float | None:
-    """The objective of a convex plan: of its path before it was timed anew, with v₁ constant."""
+    """A convex plan's objective: that of its path before retiming, with v₁ constant."""
     path = trajectory
     while isinstance(path, RetimedTrajectory):
         path = path.path
@@ -97,7 +98,7 @@ def _chart_objective(trajectory: Trajectory, kind: str) -> float | None:
     if kind == "smoothness":
         times, weights = _quadrature(path)
         v1, v2 = np.moveaxis(path.v(times), -1, 0)
-        with np.errstate(all="ignore"):  # the path of a changed file may be anything
+        with np.errstate(all="ignore"):  # an edited file may contain any path
             return float(np.sum(weights * v2**2 / np.abs(v1))) / 2
     highest = float(np.max(np.abs(path.v_curve.c[..., 1])))  # v₂ is linear on each piece at most
     return highest * path.duration / trajectory.duration
@@ -110,18 +111,18 @@ def peak_inputs(trajectory: Trajectory) -> Array:
 
 
 def peak_rates(trajectory: Trajectory) -> Array:
-    """Largest |du₁/dt| and |du₂/dt|, shape (2,); infinite where an input jumps on the way."""
+    """Largest |du₁/dt| and |du₂/dt|, shape (2,); infinite where an input jumps."""
     reading = read_trajectory(trajectory)
     peaks = largest(reading.cells, slopes(reading.cells, reading.u))
     return np.where(jumps(reading.u), np.inf, peaks)
 
 
 LEAST_TURN = 0.02
-"""A turn of the path coordinate counts from this part of its range: the least that shows."""
+"""Reversals of the path coordinate below this share of its range do not count as turns."""
 
 
 def turns(trajectory: Trajectory) -> Array:
-    """Times at which the path coordinate turns back by over `LEAST_TURN` of its range, (m,), s."""
+    """Times (m,), s, at which the path coordinate reverses by over `LEAST_TURN` of its range."""
     t = np.linspace(0.0, trajectory.duration, 2001)
     way = trajectory.q(t)[:, 0]
     least, out, heading, far = LEAST_TURN * float(np.ptp(way)), [], 0.0, 0
@@ -136,7 +137,8 @@ def turns(trajectory: Trajectory) -> Array:
 
 
 def slowing_factor(requirements: Sequence[Requirement], trajectory: Trajectory) -> float:
-    """How many times slower a motion must be to keep what a slower one keeps; NaN if undefined.
+    """Factor by which to slow a motion so that it meets the requirements on speed; NaN if
+    undefined.
 
     A driftless path does not depend on its timing, so inputs scale with 1/T and rates with 1/T².
     """
@@ -170,7 +172,7 @@ class DomainReport:
         ok: Whether the trajectory stays strictly inside the chart's domain at all times.
         margin: Least margin (cos²θ or 1 − cos²θ, dimensionless); negative outside the domain.
         time_s: Time of the least margin, in seconds.
-        label: Which margin that is.
+        label: Name of that margin.
         exits_s: Times at which the trajectory leaves or re-enters the domain, in seconds.
         z2_crossings_s: Times at which z₂ = 0, in seconds.
         z2_max: Greatest z₂ over all time.
@@ -196,22 +198,22 @@ class DomainReport:
     @property
     def singular_times_s(self) -> tuple[float, ...]:
         """All times at which the chart is singular or left, increasing; none when `ok`."""
-        if self.ok:  # z2 = 0 is singular for the paper's arm of three joints, not for every system
+        if self.ok:  # z2 = 0 is singular for the paper's three-joint arm, not for every system
             return ()
         times = sorted((*self.exits_s, *self.z2_crossings_s))
         return tuple(t for k, t in enumerate(times) if k == 0 or t - times[k - 1] > 1e-9)
 
 
 def worst_margin(margins: Array) -> Array:
-    """Least margin over the last axis; undefined (NaN) ones follow from others and are skipped."""
+    """Least margin over the last axis, ignoring NaN (an undefined margin follows from others)."""
     return np.asarray(np.min(np.where(np.isnan(margins), np.inf, margins), axis=-1))
 
 
 def domain_report(trajectory: Trajectory) -> DomainReport:
-    """Examine a trajectory over all time.
+    """Find margins, exits and crossings of a trajectory over all time.
 
-    Inside the domain margins and z₂ are series, whose extremes are exact. A path that leaves it has
-    no coordinates there: polynomial roots for z₂, and root-finding on the margins.
+    Inside the domain margins and z₂ are series with exact extremes. A path that leaves it has no
+    coordinates outside; there z₂ uses its polynomial, and root-finding runs on the margins.
     """
     if isinstance(trajectory, RetimedTrajectory):
         path = domain_report(trajectory.path)
@@ -223,7 +225,7 @@ def domain_report(trajectory: Trajectory) -> DomainReport:
 
 
 def _report_inside(trajectory: Trajectory) -> DomainReport | None:
-    """The report of a path that stays strictly inside; None for another."""
+    """The report of a path that stays strictly inside the domain; None for other paths."""
     system, form = trajectory.system, chained_form(trajectory.system)
     with np.errstate(all="ignore"):
         branch = system.branch(trajectory.q(0.0))

@@ -1,4 +1,4 @@
-"""The plan: the result of every method."""
+"""`Plan`, the result of every method."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ COPIED = (
     "verified",
     "notes",
 )
-"""What a plan's file has as the plan itself has it."""
+"""Attributes of a plan that its file stores under the same names."""
 
 COMPENSATED = "compensated"
-"""After the name of a method: its plan compensated for the machine."""
+"""Suffix of the method's name for a plan compensated for the machine."""
 
 ROUNDING = 1e-9
-"""Part of the duration (of a second, if that is more) by which a time may lie outside a plan: sums
-of thousands of steps are off by less."""
+"""Tolerance for times outside a plan, relative to the duration, or to 1 s if that is longer: sums
+of thousands of steps have smaller errors."""
 
 
 @made_by("planner.solve(problem, method) or planner.load_plan(path)")
@@ -66,31 +66,31 @@ class Plan:
 
     `t`, `q(t)`, `u(t)`, `z(t)` and `v(t)` use the method's own interpolant; see `Trajectory`.
 
-    Before 0 and after `duration` the plan is at rest: coordinates are those of its ends, inputs are
-    zero. Evaluating it there gives a RuntimeWarning; its `trajectory` gives none.
+    Before 0 and after `duration` the plan is at rest: the coordinates are those of its ends and the
+    inputs are zero. Evaluating it there gives a RuntimeWarning; its `trajectory` gives none.
 
-    Two plans are equal if they have the same motion, problem, method, options and verdict.
-    Computing times do not count.
+    Two plans are equal if they have the same motion, problem, method, options and verdict;
+    computing times do not count.
 
     Attributes:
         problem: The problem it solves.
-        method: Name of the method that made it.
+        method: Name of the method.
         options: The method's options, as used.
         trajectory: The curve itself.
-        status: "solved", or why it is not a valid plan ("singular", "not_converged", …).
+        status: "solved", or the reason why the plan is not valid ("singular", "not_converged", …).
         objective: Value of the method's objective.
         objective_name: Name of the objective ("effort: integral of u1^2 + u2^2 dt").
         solve_time_s: Seconds the method spent solving.
-        build_time_s: Seconds it spent on building the optimisation problem (zero if reused).
+        build_time_s: Seconds it spent building the optimisation problem (zero if reused).
         iterations: Iterations of its solver; 0 for closed-form methods.
         verified: Whether the independent verification passed (set by `solve`).
         notes: Further facts from the method, JSON-ready (the first guess used, constraint points,
             …).
-        certificate: What is proven about it between the nodes (set by `solve`; see `certify`).
-        why: If a plan was read from a file that calls it verified and is not: what it breaks, in
-            one line. Otherwise empty.
+        certificate: What is proven of the plan between the nodes (set by `solve`; see `certify`).
+        why: The requirement that the plan violates, in one line, if its file wrongly calls it
+            verified; otherwise empty.
         compensation: For a compensated plan, its original plan and machine (set by `compensate`);
-            else None.
+            otherwise None.
     """
 
     problem: Problem
@@ -133,7 +133,7 @@ class Plan:
         return f"Plan({name}: travel {moved} in {self.duration:.4g} s, {state})"
 
     def __str__(self) -> str:
-        """What one wants to know of it, in four lines."""
+        """A summary in four lines: method, effort, peaks and problem."""
         lines = [repr(self)]
         if self.executable:
             peaks = peak_inputs(self.trajectory)
@@ -150,12 +150,12 @@ class Plan:
 
     @property
     def label(self) -> str:
-        """The method and whether the plan is compensated, as rows of a comparison are called."""
+        """Name of the plan in comparisons: the method, and whether it is compensated."""
         return self.method if self.compensation is None else f"{self.method} {COMPENSATED}"
 
     @property
     def clock(self) -> Clock:
-        """What the original plan's clock reads while a compensated plan runs; else its own time."""
+        """The original plan's clock while a compensated plan runs; for others, their own time."""
         if self.compensation is None:
             return Clock.running(self.duration)
         return self.compensation.clock
@@ -172,14 +172,14 @@ class Plan:
 
     @property
     def running_s(self) -> float:
-        """How long the plan's clock runs, s: the duration, of a compensated plan without holds."""
+        """Total time in which the plan's clock runs, s: the duration less all holds."""
         return self.clock.seconds + self.duration - self.clock.t[-1]
 
     def wanted(self, t: ArrayLike) -> Array:
-        """Desired coordinates (…, N) at times t (…), against which errors are measured.
+        """Reference coordinates (…, N) at times t (…), against which errors are measured.
 
-        Those of the plan itself. For a compensated plan, those of the original plan when `clock`
-        reads so much, and NaN during the preparatory motion.
+        The plan's own coordinates. For a compensated plan, those of the original plan at its
+        `clock`, and NaN during the preparatory motion.
         """
         if self.compensates is None:
             return self.trajectory.q(t)
@@ -188,7 +188,7 @@ class Plan:
 
     @property
     def t(self) -> Array:
-        """Times between which the motion is smooth, shape (K+1,), seconds."""
+        """Break times between which the motion is smooth, shape (K+1,), seconds."""
         return self.trajectory.breaks
 
     @property
@@ -203,7 +203,7 @@ class Plan:
 
     @cached_property
     def domain(self) -> DomainReport:
-        """Position relative to the chart's domain over all time."""
+        """Margins and exits of the chart's domain over all time."""
         return domain_report(self.trajectory)
 
     @property
@@ -216,11 +216,11 @@ class Plan:
         return self.trajectory.q(self._times(t))
 
     def user(self, t: ArrayLike) -> Array:
-        """The system's user coordinates, shape (…, N), at times t (…); `q` if it has no others."""
+        """The system's user coordinates, shape (…, N), at times t (…); else `q`."""
         return self.problem.system.user(self.trajectory.q(self._times(t)))
 
     def u(self, t: ArrayLike) -> Array:
-        """Inputs, shape (…, 2), at times t (…); outside as `q`."""
+        """Inputs, shape (…, 2), at times t (…); outside [0, duration] as `q`."""
         return self.trajectory.u(self._times(t))
 
     def theta(self, t: ArrayLike) -> Array:
@@ -247,7 +247,7 @@ class Plan:
         return self.trajectory.v(self._times(t))
 
     def _times(self, t: ArrayLike) -> Array:
-        """The times, those outside by rounding alone at its ends; with a warning of others."""
+        """Convert times; clip those outside only by rounding, and warn about others."""
         times, slack = np.asarray(t, dtype=float), ROUNDING * max(1.0, self.duration)
         outside = (times < -slack) | (times > self.duration + slack)
         if np.any(outside):
@@ -261,7 +261,7 @@ class Plan:
         return np.where(outside, times, times.clip(0.0, self.duration))
 
     def save(self, path: str | Path) -> Path:
-        """Write the plan as versioned JSON; `load_plan` gives it back exactly.
+        """Write the plan as versioned JSON; `load_plan` reads it back exactly.
 
         Raises:
             InputError: If the file cannot be written; no partial file is left.
@@ -307,12 +307,12 @@ class Plan:
 
 @dataclass(frozen=True)
 class Compensation:
-    """What a compensated plan was made from.
+    """The original plan and machine of a compensated plan.
 
     Attributes:
-        plan: The plan as the kinematics say.
-        machine: The `[machine]` table of the machine that is allowed for, complete.
-        clock: What that plan's clock reads while the commands run.
+        plan: The original plan, which follows the kinematics.
+        machine: The complete `[machine]` table of the machine that the commands allow for.
+        clock: The original plan's clock while the commands run.
     """
 
     plan: Plan
@@ -321,16 +321,16 @@ class Compensation:
 
 
 def mark_cut_short(plan: Plan, span: Span, how: str) -> Plan:
-    """The plan, which says that time was up, or who ended the work on it, and what it lacks."""
+    """Return the plan with a status that says why the work on it ended early, and a note on it."""
     status = "interrupted" if span.ended_by else TimeLimitError.status
     return replace(plan, status=status, notes={**plan.notes, "ended_early": f"{span.why} {how}"})
 
 
 def expect_plan(value: object) -> None:
-    """Refuse what is no plan, such as the name of its file.
+    """Refuse anything but a plan, such as the name of its file.
 
     Raises:
-        InputError: If it is none; the message says how to get one.
+        InputError: If it is not a plan; the message says how to get one.
     """
     how = "planner.solve(problem, method) makes one and planner.load_plan(path) reads one"
     if callable(getattr(value, "plan", None)):  # a recorded run
@@ -339,10 +339,10 @@ def expect_plan(value: object) -> None:
 
 
 def refuse_inexecutable(plan: Plan) -> None:
-    """Refuse a plan that has no real inputs.
+    """Refuse a plan that leaves the chart's domain and so has no real inputs.
 
     Raises:
-        InputError: Naming when and where it leaves the chart's domain; or if it is no plan.
+        InputError: With the time and margin of the exit; or if it is not a plan.
     """
     expect_plan(plan)
     if plan.executable:
@@ -356,10 +356,10 @@ def refuse_inexecutable(plan: Plan) -> None:
 
 
 def refuse_compensated(plan: Plan, what: str) -> None:
-    """Refuse a compensated plan, whose inputs are those of a machine and not of the kinematics.
+    """Refuse a compensated plan, whose inputs follow a machine instead of the kinematics.
 
     Raises:
-        InputError: If it is one, or no plan; the message names what does not take it.
+        InputError: If the plan is compensated, or is not a plan; names the caller in `what`.
     """
     expect_plan(plan)
     if plan.compensation is not None:

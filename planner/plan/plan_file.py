@@ -1,4 +1,4 @@
-"""The file of a plan (JSON): its tables, and how it is read back. `Plan.save` writes it."""
+"""The file of a plan (JSON): its tables and how to read it. `Plan.save` writes it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from planner.support.user_tables import Table, parse
 
 
 def read_plan(path: str | Path) -> Plan:
-    """What a file of `Plan.save` says, believed as it stands; `planner.load_plan` judges it.
+    """Read a file of `Plan.save` without checking the plan; `planner.load_plan` verifies it.
 
     Raises:
         InputError: If the file is missing, is not a plan, or has a newer version.
@@ -53,7 +53,7 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
 
 
 def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Clock:
-    """As the file says; files of earlier versions say only how long it is held at both ends."""
+    """Read the clock; older files only have the lengths of the holds at both ends."""
     seconds = original.duration
     if said := made_from.get("clock"):
         clock = Clock(tuple(said["t"]), tuple(said["s"]))
@@ -71,7 +71,7 @@ def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Cl
 
 
 def _read_back(value: Any) -> Any:
-    """A number that is not defined is null in the file; nothing else is. Texts are for show."""
+    """Convert null back to NaN; clean texts, since they are displayed."""
     if isinstance(value, str):
         return line(value)
     return float("nan") if value is None else value
@@ -88,23 +88,23 @@ def _read(path: str | Path) -> dict[str, Any]:
 
 
 Number = float | None
-"""A number; null where it is not defined."""
+"""A number; null if undefined."""
 
 Finite = Annotated[float, Field(ge=-MOST_NUMBER, le=MOST_NUMBER)]
-"""What a plan is computed from: no larger than a problem's numbers, or it overflows on the way."""
+"""A number that the plan is computed from; bounded like a problem's numbers, against overflow."""
 
 Amount = Annotated[float, Field(ge=0, le=MOST_NUMBER)]
 
 
 MOST_COEFFICIENTS = 100_000
-"""Of a curve, each of one component or more: the judge takes some 5 kB for each. A compensated
-plan of 500 s has as many."""
+"""Maximum per curve, each for one or more components; the judge needs some 5 kB for each. A
+compensated plan of 500 s has this many."""
 
 
 class CurveTable(Table):
     """A piecewise polynomial in the Bernstein basis.
 
-    On [breaks[k], breaks[k+1]], with x from 0 to 1 in it, component i is the sum over a of
+    On [breaks[k], breaks[k+1]], with x from 0 to 1 over the piece, component i is the sum over a of
     bernstein[a][k][i] C(d, a) x^a (1-x)^(d-a), where d is the degree; a scalar curve has no [i].
     """
 
@@ -152,7 +152,7 @@ class StateTable(Table):
 
 
 class RetimedTable(Table):
-    """A curve with another clock."""
+    """A path with another timing."""
 
     kind: Literal["retimed"]
     path: TrajectoryTable
@@ -168,7 +168,7 @@ TrajectoryTable = Annotated[
 
 
 class ClaimTable(Table):
-    """One requirement over all time."""
+    """Result for one requirement, over all time."""
 
     label: str = Field(description="What is required, as in 'joint theta3'.")
     status: Literal["proven", "undecided", "violated"]
@@ -182,7 +182,7 @@ class ClaimTable(Table):
 
 
 class CertificateTable(Table):
-    """What is proven of the plan over whole intervals."""
+    """What is proven of the plan on whole intervals."""
 
     ok: bool = Field(description="Whether everything required is proven.")
     text: str = Field(description="The same in words.")
@@ -227,7 +227,7 @@ class PlanFile(Table):
 
 
 class CompensationOfTable(Table):
-    """What a compensated plan was made from."""
+    """The original plan and machine of a compensated plan."""
 
     plan: dict[str, Any] = Field(description="The plan as the kinematics say, as a plan file.")
     machine: dict[str, Any] = Field(description="The [machine] table that is allowed for.")
@@ -243,7 +243,7 @@ class CompensationOfTable(Table):
 
 
 class ClockTable(Table):
-    """A plan's clock over the machine's time: straight between, running alike or held."""
+    """A plan's clock over the machine's time: piecewise linear, running at its rate or held."""
 
     t: Annotated[list[Amount], Field(min_length=2)] = Field(description="The machine's times in s.")
     s: Annotated[list[Amount], Field(min_length=2)] = Field(description="The plan's then, in s.")

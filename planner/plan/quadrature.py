@@ -1,7 +1,7 @@
-"""Functions of time as Chebyshev series on cells, and the motion under an input by quadrature.
+"""Functions of time as Chebyshev series on cells, and integration of the motion under an input.
 
-A function is held by its values at the Chebyshev–Lobatto points of every cell, shape (P, C, …):
-points first, so that one small matrix acts on all cells at once. No planner uses its points.
+A function is stored by its values at the Chebyshev–Lobatto points of every cell, shape (P, C, …):
+points first, so that one small matrix acts on all cells at once. No planner uses these points.
 """
 
 from __future__ import annotations
@@ -30,66 +30,66 @@ from planner.support.calculus.chebyshev import (
 from planner.systems.triangular_system import TriangularSystem
 
 POINTS = 16
-"""Points per cell: rates of degree 15 are integrated exactly."""
+"""Points per cell; rates up to degree 15 are integrated exactly."""
 
 CONTROL_POINTS = 29
-"""Points per cell at which the input is read again and the integral done again; they share none but
-the ends with the 16. For polynomials of a higher degree there are as many as fix one."""
+"""Points per cell for a second reading of the input and a second integration; only the ends
+coincide with the first 16. Polynomials of higher degree get degree + 1 points."""
 
 INPUT_TOLERANCE = 1e-7
-"""Distance of the input from its series at the control points, over its greatest value, above which
-a cell is split: what counts as a jump, and a tenth of what a limit may be exceeded by."""
+"""A cell is split if the input differs by more from its series at the control points, relative to
+its greatest value. This size counts as a jump, and is a tenth of the tolerance of limits."""
 
 LESSER_INPUT_SHARE = 0.01
-"""An input is compared with no less than this part of the other: rounding in the chart's inverse is
-some 1e-9 of the larger one."""
+"""An input's error is measured relative to at least this share of the other input: rounding in the
+chart's inverse is about 1e-9 of the larger input."""
 
 SAMPLES = 33
-"""Samples per cell for extremes: twice as many as a series of degree 15 can have turns."""
+"""Samples per cell for extremes: twice the number of extremes of a series of degree 15."""
 
 CLOSE_SAMPLES = 129
-"""Samples of a cell that may hold the greatest value: no top is farther from one than a fifth of a
-radian of the fastest cosine, cos 15θ, where Newton's method finds it."""
+"""Samples of a cell that may contain the greatest value. The distance from a maximum to the nearest
+sample is at most a fifth of a radian of the fastest cosine, cos 15θ; Newton's method converges."""
 
 NEWTON_STEPS = 3
-"""Steps from there to a top: two leave a billionth of a radian."""
+"""Newton steps from a sample to a maximum; two leave an error of a billionth of a radian."""
 
 EXTREME_TOLERANCE = 1e-12
-"""Excess over what was found, relative to a function's size, that is not looked for."""
+"""Maxima that exceed the best value by less, relative to a function's size, are not looked for."""
 
 TAIL_TOLERANCE = 1e-11
-"""Tail of a series, relative to the function's size on the cell or one, that needs no splitting."""
+"""A cell is fine enough if the series' tail is smaller, relative to its size there or one."""
 
 NOISE_TAIL = 1e-8
-"""Tail below which a part no better than its whole shows rounding in the input, not shape."""
+"""A smaller tail that splitting does not reduce is rounding in the input, not a feature of it."""
 
 MOST_SPLITS = 20
-"""Times a piece may be split into four: to 1e-12 of it, which still holds 4,000 different times."""
+"""Maximum number of splits in four: to 1e-12 of a piece, which still holds 4,000 distinct times."""
 
 MOST_CELLS = 4000
-"""Cells beyond the pieces themselves. A singular start takes 100; noise would take without end."""
+"""Maximum number of cells added to the pieces. A singular start needs 100; noise has no end."""
 
 MOST_ROUNDS = 4
-"""Times all cells are split where the integral is not good enough: to a 64th at most."""
+"""Maximum number of rounds in which all cells are split for the integral: to a 64th."""
 
 SWEEP_TOLERANCE = 1e-14
-"""Change of q, relative to its size or one, below which the sweeps end: some rounding units."""
+"""Sweeps end when q changes by less, relative to its size or one: a few rounding units."""
 
 MOST_SWEEPS = 60
-"""Sweeps of the integral at most. Systems that read earlier coordinates settle in N + 1."""
+"""Maximum number of sweeps. Systems whose rates read only earlier coordinates need N + 1."""
 
 JUMP_TOLERANCE = 1e-6
-"""Step between two cells, relative to the function's size, from which it is a jump. Inputs near the
-chart's edge and retimed ones are known to some 1e-7, which depends on the processor's arithmetic;
-by 1e-6 an input may pass its limit too."""
+"""A larger step between two cells, relative to the function's size, is a jump. Inputs near the edge
+of the chart and retimed inputs have errors of about 1e-7, which depend on the processor; an input
+may also exceed its limit by 1e-6."""
 
 Values = Callable[[Array, Array], Array]
-"""What to resolve: from q (P, C, N) and u (P, C, 2) to functions (P, C, F)."""
+"""Functions to resolve: map q (P, C, N) and u (P, C, 2) to values (P, C, F)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A trajectory's own q (16, C, N) and u (16, C, 2) on cells fine enough for both."""
+    """A trajectory's q (16, C, N) and u (16, C, 2) on cells that resolve both."""
 
     cells: Cells
     q: Array
@@ -97,9 +97,10 @@ class Reading:
 
 
 def read_trajectory(trajectory: Trajectory, *values: Values, start: Cells | None = None) -> Reading:
-    """Cells split until the series of values, the input by default, end; and what is read on them.
+    """Split cells until they resolve the given functions (by default the input), and return q and
+    u.
 
-    What is not a number is never resolved and is kept as it is.
+    Functions that are not finite are never resolved; their values are returned as they are.
     """
     functions = values or (input_values,)
     open_ = Cells.of(trajectory.breaks) if start is None else start
@@ -127,14 +128,15 @@ def read_trajectory(trajectory: Trajectory, *values: Values, start: Cells | None
 
 
 def input_values(_: Array, u: Array) -> Array:
-    """The input as one of the values to resolve."""
+    """The input, as a function to resolve."""
     return u
 
 
 def tails(values: Array) -> Array:
-    """Largest of the last three coefficients of functions (16, C, F) over their size or one, (C,).
+    """Largest of the last three coefficients of functions (16, C, F), relative to their size or
+    one.
 
-    NaN where a value is not finite.
+    Shape (C,); NaN where a value is not finite.
     """
     last = apply(to_series(POINTS)[-3:], values)
     with np.errstate(invalid="ignore"):
@@ -144,18 +146,19 @@ def tails(values: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The motion q(t) under an input, as the integral of the system's own rates.
+    """The motion q(t) under an input, by integration of the system's rates.
 
     Attributes:
-        cells: Where it is held.
-        q: Shape (16, C, N).
-        u: The input, shape (16, C, 2).
+        cells: The cells on which it is stored.
+        q: Coordinates, shape (16, C, N).
+        u: Inputs, shape (16, C, 2).
         error: Estimate of the largest error of q, in the coordinates' units; NaN where the input
-            or the rates are not numbers.
-        gap: Largest |plan's own q − q| over all points of both sets, and its time.
-        unresolved_input: Largest distance of the input from its series at the control points, over
-            its greatest value, and its time: above `INPUT_TOLERANCE` where splitting does not help.
-        unresolved_values: The same of further functions, over their greatest value or one.
+            or the rates are not finite.
+        gap: Largest |q of the plan − q| over all points of both sets, and its time.
+        unresolved_input: Largest difference between the input and its series at the control points,
+            relative to its greatest value, and its time; above `INPUT_TOLERANCE` if splitting does
+            not help.
+        unresolved_values: The same for further functions, relative to their greatest value or one.
     """
 
     cells: Cells
@@ -172,16 +175,16 @@ class Motion:
         return apply(to_series(POINTS), self.q)
 
     def samples(self) -> tuple[Array, Array]:
-        """Points x (33,) in [−1, 1] and q (33, C, N) there in every cell."""
+        """x (33,) in [−1, 1], and q (33, C, N) at these points of every cell."""
         return 2 * points(SAMPLES) - 1, apply(resampling(POINTS, SAMPLES), self.q)
 
     def q_in_cells(self, cell: Pieces, x: Array) -> Array:
-        """q (…, R, N) at x (…, R) in [−1, 1] of cells (R,)."""
+        """q (…, R, N) at x (…, R) in [−1, 1] of the cells with indices (R,)."""
         basis = np.cos(np.arange(POINTS) * np.arccos(x)[..., None])
         return np.asarray(np.einsum("...rk,krn->...rn", basis, self.series[:, cell]))
 
     def q_at_time(self, t: float) -> Array:
-        """q (N,) at a time."""
+        """q (N,) at one time."""
         begins = self.cells.time(np.arange(len(self.cells.piece)), np.array(-1.0))
         cell = np.maximum(np.searchsorted(begins, [t], side="right") - 1, 0)
         x = np.clip(2 * (t - begins[cell]) / self.cells.width[cell] - 1, -1.0, 1.0)
@@ -199,27 +202,28 @@ def integrate(
     """Integrate a trajectory's input from `start` (N,).
 
     Args:
-        trajectory: Its u(t) is what is integrated; its q(t) is only a first guess.
+        trajectory: Its u(t) is integrated; its q(t) is only a first guess.
         start: q(0).
-        tolerance: Estimated error above which all cells are split and the integral done anew.
-        *values: Further functions that the cells must resolve, of the size of one.
-        system: What moves; by default the trajectory's own.
-        cells: Cells that are known to be fine enough for the motion, which are split further for
-            the input and the values alone; by default it begins with the trajectory's pieces.
+        tolerance: If the estimated error is larger, all cells are split and the motion integrated
+            again.
+        *values: Further functions of order one that the cells must resolve.
+        system: The system that moves; by default the trajectory's own.
+        cells: Cells that resolve the motion; they are split further only for the input and
+            the values. By default the trajectory's pieces are split as needed.
     """
     system = system or trajectory.system
     for _ in range(MOST_ROUNDS if cells is None else 1):
         reading, control = _read_and_control(trajectory, system, values, cells)
         motion = _integrate_reading(system, start, reading, control)
         if not motion.error > tolerance or len(reading.cells.piece) > MOST_CELLS:
-            break  # good enough, or not a number, or noise: splitting would not help
+            break  # accurate, not finite, or noise: splitting would not help
         cells = reading.cells.split()[0]
     return motion
 
 
 @dataclass(frozen=True, eq=False)
 class _Control:
-    """What is read at the control points: q (P, C, N), u (P, C, 2); and of `Motion` the others."""
+    """Values at the control points: q (P, C, N) and u (P, C, 2); for the others see `Motion`."""
 
     q: Array
     u: Array
@@ -230,7 +234,7 @@ class _Control:
 def _read_and_control(
     trajectory: Trajectory, system: TriangularSystem, values: Sequence[Values], start: Cells | None
 ) -> tuple[Reading, _Control]:
-    """A reading on cells that are split also where input or values are elsewhere in between."""
+    """Read q and u; split cells whose input or values differ from the series between the points."""
     count = max(CONTROL_POINTS, trajectory.degree + 1)
     for _ in range(MOST_ROUNDS):
         reading = read_trajectory(trajectory, input_values, system.rates, *values, start=start)
@@ -257,7 +261,7 @@ def _read_and_control(
 
 
 def _worst(cells: Cells, distances: Array) -> tuple[float, float]:
-    """The largest of distances (P, C) at Chebyshev–Lobatto points, and its time."""
+    """The largest of differences (P, C) at Chebyshev–Lobatto points, and its time."""
     point, cell = np.unravel_index(np.argmax(distances), distances.shape)
     when = cells.time(np.array(cell), 2 * points(len(distances))[point] - 1)
     return float(distances[point, cell]), float(when)
@@ -271,9 +275,9 @@ def _integrate_reading(
     q = _fixed_point(system, start, width, np.where(np.isfinite(reading.q), reading.q, start), u)
     rates = system.rates(q, u)
     tail = np.sum(width * np.max(np.abs(apply(to_series(POINTS)[-3:], rates)), axis=0), axis=0)
-    # the same integral at other points, through the interpolated motion
+    # the same integral at other points, using the interpolated motion
     between = again = apply(resampling(POINTS, len(control.q)), q)
-    for _ in range(2):  # so that an error of one coordinate reaches those that read it
+    for _ in range(2):  # twice, so that an error spreads to coordinates whose rates read it
         again = _integral(start, width, system.rates(again, control.u))
     error = np.max(np.abs(again - between)) + np.max(tail)
     gaps = [np.max(np.abs(a - b), axis=-1) for a, b in ((reading.q, q), (control.q, between))]
@@ -291,10 +295,10 @@ def _integral(start: Array, width: Array, rates: Array) -> Array:
 
 
 def _fixed_point(system: TriangularSystem, start: Array, width: Array, q: Array, u: Array) -> Array:
-    """The fixed point of q ← start + ∫ rates(q, u), shape (16, C, N).
+    """Solve q = start + ∫ rates(q, u) by fixed-point iteration; q has shape (16, C, N).
 
-    The sweeps settle by themselves where rates read earlier coordinates only. Where one reads
-    itself or a later one, the cells' beginnings are then corrected by Newton's method.
+    The sweeps converge if rates read only earlier coordinates. If a rate reads its own or a later
+    coordinate, Newton's method then corrects q at the start of each cell.
     """
     change = np.inf
     for _ in range(system.size + 1):
@@ -322,7 +326,7 @@ def _fixed_point(system: TriangularSystem, start: Array, width: Array, q: Array,
 
 
 def _jacobian(system: TriangularSystem, q: Array, u: Array) -> Array:
-    """∂(rates)/∂q by differences, flattened to shape (16, C, N, N)."""
+    """∂(rates)/∂q by central differences, flattened to shape (16, C, N, N)."""
     step = 1e-6
     nudged = q[..., None, :] + step * np.eye(system.size)
     back = q[..., None, :] - step * np.eye(system.size)
@@ -332,13 +336,13 @@ def _jacobian(system: TriangularSystem, q: Array, u: Array) -> Array:
 
 
 def greatest(cells: Cells, values: Array) -> tuple[Array, Array]:
-    """Greatest value of functions (16, C, F) over all cells, and when, both (F,).
+    """Find the greatest value of functions (16, C, F) over all cells, and its time, both (F,).
 
-    Over the angle θ of x = cos θ a series is a sum of cosines, with |d²/dθ²| ≤ Σ k²|cₖ|. So a top
-    lies above the sample next to it by no more than this times the square of the samples' distance
-    over eight. Whatever may then lie above all samples is sampled anew, closer, and from each of
-    the closer samples that may still be next to the greatest, Newton's method goes to the top.
-    NaN where a function is not finite.
+    In the angle θ with x = cos θ a series is a sum of cosines with |d²/dθ²| ≤ Σ k²|cₖ|. So a
+    maximum exceeds the nearest sample by at most this bound times the squared sample distance over
+    eight. Cells that may exceed all samples are sampled more densely. From each dense sample that
+    may be next to the greatest value, Newton's method finds the maximum. NaN where a function is
+    not finite.
     """
     series, samples = apply(to_series(POINTS), values), apply(resampling(POINTS, SAMPLES), values)
     order = np.arange(POINTS)[:, None]
@@ -347,7 +351,7 @@ def greatest(cells: Cells, values: Array) -> tuple[Array, Array]:
     with np.errstate(invalid="ignore"):
         enough = best + EXTREME_TOLERANCE * np.max(np.abs(values), axis=(0, 1))
         may = tops + bend * _hidden_height(SAMPLES) > enough
-        may[np.argmax(tops, axis=0), np.arange(len(best))] = True  # one of each function at least
+        may[np.argmax(tops, axis=0), np.arange(len(best))] = True  # at least one per function
         cell, which = np.nonzero(may)
         series = series[:, cell, which]
         closer = from_series(POINTS, CLOSE_SAMPLES) @ series
@@ -375,7 +379,7 @@ def largest(cells: Cells, values: Array) -> Array:
 
 
 def jumps(values: Array) -> NDArray[np.bool_]:
-    """Whether functions (16, C, F) jump between cells, by over `JUMP_TOLERANCE` of their size."""
+    """Whether functions (16, C, F) jump between cells by over `JUMP_TOLERANCE` of their size."""
     size = np.maximum(np.max(np.abs(values), axis=(0, 1)), 1e-12)
     return np.asarray(
         np.any(np.abs(values[0, 1:] - values[-1, :-1]) > JUMP_TOLERANCE * size, axis=0)
@@ -383,11 +387,11 @@ def jumps(values: Array) -> NDArray[np.bool_]:
 
 
 def slopes(cells: Cells, values: Array) -> Array:
-    """d/dt of functions (16, C, F), at the same points.
+    """Differentiate functions (16, C, F) in time, at the same points.
 
-    Differentiating multiplies a coefficient by up to 15² and divides by the cell's width, so the
-    plateau of rounding at a series' end would be most of the slope in a short cell: what is not
-    above ten times the last three coefficients is left out, from the end.
+    Differentiation multiplies a coefficient by up to 15² and divides it by the cell's width, so
+    rounding in the last coefficients would dominate the slope in a short cell. Trailing
+    coefficients below ten times the largest of the last three are therefore dropped.
     """
     series = apply(to_series(POINTS), values)
     size = np.abs(series)
@@ -398,5 +402,5 @@ def slopes(cells: Cells, values: Array) -> Array:
 
 
 def _hidden_height(count: int) -> float:
-    """How far a top may lie above the next of so many samples, for |d²/dθ²| ≤ 1."""
+    """Bound on a maximum above its nearest of `count` samples, for |d²/dθ²| ≤ 1."""
     return (np.pi / (count - 1)) ** 2 / 8

@@ -1,9 +1,7 @@
-"""A path of one trajectory under another timing.
+"""A trajectory's path with another timing, and the length along a path.
 
-How far the inputs have moved along a path: the parameter in which retiming is posed.
-
-With inputs u(σ) over a trajectory's own time σ and scales c, the length s(σ) = ∫ ‖u/c‖ dσ belongs
-to the path alone, and any timing s(t) of the path has inputs u(σ(s)) / ‖u(σ(s))/c‖ · ds/dt.
+With inputs u(σ) over the path's own time σ and scales c, the length is s(σ) = ∫ ‖u/c‖ dσ. It
+depends only on the path. With any timing s(t) the inputs are u(σ(s)) / ‖u(σ(s))/c‖ · ds/dt.
 """
 
 from __future__ import annotations
@@ -26,30 +24,30 @@ from planner.support.calculus.extremes import sample_times, zeros
 from planner.systems.triangular_system import TriangularSystem
 
 LENGTH_TOLERANCE = 1e-12
-"""Distance of two lengths, or two own times, over the whole, that is the rounding of an inverse."""
+"""Difference of two lengths, or two own times, relative to the whole, that counts as rounding."""
 
 LEAST_GROWTH = 1e-4
-"""Growth of the length, over that of the inputs' own integral, that is taken for standing still:
-with `arc_length` the two differ by no more than the scales of the two inputs do."""
+"""If the length grows by less, relative to the integral of the inputs, it counts as constant. With
+`arc_length` the two differ only by the scales of the two inputs."""
 
 
 @dataclass(frozen=True, eq=False)
 class RetimedTrajectory(Trajectory):
     """q(t) = path.q(σ) with length(σ) = clock(t).
 
-    The system is driftless, so any increasing clock gives a motion along the same path, whose
-    inputs are the path's times dσ/dt.
+    The system is driftless, so with any increasing clock it follows the same path; its inputs are
+    the path's inputs times dσ/dt.
 
     Attributes:
         path: The trajectory whose path it follows.
-        length: Bernstein of the length s over the path's own time σ, scalar, increasing.
-        clock: Bernstein of s over time t, scalar, increasing; it ends at the whole length.
-        stations: σ at the clock's breaks, shape (K+1,); every break of `length` is one of them, and
-            every break of the path is one of `length`.
+        length: Length s over the path's own time σ, scalar, increasing.
+        clock: Length s over time t, scalar, increasing; it ends at the whole length.
+        stations: σ at the clock's breaks, shape (K+1,); it contains every break of `length`, which
+            in turn contains every break of the path.
 
     Raises:
-        ValueError: If a curve is not scalar, its breaks do not increase from 0, or there is another
-            number of stations than breaks of the clock.
+        ValueError: If a curve is not scalar, its breaks do not increase from 0, or the number of
+            stations is not that of the clock's breaks.
     """
 
     kind: ClassVar[str] = "retimed"
@@ -76,7 +74,7 @@ class RetimedTrajectory(Trajectory):
 
     @property
     def degree(self) -> int:
-        """The highest one of its path, length and clock."""
+        """Highest degree of its path, length and clock."""
         return max(self.path.degree, self.length.degree, self.clock.degree)
 
     @property
@@ -86,10 +84,9 @@ class RetimedTrajectory(Trajectory):
 
     @cached_property
     def flaw(self) -> str:
-        """Whether the clock goes all the way along the path, piece by piece, and never jumps.
+        """Why the clock does not cover the path piece by piece without jumps; empty if it does.
 
-        Ends and joints are compared to the last bit: whoever makes a clock takes them from the
-        length, which grows wherever the path moves.
+        Ends and joints are compared exactly, because a clock takes them from the length.
         """
         path, length, clock, stations = self.path, self.length, self.clock, self.stations
         (begin, end), (first, last) = (
@@ -127,7 +124,7 @@ class RetimedTrajectory(Trajectory):
 
     @property
     def _stall(self) -> str:
-        """Where the length hardly grows though the path moves: inputs would be beyond measure."""
+        """Where the length hardly grows although the path moves; inputs would be far too large."""
         grid = Grid(self.length.x)
         speed = np.linalg.norm(self.path.u(grid.times), axis=-1)
         slope = self._inverse.slope(grid.times)
@@ -139,15 +136,15 @@ class RetimedTrajectory(Trajectory):
         return f"its length nearly stands still at {when:.4g} s of the path, which moves there"
 
     def q(self, t: ArrayLike) -> Array:
-        """The path's own, where the clock is."""
+        """Coordinates of the path at σ(t)."""
         return self.path.q(self.sigma(t))
 
     def z(self, t: ArrayLike) -> Array:
-        """The path's own, where the clock is."""
+        """Chained coordinates of the path at σ(t)."""
         return self.path.z(self.sigma(t))
 
     def margins(self, t: ArrayLike) -> Array:
-        """The path's own, where the clock is."""
+        """Chart margins of the path at σ(t)."""
         return self.path.margins(self.sigma(t))
 
     def u(self, t: ArrayLike) -> Array:
@@ -161,7 +158,7 @@ class RetimedTrajectory(Trajectory):
         return self.path.v(sigma) * pace
 
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
-        """The path's own where the clock is, with its inputs times dσ/dt."""
+        """Coordinates of the path, and its inputs times dσ/dt; see the base class."""
         low, high = self.stations[piece], self.stations[piece + 1]
         path_times = self._inverse(self.clock.piece_values(piece, fraction), low, high)
         sigma, pace = self._moving_pace(
@@ -197,7 +194,7 @@ class RetimedTrajectory(Trajectory):
 
     @classmethod
     def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> RetimedTrajectory:
-        """Read back what `to_dict` wrote."""
+        """Read the output of `to_dict`."""
         path = trajectory_from_dict(system, data["path"])
         length, clock = (Bernstein.from_dict(data[name]) for name in ("length", "clock"))
         return cls(path, length, clock, np.asarray(data["stations"], dtype=float))
@@ -211,7 +208,7 @@ class RetimedTrajectory(Trajectory):
         return self.clock.derivative()
 
     def sigma(self, t: ArrayLike) -> Array:
-        """The path's own time σ at t, on the side of each break that t belongs to."""
+        """The path's own time σ at t; at a break, that of the piece that begins there."""
         times = self._clip(t)
         low, high = self._stations_around(times)
         inner = self._inverse(self.clock(times), low, high)
@@ -243,10 +240,10 @@ class RetimedTrajectory(Trajectory):
     def _moving_pace(
         self, sigma: Array, low: Array, high: Array, rate: Array
     ) -> tuple[Array, Array]:
-        """σ and dσ/dt (…, 1) for a clock that runs at `rate` there, between stations.
+        """σ and dσ/dt (…, 1) for a clock that runs at `rate`, between stations.
 
-        Where the path itself stands still dσ/dt is infinite and its product with the path's inputs
-        has a limit, taken a little further inside the piece.
+        If the path itself stands still, dσ/dt is infinite, but its product with the path's inputs
+        has a limit, which is taken slightly inside the piece.
         """
         slope = self._inverse.slope
         still = slope(sigma) <= 1e-9 * self.length.c[-1, -1] / self.length.x[-1]
@@ -259,17 +256,17 @@ class RetimedTrajectory(Trajectory):
 Norm = Literal["max", "euclid"]
 
 _TAIL_TOLERANCE = 1e-9
-"""Chebyshev tail of ‖u/c‖ at which a piece is fine enough, over the piece's largest value."""
+"""A piece is fine enough if the Chebyshev tail of ‖u/c‖ is smaller, relative to its maximum."""
 
 _NOISE_TAIL = 1e-6
-"""Tail below which a half no better than its whole shows rounding noise in u, not shape."""
+"""A smaller tail that halving does not reduce is rounding in u, not a feature of it."""
 
 _NEGLIGIBLE_TAIL = 1e-10
-"""Tail that does not count, over the mean of the whole path."""
+"""A smaller tail is ignored, relative to the mean over the whole path."""
 
 
 def arc_length(path: Trajectory, scale: Array, norm: Norm) -> Bernstein:
-    """s over the path's own time, increasing from 0; its pieces are smooth.
+    """Compute the length s over the path's own time, increasing from 0, in smooth pieces.
 
     Args:
         path: Any trajectory with inputs at all times.
@@ -290,10 +287,10 @@ def arc_length(path: Trajectory, scale: Array, norm: Norm) -> Bernstein:
 
 
 class Inverse:
-    """Own time σ at a length s: Newton's method inside a shrinking bracket, to rounding.
+    """The path's own time σ at a length s, by Newton's method inside a shrinking bracket.
 
     Args:
-        length: As `arc_length` returns it.
+        length: As returned by `arc_length`.
 
     Attributes:
         slope: ds/dσ.
@@ -303,8 +300,8 @@ class Inverse:
         self._length, self.slope = length, length.derivative()
 
     def __call__(self, s: Array, low: Array, high: Array) -> Array:
-        """σ at lengths s (…), known to lie between own times low and high (…) of one piece."""
-        high = np.nextafter(high, low)  # at the very end the path's next piece would answer
+        """σ at lengths s (…), which lie between own times low and high (…) of one piece."""
+        high = np.nextafter(high, low)  # `high` itself belongs to the next piece
         piece = self._length.piece(low)
         c = self._length.c[:, piece]
         c = c.reshape(len(c), *[1] * (s.ndim - low.ndim), *low.shape)
@@ -339,7 +336,7 @@ def _step(sigma: Array, gap: Array, slope: Array) -> Array:
 
 
 def _merge_breaks(breaks: Array, extra: Array) -> Array:
-    """Breaks and the extra times that are not next to one, or to one another."""
+    """Merge the breaks with the extra times, except extra times very close to another."""
     apart = 1e-9 * breaks[-1]
     kept = list(breaks)
     for time in np.sort(extra):
@@ -349,7 +346,7 @@ def _merge_breaks(breaks: Array, extra: Array) -> Array:
 
 
 def _corners(path: Trajectory, scale: Array, norm: Norm, samples: Array, mean: float) -> Array:
-    """Times inside pieces at which the speed has a kink: a stop, or the larger input changes."""
+    """Times inside pieces at which the speed has a kink: a stop, or the larger input switches."""
 
     def scaled(sigma: Array) -> Array:
         return np.where(np.abs(u := path.u(sigma) / scale) < 1e-12 * mean, 0.0, u)
@@ -364,7 +361,7 @@ def _corners(path: Trajectory, scale: Array, norm: Norm, samples: Array, mean: f
 
 
 def _resolve_pieces(function: Callable[[Array], Array], edges: Array, atol: float) -> Grid:
-    """Pieces between the edges, halved until the function's interpolant is as good as it gets."""
+    """Halve the pieces between the edges until the function's interpolant stops improving."""
     work = [(float(a), float(b), np.inf) for a, b in pairwise(edges)]
     starts: list[float] = []
     shortest = 1e-12 * (edges[-1] - edges[0])
@@ -384,5 +381,5 @@ def _resolve_pieces(function: Callable[[Array], Array], edges: Array, atol: floa
 
 
 def _inner_points(grid: Grid) -> Array:
-    """The grid's points, the last of each piece just before its end, where inputs may jump."""
+    """The grid's points; the last of each piece is just before its end, where inputs may jump."""
     return np.minimum(grid.times, np.nextafter(grid.breaks[1:, None], -np.inf))

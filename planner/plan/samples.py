@@ -1,6 +1,6 @@
-"""A plan at evenly spaced times, as arrays with named columns, and how to read such files back.
+"""Sample a plan at evenly spaced times, as arrays with named columns, and read such files back.
 
-Plans and replays as pandas frames and xarray datasets.
+Also converts plans and replays to pandas frames and xarray datasets.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
 
 MAX_ROWS = 2_000_000
 RATE_HZ = 100.0
-"""Default number of samples per second, that of the emulated machine's controller."""
+"""Default number of samples per second, as for the emulated machine's controller."""
 
 
 MISS_BLOCK = 5000
-"""Rows that are integrated at once: some 100 MB."""
+"""Rows that are integrated at once; they need some 100 MB."""
 
 ARRAYS = ("t", "q", "u", "motors", "z", "v")
-"""Of `Samples`, in the order of its columns."""
+"""Arrays of `Samples`, in the order of its columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,14 +47,14 @@ class Samples:
     """A motion sampled at R times.
 
     Attributes:
-        coordinates: Names of the columns of `q`, with units, for example "theta1_rad": the system's
-            user coordinates.
+        coordinates: Names of the columns of `q`, with units, for example "theta1_rad"; these are
+            the system's user coordinates.
         inputs: Names of the columns of `u`, for example "u1_rad_s".
         axes: Names of the columns of `motors`, for example "motor1_rad".
         t: Times, shape (R,), s; the first is 0, the last the duration.
         q: User coordinates, shape (R, N); NaN where no real ones exist.
-        u: Inputs, shape (R, 2): their mean until the next time, 0 at the end. NaN where undefined.
-        motors: Where they have turned the motors, shape (R, 2); see `motor_angles`.
+        u: Inputs, shape (R, 2): their mean until the next time, 0 at the end; NaN if undefined.
+        motors: Motor angles, shape (R, 2); see `motor_angles`.
         z: Chained coordinates, shape (R, N).
         v: Chained inputs at these times, shape (R, 2); 0 at the end.
     """
@@ -85,10 +85,10 @@ class Samples:
 
     @classmethod
     def from_table(cls, columns: Sequence[str], table: Array) -> Samples:
-        """Samples from what `columns` and `table` give.
+        """Convert `columns` and `table` back to samples.
 
         Raises:
-            ValueError: If they are not of that form.
+            ValueError: If they do not have that form.
         """
         size = (len(columns) - 7) // 2
         if size < 2 or table.ndim != 2 or table.shape[1] != len(columns):
@@ -103,10 +103,11 @@ class Samples:
 
 
 def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
-    """A plan at evenly spaced times, with inputs for motors that hold each row until the next.
+    """Sample a plan at evenly spaced times, for motors that hold each row's inputs until the next.
 
-    An input is its mean until then, so that each motor has turned as far as the plan asks for at
-    every row. A compensated plan holds its commands for a tick each: over one, their mean is they.
+    Each input is its mean until the next row, so that at every row each motor has turned as far as
+    the plan says. A compensated plan holds each command for one tick, so the mean over a tick is
+    the command itself.
 
     Args:
         plan: Any plan.
@@ -140,26 +141,26 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
 
 
 def commands(plan: Plan) -> tuple[str, str]:
-    """Names of the columns that the motors are sent, such as u1_rad_s."""
+    """Names of the columns with motor commands, such as u1_rad_s."""
     first, second = plan.problem.system.inputs
     return _column_name(first), _column_name(second)
 
 
 def motor_angles(plan: Plan, t: Array) -> Array:
-    """Where the inputs have turned the motors at increasing times t (R,) from 0, (R, 2).
+    """Angles of the motors at increasing times t (R,) from 0, (R, 2).
 
-    The integrals of u: of u₁ from 0 (motor 1's axis has no absolute zero in the model), of u₂ from
-    q₂, θ₁ of an arm. rad, or m where the input is a speed. Of a compensated plan these are angles
-    commanded.
+    They are the integrals of u: of u₁ from 0 (motor 1's axis has no absolute zero in the model), of
+    u₂ from q₂, which is θ₁ of an arm. In rad, or m if the input is a speed. For a compensated plan
+    they are commanded angles.
     """
     angles = np.concatenate([np.zeros((1, 2)), np.cumsum(_turns(plan, t), axis=0)])
     return np.asarray(angles + np.array([0.0, plan.q(0.0)[1]]))
 
 
 def _turns(plan: Plan, t: Array) -> Array:
-    """Integrals of u from each of increasing times t (R,) to the next, (R − 1, 2).
+    """Integrals of u between consecutive times t (R,), (R − 1, 2).
 
-    By Gauss quadrature on cells where u is a polynomial to rounding.
+    By Gauss quadrature on cells where u is a polynomial up to rounding.
     """
     cells = read_trajectory(plan.trajectory).cells
     begins = cells.time(np.arange(len(cells.piece)), np.array(-1.0))
@@ -172,15 +173,15 @@ def _turns(plan: Plan, t: Array) -> Array:
 
 
 def _held(plan: Plan, t: Array) -> Array:
-    """Mean inputs from each time to the next, and zeros at the end, (R, 2)."""
+    """Mean inputs from each time to the next, and a final zero row, (R, 2)."""
     return np.concatenate([_turns(plan, t) / np.diff(t)[:, None], np.zeros((1, 2))])
 
 
 def held_miss(plan: Plan, rate_hz: float = RATE_HZ) -> Array:
-    """How far rows that are held end from where the plan's own inputs do, in user coordinates (N,).
+    """Difference between the ends of the sampled and the original motion, in user coordinates (N,).
 
-    Both are integrated by the kinematics alone, without a machine, from the plan's start; NaN for a
-    plan without real inputs.
+    One motion has the samples' held inputs, the other the plan's own. Both are integrated by the
+    kinematics, without a machine, from the plan's start. NaN for a plan without real inputs.
 
     Raises:
         InputError: As for `sample`.
@@ -204,7 +205,7 @@ def load_samples(path: str | Path) -> Samples:
     """Read a CSV or MATLAB file written by `export`.
 
     Raises:
-        InputError: If the file is missing, is neither .csv nor .mat, or has another content.
+        InputError: If the file is missing, is neither .csv nor .mat, or does not hold samples.
     """
     readers: dict[str, Callable[[Path], Samples]] = {".csv": _from_csv, ".mat": _from_mat}
     suffix = expect_path(path).suffix.lower()
@@ -214,7 +215,7 @@ def load_samples(path: str | Path) -> Samples:
         return readers[suffix](Path(path))
     except InputError:
         raise
-    # What SciPy makes of broken bytes has no end of kinds.
+    # SciPy raises many kinds of exceptions for broken files.
     except Exception as error:
         raise InputError(f"{path} does not hold the samples of a plan: {error}") from None
 
@@ -242,17 +243,17 @@ def _from_mat(path: Path) -> Samples:
 
 
 def _travel_unit(rate: Coordinate) -> str:
-    """Unit of what an input adds up to, in one word: of rad/s rad."""
+    """Unit of an input's integral, in one word: rad for rad/s."""
     return (rate.unit.removesuffix("/s") or "1").replace("/", "_").replace("^", "")
 
 
 def _column_name(coordinate: Coordinate) -> str:
-    """Name and unit in one word, as in theta1_rad and speed_m_s; "1" for what has no unit."""
+    """Name and unit in one word, as in theta1_rad and speed_m_s; "1" if it has no unit."""
     return f"{coordinate.name}_{(coordinate.unit or '1').replace('/', '_').replace('^', '')}"
 
 
 def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> pandas.DataFrame:
-    """The plan at even times as a frame: index t_s, columns with units in their names.
+    """Sample the plan as a frame: index t_s, columns with units in their names.
 
     Raises:
         InputError: If pandas is not installed or the rate is wrong.
@@ -268,7 +269,7 @@ def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> pandas.DataFrame:
 
 
 def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
-    """The plan at even times as a dataset: q, u, z, v over time, coordinate and input by name.
+    """Sample the plan as a dataset: q, u, z, v over time; coordinates and inputs by name.
 
     `dataset.q.sel(coordinate="theta1")` is one angle; units are in the coordinates `unit_of_q` and
     `unit_of_u`.
@@ -301,7 +302,7 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
 
 
 def import_library(name: str) -> Any:
-    """A library of the extra `tables`.
+    """Import a library of the extra `tables`.
 
     Raises:
         InputError: If it is not installed.
@@ -315,7 +316,7 @@ def import_library(name: str) -> Any:
 
 
 def plan_facts(plan: Plan) -> dict[str, Any]:
-    """What frames and datasets say of their plan."""
+    """Attributes of frames and datasets that describe their plan."""
     return {
         "problem": plan.problem.name,
         "method": plan.method,

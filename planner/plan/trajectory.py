@@ -1,7 +1,7 @@
-"""Curves in time that evaluate anywhere: the continuous form of every plan.
+"""Curves in time that can be evaluated anywhere: the continuous form of every plan.
 
-Both kinds store piecewise polynomials in the Bernstein basis (`Bernstein`), whose
-coefficients bound the curve, and derive the rest through the system's chained form.
+They store piecewise polynomials in the Bernstein basis (`Bernstein`), whose coefficients bound the
+curve, and compute the other quantities with the system's chained form.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from planner.systems.triangular_system import TriangularSystem
 class Trajectory(ABC):
     """q(t), u(t), z(t) and v(t) on [0, duration], vectorised over t.
 
-    Times before 0 and after the duration are taken at the nearest end; inputs are zero there.
+    At times before 0 and after the duration, coordinates are those of the nearest end; inputs are
+    0.
     """
 
     kind: ClassVar[str]
@@ -34,7 +35,7 @@ class Trajectory(ABC):
     system: TriangularSystem
 
     def __init_subclass__(cls) -> None:
-        if "kind" in vars(cls):  # a subclass of a kind is not what its files hold
+        if "kind" in vars(cls):  # files hold the class that defines a kind, not its subclasses
             Trajectory.kinds.setdefault(cls.kind, cls)
 
     def __eq__(self, other: object) -> bool:
@@ -54,7 +55,7 @@ class Trajectory(ABC):
     @property
     @abstractmethod
     def breaks(self) -> Array:
-        """Times (K+1,) between which the curve is smooth, in seconds."""
+        """Break times (K+1,) between which the curve is smooth, in seconds."""
 
     @abstractmethod
     def q(self, t: ArrayLike) -> Array:
@@ -80,8 +81,8 @@ class Trajectory(ABC):
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
         """q (P, C, N) and u (P, C, 2) at fractions 0 … 1, shape (P, C), of the pieces (C,).
 
-        A fraction of 0 or 1 is read from inside its piece, where q or u may jump at the break. Many
-        points on few pieces cost a tenth of what they cost by time.
+        At a fraction of 0 or 1 the value inside the piece is taken, where q or u may jump at the
+        break. Many points on few pieces cost a tenth of the same points by time.
         """
 
     @abstractmethod
@@ -90,28 +91,28 @@ class Trajectory(ABC):
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form; `trajectory_from_dict` gives it back exactly."""
+        """JSON-ready form; `trajectory_from_dict` reads it back exactly."""
 
     @classmethod
     @abstractmethod
     def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> Trajectory:
-        """Read back what `to_dict` wrote."""
+        """Read the output of `to_dict`."""
 
     @property
     def degree(self) -> int:
-        """Highest degree of the polynomials it is made of; 0 if it is not made of any."""
+        """Highest degree of its polynomials; 0 if it has none."""
         return 0
 
     @property
     def in_coordinates(self) -> bool:
-        """Whether q and u exist at all times without the help of the chart."""
+        """Whether q and u exist at all times without the chart."""
         return False
 
     @property
     def flaw(self) -> str:
-        """What keeps it from being the motion its kind describes, in words; empty if nothing does.
+        """Why it is not a valid motion of its kind; empty if it is valid.
 
-        What is proven of a trajectory rests on this being empty.
+        Proofs about a trajectory assume that this is empty.
         """
         return ""
 
@@ -134,12 +135,12 @@ class ChainedTrajectory(Trajectory):
 
     Attributes:
         system: The system it belongs to.
-        z_curve: Bernstein of z, values (N,).
-        v_curve: Bernstein of v, values (2,), on the same breaks.
+        z_curve: The curve of z, values (N,).
+        v_curve: The curve of v, values (2,), on the same breaks.
         branch: Signs (N,) of the chart's branch.
 
     Raises:
-        ValueError: If the curves differ in their breaks or have another number of values, or the
+        ValueError: If the curves differ in their breaks or have the wrong number of values, or the
             breaks do not increase from 0.
     """
 
@@ -159,40 +160,40 @@ class ChainedTrajectory(Trajectory):
 
     @property
     def breaks(self) -> Array:
-        """Times between the polynomial pieces."""
+        """Times of the breaks between the polynomial pieces."""
         return np.asarray(self.z_curve.x)
 
     @property
     def degree(self) -> int:
-        """The higher one of its two curves."""
+        """The higher degree of its two curves."""
         return max(self.z_curve.degree, self.v_curve.degree)
 
     @property
     def flaw(self) -> str:
-        """Whether every coefficient is a number."""
+        """Names the curves with coefficients that are not finite."""
         return nonfinite_part(z_curve=self.z_curve.c, v_curve=self.v_curve.c, branch=self.branch)
 
     def z(self, t: ArrayLike) -> Array:
-        """The polynomials themselves."""
+        """Chained coordinates, from their polynomials."""
         return self.z_curve(self._clip(t))
 
     def v(self, t: ArrayLike) -> Array:
-        """The polynomials themselves; zero outside [0, duration]."""
+        """Chained inputs, from their polynomials; zero outside [0, duration]."""
         return self.v_curve(self._clip(t)) * self._is_running(t)
 
     def q(self, t: ArrayLike) -> Array:
-        """By the inverse chart; NaN outside its domain."""
+        """Coordinates, by the inverse chart; NaN outside its domain."""
         return chained_form(self.system).q(self.z(t), self.branch)
 
     def u(self, t: ArrayLike) -> Array:
-        """By the feedback transformation."""
+        """Inputs, by the feedback transformation."""
         times = self._clip(t)
         z, v = self.z_curve(times), self.v_curve(times)
         u = chained_form(self.system).inputs(z, v, self.branch)
         return np.where(self._is_running(t) > 0, u, 0.0)
 
     def margins(self, t: ArrayLike) -> Array:
-        """From z, so defined where q is not."""
+        """Chart margins, from z; so they are defined where q is not."""
         return chained_form(self.system).margins(self.z(t), self.branch)
 
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
@@ -219,7 +220,7 @@ class ChainedTrajectory(Trajectory):
 
     @classmethod
     def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> ChainedTrajectory:
-        """Read back what `to_dict` wrote."""
+        """Read the output of `to_dict`."""
         branch = np.asarray(data["branch"], dtype=float)
         return cls(system, Bernstein.from_dict(data["z"]), Bernstein.from_dict(data["v"]), branch)
 
@@ -230,11 +231,11 @@ class StateTrajectory(Trajectory):
 
     Attributes:
         system: The system it belongs to.
-        q_curve: Bernstein of q, values (N,).
-        u_curve: Bernstein of u, values (2,), on the same breaks.
+        q_curve: The curve of q, values (N,).
+        u_curve: The curve of u, values (2,), on the same breaks.
 
     Raises:
-        ValueError: If the curves differ in their breaks or have another number of values, or the
+        ValueError: If the curves differ in their breaks or have the wrong number of values, or the
             breaks do not increase from 0.
     """
 
@@ -251,42 +252,42 @@ class StateTrajectory(Trajectory):
 
     @property
     def breaks(self) -> Array:
-        """Times between the polynomial pieces."""
+        """Times of the breaks between the polynomial pieces."""
         return np.asarray(self.q_curve.x)
 
     @property
     def degree(self) -> int:
-        """The higher one of its two curves."""
+        """The higher degree of its two curves."""
         return max(self.q_curve.degree, self.u_curve.degree)
 
     @property
     def flaw(self) -> str:
-        """Whether every coefficient is a number."""
+        """Names the curves with coefficients that are not finite."""
         return nonfinite_part(q_curve=self.q_curve.c, u_curve=self.u_curve.c)
 
     def q(self, t: ArrayLike) -> Array:
-        """The polynomials themselves."""
+        """Coordinates, from their polynomials."""
         return self.q_curve(self._clip(t))
 
     def u(self, t: ArrayLike) -> Array:
-        """The polynomials themselves; zero outside [0, duration]."""
+        """Inputs, from their polynomials; zero outside [0, duration]."""
         return self.u_curve(self._clip(t)) * self._is_running(t)
 
     def z(self, t: ArrayLike) -> Array:
-        """By the chart, which is defined at every configuration."""
+        """Chained coordinates, by the chart, which is defined at every configuration."""
         return chained_form(self.system).z(self.q(t))
 
     def v(self, t: ArrayLike) -> Array:
-        """By the feedback transformation."""
+        """Chained inputs, by the feedback transformation."""
         return chained_form(self.system).v(self.q(t), self.u(t))
 
     def margins(self, t: ArrayLike) -> Array:
-        """From q, on the branch of the start."""
+        """Chart margins, from q, on the branch of the start."""
         branch = self.system.branch(self.q(0.0))
         return self.system.chart_margins(self.q(t), branch)
 
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
-        """The polynomials themselves."""
+        """Values of the polynomials; see the base class."""
         return self.q_curve.piece_values(piece, fraction), self.u_curve.piece_values(
             piece, fraction
         )
@@ -306,7 +307,7 @@ class StateTrajectory(Trajectory):
 
     @classmethod
     def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> StateTrajectory:
-        """Read back what `to_dict` wrote."""
+        """Read the output of `to_dict`."""
         return cls(system, Bernstein.from_dict(data["q"]), Bernstein.from_dict(data["u"]))
 
     @property
@@ -316,7 +317,7 @@ class StateTrajectory(Trajectory):
 
 
 def trajectory_from_dict(system: TriangularSystem, data: Mapping[str, Any]) -> Trajectory:
-    """Read back what `Trajectory.to_dict` wrote.
+    """Read the output of `Trajectory.to_dict`.
 
     Raises:
         InputError: If the kind is unknown.

@@ -1,7 +1,7 @@
-"""A recorded run from a ROS 2 bag: `read_bag` makes of its topics the table that a CSV file holds.
+"""Read a recorded run from a ROS 2 bag: `read_bag` returns the table that a CSV file would hold.
 
-A row is a message with the reading of joint 1. Values of other topics are the last ones sent
-before it, as a controller holds them.
+Each message with the reading of joint 1 gives a row. Other topics give their last value before it,
+as a controller would hold it.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ _PART = re.compile(r"(\w+)((?:\[[^\]]*\])?)")
 
 
 def is_bag(path: str | Path) -> bool:
-    """Whether this is the folder that `ros2 bag record` writes, or a file of one."""
+    """Whether the path is a folder written by `ros2 bag record`, or a file in one."""
     path = expect_path(path)
     return path.suffix in (".mcap", ".db3") or (path / "metadata.yaml").is_file()
 
 
 def read_bag(path: str | Path, columns: Mapping[str, str]) -> NumberTable:
-    """The messages of a bag as a table.
+    """Read the messages of a bag as a table.
 
     Args:
         path: The bag's folder, or its file.
-        columns: Names as `planner.read_log` knows them to "/topic/field"; `field[2]` is the third
-            number of a list, `position[theta1]` that of a JointState's joint. The time needs no
-            column: it is the message's own stamp, or when it was recorded.
+        columns: Maps names of `planner.read_log` to "/topic/field"; `field[2]` is the third number
+            of a list, `position[theta1]` a joint of a JointState. The time needs no entry: it is
+            the message's stamp, or the time of recording.
 
     Raises:
-        InputError: If the package `rosbags` is missing, the bag cannot be read, or a topic, a field
-            or an entry of it is not there.
+        InputError: If the package `rosbags` is missing, the bag cannot be read, or it lacks a
+            topic, a field or an entry.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -80,7 +80,7 @@ def _table(source: str, reader: Any, columns: Mapping[str, str]) -> NumberTable:
         for name, (topic, field) in places.items():
             if topic == connection.topic:
                 value = float(_value(message, field, f"{source}: {name}"))
-                held[name] = f"{value:.17e}"  # leaves no doubt about the decimal mark
+                held[name] = f"{value:.17e}"  # always with a decimal point
         if connection.topic == clock:
             rows.append([str(_stamp(message, recorded)), *(held.get(name, "") for name in places)])
             numbers.append(number)
@@ -94,7 +94,7 @@ def _quantity(name: str) -> str:
 
 
 def _find_topic(source: str, name: str, topics: list[str]) -> tuple[str, str]:
-    """The topic that a column's name begins with, and the field that follows it."""
+    """Split a column's name into its topic and the field after it."""
     fitting = [topic for topic in topics if name.startswith(topic + "/")]
     if not fitting:
         raise InputError(
@@ -106,7 +106,7 @@ def _find_topic(source: str, name: str, topics: list[str]) -> tuple[str, str]:
 
 
 def _value(message: Any, field: str, what: str) -> Any:
-    """A number of a message: "position[theta1]", "data[0]", "twist.linear.x"."""
+    """Read a number from a message: "position[theta1]", "data[0]", "twist.linear.x"."""
     value = message
     for part in field.split("."):
         match = _PART.fullmatch(part)
@@ -130,7 +130,7 @@ def _value(message: Any, field: str, what: str) -> Any:
 
 
 def _stamp(message: Any, recorded: int) -> int:
-    """When a message was made, ns; when it was recorded, if it does not say."""
+    """The message's stamp in ns; the time of recording if it has none."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     made = stamp.sec * 1_000_000_000 + stamp.nanosec if stamp else 0
     return made or recorded

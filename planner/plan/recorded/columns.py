@@ -1,4 +1,4 @@
-"""Which columns of a recorded run hold what, and in which units: `find_columns`."""
+"""Find the columns of a recorded run and their units: `find_columns`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNITS: dict[str, dict[str, float]] = {
     "theta": {"rad": 1.0, "deg": np.pi / 180},
     "motor": {"rad": 1.0, "deg": np.pi / 180},
 }
-"""What each kind of column may be measured in, and how much that is in SI units."""
+"""Allowed units of each kind of column, as factors to SI units."""
 
 SPELLINGS = {
     "sec": "s", "second": "s", "seconds": "s", "msec": "ms", "μs": "us", "°": "deg",
@@ -34,7 +34,7 @@ _BEFORE_UNIT = re.compile(r"^(?:[_/,:]|in\b)?\s*")
 
 
 def parse_name(name: str) -> tuple[str, str] | None:
-    """Quantity and unit of a column's name, or None if it is no quantity of a log.
+    """Split a column's name into quantity and unit; None if it names no quantity of a log.
 
     `theta1_deg`, "theta1 (deg)", "θ₁ / °" and "Theta_1 in degrees" are all ("theta1", "deg").
     """
@@ -47,7 +47,7 @@ def parse_name(name: str) -> tuple[str, str] | None:
 
 
 def parse_unit(text: str) -> str:
-    """A unit as `UNITS` spells it, or what it is; "" for no unit."""
+    """Spell a unit as in `UNITS`, if it is known; "" for no unit."""
     unit = re.sub(r"[\s·*^()\[\]{}]", "", _plain(text)).replace("_per_", "/").replace("_", "/")
     unit = SPELLINGS.get(unit, re.sub(r"(?<=\w|°)s-1$", "/s", unit))
     if unit in SPELLINGS.values():
@@ -56,17 +56,17 @@ def parse_unit(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Lower case, with subscripts and superscripts as plain digits, and one sign for degrees."""
+    """Lower case, with plain digits for subscripts and superscripts, and one degree sign."""
     text = unicodedata.normalize("NFKC", text.replace("º", "°")).casefold()
     return text.replace("\u2212", "-").strip()
 
 
 def find_columns(table: NumberTable, given: Mapping[str, str]) -> dict[str, tuple[int, float]]:
-    """For each quantity the place of its column, and what its unit is in SI units.
+    """Return each quantity's column index and its unit's factor to SI.
 
     Args:
-        table: The table, whose header and line of units are read.
-        given: Names as `read_log` knows them, with units, to those of the table.
+        table: The table; its header and its line of units are read.
+        given: Maps names of `read_log`, with units, to names of the table's columns.
 
     Raises:
         InputError: If a column or a unit is missing or unknown, or a quantity has two columns.

@@ -1,8 +1,8 @@
-"""What an arm was told and what its encoders read, from a CSV file: `read_log`.
+"""Read a recorded run of an arm from a CSV file: `read_log`.
 
-In row k the command u is what the motors are told from t of that row until the next one, and theta
-is what the encoders read at t, before the command acts. Inside the program times are seconds from
-the first row, angles radians.
+In row k, u is the command to the motors from t of that row until the next row, and theta is the
+encoders' reading at t, before the command acts. The program uses seconds from the first row and
+radians.
 """
 
 from __future__ import annotations
@@ -27,33 +27,34 @@ from planner.support.files import write_text
 from planner.support.tables import csv_text
 
 RECORDED = "recorded"
-"""Method and status of a plan that is a recorded run."""
+"""Method and status of a plan made from a recorded run."""
 
 LEAST_ROWS = 50
-"""Fewer rows are half a second at the usual 100 Hz: no joint has left its backlash by then."""
+"""Fewer rows are half a second at the usual 100 Hz; by then no joint has left its backlash."""
 
 POSE_READINGS = 20
 MOST_POSE_DRIFT_DEG, MOST_POSE_OFF_DEG = 0.1, 0.5
-"""How far the medians of both halves of these readings may be apart, and one reading from the
-median of all: an encoder of 0.088 degrees that flickers moves each by 0.088 degrees."""
+"""Limits at the end of a run: on the difference between the medians of the first and second half of
+these readings, and on the distance of one reading from the median of all. Flicker of an encoder of
+0.088 degrees moves each by 0.088 degrees."""
 
 GAP_RATIO = 2.5
-"""Rows further apart than so many usual intervals are a gap; jitter of a busy computer is less."""
+"""Rows further apart than this multiple of the usual interval are a gap; jitter is smaller."""
 
 EVEN_SHARE = 0.02
-"""Times this near to even ones, as a part of the interval, are taken as even: rounding of files."""
+"""Times that differ by less from even spacing, relative to the interval, are rounded to it."""
 
 JUMP_DEG, MOST_RATE_DEG_S = 20.0, 600.0
-"""An angle that changes by more between two rows than both allow together has wrapped, or a reading
-is wrong; the prototype's joints move by at most 30 degrees a second."""
+"""If an angle changes by more than both together allow between two rows, it has wrapped or a
+reading is wrong. The prototype's joints move by at most 30 degrees a second."""
 
 UNIT_RATIO = 8.0
-"""Joint 1 turns as motor 2 does. A ratio beyond this or below its inverse is a wrong unit (degrees
-for radians are 57), and no error of a gear; with less than `LEAST_TURN_RAD` it says nothing."""
+"""Joint 1 turns as motor 2 does. A ratio above this or below its inverse means a wrong unit
+(degrees for radians give 57), not a gear error. Turns below `LEAST_TURN_RAD` are not checked."""
 LEAST_TURN_RAD = np.deg2rad(4.0)
 
 LEAST_LIKENESS = 0.5
-"""Correlation of joint 1 with what motor 2 was asked for; with the right column it is above 0.9."""
+"""Least correlation of joint 1 with motor 2's command; with the right columns it is above 0.9."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +63,13 @@ class Log:
 
     Attributes:
         t: Times, shape (R,), s, from 0.
-        u: Commands of both motors from each time to the next, shape (R, 2), rad/s.
+        u: Commands to both motors from each time to the next, shape (R, 2), rad/s.
         theta: Readings of the joints' encoders, shape (R, n), rad.
-        motors: Angles of both motors, shape (R, 2), rad; None if they were not recorded.
-        source: Where it came from, for messages.
+        motors: Angles of both motors, shape (R, 2), rad; None if not recorded.
+        source: Origin of the run, for messages.
 
     Raises:
-        InputError: If shapes do not fit each other, or a number is NaN or infinite.
+        InputError: If the shapes do not match, or a number is NaN or infinite.
     """
 
     t: Array
@@ -105,12 +106,12 @@ class Log:
 
     @property
     def pose_deg(self) -> Array:
-        """Where the arm stands at the end: the mean of the last 20 readings, shape (n,), degrees.
+        """Pose at the end of the run: mean of the last 20 readings, shape (n,), degrees.
 
-        Of an encoder of 0.088 degrees with noise a third of that they leave 0.01 degrees.
+        For an encoder of 0.088 degrees with noise of a third of that, its error is 0.01 degrees.
 
         Raises:
-            InputError: If a joint still moves then, or one of its readings is far from the others.
+            InputError: If a joint still moves, or one of its readings is far from the others.
         """
         last = self.theta_deg[-POSE_READINGS:]
         half = len(last) // 2
@@ -133,16 +134,16 @@ class Log:
 
     @property
     def interval_s(self) -> float:
-        """Usual time from a row to the next, s."""
+        """Usual (median) time between rows, s."""
         return float(np.median(np.diff(self.t)))
 
     @property
     def is_even(self) -> bool:
-        """Whether all rows are equally far apart."""
+        """Whether the rows are evenly spaced in time."""
         return bool(np.ptp(np.diff(self.t)) < 1e-9 * self.interval_s)
 
     def part(self, begin_s: float, end_s: float = np.inf) -> Log:
-        """The rows from `begin_s` to `end_s`, with times from 0.
+        """Select the rows from `begin_s` to `end_s`; times start at 0 again.
 
         Raises:
             InputError: If fewer than `LEAST_ROWS` are left.
@@ -158,13 +159,13 @@ class Log:
         return replace(self, t=t - t[0], u=self.u[chosen], theta=self.theta[chosen], motors=motors)
 
     def plan(self, problem: Problem) -> Plan:
-        """The run as a plan: `planner.replay` and every figure take it.
+        """Convert the run to a plan, for `planner.replay` and all figures.
 
-        Its inputs are the commands, each held until the next; its coordinates are the readings,
-        straight from one to the next, and the disk's angle that the kinematics make of them.
+        Its inputs are the commands, each held until the next. Its coordinates are the readings,
+        interpolated linearly, and the disk's angle, which the kinematics give.
 
         Raises:
-            InputError: If the problem's system has not as many joints.
+            InputError: If the problem's system has another number of joints.
         """
         expect_problem(problem)
         system = problem.system
@@ -186,7 +187,7 @@ class Log:
         return Plan(problem, RECORDED, {}, trajectory, status=RECORDED)
 
     def save(self, path: str | Path) -> Path:
-        """Write it as CSV, with angles in degrees; `read_log` reads it back.
+        """Write the run as CSV, with angles in degrees; `read_log` reads it back.
 
         Raises:
             InputError: If the file cannot be written.
@@ -202,10 +203,10 @@ class Log:
 
 
 def expect_log(value: object) -> None:
-    """Refuse what is no log, such as the name of its file.
+    """Refuse anything but a log, such as the name of its file.
 
     Raises:
-        InputError: If it is none; the message says how to get one.
+        InputError: If it is not a log; the message says how to get one.
     """
     expect(Log, value, "planner.read_log(path) reads one")
 
@@ -213,22 +214,22 @@ def expect_log(value: object) -> None:
 def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
     """Read a recorded run of an arm.
 
-    A table with a header: `t`, `u1`, `u2`, `theta1` … `thetan`, each with its unit, as in `t_s`,
-    `u1_rad_s`, `theta1_deg`, "θ1 [°]" or "theta1 (deg)", or with a line of units below the header.
-    Angles of both motors, `motor1_rad` and `motor2_rad`, are read where they are given; other
-    columns are left out. A blank command holds the one above it. What separates cells, the decimal
-    mark, comments and encodings are those of any program: `planner.plan.recorded.number_table`.
+    The file is a table with a header: `t`, `u1`, `u2`, `theta1` … `thetan`, each with its unit, as
+    in `t_s`, `u1_rad_s`, `theta1_deg`, "θ1 [°]" or "theta1 (deg)", or with a line of units below
+    the header. Angles of both motors, `motor1_rad` and `motor2_rad`, are optional; other columns
+    are ignored. A blank command repeats the one above. For separators, decimal marks, comments and
+    encodings see `planner.plan.recorded.number_table`.
 
     Args:
         path: The file.
-        columns: Where the file calls its columns otherwise, as one exported from a ROS 2 bag does:
-            names as above with the unit to the file's own, for example `{"t_ns": "stamp",
+        columns: For other column names, as in a file exported from a ROS 2 bag: maps names as
+            above, with the unit, to the file's names, for example `{"t_ns": "stamp",
             "theta1_rad": "/joint_states/position[0]"}`.
 
     Raises:
-        InputError: If the file cannot be read, a column or its unit is missing, a cell is no
+        InputError: If the file cannot be read, a column or its unit is missing, a cell is not a
             number, there are fewer than 50 rows, times do not increase or have a gap, or angles
-            jump or are in another unit than the header says. The message names line and column.
+            jump or do not fit the header's unit. The message names line and column.
     """
     names = columns or {}
     expect(Mapping, names, 'columns maps names to those of the file: {"theta1_rad": "pos[0]"}')
@@ -269,7 +270,7 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
 
 
 def _times(t: Array, table: NumberTable) -> Array:
-    """Times from 0, evened out where they are even but for rounding."""
+    """Shift times to start at 0; make them even if they are even up to rounding."""
     t = t - t[0]
     steps = np.diff(t)
     if np.any(steps <= 0):
@@ -310,7 +311,7 @@ def _refuse_jumps(log: Log, table: NumberTable) -> None:
 
 
 def _refuse_wrong_units(log: Log) -> None:
-    """Joint 1 turns as motor 2, whatever the mechanism."""
+    """Check units: joint 1 turns as motor 2 does in every mechanism."""
     turned = np.concatenate([[0.0], np.cumsum(log.u[:-1, 1] * np.diff(log.t))])
     commanded, read = float(np.ptp(turned)), float(np.ptp(log.theta[:, 0]))
     ratio = read / max(commanded, 1e-9)

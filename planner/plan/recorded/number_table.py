@@ -1,9 +1,8 @@
-"""Tables of numbers that other programs wrote: `read_table`.
+"""Read tables of numbers that other programs wrote: `read_table`.
 
-Spreadsheets, loggers and NumPy write the same numbers in many ways. What separates cells and which
-mark is the decimal one is decided by the whole file, never by one cell; what the file leaves open
-is refused by name. No reader among our dependencies does that: `csv.Sniffer` guesses from letters,
-and `float` and NumPy take "1_0" for 10.
+Spreadsheets, loggers and NumPy write numbers in many ways. The separator and the decimal mark are
+decided from the whole file, never from one cell; an ambiguous file is refused. No library among our
+dependencies does this: `csv.Sniffer` guesses from letters, and `float` and NumPy read "1_0" as 10.
 """
 
 from __future__ import annotations
@@ -25,27 +24,27 @@ from planner.support.files import SAMPLES_BYTES, read_bytes
 from planner.support.tables import line as one_line
 
 Blanks = Literal["refused", "held", "nan"]
-"""What a blank cell means: nothing that can be used, the value above it, or "not a number"."""
+"""Meaning of a blank cell: an error, the value above it, or NaN."""
 
 JUDGED_LINES = 1000
-"""So many lines tell what separates cells; those behind them must follow."""
+"""Number of lines from which the separator is decided; later lines must use it too."""
 
 _END = re.compile(r"\r\n|\r|\n")
 _COMMENT = re.compile(r"\s*(?:#+|%+|//)\s*")
 _SEPARATOR_LINE = re.compile(r"sep=(.)\s*", re.I)  # a spreadsheet's first line
 _BINARY = re.compile("[\x00-\x08\x0e-\x1f]")
 _PLAIN = str.maketrans({"\u2212": "-", "\u00a0": " ", "\u2009": " ", "\u202f": " ", "\u2019": "'"})
-"""The minus, the spaces and the apostrophe that print, as those that a keyboard has."""
+"""Typographic minus, spaces and apostrophe, replaced by those on a keyboard."""
 
 _NAME_WITH_UNIT = re.compile(r"\S+(?:\s+[\[(][^\])]*[\])])?")  # "u1 [rad/s]" is one name
 
 BLANK = " "
 SEPARATORS = (";", "\t", "|")
-"""Never part of a number, so they separate cells wherever most lines have one."""
+"""Characters that are never part of a number; one is the separator if most lines contain it."""
 
 
 def _number(decimal: str, other: str) -> re.Pattern[str]:
-    """A number with this decimal mark: thousands in groups of three, or none; never "0,123"."""
+    """Pattern of a number with this decimal mark; thousands in groups of three; not "0,123"."""
     groups = rf"[1-9]\d{{0,2}}(?P<group>[{other}' ])\d{{3}}(?:(?P=group)\d{{3}})*"
     return re.compile(
         rf"[+-]?(?:(?:{groups}|\d+)(?:[{decimal}]\d*)?|[{decimal}]\d+)(?:e[+-]?\d+)?",
@@ -62,12 +61,12 @@ class NumberTable:
 
     Attributes:
         source: Its file.
-        names: What its header calls its columns; none if it has no header.
-        units: What the line below the header says of them; "" where that is no line of units.
-        rows: Its rows, each with as many cells as there are names.
-        lines: Number of each row's line in the file, from 1.
-        separator: What separates cells; a blank stands for any number of them.
-        item: What a row is called in messages.
+        names: Names of its columns, from the header; empty without a header.
+        units: Units from the line below the header; "" without such a line.
+        rows: Its rows, each with one cell per name.
+        lines: Line number of each row in the file, from 1.
+        separator: The separator of cells; a blank stands for any number of blanks.
+        item: Name of a row in messages.
     """
 
     source: str
@@ -79,14 +78,14 @@ class NumberTable:
     item: str = "line"
 
     def numbers(self, blanks: Mapping[int, Blanks]) -> dict[int, Array]:
-        """The numbers in some columns, each (R,).
+        """Convert some columns to numbers, each (R,).
 
         Args:
-            blanks: For each such column, by its place, what a blank cell means.
+            blanks: Maps the index of each wanted column to the meaning of a blank cell.
 
         Raises:
-            InputError: If a cell is no number, or the file leaves open which number; names file,
-                line, column and cell.
+            InputError: If a cell is not a number, or is ambiguous; names file, line, column and
+                cell.
         """
         cells = {
             place: [row[place].strip().translate(_PLAIN) for row in self.rows] for place in blanks
@@ -105,22 +104,22 @@ class NumberTable:
         return out
 
     def line(self, row: int) -> str:
-        """A row in words: file and line."""
+        """Location of a row for messages: file and line."""
         return f"{self.source}, {self.item} {self.lines[row]}"
 
     def cell(self, row: int, place: int) -> str:
-        """A cell in words: file, line, column and what it holds."""
+        """Location and content of a cell for messages: file, line, column and text."""
         text = one_line(self.rows[row][place], 60)
         name = one_line(self.names[place])
         return f"{self.line(row)}: column '{name}' is " + (f"'{text}'" if text else "empty")
 
     def _decimal_mark(self, cells: Mapping[int, Sequence[str]], may_be_blank: set[int]) -> str:
-        """The mark with which every cell is a number.
+        """Find the decimal mark with which every cell is a number.
 
         Raises:
-            InputError: If there is none, or each of the two gives other numbers.
+            InputError: If there is none, or both marks fit and give different numbers.
         """
-        first: dict[str, tuple[int, int]] = {}  # by the marks with which it is a number
+        first: dict[str, tuple[int, int]] = {}  # first cell for each set of marks that fit
         for place, texts in cells.items():
             for k, text in enumerate(texts):
                 if (text.isdecimal() and text.isascii()) or (not text and place in may_be_blank):
@@ -144,7 +143,7 @@ class NumberTable:
         k, place = first[".,"]
         text = cells[place][k]
         if self.separator == "," and "," not in text:
-            return "."  # who separates cells by commas writes points
+            return "."  # a file that separates cells by commas uses decimal points
         raise InputError(
             f"{self.cell(k, place)}, which is {text.replace(',', '.')} or"
             f" {re.sub('[.,]', '', text)}, and no other cell tells which; write another count of"
@@ -153,7 +152,7 @@ class NumberTable:
 
 
 def _held(cells: Sequence[str]) -> list[str]:
-    """Blanks filled with what stands above them; those at the top stay."""
+    """Fill blanks with the cell above; leading blanks stay."""
     out, last = [], ""
     for cell in cells:
         last = cell or last
@@ -164,21 +163,21 @@ def _held(cells: Sequence[str]) -> list[str]:
 def read_table(
     path: str | Path, what: str, known: Callable[[str], bool], *, may_be_cut: bool = False
 ) -> NumberTable:
-    """Read a table of numbers, whoever wrote it.
+    """Read a table of numbers from any program.
 
     Cells are separated by semicolons, tabs, bars, commas or blanks and may be quoted. Comments
-    begin with #, % or //; the header may be one. Lines above the header and a line of units below
-    it are allowed, as are empty lines, and any of UTF-8, UTF-16 and Windows' own encoding.
+    begin with #, % or //; the header may be a comment. Lines above the header, a line of units
+    below it and empty lines are allowed, as are UTF-8, UTF-16 and Windows-1252.
 
     Args:
         path: The file.
-        what: What it should be, for the message ("a log is CSV").
-        known: Whether a cell is the name of a column; the line with most of them is the header.
-        may_be_cut: Whether the writer may have been stopped: a last line that does not end is then
-            left out, with a warning, since its last number may lack digits.
+        what: What the file should be, for the message ("a log is CSV").
+        known: Whether a cell is the name of a column; the line with most such cells is the header.
+        may_be_cut: Whether writing may have been interrupted. A last line without a line end is
+            then dropped with a warning, since its last number may lack digits.
 
     Raises:
-        InputError: If the file cannot be read or is no text, or a row has another number of cells
+        InputError: If the file cannot be read or is not text, or a row has another number of cells
             than the header.
     """
     text = _decode(read_bytes(path, SAMPLES_BYTES), path, what)
@@ -225,7 +224,7 @@ def read_table(
 
 
 def _find_rows(lines: Sequence[str], separator: str, judged: Sequence[str]) -> tuple[int, int]:
-    """Index of the first line that is a row of numbers, and how many cells it has."""
+    """Index of the first row of numbers, and its number of cells."""
     counts = [_count_numbers(_split(each, separator)) for each in judged]
     usual = float(np.median([count for count in counts if count] or [1]))
     for k, each in enumerate(lines):
@@ -236,8 +235,8 @@ def _find_rows(lines: Sequence[str], separator: str, judged: Sequence[str]) -> t
 
 
 def _find_header(above: Sequence[Sequence[str]], first: int, known: Callable[[str], bool]) -> int:
-    """Index of the header in the lines up to the first row, which it is if its names are numbers;
-    -1 if there is none."""
+    """Index of the header among the lines up to the first row, or -1. A header whose names are
+    numbers is itself that first row."""
     most = [sum(map(known, cells)) for cells in above]
     if any(most):
         return int(np.argmax(most))
@@ -276,10 +275,10 @@ def _split(text: str, separator: str) -> list[str]:
 
 
 def _split_head(text: str, separator: str, width: int) -> list[str]:
-    """The cells of a line above the rows.
+    """Split a line above the rows into cells.
 
-    The separator is the rows' own if it gives as many cells as they have, else the one that does:
-    NumPy separates numbers by blanks, and its header as the user wrote it.
+    Use the rows' separator if it gives as many cells as a row has, else another that does: NumPy
+    separates numbers by blanks, but leaves the header as the user wrote it.
     """
     text = _COMMENT.sub("", text, count=1) if _COMMENT.match(text) else text
     ways = [_split(text, each) for each in (separator, *SEPARATORS, ",")]
@@ -292,7 +291,7 @@ def _split_head(text: str, separator: str, width: int) -> list[str]:
 
 
 def _count_numbers(cells: Sequence[str]) -> int:
-    """How many cells look like numbers; a single one is a line of text with a number in it."""
+    """Count cells that look like numbers; 0 for a single cell, which is a line of text."""
     if len(cells) < 2:
         return 0
     plain = [cell.strip().translate(_PLAIN) for cell in cells]

@@ -1,6 +1,6 @@
-"""What is steered: the triangular class, its members, their chart, what can be said of them.
+"""The systems that the planner steers: the triangular class, its members, and their chart.
 
-In this order: `triangular_system`, `chained_form`, `manipulator`, `ball_gear`, `vehicles`,
-`coin` (triangular in other coordinates than its user's), `expressions`, `user_map`
-and `custom` (systems given as text), `linearisation`, `controllability`.
+In this order: `triangular_system`, `chained_form`, `manipulator`, `ball_gear`, `vehicles`, `coin`
+(its user coordinates are not the triangular ones), `expressions`, `user_map` and `custom` (systems
+given as text), `linearisation`, `controllability`.
 """

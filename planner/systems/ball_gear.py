@@ -53,7 +53,7 @@ class BallGear(PlanarArm, TangentSystem):
         return self.k_g * prod([ca.cos(q[j]) for j in range(1, self.n)])
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """The gears' own equations, regular at every angle."""
+        """q̇ from the gears' own equations, regular at every angle."""
         passive = [
             self.k_g
             * self.K[i - 2]
@@ -67,7 +67,7 @@ class BallGear(PlanarArm, TangentSystem):
     # -- numeric form --------------------------------------------------------------------------
 
     def _transmitted(self, q: Array) -> Array:
-        """Speed of each ball over u₁, shape (…, n): 1, cosθ₁, cosθ₁cosθ₂, …, with k_g left out."""
+        """Speed of each ball relative to k_g u₁, shape (…, n): 1, cosθ₁, cosθ₁cosθ₂, …"""
         ones = np.ones_like(q[..., :1])
         return np.asarray(np.cumprod(np.concatenate([ones, np.cos(q[..., 1:-1])], -1), axis=-1))
 

@@ -1,11 +1,11 @@
-"""Theorem 1 (eqs 1–5): from a triangular system to the chained form, and back.
+"""Theorem 1 (eqs 1–5): transform a triangular system to the chained form, and back.
 
     z_N = q_N,  zᵢ = Σ_{j>i} (∂zᵢ₊₁/∂qⱼ) fⱼ  (i = N−1 … 2),  z₁ = q₁
     ż₁ = v₁,    ż₂ = v₂,    żᵢ = zᵢ₋₁ v₁
 
-The derivatives are taken by CasADi, so the chain may have any length. Splitting off j = i+1
-gives zᵢ = aᵢ + cᵢ fᵢ₊₁(qᵢ; qᵢ₊₁ …), where aᵢ and cᵢ read only later coordinates: the inverse goes
-down the chain from q_N, and each step is one scalar equation that the system solves
+CasADi takes the derivatives, so the chain may have any length. Separating j = i+1 gives
+zᵢ = aᵢ + cᵢ fᵢ₊₁(qᵢ; qᵢ₊₁ …), where aᵢ and cᵢ depend only on later coordinates. So the inverse goes
+down the chain from q_N, and each step is one scalar equation, which the system solves
 (`link_from_slope`).
 """
 
@@ -25,7 +25,7 @@ from planner.systems.triangular_system import TriangularSystem, expect_system
 class ChainedForm:
     """Coordinate and feedback transformation of one system; build it with `chained_form`.
 
-    In all methods the last axis is that of the coordinates; they broadcast over the others.
+    In all methods the last axis is that of the coordinates; the others broadcast.
     """
 
     def __init__(self, system: TriangularSystem) -> None:
@@ -51,11 +51,11 @@ class ChainedForm:
         return self._z.function(q)
 
     def q_expr(self, z: Any, branch: Any) -> Any | None:
-        """Coordinates as a CasADi expression in z (N) on a branch (N); None without one."""
+        """Coordinates as a CasADi expression in z (N) and branch (N); None if there is none."""
         return None if self._state is None else self._state.function(z, branch)
 
     def inputs_expr(self, z: Any, v: Any, branch: Any) -> Any | None:
-        """Inputs as a CasADi expression in z (N) and v (2) on a branch; None without one."""
+        """Inputs as a CasADi expression in z (N), v (2) and branch (N); None if there is none."""
         return None if self._inputs is None else self._inputs.function(z, v, branch)
 
     def z(self, q: Array) -> Array:
@@ -89,7 +89,7 @@ class ChainedForm:
         return self._inputs(z, v, np.broadcast_to(branch, z.shape))
 
     def both(self, z: Array, v: Array, branch: Array) -> tuple[Array, Array]:
-        """`q` and `inputs`, in one call."""
+        """Coordinates and inputs, as `q` and `inputs`, in one call."""
         if self._state_and_inputs is None:
             q = self._invert(z, branch)
             return q, self.u(q, v)
@@ -99,15 +99,15 @@ class ChainedForm:
     def margins(self, z: Array, branch: Array) -> Array:
         """Signed margins (…, M) of the chart's domain at z (…, N); > 0 strictly inside.
 
-        Labels are `system.margin_labels`. Once one coordinate has no real value the margins of the
-        earlier ones are undefined: NaN.
+        Their labels are `system.margin_labels`. If a coordinate has no real value, the margins of
+        the earlier coordinates are NaN.
         """
         margins: list[Array] = []
         self._invert(z, branch, margins)
         return np.stack(margins, axis=-1)
 
     def _invert(self, z: Array, branch: Array, margins: list[Array] | None = None) -> Array:
-        """q of z; the margins met on the way go to the front of `margins`, if wanted."""
+        """Compute q from z; insert the margins at the front of `margins` if it is given."""
         q = np.full(z.shape, np.nan)
         q[..., 0], q[..., -1] = z[..., 0], z[..., -1]
         for i in range(self.system.size - 2, 0, -1):
@@ -123,10 +123,10 @@ class ChainedForm:
 
 @lru_cache(maxsize=64)
 def chained_form(system: TriangularSystem) -> ChainedForm:
-    """The chained form of a system, built once and kept.
+    """The chained form of a system, built once and cached.
 
     Raises:
-        InputError: If it is no system.
+        InputError: If the argument is not a system.
     """
     expect_system(system)
     return ChainedForm(system)
@@ -135,7 +135,7 @@ def chained_form(system: TriangularSystem) -> ChainedForm:
 def _compile_functions(
     system: TriangularSystem, links: dict[int, tuple[Any, Any]], q: Any, feedback: Any
 ) -> tuple[Pointwise | None, Pointwise | None, Pointwise | None]:
-    """(z, branch) → q, (z, v, branch) → u and → (q, u); None where a link has no expression."""
+    """Functions (z, branch) → q, (z, v, branch) → u and → (q, u); None if a link has no formula."""
     size = system.size
     z, v, branch = ca.SX.sym("z", size), ca.SX.sym("v", 2), ca.SX.sym("branch", size)
     known: list[Any] = [z[0], *[ca.SX(0)] * (size - 2), z[size - 1]]
@@ -154,7 +154,7 @@ def _compile_functions(
 
 
 def _chain(system: TriangularSystem, q: Any) -> tuple[list[Any], dict[int, tuple[Any, Any]]]:
-    """Expressions of z, and the pair (aᵢ, cᵢ) of every step of the inverse."""
+    """Expressions of z, and the pair (aᵢ, cᵢ) for every step of the inverse."""
     size = system.size
     f = [None, None, *system.slopes_expr(q)]
     z: list[Any] = [q[0], *[None] * (size - 2), q[size - 1]]

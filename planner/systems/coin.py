@@ -1,7 +1,7 @@
-"""A coin that rolls upright: a system that is triangular in other coordinates than its user's.
+"""A coin that rolls upright: a system whose user coordinates are not its triangular ones.
 
-The user's coordinates are the point of contact (x, y), the heading θ and the roll φ. With the
-radius r it rolls without slipping:
+The user coordinates are the point of contact (x, y), the heading θ and the roll φ. With the radius
+r the coin rolls without slipping:
 
     ẋ = r φ̇ cosθ,   ẏ = r φ̇ sinθ
 
@@ -33,7 +33,7 @@ _ANGLES = (Coordinate("heading", "rad"), Coordinate("roll", "rad"))
 class Coin(TriangularSystem):
     """A coin, or an upright wheel, with state q = (heading, roll, eta, sigma).
 
-    Inputs are the turn rate and the roll rate, both in rad/s. The user's coordinates are (x, y,
+    Inputs are the turn rate and the roll rate, both in rad/s. The user coordinates are (x, y,
     heading, roll). The chart has no edge.
 
     Args:
@@ -60,12 +60,12 @@ class Coin(TriangularSystem):
         return [q[3] + self.radius_m * q[1], -q[2]]
 
     def user_expr(self, q: Any) -> list[Any]:
-        """The contact, by turning (ξ, η) back."""
+        """Contact point, heading and roll, by rotating (ξ, η) back."""
         ahead, c, s = q[3] + self.radius_m * q[1], ca.cos(q[0]), ca.sin(q[0])
         return [ahead * c + q[2] * s, ahead * s - q[2] * c, q[0], q[1]]
 
     def from_user_expr(self, w: Any) -> list[Any]:
-        """η and σ of the contact."""
+        """Heading, roll, η and σ from the contact point."""
         c, s = ca.cos(w[2]), ca.sin(w[2])
         sigma = w[0] * c + w[1] * s - self.radius_m * w[3]
         return [w[2], w[3], w[0] * s - w[1] * c, sigma]
@@ -81,12 +81,12 @@ class Coin(TriangularSystem):
         return np.ones(q.shape[:-1])
 
     def user(self, q: Array) -> Array:
-        """Shape (…, 4), with the contact as the complex number (ξ − iη) exp(iθ)."""
+        """User coordinates, shape (…, 4); the contact is the complex number (ξ − iη) exp(iθ)."""
         contact = (self.radius_m * q[..., 1] + q[..., 3] - 1j * q[..., 2]) * np.exp(1j * q[..., 0])
         return np.stack([contact.real, contact.imag, q[..., 0], q[..., 1]], axis=-1)
 
     def from_user(self, w: Array) -> Array:
-        """Shape (…, 4), by the same number."""
+        """q, shape (…, 4), from the same complex number."""
         frame = (w[..., 0] + 1j * w[..., 1]) * np.exp(-1j * w[..., 2])
         sigma = frame.real - self.radius_m * w[..., 3]
         return np.stack([w[..., 2], w[..., 3], -frame.imag, sigma], axis=-1)
@@ -105,15 +105,15 @@ class Coin(TriangularSystem):
         return np.ones(self.size)
 
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
-        """φ from dη/dθ, η from dσ/dθ; each for every slope."""
+        """φ from dη/dθ, and η from dσ/dθ; both exist for every slope."""
         return np.asarray((slope - q[..., 3]) / self.radius_m if i == 1 else -slope)
 
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
-        """The same."""
+        """`link_from_slope` as a CasADi expression."""
         return (slope - q[3]) / self.radius_m if i == 1 else -slope
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
-        """One for the whole chart, 1 everywhere."""
+        """One margin for the whole chart, equal to 1 everywhere."""
         return [np.where(np.isnan(slope), np.nan, 1.0)] if i == 1 else []
 
     def chart_margins(self, q: Array, branch: Array) -> Array:
@@ -121,5 +121,5 @@ class Coin(TriangularSystem):
         return np.ones((*q.shape[:-1], 1))
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """The same."""
+        """`chart_margins` as CasADi expressions."""
         return [ca.SX(1)]

@@ -1,12 +1,11 @@
-"""Is the system controllable here? Lie brackets, growth vector, Frobenius and Chow.
+"""Test controllability at a configuration: Lie brackets, growth vector, Frobenius and Chow.
 
-Section 3.2 of the paper, by computation instead of by its recursion, which does not hold for its
-own mechanism (`planner.problem.nonholonomy`).
+This replaces the recursion of the paper's section 3.2, which does not hold for the paper's own
+mechanism (`planner.problem.nonholonomy`).
 
-Lie brackets of a system's two input fields, symbolically, one bracket a Lyndon word.
-
-The brackets of the Lyndon words of length ≤ k over {g₁, g₂} span every bracket of that length
-(C. Reutenauer, Free Lie Algebras, 1993, ch. 5): 2, 3, 5, 8, 14, 23, 41 … of them for k = 1, 2, 3 ….
+The Lie brackets of the two input fields are formed symbolically, one per Lyndon word. The brackets
+of the Lyndon words of length ≤ k over {g₁, g₂} span all brackets of length ≤ k (C. Reutenauer, Free
+Lie Algebras, 1993, ch. 5); there are 2, 3, 5, 8, 14, 23, 41 … of them for k = 1, 2, 3 ….
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from planner.support.compiled_calls import Pointwise
 from planner.systems.triangular_system import TriangularSystem, expect_system
 
 RANK_TOLERANCE = 1e-14
-"""A singular value counts towards the rank when it exceeds this share of the largest."""
+"""A singular value counts towards the rank if it exceeds this share of the largest one."""
 
 _NEIGHBOUR_POINTS = 8
 _NEIGHBOUR_RADIUS = 0.1
@@ -44,14 +43,14 @@ class Controllability:
         growth: Growth vector: dimension spanned by all brackets of length ≤ 1, 2, … at q.
         degree: Degree of nonholonomy: the bracket length at which that dimension reaches N; None if
             it does not within the examined depth.
-        basis: Names of brackets that span, shortest first: N of them when `chow` holds.
+        basis: Names of independent brackets, shortest first: N of them if `chow` is true.
         singular_values: Of the matrix of all brackets examined, largest first.
-        tolerance: Share of the largest above which a singular value counts.
+        tolerance: Share of the largest singular value above which one counts.
         involutive: Whether [g₁, g₂] stays in span{g₁, g₂} at q and around it (Frobenius).
         chow: Whether the brackets span all N directions (Chow). If so, the system is locally
-            controllable at q; if not, this is not decided at this depth.
-        neighbours: Different growth vectors at random points around q (fixed seed). The point is
-            regular if its own is the only one.
+            controllable at q; if not, this depth does not decide it.
+        neighbours: Distinct growth vectors at random points around q (fixed seed). The point is
+            regular if its own growth vector is the only one.
     """
 
     system: str
@@ -132,8 +131,8 @@ def controllability(
     Args:
         system: Any system.
         q: Configuration, shape (N,), in the coordinates' units.
-        depth: Greatest bracket length. By default as many as full rank needs, at most 2N − 3 (which
-            the paper's manipulator needs with every θᵢ = 0).
+        depth: Greatest bracket length. By default increased until the rank is full, up to 2N − 3
+            (which the paper's manipulator needs with every θᵢ = 0).
         tolerance: Share of the largest singular value above which one counts.
 
     Returns:
@@ -197,9 +196,9 @@ def _rank(blocks: Sequence[Array], tolerance: float) -> int:
 
 
 def _basis(blocks: Sequence[Array], names: Sequence[str], growth: Sequence[int]) -> tuple[str, ...]:
-    """Independent brackets, as many of each length as the growth vector gains there.
+    """Choose independent brackets, as many of each length as the growth vector gains there.
 
-    Among those of one length, the one that sticks out furthest is taken first.
+    Among brackets of one length, take the one with the largest remaining norm first.
     """
     chosen: list[int] = []
     left, position = [block.copy() for block in blocks], 0
@@ -255,7 +254,7 @@ def lyndon_words(length: int) -> list[Word]:
 
 
 def split(word: Word) -> tuple[Word, Word]:
-    """The standard factorisation: the second factor is the longest proper Lyndon suffix."""
+    """Standard factorisation: the second factor is the longest proper Lyndon suffix."""
     for k in range(1, len(word)):
         suffix = word[k:]
         if all(suffix < suffix[j:] for j in range(1, len(suffix))):
@@ -264,7 +263,7 @@ def split(word: Word) -> tuple[Word, Word]:
 
 
 def bracket_name(word: Word) -> str:
-    """As people write it: (1, 1, 2) is "[g1,[g1,g2]]"."""
+    """Write a bracket: (1, 1, 2) is "[g1,[g1,g2]]"."""
     if len(word) == 1:
         return f"g{word[0]}"
     a, b = split(word)
@@ -272,7 +271,7 @@ def bracket_name(word: Word) -> str:
 
 
 class Brackets:
-    """All brackets of a system up to any length, derived when first asked for."""
+    """All brackets of a system up to any length, derived on demand."""
 
     def __init__(self, system: TriangularSystem) -> None:
         self._q = ca.SX.sym("q", system.size)
@@ -307,5 +306,5 @@ class Brackets:
 
 @lru_cache(maxsize=16)
 def brackets(system: TriangularSystem) -> Brackets:
-    """The brackets of a system, derived once and kept."""
+    """The brackets of a system, derived once and cached."""
     return Brackets(system)

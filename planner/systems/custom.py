@@ -1,6 +1,6 @@
-"""A triangular system that the user gives by its functions fᵢ.
+"""A triangular system whose functions fᵢ the user gives.
 
-Checks that what a user gives is a system in triangular form, with messages that say why not.
+Checks that the input is a system in triangular form; messages say what is wrong.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class CustomSystem(TriangularSystem):
     """q̇₁ = γ(q) u₁,  q̇₂ = u₂,  q̇ᵢ = fᵢ(qᵢ₋₁, qᵢ, …, q_N) q̇₁  with fᵢ and γ from the user.
 
     Each fᵢ must be strictly monotone in qᵢ₋₁ on that coordinate's interval, or have one extremum
-    there; the side of the extremum on which the start lies is the branch. The inverse chart solves
+    there; the branch is the side of the extremum on which the start lies. The inverse chart solves
     one scalar equation per link, by Newton's method safeguarded by bisection. Unlike in other
     systems, the numeric form is computed from the symbolic one, so they do not check each other.
 
@@ -41,19 +41,19 @@ class CustomSystem(TriangularSystem):
         coordinates: The N ≥ 3 coordinates in triangular order; names are Python identifiers.
         slopes: f₃ … f_N: a function from the CasADi vector q (N) to N−2 expressions, or N−2 texts
             in the coordinates' names ("tan(theta) / cos(phi)").
-        drive: γ likewise; by default 1.
+        drive: γ in the same form; by default 1.
         intervals: Open interval of each coordinate q₂ … q_{N−1}, by name, in its unit. The default
             for angles (unit "rad") is (−π/2, π/2).
         inputs: Names and units of u₁ and u₂.
-        user: Coordinates of your own, in which you state problems and read plans, if the triangular
-            ones are others: a table with `coordinates` (N names), `units`, `expressions` (N texts
-            in the names of the triangular ones) and `inverse` (N texts in your names, one for each
-            triangular coordinate).
+        user: Coordinates for problems and results, if they are not the triangular ones: a table
+            with `coordinates` (N names), `units`, `expressions` (N texts in the names of the
+            triangular ones) and `inverse` (N texts in the new names, one for each triangular
+            coordinate).
 
     Raises:
         InputError: If names or counts do not match, fᵢ depends on a coordinate before qᵢ₋₁ or not
             on qᵢ₋₁, an interval is missing or empty, fᵢ has more than one extremum in it, or the
-            maps to your coordinates and back do not belong together.
+            map to the user coordinates and its inverse do not match.
     """
 
     kind: ClassVar[str] = "custom"
@@ -82,22 +82,22 @@ class CustomSystem(TriangularSystem):
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """As given."""
+        """The coordinates passed to the constructor."""
         return self._coordinates
 
     @property
     def inputs(self) -> tuple[Coordinate, Coordinate]:
-        """As given."""
+        """The inputs passed to the constructor."""
         return self._inputs
 
     @property
     def user_coordinates(self) -> tuple[Coordinate, ...]:
-        """As given."""
+        """Those of `user`, or the triangular ones."""
         return self._coordinates if self._user is None else self._user.coordinates
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """Interval of each coordinate that a link is solved for."""
+        """Interval of each coordinate that a link solves for, by name."""
         return {self._coordinates[i].name: pair for i, pair in self._intervals.items()}
 
     # -- symbolic form -------------------------------------------------------------------------
@@ -111,11 +111,11 @@ class CustomSystem(TriangularSystem):
         return self._parse("drive", self._drive_text, q)
 
     def user_expr(self, q: Any) -> list[Any]:
-        """As given."""
+        """The user coordinates in q, from `user`."""
         return super().user_expr(q) if self._user is None else self._user.there(q)
 
     def from_user_expr(self, w: Any) -> list[Any]:
-        """As given."""
+        """q in the user coordinates, from `user`."""
         return super().from_user_expr(w) if self._user is None else self._user.back(w)
 
     # -- the chart -----------------------------------------------------------------------------
@@ -131,14 +131,15 @@ class CustomSystem(TriangularSystem):
         return out
 
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
-        """The solution on the branch's side of the turn; NaN where there is none."""
+        """The solution on the branch's side of the extremum; NaN if there is none."""
         solution, _ = self._solve_link(i, slope, q, branch)
         return np.where(solution.exists, solution.x, np.nan).reshape(np.shape(slope))
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
         """Distances to the interval's ends (share of its width) and the signed ∂fᵢ₊₁/∂qᵢ.
 
-        Where no solution exists the margin that fails is minus the missing part of the slope.
+        Without a solution, the violated margin is minus the amount by which the slope is out of
+        range.
         """
         solution, derivative = self._solve_link(i, slope, q, branch)
         (low, high), x = self._intervals[i], solution.x
@@ -179,7 +180,7 @@ class CustomSystem(TriangularSystem):
         return tuple(labels)
 
     def _solve_link(self, i: int, slope: Array, q: Array, branch: Array) -> tuple[Preimage, Array]:
-        """The solution of link i, and the signed derivative there."""
+        """Solve link i; also return the signed derivative at the solution."""
         points = np.where(np.arange(self.size) > i, q, 0.0).reshape(-1, self.size)
 
         def function(x: Array) -> tuple[Array, Array]:
@@ -197,7 +198,7 @@ class CustomSystem(TriangularSystem):
         return parse_expression(text, symbols, f"{self.name}: {what}")
 
     def _expression_texts(self, what: str, given: Any) -> list[str]:
-        """The texts of what was given as functions or texts; the system is built from these."""
+        """Convert functions or texts to texts, from which the system is built."""
         symbols = [ca.SX.sym(c.name) for c in self._coordinates]
         values = given(ca.vertcat(*symbols)) if callable(given) else given
         parts = [values] if what == "drive" else list(values)
@@ -212,7 +213,7 @@ class CustomSystem(TriangularSystem):
     def _build(self) -> None:
         q = ca.SX.sym("q", self.size)
         slopes = [ca.SX(s) for s in self.slopes_expr(q)]
-        self.drive_expr(q)  # raises now where its text is wrong
+        self.drive_expr(q)  # raise an error now if its text is wrong
         self._links = {
             i: Pointwise(f"link{i}", [q], ca.vertcat(f, ca.jacobian(f, q[i])))
             for i, f in enumerate(slopes, start=1)
@@ -243,7 +244,7 @@ class CustomSystem(TriangularSystem):
 
 
 def _no_such_branch(solution: Preimage, slope: Array) -> NDArray[np.bool_]:
-    """Where the derivative has the branch's sign nowhere, though a slope is asked for."""
+    """Whether the derivative never has the branch's sign, for slopes that are not NaN."""
     return np.isnan(solution.x) & ~np.isnan(np.ravel(slope))
 
 
@@ -251,10 +252,10 @@ Intervals = Mapping[int, tuple[float, float]]
 
 
 def check_names(system: str, coordinates: Sequence[Coordinate]) -> tuple[Coordinate, ...]:
-    """The coordinates, if there are three or more with different, usable names.
+    """Return the coordinates after checking that there are at least three, with usable names.
 
     Raises:
-        InputError: If not.
+        InputError: If there are too few, or a name is not usable or appears twice.
     """
     names = [c.name for c in coordinates]
     if len(names) < 3:
@@ -270,10 +271,10 @@ def check_names(system: str, coordinates: Sequence[Coordinate]) -> tuple[Coordin
 def check_intervals(
     system: str, coordinates: Sequence[Coordinate], given: Mapping[str, Sequence[float]]
 ) -> dict[int, tuple[float, float]]:
-    """Interval of each coordinate that a link is solved for (all but first and last), by index.
+    """Interval of each coordinate that a link solves for (all but first and last), by index.
 
     Raises:
-        InputError: If one is missing, empty, not finite, or of another coordinate.
+        InputError: If one is missing, empty or not finite, or belongs to another coordinate.
     """
     links = {c.name: i for i, c in enumerate(coordinates) if 0 < i < len(coordinates) - 1}
     unknown = [name for name in given if name not in links]
@@ -293,7 +294,7 @@ def check_intervals(
 
 
 def check_structure(system: str, coordinates: Sequence[Coordinate], slopes: Any, q: Any) -> None:
-    """Refuse slopes that read an earlier coordinate than they may, or break the chain.
+    """Refuse a slope that depends on too early a coordinate, or not on the preceding one.
 
     Raises:
         InputError: Names the slope and the coordinate.
@@ -320,7 +321,7 @@ def check_turns(
 ) -> None:
     """Refuse a link whose derivative changes sign more than once on its interval.
 
-    Sampled: on a grid, at a few seeded values of the later coordinates.
+    The test samples a grid at a few seeded values of the later coordinates.
 
     Raises:
         InputError: Names the slope and the coordinate.

@@ -1,4 +1,4 @@
-"""Expressions as text: what problem files write and CasADi computes with, both ways."""
+"""Convert between expressions as text, in problem files, and CasADi expressions."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def parse_expression(text: str, symbols: Mapping[str, Any], where: str = "expres
 
     Args:
         text: Numbers, names, `pi`, + - * / **, and the functions of `FUNCTIONS`.
-        symbols: What the names stand for.
-        where: What to name in messages.
+        symbols: The values of the names.
+        where: Origin of the text, for messages.
 
     Raises:
         InputError: If the text is not such an expression; names the part that is wrong.
@@ -119,19 +119,19 @@ _TEMPLATES = {
     **{name.upper(): f"{name}({{}})" for name in FUNCTIONS},
     "ATAN2": "atan2({}, {})",
 }
-"""How an operation is written, by the name that follows `OP_` in CasADi."""
+"""Text of each operation, by the name after `OP_` in CasADi."""
 
 
 def operator_templates() -> dict[int, str]:
-    """How each operation is written, by CasADi's number of it."""
+    """Text of each operation, by CasADi's number for it."""
     return {getattr(ca, f"OP_{name}"): template for name, template in _TEMPLATES.items()}
 
 
 def write_expression(expression: Any, where: str = "expression") -> str:
-    """The text of a scalar CasADi SX expression, which `parse_expression` reads back.
+    """Write a scalar CasADi SX expression as text that `parse_expression` can read.
 
     Raises:
-        InputError: If it is not a scalar SX or uses an operation that text does not have.
+        InputError: If it is not a scalar SX, or uses an operation that text cannot express.
     """
     scalar = ca.SX(expression)
     if scalar.numel() != 1:

@@ -1,12 +1,12 @@
-"""Linearised motion, symbolically: what a small error of start, inputs or constants does.
+"""Linearised motion, symbolically: the effect of a small error of start, inputs or constants.
 
 Along a motion, δq̇ = A δq + b for each error of unit size, with A = ∂f/∂q (H. K. Khalil, Nonlinear
 Systems, 3rd ed., section 3.3). The errors:
 
     gain u1, gain u2        uᵢ becomes (1 + p) uᵢ
     bias u1, bias u2        p is added to uᵢ, in its unit
-    delay u1, delay u2      the input arrives p seconds late (and then ends p seconds late)
-    stretch u1, stretch u2  its clock runs slow by the fraction p: it arrives p t late, travel kept
+    delay u1, delay u2      the input arrives p seconds late (and ends p seconds late)
+    stretch u1, stretch u2  the clock of uᵢ is slow by the fraction p: delay p t, same travel
     start <coordinate>      offset of the start, in the coordinate's unit
     K2, K3 …                relative error of a gear constant (of arms)
 """
@@ -82,12 +82,12 @@ def gear_count(system: TriangularSystem) -> int:
 
 @lru_cache(maxsize=32)
 def linearise(system: TriangularSystem) -> Linearisation:
-    """Form the expressions for a system.
+    """Build the expressions for a system.
 
-    A late input uᵢ(t − p) acts through the Lie bracket alone: after integrating −u̇ᵢ gᵢ by parts
-    the forcing is u₁u₂[gⱼ, gᵢ], j ≠ i, which has no derivative of the input and needs no care at
-    its jumps. A slow clock is a delay that grows with the time, by the same integration. So δq of
-    these two is that of a late input that has caught up, as it has at the end.
+    A delayed input uᵢ(t − p) acts only through the Lie bracket: integrating −u̇ᵢ gᵢ by parts gives
+    the forcing u₁u₂[gⱼ, gᵢ], j ≠ i. It contains no derivative of the input, so jumps are harmless.
+    A slow clock is a delay that grows with time, treated in the same way. For these two, δq is the
+    error after the delayed input has caught up, as it has at the end.
     """
     q, u, t = ca.SX.sym("q", system.size), ca.SX.sym("u", 2), ca.SX.sym("t")
     f = ca.vertcat(*system.rates_expr(q, u))

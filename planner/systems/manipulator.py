@@ -23,10 +23,10 @@ class Gear:
         r1: Radius of wheel B, any length unit.
         R: Distance from the axle of disk A to its contacts P₁ and P₂, same unit.
         r3: Distance from the axle of disk A' to its contact P₃, same unit.
-        lam: Speed of disk A over that of the next wheel B, α̇ᵢ/φ̇ᵢ₊₁: the teeth of the driven
-            gear over those of the driving one.
-        eta: Speed of disk A' over that of the joint, β̇ᵢ/θ̇ᵢ₊₁: the diameter of the joint's
-            pulley, which is driven, over that of the pulley of A'.
+        lam: Speed ratio of disk A to the next wheel B, α̇ᵢ/φ̇ᵢ₊₁: teeth of the driven gear over
+            teeth of the driving gear.
+        eta: Speed ratio of disk A' to the joint, β̇ᵢ/θ̇ᵢ₊₁: diameter of the joint's (driven) pulley
+            over that of the pulley of A'.
     """
 
     r1: float
@@ -41,16 +41,16 @@ class Gear:
         return self.r1 / (self.lam * self.R)
 
     def k(self, i: int) -> float:
-        """Gear constant kᵢ = (λR/(ηr₃)) ρ^{i−1} of joint i (2 … n), all stages alike."""
+        """Gear constant kᵢ = (λR/(ηr₃)) ρ^{i−1} of joint i (2 … n), if all stages are equal."""
         return self.lam * self.R / (self.eta * self.r3) * self.rho ** (i - 1)
 
 
 PROTOTYPE_K, PROTOTYPE_K_G = (0.870125, 0.711625), 0.668811
-"""K₂, K₃ and k_g of the paper's prototype, as its printed z(0) gives them."""
+"""K₂, K₃ and k_g of the paper's prototype, derived from its printed z(0)."""
 
 
 def prototype_ratios(joints: int) -> list[float]:
-    """K₂ … Kₙ of the prototype, continued for more joints: each is K₃/K₂ times the one before."""
+    """K₂ … Kₙ of the prototype; for further joints each is K₃/K₂ times the one before."""
     first, second = PROTOTYPE_K
     return [round(first * (second / first) ** i, 6) for i in range(joints - 1)]
 
@@ -61,7 +61,7 @@ class Manipulator(PlanarArm):
     θ̇₁ = u₂,  φ̇ₙ₋₁ = k_g ∏_{j≤n−2} cosθⱼ u₁,  θ̇ᵢ = kᵢ cos³θᵢ₋₁ ∏_{j≤i−2} cosθⱼ u₁  (eq. 6).
 
     Args:
-        K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers). They alone shape the path.
+        K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers). Only they shape the path.
         k_g: Turns of the last disk per turn of motor 1; u₁ and its limit are the motor's.
         link_lengths: Lengths of the n links, for drawing and obstacles; by default 1 each.
         k_g_rule: How k_g was determined, for reports.
@@ -82,7 +82,7 @@ class Manipulator(PlanarArm):
     ) -> None:
         super().__init__(K, k_g, link_lengths)
         self.k_g_rule = k_g_rule
-        self.gear: Gear | None = None  # of `from_gear` if stages are alike; no rate depends on it
+        self.gear: Gear | None = None  # set by `from_gear` if stages are equal; not used in rates
 
     @classmethod
     def from_gear(
@@ -98,16 +98,16 @@ class Manipulator(PlanarArm):
 
         Args:
             n: Number of joints.
-            gear: Radii and ratios, of all stages or of each of the n − 1.
-            k_g: Turns of the last disk per turn of motor 1; by `rule` when left out.
-            rule: "chain" takes k_g = ρ₁ … ρₙ₋₂, which n − 2 stages between φ₁ and φₙ₋₁ give.
-                "printed" takes ρ² as the paper has it, a misprint: at n = 2 there is no stage
-                between, and eq. (6) itself says φ̇₁ = u₁, so k_g = 1.
+            gear: Radii and ratios, one for all stages or one for each of the n − 1 stages.
+            k_g: Turns of the last disk per turn of motor 1; by default from `rule`.
+            rule: "chain" sets k_g = ρ₁ … ρₙ₋₂, for the n − 2 stages between φ₁ and φₙ₋₁.
+                "printed" sets ρ² as in the paper, which is a misprint: for n = 2 there is no stage
+                between, and eq. (6) gives φ̇₁ = u₁, so k_g = 1.
             link_lengths: As in the constructor.
 
         Raises:
             InputError: If n < 2, a length is not positive, there are not n − 1 stages, or the rule
-                is unknown, or is "printed" though stages differ.
+                is unknown, or is "printed" although stages differ.
         """
         if n < 2:
             raise InputError(f"a manipulator has at least 2 joints, not {n}")
@@ -138,10 +138,10 @@ class Manipulator(PlanarArm):
         return manipulator
 
     def shorter(self) -> Manipulator:
-        """The arm of joints 2 … n.
+        """The arm that consists of joints 2 … n.
 
-        With joint 1 at rest its rates are cosθ₁ times slower in this arm, but for θ̇₂ (n ≥ 3).
-
+        With joint 1 at rest, the full arm's rates are cosθ₁ times those of this arm, except θ̇₂
+        (n ≥ 3).
         Raises:
             InputError: If this arm has 2 joints.
         """
@@ -164,7 +164,7 @@ class Manipulator(PlanarArm):
         return self.k_g * prod([ca.cos(q[j]) for j in range(1, self.n - 1)])
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """Eq. (6) itself: no quotient of cosines, so nothing cancels near 90°."""
+        """Eq. (6) itself; without quotients of cosines, so nothing cancels near 90°."""
         c = [ca.cos(q[j]) for j in range(self.n + 1)]
         passive = [
             self.k_g * self.K[i - 2] * c[i - 1] ** 3 * prod(c[1 : i - 1]) * u[0]
@@ -175,7 +175,7 @@ class Manipulator(PlanarArm):
     # -- numeric form --------------------------------------------------------------------------
 
     def slopes(self, q: Array) -> Array:
-        """θᵢ' for i = 2 … n, shape (…, n−1), by cumulative products rather than eq. by eq."""
+        """θᵢ' for i = 2 … n, shape (…, n−1), by cumulative products."""
         c = np.cos(q[..., 1:-1])
         driven = c**3 * np.cumprod(np.concatenate([np.ones_like(c[..., :1]), c[..., :-1]], -1), -1)
         path = np.prod(c[..., : self.n - 2], axis=-1, keepdims=True)
@@ -190,7 +190,7 @@ class Manipulator(PlanarArm):
         c = np.cos(q[..., 1:-1])
         out = np.empty((*np.broadcast_shapes(q.shape[:-1], u.shape[:-1]), self.size))
         speed = self.k_g * u[..., 0]
-        for i in range(self.n - 1):  # by coordinate: NumPy's products along a short axis are slow
+        for i in range(self.n - 1):  # a loop: NumPy's products along a short axis are slow
             cosine = c[..., i]
             out[..., i + 2] = self.K[i] * cosine * cosine * cosine * speed
             if i < self.n - 2:
@@ -201,13 +201,13 @@ class Manipulator(PlanarArm):
     # -- the chart -----------------------------------------------------------------------------
 
     def branch(self, q: Array) -> Array:
-        """Signs of θ₁ … θₙ₋₁ (the chart is two-valued in each); 1 for φ and θₙ."""
+        """Signs of θ₁ … θₙ₋₁ (the chart has two branches in each); 1 for φ and θₙ."""
         signs = np.ones(self.size)
         signs[1:-1] = np.sign(q[1:-1])
         return signs
 
     def _cos2(self, i: int, slope: Array, q: Array) -> Array:
-        """cos²θᵢ that gives dθᵢ₊₁/dφ = slope, given the later angles; may lie outside [0, 1]."""
+        """cos²θᵢ for which dθᵢ₊₁/dφ = slope, given the later angles; may lie outside [0, 1]."""
         if i == self.n - 1:
             ratio = slope / self.K[-1]
             return np.asarray(np.sign(ratio) * np.abs(ratio) ** (2 / 3))
@@ -241,7 +241,7 @@ class Manipulator(PlanarArm):
         return np.asarray(pairs.reshape(*q.shape[:-1], 2 * (self.n - 1)))
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """As `chart_margins`, as expressions."""
+        """`chart_margins` as CasADi expressions."""
         out = []
         for i in range(1, self.n):
             s, c = branch[i] * ca.sin(q[i]), ca.cos(q[i])
@@ -261,32 +261,32 @@ class Manipulator(PlanarArm):
 def gravity_torques(weights: Array, theta: Array) -> Array:
     """Torque of gravity on each joint of an arm on an inclined plane.
 
-    From the potential Σ weightⱼ sin(θ₁ + … + θⱼ): the slope rises along y of the base.
+    From the potential Σ weightⱼ sin(θ₁ + … + θⱼ): the plane rises along y of the base.
 
     Args:
-        weights: Torque of each link's weight about its own joint where the link lies across the
-            slope, with all that it carries, (n, …), N m.
+        weights: Torque of each link's weight and load about its own joint when the link lies
+            across the slope, (n, …), N m.
         theta: Joint angles, (n, …), rad.
 
     Returns:
-        Torques, (n, …), positive where they raise the angle, N m.
+        Torques, (n, …), positive if they increase the angle, N m.
     """
     return -on_joints(weights * np.cos(np.cumsum(theta, axis=0)))
 
 
 def chain_inertia(inertia: Array, lengths: Array, moments: Array, angles: Array) -> Array:
-    """Kinetic energy of a planar chain of links, as a matrix, (n, n, S), kg m^2.
+    """Matrix of the kinetic energy of a planar chain of links, (n, n, S), kg m^2.
 
-    With angles ψᵢ = θ₁ + … + θᵢ of the links it is
+    With the links' angles ψᵢ = θ₁ + … + θᵢ the energy is
 
         T = ½ Σⱼₖ Aⱼₖ cos(ψⱼ − ψₖ) ψ̇ⱼ ψ̇ₖ,   Aⱼⱼ = Jⱼ,   Aⱼₖ = lⱼ sₖ for j < k
 
-    each link with the mass of what it carries at its end. For two links these are α, β and δ of
-    R. M. Murray, Z. Li, S. S. Sastry (A Mathematical Introduction to Robotic Manipulation, 1994,
+    where each link includes the mass that it carries at its end. For two links these are α, β and δ
+    of R. M. Murray, Z. Li, S. S. Sastry (A Mathematical Introduction to Robotic Manipulation, 1994,
     section 4.2): α = A₁₁ + A₂₂, β = A₁₂, δ = A₂₂.
 
     Args:
-        inertia: J, of the links about their own joints, (n, S), kg m^2.
+        inertia: J, moments of inertia of the links about their own joints, (n, S), kg m^2.
         lengths: l, from each joint to the next, (n, S), m.
         moments: s, mass of each link times the distance of its centre from its joint, (n, S), kg m.
         angles: ψ of the links, (n, S), rad.
@@ -303,12 +303,12 @@ def chain_inertia(inertia: Array, lengths: Array, moments: Array, angles: Array)
 
 
 def centrifugal_torques(lengths: Array, moments: Array, angles: Array, rates: Array) -> Array:
-    """Torques by which turning links push their own angles ψ back, (n, S), N m.
+    """Centrifugal torques on the links' angles ψ, (n, S), N m.
 
-    Σₖ Aⱼₖ sin(ψⱼ − ψₖ) ψ̇ₖ²: what M leaves of Lagrange's equations.
+    Σₖ Aⱼₖ sin(ψⱼ − ψₖ) ψ̇ₖ²: the velocity terms of Lagrange's equations.
 
     Args:
-        lengths, moments, angles: As of `chain_inertia`.
+        lengths, moments, angles: As for `chain_inertia`.
         rates: ψ̇, (n, S), rad/s.
     """
     out = np.zeros_like(angles)
@@ -321,20 +321,20 @@ def centrifugal_torques(lengths: Array, moments: Array, angles: Array, rates: Ar
 
 
 def on_joints(of_links: Array) -> Array:
-    """From torques on the angles ψ of links, (n, …), to those on the joints, likewise."""
+    """Convert torques on the links' angles ψ, (n, …), to torques on the joints, (n, …)."""
     return np.asarray(np.cumsum(of_links[::-1], axis=0)[::-1])
 
 
 def mass_matrix(of_links: Array) -> Array:
-    """Mass matrix M = LᵀA L of the joints, L the lower triangle of ones, from `chain_inertia`."""
+    """Mass matrix M = LᵀA L of the joints from `chain_inertia`; L is the lower triangle of ones."""
     return on_joints(on_joints(of_links).swapaxes(0, 1))
 
 
 def stage_gears(system: Manipulator) -> tuple[tuple[Gear, ...], str]:
-    """Geometry of the stages 1 … n−1, given or inferred, and what was assumed; "" where given.
+    """Gears of the stages 1 … n−1, given or inferred, and a note on assumptions; "" if given.
 
-    What is inferred moves the joints at the same rates: from kᵢ₊₁ = κᵢ ρ^i with κᵢ = λR/(ηr₃), one
-    ρ for all stages, and what is left of each kᵢ₊₁ in r₃.
+    Inferred gears give the same joint rates: kᵢ₊₁ = κᵢ ρ^i with κᵢ = λR/(ηr₃), one ρ for all
+    stages, and the rest of each kᵢ₊₁ in r₃.
     """
     if system.gear is not None:
         return (system.gear,) * (system.n - 1), ""

@@ -1,17 +1,17 @@
-"""The class of systems the paper's Theorem 1 steers: driftless, two inputs, triangular.
+"""Triangular systems, the class that the paper's Theorem 1 steers: driftless, with two inputs.
 
     q̇₁ = v₁ = γ(q) u₁,   q̇₂ = u₂,   q̇ᵢ = fᵢ(qᵢ₋₁, qᵢ, …, q_N) v₁   (i = 3 … N)
 
 Coordinate numbers in the documentation are the paper's (from 1); array indices start at 0.
 
-Triangular systems whose every link is a tangent: cars, trailers, the ball-gear manipulator.
+`TangentSystem` covers systems in which every link is a tangent: cars, trailers, the ball-gear arm.
 
-    fᵢ₊₁(qᵢ; qᵢ₊₁ … q_N) = offset + gain · tan qᵢ,   offset and gain read later coordinates only
+    fᵢ₊₁(qᵢ; qᵢ₊₁ … q_N) = offset + gain · tan qᵢ,   offset and gain read only later coordinates
 
-The inverse is qᵢ = arctan((fᵢ₊₁ − offset)/gain), which exists for every slope: the chart covers all
-chained coordinates and its only edge is qᵢ = ±90°, where the path coordinate stands still.
+The inverse is qᵢ = arctan((fᵢ₊₁ − offset)/gain), which exists for every slope. The chart covers all
+chained coordinates; its only edge is qᵢ = ±90°, where the path coordinate stands still.
 
-What arms in the plane share, and constants that must be positive.
+`PlanarArm` holds what all planar arms share, and `positive` checks constants.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ class TriangularSystem(ABC):
     """A driftless two-input system in triangular form.
 
     A subclass gives its `kind`, its coordinates and its functions fᵢ and γ as CasADi expressions,
-    from which the chained form and the optimal planners are derived. It should give `slopes` and
-    `drive` as NumPy code too, which only the verifier and the emulated machine use: then each form
+    from which the chained form and the optimal planners are derived. It should also give `slopes`
+    and `drive` as NumPy code, which only the verifier and the emulated machine use; then each form
     checks the other. By default they are computed from the expressions.
 
-    All array methods take the coordinate on the last axis and broadcast over the others.
+    In all array methods the last axis is that of the coordinates; the others broadcast.
     """
 
     kind: ClassVar[str]
@@ -88,8 +88,8 @@ class TriangularSystem(ABC):
     def user_coordinates(self) -> tuple[Coordinate, ...]:
         """The N coordinates that problem files, figures and exports use; by default `coordinates`.
 
-        One with the name of a triangular coordinate is that coordinate. A system with others gives
-        both maps, `user_expr` and `from_user_expr`, and should give them as NumPy code too.
+        A user coordinate with the name of a triangular coordinate is that coordinate. A system with
+        other ones gives both maps, `user_expr` and `from_user_expr`, ideally also as NumPy code.
         """
         return self.coordinates
 
@@ -117,20 +117,20 @@ class TriangularSystem(ABC):
 
     @property
     def has_user_coordinates(self) -> bool:
-        """Whether they are others than the triangular ones, or in another order."""
+        """Whether the user coordinates differ from the triangular ones, also in their order."""
         return self.user_coordinates != self.coordinates
 
     @cached_property
     def shared(self) -> dict[int, int]:
-        """Index of each user coordinate that is a triangular one, to the index of the latter."""
+        """Maps the index of each user coordinate that is triangular to its triangular index."""
         names = [c.name for c in self.coordinates]
         pairs = enumerate(c.name for c in self.user_coordinates)
         return {i: names.index(name) for i, name in pairs if name in names}
 
     def fixed_by(self, w: Array) -> Array:
-        """What user coordinates w (N,), NaN where free, fix of q: shape (N,), NaN where free.
+        """The part of q that user coordinates w (N,) fix: shape (N,), NaN if free.
 
-        All of it where w is complete; else those coordinates that are in both.
+        NaN in w means free. If w is complete, all of q; else the coordinates that both share.
         """
         if not np.any(np.isnan(w)):
             return self.from_user(w)
@@ -214,7 +214,7 @@ class TriangularSystem(ABC):
         """The same margins from coordinates: shape (…, M), signed by branch, q on (…, N)."""
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """`chart_margins` as CasADi expressions (a list of M); the default, none, has no proof."""
+        """`chart_margins` as CasADi expressions (a list of M); by default none, so no proof."""
         return []
 
     @property
@@ -227,8 +227,8 @@ class TriangularSystem(ABC):
     def to_dict(self) -> dict[str, Any]:
         """The `[system]` table of a problem file that describes this system.
 
-        By default its kind and its public attributes: the constants that the constructor stored
-        under the names of its keys.
+        By default its kind and its public attributes, which are the constants that the constructor
+        stored under the names of its keys.
         """
         constants = {
             name: np.asarray(value).tolist() if isinstance(value, np.ndarray | tuple) else value
@@ -244,7 +244,7 @@ class TriangularSystem(ABC):
         return hash(self._text)
 
     def difference(self, other: TriangularSystem) -> str:
-        """What another system has and this one has not, in words; empty where they are equal."""
+        """Describe how another system differs, in words; empty if they are equal."""
         if self == other:
             return ""
         mine, theirs = self.to_dict(), other.to_dict()
@@ -260,25 +260,25 @@ class TriangularSystem(ABC):
 
 
 def expect_system(value: object) -> None:
-    """Raise an error if the value is not a system (but, for example, a problem or a plan).
+    """Refuse anything but a system (for example a problem or a plan).
 
     Raises:
-        InputError: If it is none; the message says how to get one.
+        InputError: If it is not a system; the message says how to get one.
     """
     expect(TriangularSystem, value, "problem.system is one; planner.Manipulator(K, k_g) makes one")
 
 
 SINGULAR = 1e-12
-"""|cos qᵢ| below which a coordinate counts as lying on the chart's edge."""
+"""A coordinate with a smaller |cos qᵢ| counts as lying on the chart's edge."""
 
 
 class TangentSystem(TriangularSystem):
-    """A triangular system in which every fᵢ₊₁ is offset + gain · tan qᵢ, as of wheeled vehicles."""
+    """A triangular system in which every fᵢ₊₁ is offset + gain · tan qᵢ, such as a vehicle."""
 
     def _link(self, i: int, q: Array) -> tuple[Array, Array]:
-        """Offset and gain, each of shape (…,), of fᵢ₊₁ at array index i; reads q after i only.
+        """Offset and gain, each of shape (…,), of fᵢ₊₁ at array index i; reads only q after i.
 
-        By default read off the slopes at 0 and 45 degrees.
+        By default they are computed from the slopes at 0 and 45 degrees.
         """
         state = np.array(q, dtype=float)
         state[..., :i] = 0.0
@@ -288,9 +288,9 @@ class TangentSystem(TriangularSystem):
         return offset, self.slopes(state)[..., i - 1] - offset
 
     def branch(self, q: Array) -> Array:
-        """For each link 2k + 1 when the angle is within 90° of k half turns, and 0 on the edge.
+        """Branch number of each link: 2k + 1 if the angle is within 90° of kπ; 0 on the edge.
 
-        The usual branch, |qᵢ| < 90°, is 1, and so is the entry of a coordinate without a link.
+        For the usual branch, |qᵢ| < 90°, and for coordinates without a link it is 1.
         """
         out = np.ones(self.size)
         angle = np.asarray(q[1:-1], dtype=float)
@@ -308,7 +308,7 @@ class TangentSystem(TriangularSystem):
         return np.asarray(np.arctan(self._tangent(i, slope, q)) + _centre(branch)[i])
 
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
-        """The same, with offset and gain read off the link at 0 and 45 degrees."""
+        """`link_from_slope` as an expression; offset and gain from the link at 0 and 45 degrees."""
         state = [*q]
         state[i] = ca.SX(0)
         offset = self.slopes_expr(state)[i - 1]
@@ -327,7 +327,7 @@ class TangentSystem(TriangularSystem):
         return np.asarray(np.where(branch[1:-1] == 0, -np.abs(c), c) * np.abs(c))
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """As `chart_margins`, as expressions."""
+        """`chart_margins` as CasADi expressions."""
         cosines = [ca.cos(q[i] - _centre(branch)[i]) for i in range(1, self.size - 1)]
         signs = np.where(branch[1:-1] == 0, -1.0, 1.0)
         return [
@@ -345,15 +345,15 @@ class TangentSystem(TriangularSystem):
 
 
 def _centre(branch: Array) -> Array:
-    """Middle of each branch, radians."""
+    """Centre angle of each branch, radians."""
     return np.asarray(np.pi * (branch - 1) / 2)
 
 
 def positive(name: str, values: Sequence[float]) -> Array:
-    """The values as an array, each positive and finite.
+    """Return the values as an array after checking that all are positive and finite.
 
     Raises:
-        InputError: If one is not, or there is none; names it.
+        InputError: If a value is not, or there are none; names them.
     """
     try:
         array = np.asarray(values, dtype=float)
@@ -377,7 +377,7 @@ class PlanarArm(TriangularSystem):
     """
 
     disk: ClassVar[int]
-    """φ is the angle of disk n + this."""
+    """φ is the angle of disk number n + `disk`."""
 
     def __init__(
         self, K: Sequence[float], k_g: float = 1.0, link_lengths: Sequence[float] | None = None

@@ -1,6 +1,6 @@
-"""Coordinates of a user's own for a system given by expressions: the map each way, as texts.
+"""User-defined coordinates for a system given by expressions: the map and its inverse, as text.
 
-Checks that both maps belong together, with messages that say where they do not.
+Checks that the two maps match; messages say where they do not.
 """
 
 from __future__ import annotations
@@ -20,22 +20,21 @@ from planner.systems.triangular_system import Coordinate
 KEYS = ("coordinates", "units", "expressions", "inverse")
 
 ROUND_TRIP = 1e-9
-"""Largest difference after both maps, in the coordinates' units and parts of their size: hundreds
-of roundings."""
+"""Largest error after both maps, relative to 1 + |q|: hundreds of rounding errors."""
 
 
 class UserMap:
-    """The user coordinates w of a system with coordinates q, and both maps.
+    """The user coordinates w of a system with coordinates q, and the maps between them.
 
     Args:
         system: The system's name, for messages.
-        own: Its N coordinates.
+        own: The system's N coordinates.
         given: `coordinates` (N names), `units`, `expressions` (N texts in the names of q) and
             `inverse` (N texts in the user's names, one for each of q).
 
     Raises:
-        InputError: If one is missing or has another length, a text is no expression, or a name that
-            both have stands for two quantities.
+        InputError: If a key is missing or has the wrong length, a text is not an expression, or a
+            name that both share stands for two quantities.
     """
 
     def __init__(self, system: str, own: Sequence[Coordinate], given: Mapping[str, Any]) -> None:
@@ -69,7 +68,7 @@ class UserMap:
         ]
 
     def _check_shared(self) -> None:
-        """A name in both lists is one quantity, in one unit."""
+        """Check that a name in both lists is one quantity, in one unit."""
         x = ca.SX.sym("x", len(self.own))
         there, back = self.there(x), self.back(x)
         mine = {c.name: i for i, c in enumerate(self.own)}
@@ -86,12 +85,12 @@ class UserMap:
                 )
 
     def check_inverse(self, intervals: Mapping[int, tuple[float, float]]) -> None:
-        """Refuse maps that do not lead back.
+        """Refuse maps that are not inverse to each other.
 
-        Sampled: at a few seeded places inside the intervals, where they have real values.
+        The test uses a few seeded points inside the intervals at which both maps are real.
 
         Raises:
-            InputError: Names the coordinate and the place.
+            InputError: Names the coordinate and the point.
         """
         x = ca.SX.sym("x", len(self.own))
         rng = np.random.default_rng(0)
@@ -117,5 +116,5 @@ class UserMap:
 
 
 def pairs_of(coordinates: Sequence[Coordinate], values: Array) -> str:
-    """Coordinates with their values, in words."""
+    """Format coordinates and their values as text."""
     return ", ".join(f"{c.name} = {x:.6g}" for c, x in zip(coordinates, values, strict=True))

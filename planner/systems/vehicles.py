@@ -1,8 +1,5 @@
-"""The unicycle: the simplest member of the class (N = 3).
-
-The kinematic car (N = 4).
-
-The car with n trailers, in the coordinates of the last one (N = n + 4).
+"""Wheeled vehicles: the unicycle (N = 3, the smallest system of the class), the kinematic car
+(N = 4), and the car with n trailers, in the coordinates of the last trailer (N = n + 4).
 
 Source: O. J. Sørdalen, "Conversion of the kinematics of a car with n trailers into a chained form",
 IEEE ICRA 1993. The position of the last trailer, not of the car, makes the system triangular; its
@@ -27,7 +24,7 @@ class Unicycle(TangentSystem):
     """A wheel, or a robot with two driven wheels, with state q = (x, heading, y).
 
     ẋ = cosθ u₁,  θ̇ = u₂,  ẏ = sinθ u₁  with u₁ the forward speed in m/s, u₂ the turn rate in
-    rad/s. Along x: y' = tanθ. The chart ends where the heading is across the x axis.
+    rad/s. Along x: y' = tanθ. The chart ends where the heading is perpendicular to the x axis.
     """
 
     kind: ClassVar[str] = "unicycle"
@@ -44,7 +41,7 @@ class Unicycle(TangentSystem):
         return ca.cos(q[1])
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """Regular at every heading."""
+        """q̇, regular at every heading."""
         return [ca.cos(q[1]) * u[0], u[1], ca.sin(q[1]) * u[0]]
 
     def slopes(self, q: Array) -> Array:
@@ -61,7 +58,7 @@ class Unicycle(TangentSystem):
         return np.stack(np.broadcast_arrays(velocity.real, u[..., 1], velocity.imag), axis=-1)
 
     def axle_points(self, q: Array) -> Array:
-        """Where the wheel touches the ground, shape (…, 1, 2), m."""
+        """Contact point of the wheel with the ground, shape (…, 1, 2), m."""
         return np.stack([q[..., 0], q[..., -1]], axis=-1)[..., None, :]
 
     def _link(self, i: int, q: Array) -> tuple[Array, Array]:
@@ -102,7 +99,7 @@ class _Train(TangentSystem):
 
     @property
     def limited(self) -> tuple[int, ...]:
-        """Every angle."""
+        """All angles."""
         return tuple(range(1, self.size - 1))
 
     # -- symbolic form -------------------------------------------------------------------------
@@ -121,7 +118,7 @@ class _Train(TangentSystem):
         return self._P(0, q)
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """Each speed as a product of the hitch cosines before it; regular but for φ = 90°."""
+        """q̇ with speeds as products of hitch cosines; regular except at φ = 90°."""
         c = [ca.cos(q[k + 1]) for k in range(1, self.n + 1)]
         pulled = [
             prod(c[: k - 1]) * ca.sin(q[k + 1]) / self._lengths[k] * u[0]
@@ -151,7 +148,7 @@ class _Train(TangentSystem):
         return np.asarray(np.prod(np.cos(q[..., 2:-1]), axis=-1))
 
     def rates(self, q: Array, u: Array) -> Array:
-        """q̇, shape (…, N), by the usual recursion from the car back, axle by axle.
+        """q̇, shape (…, N), by recursion from the car back, axle by axle.
 
         vₖ = vₖ₋₁ cosβₖ,  θ̇ₖ = vₖ₋₁ sinβₖ / ℓₖ.
         """
@@ -200,7 +197,7 @@ class Car(_Train):
     θ' = tanφ/(L cosθ), y' = tanθ.
 
     A heading of 90° is only an edge of the chart; a steering angle of 90° is a singularity of the
-    car.
+    car itself.
 
     Args:
         wheelbase_m: Distance L between the axles, m.
@@ -219,7 +216,8 @@ class Trailers(_Train):
     """A car that pulls n ≥ 1 trailers, each hitched to the middle of the axle in front of it.
 
     State q = (x, φ, β₁, …, βₙ, θ, y): steering φ, hitch angles βₖ (heading of the vehicle before
-    trailer k minus its own), and heading and position of the last trailer. With ℓ₀ the wheelbase,
+    trailer k minus that of the trailer), heading and position of the last trailer. With ℓ₀ the
+    wheelbase,
     ℓₖ the length of trailer k, β₀ = φ and Pₖ = cosθ ∏_{j>k} cosβⱼ:
 
         γ = P₀,   θₖ' = tanβₖ/(ℓₖ Pₖ),   βₖ' = θₖ₋₁' − θₖ',   θ' = θₙ',   y' = tanθ

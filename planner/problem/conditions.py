@@ -1,4 +1,4 @@
-"""The tables of a problem file: changed by keys, what they ask of every plan, contradictions."""
+"""Tables of a problem file: changes by key, the limits and requirements in them, contradictions."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from planner.systems.triangular_system import TriangularSystem
 
 
 def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """`data` itself, a problem file's tables, with dotted keys set in it; None removes a key.
+    """Set dotted keys in a problem file's tables, in place, and return them; None removes a key.
 
     Raises:
-        InputError: If a key leads through what is not a table.
+        InputError: If a key leads through something that is not a table.
     """
     expect(
         Mapping, changes, 'changes must be dotted keys and values, for example {"goal.travel": 0.8}'
@@ -46,14 +46,14 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits that a plan keeps at all times; infinite (or None) where there is no limit.
+    """Limits that apply at all times; infinite (or None) without a limit.
 
     Attributes:
         input: Largest |u|, shape (2,), in the inputs' units (rad/s).
         input_rate: Largest |du/dt|, shape (2,) (rad/s²).
         joint: Largest |q|, shape (N,), in the coordinates' units (rad).
-        user: Largest |user coordinate|, shape (N,), in their units; `joint` where there are none.
-        z2_margin: Least |z₂|; z₂ keeps the sign it has at the start. None: no limit of z₂.
+        user: Largest |user coordinate|, shape (N,), in their units; else equal to `joint`.
+        z2_margin: Least |z₂|; z₂ keeps the sign it has at the start. None: z₂ has no limit.
     """
 
     input: Array
@@ -64,20 +64,20 @@ class Limits:
 
     @property
     def input_scale(self) -> Array:
-        """What inputs are measured by, shape (2,): their limits, or 1 where there is none."""
+        """Scale of the inputs, shape (2,): their limits, or 1 without a limit."""
         return np.where(np.isfinite(self.input), self.input, 1.0)
 
     @property
     def unlimited(self) -> NDArray[np.bool_]:
-        """Which inputs have no limit, and nor have their rates, shape (2,)."""
+        """Whether each input has a limit neither on itself nor on its rate, shape (2,)."""
         return np.isinf(self.input) & np.isinf(self.input_rate)
 
 
 def bare_limits(tables: ProblemFile) -> Limits:
-    """The bare numbers of a problem file."""
+    """The limits of a problem file as arrays."""
     given = tables.limits
     coordinates = tables.joint_limits(), tables.user_limits()
-    margin = getattr(given, "z2_margin", None)  # a key that not every kind has
+    margin = getattr(given, "z2_margin", None)  # not all kinds of systems have this key
     return Limits(given.inputs(), given.input_rates(), *coordinates, margin)
 
 
@@ -103,16 +103,16 @@ def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle
 
 
 SMALL_UNITS = {100.0: "centimetres", 1000.0: "millimetres"}
-"""In which a place ten times out of reach or more may have been meant."""
+"""Units that may have been meant if a place is ten or more times out of reach."""
 
 
 def tip_of(
     tables: ProblemFile, system: TriangularSystem, discs: Sequence[Obstacle], source: str
 ) -> TipGoal | None:
-    """What the goal asks of the tip; None where it gives the joints.
+    """The goal of the tip; None if the goal gives the joints.
 
     Raises:
-        InputError: If no joints' angles at all, within 90 degrees, would do it.
+        InputError: If no joint angles within 90 degrees reach it.
     """
     table = tables.tip()
     if not table:
@@ -159,10 +159,10 @@ def tip_of(
 def self_collision_of(
     tables: ProblemFile, system: TriangularSystem, source: str
 ) -> SelfCollision | None:
-    """The clearance of an arm's links from each other; None where it is not asked for.
+    """The required clearance between an arm's links; None without one.
 
     Raises:
-        InputError: If no motion of this arm could keep it, or there is nothing to keep.
+        InputError: If no motion of this arm can keep it, or the arm has no links that could cross.
     """
     value = getattr(tables.limits, SelfCollision.key, None)
     if value is None:
@@ -176,10 +176,10 @@ def self_collision_of(
 def further_requirements(
     tables: ProblemFile, system: TriangularSystem, source: str
 ) -> list[Requirement]:
-    """The limits of kinds that all systems know.
+    """The limits of kinds that apply to all systems.
 
     Raises:
-        InputError: If one cannot be of this system, or its class contradicts itself.
+        InputError: If a limit does not fit this system, or its class contradicts itself.
     """
     out = []
     for key, kind in REQUIREMENTS.items():
@@ -201,17 +201,17 @@ def further_requirements(
 
 
 def _fault(required: Requirement, system: TriangularSystem) -> str | None:
-    """How a class contradicts itself, or breaks down when it is tried; None where it does not."""
+    """Describe how a class contradicts itself, or fails when it is tried; None if it is sound."""
     try:
         return required.fault(system)
-    except Exception as error:  # it may be anybody's; a registered one says so, for this reason
+    except Exception as error:  # from foreign code; a registered class names itself as the cause
         return f"failed: {line(error_words(error.__cause__ or error))}"
 
 
 def contradiction(
     states: Mapping[str, Array], requirements: Iterable[Requirement], system: TriangularSystem
 ) -> str:
-    """Which of these states (N,), by name, no plan can pass through; empty if it can pass all."""
+    """Describe which of these states (N,), by name, violates a requirement; empty if none does."""
     for name, q in states.items():
         for required in requirements:
             try:
@@ -228,7 +228,7 @@ LEAST_WAYPOINT_GAP = 1e-6
 
 
 def clash_of_times(waypoints: Sequence[Waypoint], duration: float | None) -> str:
-    """Why no plan can pass the waypoints at their times, in words; empty if one can."""
+    """Describe why no plan can pass the waypoints at their times; empty if one can."""
     timed = sorted((p.time_s, p.number) for p in waypoints if p.time_s is not None)
     if not timed:
         return ""
@@ -259,10 +259,10 @@ LOOKS_LIKE_RADIANS_DEG = 1.6
 
 
 def likely_slip(system: TriangularSystem, start: Array, goal: Array) -> str:
-    """What can be used as it stands and looks like a slip, in words; empty if nothing does."""
+    """Describe a valid value that is probably a mistake; empty if there is none."""
     angular = [i for i in system.limited if system.coordinates[i].unit == "rad"]
     angles = np.abs([start[angular], goal[angular]])
-    if 0 < np.rad2deg(np.max(angles, initial=0)) < LOOKS_LIKE_RADIANS_DEG:  # not where one is free
+    if 0 < np.rad2deg(np.max(angles, initial=0)) < LOOKS_LIKE_RADIANS_DEG:  # false if NaN (free)
         return (
             f"all angles of start and goal are below {LOOKS_LIKE_RADIANS_DEG} degrees; if they are"
             " meant in radians, write them in degrees"

@@ -1,10 +1,10 @@
-"""What no plan can beat: ends outside the chart, the least time, and what one-way motion can reach.
+"""Bounds that no plan can beat: ends outside the chart, the least duration, the travel's window.
 
-The least time follows from the input limits: every joint's rate is its gear constant times cosines
-times an input, so |θ̇₁| ≤ max|u₂|, |θ̇ᵢ| ≤ k_g Kᵢ max|u₁| and |φ̇| ≤ k_g max|u₁| (eq. 6).
+The least duration follows from the input limits: every joint's rate is its gear constant times
+cosines times an input, so |θ̇₁| ≤ max|u₂|, |θ̇ᵢ| ≤ k_g Kᵢ max|u₁| and |φ̇| ≤ k_g max|u₁| (eq. 6).
 
-The window of travels follows from signs (theory of eq. 7): while φ moves one way every passive
-joint θ₂ … θₙ moves the same way, because each θᵢ' is positive.
+The window of travels applies to motion without reversal and follows from signs (theory of eq. 7):
+while φ moves one way, each passive joint θ₂ … θₙ moves the same way, because each θᵢ' is positive.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from planner.systems.manipulator import Manipulator
 
 @dataclass(frozen=True)
 class End:
-    """One end of the motion.
+    """One end of the motion, relative to the chart.
 
     Attributes:
         name: "start" or "goal".
         q: Coordinates, shape (N,); NaN for a free path coordinate.
-        z: Chained coordinates, shape (N,); NaN for a free path coordinate, and for all where a
-            joint is free.
-        branch: The chart's branch it lies on, shape (N,); NaN likewise.
-        margins: Distance from each edge of the chart, on the start's branch: label to value,
+        z: Chained coordinates, shape (N,); NaN for a free path coordinate; all NaN if a joint is
+            free.
+        branch: The chart's branch it lies on, shape (N,); NaN in the same cases.
+        margins: Distance from each edge of the chart, on the start's branch: maps label to value,
             negative beyond the edge.
         singular: Names of the coordinates that lie on a singularity of the chart.
         crossed: Names of the coordinates whose branch differs from the start's.
@@ -47,7 +47,7 @@ class End:
 
     @property
     def in_chart(self) -> bool:
-        """Whether a chart method can begin or end here; not where joints are free."""
+        """Whether a chart method can begin or end here; false if joints are free."""
         return not (self.singular or self.crossed or np.any(np.isnan(self.z[1:])))
 
     def to_dict(self) -> dict[str, Any]:
@@ -64,7 +64,7 @@ class End:
 
 
 def chart_ends_report(problem: Problem) -> tuple[End, End]:
-    """Start and goal in the chart."""
+    """Examine start and goal relative to the chart."""
     return _end("start", problem, problem.start), _end("goal", problem, problem.target)
 
 
@@ -99,9 +99,9 @@ class DurationBound:
 
     Attributes:
         seconds: The duration; zero if there is no bound.
-        reason: Why, in words.
-        judged: Seconds below which no plan is verified either, which may miss goal and limits by
-            the tolerances of `verify`.
+        reason: The reason, in words.
+        judged: Duration below which no plan passes verification, which tolerates small errors at
+            the goal and at limits, seconds.
     """
 
     seconds: float
@@ -110,15 +110,15 @@ class DurationBound:
 
 
 GOAL_MISS, LIMIT_MISS = 2e-5, 1e-6
-"""What `verify` accepts at the goal (rad or m) and at a limit (relative)."""
+"""Tolerances of `verify` at the goal (rad or m) and at a limit (relative)."""
 
 
 def least_duration(problem: Problem) -> DurationBound:
-    """The bound, from the coordinate that needs the most time at its top rate.
+    """Bound the duration by the coordinate that needs the most time at its top rate.
 
     It is necessary, not sufficient: a plan may need longer.
     """
-    distance = np.nan_to_num(np.abs(problem.goal - problem.start))  # a free joint may stay
+    distance = np.nan_to_num(np.abs(problem.goal - problem.start))  # a free joint may stay in place
     distance[0] = abs(problem.travel or 0.0)
     rates = _top_rates(problem)
     needed = distance / rates
@@ -133,7 +133,7 @@ def least_duration(problem: Problem) -> DurationBound:
 
 
 def why_too_short(problem: Problem) -> str | None:
-    """Why no plan of any kind keeps the duration, in words; None where nothing shows that."""
+    """Describe why no plan of any kind can be so short; None if nothing shows it."""
     bound = least_duration(problem)
     if problem.duration is None or problem.duration >= bound.judged:
         return None
@@ -144,10 +144,10 @@ def why_too_short(problem: Problem) -> str | None:
 
 
 def refuse_too_short(problem: Problem) -> None:
-    """Refuse a duration that no plan can keep, before any method tries.
+    """Refuse a duration that no plan can meet, before any method tries.
 
     Raises:
-        InfeasibleError: With the coordinate that proves it.
+        InfeasibleError: Names the coordinate that needs more time.
     """
     if why := why_too_short(problem):
         raise InfeasibleError(
@@ -157,7 +157,7 @@ def refuse_too_short(problem: Problem) -> None:
 
 
 def _top_rates(problem: Problem) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Largest |q̇|, shape (N,), infinite where unknown."""
+    """Largest |q̇|, shape (N,); infinite if unknown."""
     rates = np.full(problem.system.size, np.inf)
     u1, u2 = problem.limits.input
     rates[1] = u2
@@ -173,13 +173,13 @@ def _format_value(value: float, unit: str) -> str:
 
 @dataclass(frozen=True, repr=False)
 class TravelWindow:
-    """Travels Δφ (radians) for which a motion without reversal can exist.
+    """Travels Δφ (radians) for which a motion without reversal of the disk can exist.
 
     Attributes:
-        low: Lower bound of the travel; no motion reaches the bounds themselves.
-        high: Upper bound of the travel; infinite if there is none.
-        exact: Whether every travel strictly inside is possible if joints and inputs have no limits
-            (n = 2 and 3). Otherwise travels outside are impossible and those inside are open.
+        low: Lower bound of the travel; not reached itself.
+        high: Upper bound of the travel, not reached itself; infinite if there is none.
+        exact: Whether every travel strictly inside is possible without limits on joints and inputs
+            (n = 2 and 3). Otherwise travels outside are impossible, and inside it is unknown.
         reason: Why the window is empty, in words; "" if it is not empty.
     """
 
@@ -207,11 +207,10 @@ class TravelWindow:
 
 
 def travel_window(problem: Problem) -> TravelWindow | None:
-    """Travels that are possible without reversing the disk, between the problem's start and goal.
+    """Find the travels that are possible without reversing the disk between start and goal.
 
     Returns:
-        The window, or None for systems other than the manipulator, and where the goal leaves joints
-        free.
+        The window; None for systems other than the manipulator, or if the goal leaves joints free.
     """
     expect_problem(problem)
     if not isinstance(problem.system, Manipulator) or problem.free:
@@ -224,7 +223,7 @@ def travel_window(problem: Problem) -> TravelWindow | None:
         return _empty_window("the passive joints must end where they started")
     if np.any(moved == 0):
         return _empty_window("one passive joint must stay while another moves")
-    if np.all(moved < 0):  # the same motion run backwards
+    if np.all(moved < 0):  # the reverse of a motion from goal to start
         ahead = _forward_window(problem.system, goal, start)
         return TravelWindow(-ahead.high, -ahead.low, ahead.exact, ahead.reason)
     return _forward_window(problem.system, start, goal)
@@ -244,7 +243,7 @@ def _forward_window(system: Manipulator, start: Array, goal: Array) -> TravelWin
     last = float(goal[-1] - start[-1])
     if n > 3:
         return TravelWindow(last / (K[-1] * fast), last / (K[-1] * slow), False)
-    # θ₂ runs at its top rate K₂ (θ₁ = 0) and the rest of θ₃ is made up by dwelling at one θ₂.
+    # θ₂ runs at its top rate K₂ (θ₁ = 0); θ₃ covers the rest while θ₂ stays at one angle.
     swept = K[1] / K[0] * (_sine_integral(b) - _sine_integral(a))
     spare = last - swept
     if spare <= 0:

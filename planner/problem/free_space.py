@@ -1,10 +1,10 @@
-"""The joint space of an arm among discs, on a grid: is there a way from start to goal, and which?
+"""Search the joint space of an arm among discs on a grid for a path from start to goal.
 
-Turning joint i by an angle a moves no point of a link farther than a times the length of the arm
-from that joint to its tip. So a cell of the grid is free if the clearance at its centre is greater
-than this bound for half its width, and blocked if links reach farther into a disc than that. All
-other cells are mixed, and are divided. Where blocked cells separate start and goal, no motion
-exists: this is a proof. Where free cells join them, the way through them is a first guess.
+If joint i turns by an angle a, each point of the links moves by at most a times the length of the
+arm from that joint to its tip. So a cell of the grid is free if the clearance at its centre exceeds
+this bound for half its width, and blocked if links reach into a disc by more than the bound. All
+other cells are mixed and are divided. If blocked cells separate start and goal, this proves that no
+motion exists. If free cells connect them, the path through them is a first guess.
 
 Source: Zhu and Latombe, New heuristic algorithms for efficient hierarchical path planning (IEEE
 Transactions on Robotics and Automation 7, 1991), for the three kinds of cells.
@@ -25,30 +25,30 @@ from planner.support.arrays import Array
 FREE, MIXED, BLOCKED = 0, 1, 2
 
 COARSEST, MOST_CELLS = 8, 2**20
-"""Cells along a joint to begin with, and cells of the finest grid: 1024 a joint for two joints, 64
-for three, 32 for four."""
+"""Cells per joint of the first grid, and all cells of the finest grid: 1024 per joint for two
+joints, 64 for three, 32 for four."""
 
 MOST_WAY_CELLS = 2**18
-"""Cells of the finest grid on which a way is looked for: a second for the shortest one."""
+"""Cells of the finest grid on which a path is searched; the shortest path then takes a second."""
 
 TOLERANCE = 1e-6
-"""Share of the arm's length that links must reach into discs more than the bound says: more than
-the verification of plans lets pass."""
+"""Extra depth for a blocked cell, as a share of the arm's length; larger than the tolerance of
+verification."""
 
 WIDEST_RAD = 1.5
-"""Angle up to which a way is looked for where a joint has no limit."""
+"""Angle up to which a path is searched if a joint has no limit."""
 
 MIXED_COST, TOUCHING_COST = 100.0, 10000.0
-"""Cost of a step into a mixed cell, and into one whose centre lies in a disc, where a free one
-costs 1: start and goal may lie in mixed cells, and there a way must begin and end."""
+"""Cost of a step into a mixed cell, and into a cell whose centre lies in a disc; a free cell costs
+1. They are finite because start and goal may lie in such cells."""
 
 SAMPLE_SHARE, MOST_SAMPLES = 0.5, 2000
-"""Most that links move between two samples of a straight piece, in radii of the thinnest disc; and
-most samples of a piece."""
+"""Largest motion of the links between two samples of a straight segment, in radii of the smallest
+disc; and the maximum number of samples."""
 
 
 def clearance(problem: Problem, theta: Array) -> Array:
-    """Least distance of any link from any disc, less its clearance, shape (…), at θ (…, n), m."""
+    """Least distance between links and discs less the required one, shape (…), at θ (…, n), m."""
     points = problem.system.arm_points(theta)  # type: ignore[attr-defined]
     every = (disc.clearances(points).min(axis=-1) - disc.clearance for disc in problem.obstacles)
     least = next(every)
@@ -59,7 +59,7 @@ def clearance(problem: Problem, theta: Array) -> Array:
 
 @lru_cache(maxsize=8)
 def is_blocked(problem: Problem) -> bool:
-    """Whether discs and joint limits are proven to separate the goal from the start."""
+    """Whether discs and joint limits provably separate the goal from the start."""
     if not has_free_space(problem) or not np.isfinite(problem.limits.joint[1:]).all():
         return False
     start = problem.start[1:]
@@ -73,7 +73,7 @@ def is_blocked(problem: Problem) -> bool:
 
 
 def why_blocked(problem: Problem) -> str | None:
-    """Why no motion exists, in words; None where that is not proven."""
+    """Describe why no motion exists; None if that is not proven."""
     if not is_blocked(problem):
         return None
     few = len(problem.obstacles) == 1
@@ -84,9 +84,9 @@ def why_blocked(problem: Problem) -> str | None:
 
 
 def find_way(problem: Problem) -> Array | None:
-    """Corners of a short way from start to goal clear of all discs, shape (M, n), in radians.
+    """Find a short path from start to goal clear of all discs; corners (M, n) in radians.
 
-    It knows no kinematics. None where there is no grid, or no way on it.
+    The path ignores the kinematics. None if there is no grid, or no path on it.
     """
     if not has_free_space(problem):
         return None
@@ -101,12 +101,12 @@ def has_free_space(problem: Problem) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """The box of joint angles in equal cells.
+    """The box of joint angles, divided into equal cells.
 
     Attributes:
         low: Least angles of the box, shape (n,).
-        widths: Of a cell, shape (n,).
-        cells: FREE, MIXED or BLOCKED, one axis a joint.
+        widths: Widths of a cell, shape (n,).
+        cells: FREE, MIXED or BLOCKED, with one axis per joint.
     """
 
     low: Array
@@ -118,12 +118,12 @@ class Grid:
         return np.asarray(self.low + (index + 0.5) * self.widths)
 
     def index(self, theta: Array) -> tuple[int, ...]:
-        """The cell in which angles (n,) lie."""
+        """Index of the cell that contains angles (n,)."""
         at = np.floor((theta - self.low) / self.widths).astype(int)
         return tuple(np.clip(at, 0, np.array(self.cells.shape) - 1).tolist())
 
     def goal_cells(self, problem: Problem) -> NDArray[np.bool_]:
-        """The cells that may hold a goal: one, or many where the goal leaves joints free."""
+        """Mask of cells that may contain a goal: several if the goal leaves joints free."""
         goal, tip = problem.goal[1:], problem.tip
         mask = np.zeros(self.cells.shape, dtype=bool)
         index = zip(self.index(np.nan_to_num(goal)), np.isnan(goal), strict=True)
@@ -145,7 +145,7 @@ class Grid:
     def joined(
         self, start: Array, goal: NDArray[np.bool_], may_pass: NDArray[np.bool_], corners: bool
     ) -> bool:
-        """Whether cells that may be passed join a place with others, by sides or corners too."""
+        """Whether passable cells connect the start with the goal, by faces or also by corners."""
         from scipy import ndimage
 
         shape = ndimage.generate_binary_structure(may_pass.ndim, may_pass.ndim if corners else 1)
@@ -154,7 +154,7 @@ class Grid:
         return bool(part and (parts[goal] == part).any())
 
     def shortest(self, problem: Problem, start: Array, goal: Array) -> Array:
-        """The cheapest way through the centres of cells that are not blocked, shape (M, n)."""
+        """The cheapest path through the centres of cells that are not blocked, shape (M, n)."""
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import dijkstra
 
@@ -182,7 +182,7 @@ class Grid:
 
 
 def _grids(problem: Problem) -> Iterator[Grid]:
-    """Finer and finer grids, each with only the mixed cells of the one before divided."""
+    """Yield finer and finer grids; only the mixed cells of the one before are tested again."""
     ends = np.fmax(np.abs(problem.start[1:]), np.nan_to_num(np.abs(problem.goal[1:])))
     limit = problem.limits.joint[1:]
     limit = np.where(np.isfinite(limit), limit, np.fmax(WIDEST_RAD, ends))
@@ -207,7 +207,7 @@ def _beyond(problem: Problem) -> Array:
 
 
 def _shortened(problem: Problem, way: Array) -> Array:
-    """The way with straight pieces in place of detours, where these are as far from all discs."""
+    """Replace detours of the path by straight segments if these have as much clearance."""
     room, corners, at = clearance(problem, way), [0], 0
     while at < len(way) - 1:
         for to in range(len(way) - 1, at, -1):
@@ -220,7 +220,7 @@ def _shortened(problem: Problem, way: Array) -> Array:
 
 
 def clearance_between(problem: Problem, one: Array, other: Array) -> float:
-    """Least clearance on the straight piece between two places (n,), as sampled."""
+    """Least clearance on the straight segment between two configurations (n,), by sampling."""
     moved = float(np.abs(other - one) @ _beyond(problem))
     thinnest = min(disc.radius + disc.clearance for disc in problem.obstacles)
     count = 2 + int(min(moved / (SAMPLE_SHARE * thinnest), MOST_SAMPLES))

@@ -1,6 +1,6 @@
-"""Section 3.2 of the paper for a problem: is the system controllable where the problem is?
+"""Section 3.2 of the paper for a problem: is the system controllable at its start and goal?
 
-The paper's proof of controllability, eqs (9)–(17), tried on its own mechanism.
+Also tests the paper's proof of controllability, eqs (9)–(17), on the paper's own mechanism.
 
 The paper builds a basis X₁ … Xₙ, Yₙ of all directions by
 
@@ -8,12 +8,12 @@ The paper builds a basis X₁ … Xₙ, Yₙ of all directions by
     Zᵢ = [Xᵢ, Yᵢ] = ∂Yᵢ/∂θᵢ  (16)
 
 and claims Xᵢ₊₁ = ∂/∂θᵢ₊₁ (14), Yᵢ₊₁ = (0, yᵢ₊₁) (15) and a determinant that vanishes nowhere (17).
-With the fields of eq. (6) none of that holds. What does hold, where sinθᵢ ≠ 0, is
+With the fields of eq. (6) none of these holds. What holds for sinθᵢ ≠ 0 is
 
     Xᵢ₊₁ = (sᵢYᵢ + cᵢZᵢ)/(−2kᵢ₊₁cᵢ³sᵢ)     Yᵢ₊₁ = cᵢYᵢ − sᵢZᵢ − kᵢ₊₁cᵢ²(1 + 2sᵢ²)Xᵢ₊₁     i ≤ n − 2
     Xₙ = Zₙ₋₁/(−3kₙcₙ₋₁²sₙ₋₁)              Yₙ = Yₙ₋₁ − kₙcₙ₋₁³Xₙ
 
-The last step differs because cosθₙ₋₁ drives neither θₙ further nor the disk: eq. (6) ends at n − 2.
+The last step differs because cosθₙ₋₁ drives neither θₙ nor the disk: eq. (6) ends at n − 2.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
 SINGULAR = 1e-12
-"""|sinθᵢ| or |cosθᵢ| below which a step divides by zero."""
+"""For smaller |sinθᵢ| or |cosθᵢ| a step divides by zero."""
 
 Step = Callable[[float, bool, Any, Any, Any], tuple[Any, Any]]
-"""From kᵢ₊₁, whether it is the last step, θᵢ, Yᵢ and Zᵢ to Xᵢ₊₁ and Yᵢ₊₁."""
+"""A function from kᵢ₊₁, whether it is the last step, θᵢ, Yᵢ and Zᵢ to Xᵢ₊₁ and Yᵢ₊₁."""
 
 
 @dataclass(frozen=True)
 class Family:
-    """One recursion at one configuration.
+    """Result of one recursion at one configuration.
 
     Attributes:
         x_error: Largest |Xᵢ₊₁ − ∂/∂θᵢ₊₁| of each step i = 1 … n−1; NaN after a division by zero.
-        y_error: Largest |Yᵢ₊₁ − (0, yᵢ₊₁)| of each step, likewise.
+        y_error: Largest |Yᵢ₊₁ − (0, yᵢ₊₁)| of each step; NaN in the same cases.
         divides_by_zero: Steps i whose divisor vanishes at q.
         determinant: det(X₁ … Xₙ, Yₙ), rows in the order θ₁ … θₙ, φ; NaN after a division by zero.
     """
@@ -58,13 +58,13 @@ class Family:
 
     @property
     def holds(self) -> tuple[bool, ...]:
-        """Of each step, whether it gives what (14) and (15) claim."""
+        """Whether each step satisfies (14) and (15)."""
         return tuple(max(e) < 1e-9 for e in zip(self.x_error, self.y_error, strict=True))
 
 
 @dataclass(frozen=True)
 class PaperRecursion:
-    """What `paper_recursion` finds: the recursion as printed, and corrected."""
+    """Result of `paper_recursion`: the recursion as printed, and as corrected."""
 
     printed: Family
     corrected: Family
@@ -85,14 +85,14 @@ class PaperRecursion:
 
 
 def paper_recursion(system: Manipulator, q: ArrayLike) -> PaperRecursion:
-    """Build the paper's family by its recursion as printed and as corrected.
+    """Evaluate the paper's recursion as printed and as corrected.
 
     Args:
         system: The paper's manipulator.
         q: Configuration (φₙ₋₁, θ₁ … θₙ), shape (n+1,), radians.
 
     Returns:
-        Where each step holds, where it divides by zero, and the determinants.
+        For both, which steps hold, which divide by zero, and the determinants.
 
     Raises:
         InputError: If the system is not the manipulator or q does not fit it.
@@ -126,7 +126,7 @@ def _corrected_step(k: float, last: bool, angle: Any, Y: Any, Z: Any) -> tuple[A
 
 
 def _family(system: Manipulator, point: Array, step: Step, zero: set[int]) -> Family:
-    """Run a recursion symbolically and evaluate it; rows are (φ, θ₁ … θₙ) until the end."""
+    """Run a recursion symbolically and evaluate it; rows are (φ, θ₁ … θₙ), reordered at the end."""
     n, q, k = system.n, ca.SX.sym("q", system.size), system.k_g * system.K
     X, Y = ca.SX.eye(system.size)[:, 1], ca.vertcat(*system.rates_expr(q, [1.0, 0.0]))
     family, remainders = [X], [Y]
@@ -174,15 +174,16 @@ def _steps(family: Family) -> list[str]:
 
 
 MOST_DEPTH = 8
-"""Greatest bracket length examined here; `planner.controllability` goes as deep as it is told."""
+"""Greatest bracket length examined here; `planner.controllability` has no such limit."""
 
 RECURSION_JOINTS = 6
-"""Most joints for which the paper's recursion is examined: a second; with each more eight times."""
+"""Maximum number of joints for the paper's recursion, which then takes a second; each further joint
+takes eight times as long."""
 
 
 @dataclass(frozen=True)
 class Probe:
-    """A configuration and what was found there; `finding` is None where the kinematics end."""
+    """Result at one configuration; `finding` is None if the kinematics are infinite there."""
 
     name: str
     finding: Controllability | None
@@ -204,12 +205,12 @@ class Probe:
 
 @dataclass(frozen=True)
 class Nonholonomy:
-    """What `nonholonomy` finds.
+    """Result of `nonholonomy`.
 
     Attributes:
         places: Start, goal, and for the manipulator the start with θ₁ = 0.
-        recursion: The paper's recursion (12)–(15) at the start; None for other systems and arms of
-            more than six joints.
+        recursion: The paper's recursion (12)–(15) at the start; None for other systems and for arms
+            with more than six joints.
     """
 
     places: tuple[Probe, ...]
@@ -217,7 +218,7 @@ class Nonholonomy:
 
     @property
     def recursion_verdict(self) -> str:
-        """Where the recursion fails, in one line."""
+        """Which steps of the recursion fail, in one line."""
         if self.recursion is None:
             return ""
         failing = [str(i) for i, holds in enumerate(self.recursion.printed.holds, 1) if not holds]
@@ -237,7 +238,7 @@ class Nonholonomy:
 
 
 def nonholonomy(problem: Problem) -> Nonholonomy:
-    """Examine start, goal (if it gives all joints) and, for the manipulator, a start on θ₁ = 0."""
+    """Examine start and goal (if it gives all joints); for the manipulator also θ₁ = 0."""
     start, goal = problem.start, np.where(np.isnan(problem.goal), problem.start, problem.goal)
     places = [_place(problem.system, "start", start)]
     if not problem.free:
@@ -253,7 +254,7 @@ def nonholonomy(problem: Problem) -> Nonholonomy:
 
 
 def _place(system: TriangularSystem, name: str, q: Array) -> Probe:
-    """As deep as full rank needs, unless that could be very deep."""
+    """Examine one configuration, to the depth of full rank unless that could be very large."""
     flat = int(np.sum(np.abs(q[1:-1]) < 1e-12))
     depth = MOST_DEPTH if system.size - 1 + flat > MOST_DEPTH else None
     try:

@@ -1,4 +1,4 @@
-"""A motion-planning problem, read from the tables of its file (TOML) and checked."""
+"""`Problem`, a motion-planning problem, read from the tables of its file (TOML) and checked."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ from planner.systems.manipulator import (
 from planner.systems.triangular_system import TriangularSystem
 
 WIDEST_FREE_JOINT_RAD = np.deg2rad(88.0)
-"""Largest |θ| at the goal of a joint that it leaves free, where no limit says less: as wide as
-limits of joints are made at most, since at 90 degrees an arm's drive stands still."""
+"""Largest |θ| at the goal for a joint that it leaves free, unless a limit is smaller. It is also
+the largest value to which joint limits are widened; at 90 degrees an arm's drive stands still."""
 
 
 @made_by("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")
@@ -70,14 +70,13 @@ class Problem:
         name: Title, or the file's name.
         system: The system.
         start: q(0), shape (N,), in radians (and metres), whatever the file's unit.
-        goal: q(T), shape (N,), likewise; NaN for the path coordinate, of which `travel` speaks, and
-            for joints that the goal leaves free.
-        user_goal: The goal in user coordinates, shape (N,), NaN where free; `goal` where the
-            system has no others.
-        travel: q₁(T) − q₁(0), or None if free.
-        duration: Seconds, or None if free.
-        duration_max: Most seconds for all that is run, or None.
-        limits: Limits that every plan keeps.
+        goal: q(T), shape (N,), in the same units; NaN for the path coordinate, which `travel`
+            gives, and for joints that the goal leaves free.
+        user_goal: The goal in user coordinates, shape (N,), NaN if free; else equal to `goal`.
+        travel: q₁(T) − q₁(0); None if free.
+        duration: Duration, s; None if free.
+        duration_max: Longest duration including what compensation adds, s; None without a limit.
+        limits: Limits that every plan must respect.
         methods: Options of each method.
         machine: The emulated machine: preset and changes.
         feedback: Options of the tracker (feedback).
@@ -86,8 +85,8 @@ class Problem:
         obstacles: Discs that the links of an arm must not touch.
         further: Registered limits that any system may have, see `planner.register_requirement`.
         self_collision: Least distance between an arm's links; None if they may cross.
-        tip: Where an arm's tip ends, in place of joints' angles; None where it is not asked for.
-        source: Where the problem came from, for messages.
+        tip: Goal of an arm's tip, in place of joint angles; None without one.
+        source: Origin of the problem, for messages.
     """
 
     name: str
@@ -110,7 +109,7 @@ class Problem:
     tip: TipGoal | None
     source: str
     _data: Mapping[str, Any]
-    _hint: Array | None = None  # q(T) that a search may expect where the goal leaves joints free
+    _hint: Array | None = None  # expected q(T) for a search, if the goal leaves joints free
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], source: str = "problem") -> Problem:
@@ -153,7 +152,7 @@ class Problem:
         states = {"start": problem.start, "goal": problem.goal}
         states |= {f"waypoint {point.number}": point.q for point in problem.waypoints}
         why = contradiction(states, problem.requirements, system)
-        if system.has_user_coordinates and not why:  # what is given of them, by itself
+        if system.has_user_coordinates and not why:  # check user coordinates by themselves
             states = {"start": system.user(problem.start), "goal": problem.user_goal}
             states |= {f"waypoint {point.number}": point.user for point in problem.waypoints}
             limit = JointLimit(system.user_coordinates, tuple(problem.limits.user.tolist()))
@@ -204,29 +203,29 @@ class Problem:
     ) -> Problem:
         """Build a problem of the manipulator with friction disks without a file.
 
-        System constants that are left out are those of the paper's prototype with three joints; for
-        more joints K continues with the same ratio. Limits that are left out do not apply. Each
-        argument corresponds to the key of the same name in a problem file and has the same range.
+        System constants default to those of the paper's three-joint prototype; for more joints K
+        continues with the same ratio. Limits default to none. Each argument corresponds to the key
+        of the same name in a problem file and has the same range.
 
         Args:
-            start_deg: θ₁ … θₙ at the start, degrees; their number is that of the joints.
-            goal_deg: θ₁ … θₙ at the goal, degrees, or "free"; all free when left out.
-            tip_m: Where the tip ends, x and y in metres.
-            tip_angle_deg: Direction of the last link at the end, degrees: the sum of all angles.
+            start_deg: θ₁ … θₙ at the start, degrees; their number is the number of joints.
+            goal_deg: θ₁ … θₙ at the goal, degrees, or "free"; by default all free.
+            tip_m: Position of the tip at the goal, x and y in metres.
+            tip_angle_deg: Direction of the last link at the goal, degrees: the sum of all angles.
             travel: Change of the disk angle φₙ₋₁, radians; None if free.
             duration: Seconds; None if free.
-            duration_max: Most seconds for all that is run, with what compensation adds.
-            K: K₂ … Kₙ; needs k_g too.
-            k_g: Drive constant.
-            gear: Geometry of the gears, instead of K; lists where stages differ.
-            link_lengths: Lengths of the links in metres, for tip, drawing and obstacles; 1 each
-                when left out, but for a goal of the tip.
+            duration_max: Longest duration including what compensation adds, s.
+            K: K₂ … Kₙ; also needs k_g.
+            k_g: Turns of the last disk per turn of motor 1.
+            gear: Geometry of the gears, instead of K; lists if the stages differ.
+            link_lengths: Lengths of the links in metres, for tip, drawing and obstacles; by default
+                1 each. A goal of the tip needs them.
             input_rad_s: Largest |u₁|, |u₂|, rad/s: one number for both, or two.
-            input_rate_rad_s2: Largest |du/dt|, rad/s², likewise.
+            input_rate_rad_s2: Largest |du/dt|, rad/s²: one number for both, or two.
             joint_deg: Largest |θ|, degrees: one number, or one per joint.
             z2_margin: Least |z₂|; z₂ keeps the sign it has at the start.
-            self_clearance_m: Least distance of links that are not neighbours, metres.
-            title: Its name in tables and figures.
+            self_clearance_m: Least distance between links that are not neighbours, metres.
+            title: Name in tables and figures.
             changes: Further dotted keys and values, for example {"machine.preset": "ideal"}.
 
         Raises:
@@ -271,7 +270,7 @@ class Problem:
         return copy.deepcopy(dict(self._data))
 
     def changed(self, changes: Mapping[str, Any]) -> Problem:
-        """A copy with some keys changed, checked again.
+        """Return a copy with some keys changed, and check it.
 
         Args:
             changes: Dotted keys and values, for example {"goal.travel": 0.8, "limits.joint_deg":
@@ -283,11 +282,11 @@ class Problem:
         return Problem.from_dict(with_changes(self.to_dict(), changes), self.source)
 
     def from_pose(self, theta_deg: ArrayLike) -> Problem:
-        """The same task for an arm that stands elsewhere, as it was read after homing.
+        """Return the same task for another start pose of the arm, such as one read after homing.
 
-        A margin of z₂ is left out, with an `InputWarning`, where no motion from there can keep it:
-        after homing angles may be negative, and z₂ then begins on the other side of zero than it
-        ends, which only plans in chained coordinates mind.
+        If no motion from there can keep the margin of z₂, the margin is left out with an
+        `InputWarning`: after homing, angles may be negative, and z₂ then starts and ends on
+        different sides of zero, which matters only to plans in chained coordinates.
 
         Args:
             theta_deg: θ₁ … θₙ, degrees.
@@ -311,12 +310,12 @@ class Problem:
             return there
 
     def within_reach(self) -> Problem:
-        """The problem without the obstacles that are out of reach of every link."""
+        """Return the problem without obstacles that no link can reach."""
         near = tuple(d for d in self.obstacles if d.values_out_of_reach(self.system) is None)
         return self if len(near) == len(self.obstacles) else replace(self, obstacles=near)
 
     def with_travel(self, travel: float | None) -> Problem:
-        """A copy with another travel of the first coordinate (None: free), checked again.
+        """Return a copy with another travel of the first coordinate (None: free), and check it.
 
         The key depends on the system: `goal.travel` for arms, `goal.x_m` for vehicles.
 
@@ -326,17 +325,17 @@ class Problem:
         return self.changed(self.travel_change(travel))
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The dotted key that sets this travel (None: free), with its value."""
+        """The dotted key and value that set this travel (None: free)."""
         return parse_file(self.to_dict(), self.source).travel_change(travel)
 
     @property
     def heading_turn(self) -> str:
-        """How a vehicle's heading turns from start to goal, in words; empty for other systems."""
+        """Describe how a vehicle's heading turns from start to goal; empty for other systems."""
         return parse_file(self.to_dict(), self.source).turn_words()
 
     @property
     def has_travel_key(self) -> bool:
-        """Whether the travel is stated by itself; else it follows from the goal's coordinates."""
+        """Whether the file has a key for the travel; else the goal's coordinates determine it."""
         return 0 in self.system.shared.values()
 
     @property
@@ -346,18 +345,18 @@ class Problem:
 
     @property
     def chart(self) -> ChartDomain:
-        """What is asked of motions in chained coordinates only."""
+        """The requirement on motions in chained coordinates only."""
         return ChartDomain(tuple(self.start.tolist()))
 
     @cached_property
     def demands(self) -> tuple[Demand, ...]:
-        """All requirements of a plan, one object per kind: ends, limits, waypoints, obstacles.
+        """All conditions on a plan, one object per kind: ends, limits, waypoints, obstacles.
 
-        What is `in_chart` is asked only of plans in chained coordinates.
+        Those with `in_chart` apply only to plans in chained coordinates.
         """
         limits, system = self.limits, self.system
         beside = limits.user.copy()
-        beside[list(system.shared)] = np.inf  # which are limits of q
+        beside[list(system.shared)] = np.inf  # JointLimit covers these
         inner = set(range(system.size)) - set(system.shared.values())
         demands: list[Demand] = [
             Start(),
@@ -386,23 +385,23 @@ class Problem:
 
     @cached_property
     def requirements(self) -> tuple[Requirement, ...]:
-        """Those requirements that hold at all times."""
+        """The conditions that apply at all times."""
         return tuple(d for d in self.demands if isinstance(d, Requirement) and not d.final)
 
     @cached_property
     def final(self) -> tuple[Requirement, ...]:
-        """Those that hold at the end alone, beside coordinates that the goal gives."""
+        """Conditions that apply only at the end, except on coordinates that the goal gives."""
         every = (d for d in self.demands if isinstance(d, Requirement) and d.final)
         whole = not np.any(np.isnan(self.user_goal))  # then all of q is given
         return tuple(d for d in every if not (whole and isinstance(d, UserGoal)))
 
     @cached_property
     def on_the_way(self) -> UserGoal:
-        """User coordinates that waypoints give and that q does not hold by itself: their rows."""
+        """User coordinates of waypoints that are not triangular coordinates, as rows."""
         return self._goal_beside(sorted({i for point in self.waypoints for i in point.beside_q}))
 
     def _goal_beside(self, which: Iterable[int]) -> UserGoal:
-        """The goal's values of these user coordinates, without the triangular ones."""
+        """Goal of these user coordinates, without those that are triangular."""
         indices = tuple(i for i in which if i not in self.system.shared)
         every = self.system.user_coordinates
         targets = tuple(float(self.user_goal[i]) for i in indices)
@@ -410,29 +409,28 @@ class Problem:
 
     @cached_property
     def free(self) -> tuple[int, ...]:
-        """Indices of the joints that the goal leaves free, from 1; most often none."""
+        """Indices of the joints that the goal leaves free, from 1; usually empty."""
         return tuple((np.flatnonzero(np.isnan(self.goal[1:])) + 1).tolist())
 
     @property
     def free_within(self) -> Array:
-        """Largest |q| at the goal of each of those: of an arm |θ|, radians."""
+        """Largest |q| at the goal of each free joint (for an arm |θ|, radians)."""
         if self.system.has_user_coordinates:
             return self.limits.joint[list(self.free)]
         return np.minimum(self.limits.joint[list(self.free)], WIDEST_FREE_JOINT_RAD)
 
     def asking(self, label: str) -> tuple[Demand, Part] | None:
-        """The requirement and part with this label in messages; None if the problem has none."""
+        """The requirement and part with this label in messages; None if there is none."""
         named = ((each, part) for each in self.demands for part in each.parts)
         return next((pair for pair in named if pair[1].label == label), None)
 
     @property
     def divided(self) -> bool:
-        """Whether paths can pass on different sides of a requirement, so that there are many
-        optima."""
+        """Whether paths can pass a requirement on different sides, so that several optima exist."""
         return any(required.divides for required in self.requirements)
 
     def reads(self, name: str) -> bool:
-        """Whether a requirement reads "q", "u" or "du"."""
+        """Whether a requirement depends on "q", "u" or "du"."""
         return any(name in required.reads for required in self.requirements)
 
     @property
@@ -444,12 +442,12 @@ class Problem:
         return out
 
     def expecting(self, goal: Array) -> Problem:
-        """The same, for a search that is to look for a goal near these coordinates (N,)."""
+        """Return the same problem with an expected goal (N,) for a search to start from."""
         return replace(self, _hint=goal)
 
     @cached_property
     def likely(self) -> Problem:
-        """The problem whose goal is the one expected; itself where the goal gives all joints."""
+        """The problem with the expected goal as its goal; itself without one."""
         if self._hint is None:
             return self
         travel = self.travel if np.isnan(self._hint[0]) else float(self._hint[0] - self.start[0])
@@ -457,7 +455,7 @@ class Problem:
         return replace(self, goal=goal, user_goal=user, travel=travel, tip=None, _hint=None)
 
     def settled(self, end: Array) -> Problem:
-        """The problem whose goal gives all joints: those of q(T) (N,); itself where it does so.
+        """Return the problem with the joints of q(T) (N,) as its goal; itself if no joint is free.
 
         Raises:
             InputError: As for `from_dict`.
@@ -485,10 +483,10 @@ class Problem:
 
 
 def expect_problem(value: object) -> None:
-    """Raise an error if the value is not a problem (but, for example, a file name).
+    """Refuse anything but a problem, such as the name of its file.
 
     Raises:
-        InputError: If it is none; the message says how to get one.
+        InputError: If it is not a problem; the message says how to get one.
     """
     expect(Problem, value, "planner.load_problem(path) reads one")
 

@@ -1,4 +1,4 @@
-"""Where the joints may be at a goal that leaves some of them free, and how far the tip reaches.
+"""Find the joint angles at a goal that leaves joints free, and how close the tip can come.
 
 The Levenberg-Marquardt method solves the equations of the tip from many starting points at once,
 with each joint inside its limits. A solution represents its branch: all solutions whose elbows bend
@@ -17,20 +17,20 @@ from planner.problem.requirements.requirement import MotionPoint
 from planner.support.arrays import Array
 
 START_POINTS = 256
-"""Starting points: with three joints at least twenty of them lead to each branch."""
+"""Number of starting points; with three joints at least twenty of them lead to each branch."""
 
 MOST_STEPS, LONGEST_STEP_RAD = 60, 0.5
-"""Iterations, ten times what most starting points need, and the largest step of a joint."""
+"""Iterations (ten times what most starting points need), and the largest step of a joint, rad."""
 
 TIP_TOLERANCE = 1e-10
-"""Error, rad or shares of the reach, that counts as zero: 1e-6 of the tolerance of verification."""
+"""Errors (rad, or relative to the reach) below this count as zero; `verify` allows 2e-5."""
 
 REFINED_POINTS = 4
-"""Number of failed points from which the nearest reachable one is searched."""
+"""Number of failed points from which the nearest reachable pose is searched."""
 
 INWARD_SHARE = 0.02
-"""Share by which joints at the nearest place are moved towards the middle of their ranges, so that
-they keep off their limits and a rounded place is still within reach."""
+"""Share by which joints at the nearest pose are moved towards the middle of their ranges. They then
+keep off their limits, and a rounded position is still within reach."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +38,13 @@ class Reach:
     """Possible configurations at a goal that leaves joints free.
 
     Attributes:
-        branches: Coordinates q(T) (N,) that meet it, NaN for the path coordinate, one for each
-            combination of elbow directions, the nearest to the start first.
+        branches: Coordinates q(T) (N,) that meet the goal, NaN for the path coordinate, one for
+            each combination of elbow directions, the nearest to the start first.
         blocked: Number of further branches, which violate a limit or touch something.
-        tip: The reachable tip pose nearest to the required one, shape (3,): x, y in metres and its
-            direction in radians; the required one where there is a branch.
-        missed: Its error: metres, or radians where only a direction is required (for both, the root
-            of the sum of squares, with one radian counted as the arm's reach).
+        tip: The reachable tip pose nearest to the required one, shape (3,): x, y in metres and
+            direction in radians; equal to the required one if there is a branch.
+        missed: Error of that pose: metres, or radians if only a direction is required (for both,
+            the root of the sum of squares, with one radian counted as the arm's reach).
         reach: Sum of the links' lengths, metres.
     """
 
@@ -67,9 +67,9 @@ class Reach:
 
 
 def expected_goals(problem: Problem) -> list[Array]:
-    """Where a motion to a goal that leaves coordinates free may end: q(T) (N,), the nearest first.
+    """Likely ends q(T) (N,) of a motion to a goal with free coordinates, the nearest first.
 
-    With user coordinates the free ones stay as they are at the start.
+    Free user coordinates keep their values at the start.
     """
     reach, system = goal_reach(problem), problem.system
     if reach is not None:
@@ -79,10 +79,10 @@ def expected_goals(problem: Problem) -> list[Array]:
 
 
 def goal_reach(problem: Problem) -> Reach | None:
-    """The configurations in which a motion of an arm to the goal may end.
+    """Find the configurations in which a motion of an arm to the goal may end.
 
     Returns:
-        Them; None where the goal gives every joint, or the system is no arm.
+        Them; None if the goal gives every joint, or the system is not an arm.
     """
     expect_problem(problem)
     if not problem.free or problem.system.has_user_coordinates:
@@ -112,7 +112,7 @@ def _arm(problem: Problem) -> Any:
 
 
 def _goal_angles(problem: Problem) -> Array:
-    """Joint angles (S, n) inside their limits that meet the goal, or come as near as they can."""
+    """Joint angles (S, n) inside their limits that meet the goal or come as close as possible."""
     free = np.array(problem.free) - 1
     most = problem.free_within
     rng = np.random.default_rng(0)
@@ -131,7 +131,7 @@ def _goal_angles(problem: Problem) -> Array:
 
 
 def _improved_angles(problem: Problem, theta: Array, free: Array, most: Array) -> Array:
-    """The free joints a step on; those that would leave their limits stay at them."""
+    """Take one step of the free joints; joints that would leave their limits stop there."""
     off, slope = _tip_errors(problem, theta), _tip_slopes(problem, theta)[:, :, free]
     now = theta[:, free]
     damping = (1e-14 + np.sum(off**2, axis=1))[:, None, None] * np.eye(off.shape[1])
@@ -149,7 +149,7 @@ def _improved_angles(problem: Problem, theta: Array, free: Array, most: Array) -
 
 
 def _tip_errors(problem: Problem, theta: Array) -> Array:
-    """Error of the tip at angles (S, n), shape (S, m): shares of the reach, radians."""
+    """Error of the tip at angles (S, n), shape (S, m): relative to the reach, or radians."""
     if problem.tip is None:
         return np.zeros((len(theta), 0))
     q = np.column_stack([np.zeros(len(theta)), theta])
@@ -159,7 +159,7 @@ def _tip_errors(problem: Problem, theta: Array) -> Array:
 
 
 def _tip_slopes(problem: Problem, theta: Array) -> Array:
-    """∂/∂θ of the same, shape (S, m, n): joint j moves the tip across its distance from j."""
+    """∂/∂θ of `_tip_errors`, shape (S, m, n); joint j moves the tip perpendicular to its lever."""
     assert problem.tip is not None
     points = _arm(problem).arm_points(theta)
     arm = (points[:, -1:] - points[:, :-1]) / np.sum(_arm(problem).link_lengths)
@@ -168,7 +168,7 @@ def _tip_slopes(problem: Problem, theta: Array) -> Array:
 
 
 def _keeps_requirements(problem: Problem, theta: Array) -> Array:
-    """Which configurations (S, n) satisfy the requirements at all times, shape (S,)."""
+    """Whether configurations (S, n) satisfy the requirements at all times, shape (S,)."""
     q = np.column_stack([np.zeros(len(theta)), theta])
     points, out = MotionPoint.of(problem.system, q), np.ones(len(theta), dtype=bool)
     for required in problem.requirements:
@@ -180,7 +180,7 @@ def _keeps_requirements(problem: Problem, theta: Array) -> Array:
 
 
 def _nearest_by_branch(problem: Problem, theta: Array) -> list[Array]:
-    """Of the places (S, n) of each branch that nearest to the start, the nearest branch first."""
+    """From configurations (S, n), the nearest to the start of each branch, nearest first."""
     distances = np.linalg.norm(theta - problem.start[1:], axis=1)
     branches: dict[tuple[bool, ...], Array] = {}
     for k in np.argsort(distances, kind="stable"):
@@ -189,8 +189,8 @@ def _nearest_by_branch(problem: Problem, theta: Array) -> list[Array]:
 
 
 def _closest_angles(problem: Problem, theta: Array) -> Array:
-    """Of places (S, n) that miss the tip the one that comes nearest, once it is bettered, (n,)."""
-    from scipy.optimize import least_squares  # slow to import, and seldom needed
+    """Refine the configurations (S, n) with the smallest tip error; return the best, (n,)."""
+    from scipy.optimize import least_squares  # slow to import, rarely needed
 
     free, most = np.array(problem.free) - 1, problem.free_within
     first = np.argsort(np.linalg.norm(_tip_errors(problem, theta), axis=1))[:REFINED_POINTS]

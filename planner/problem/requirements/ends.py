@@ -1,4 +1,4 @@
-"""Start, goal and duration: what a motion must be at its ends."""
+"""Conditions at the ends of a motion: start, goal and duration."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Start(Demand):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One: the largest distance of a coordinate."""
+        """One part: the largest error of a coordinate."""
         return (Part("start", "", -np.inf, 0.0, 1.0),)
 
 
@@ -29,7 +29,7 @@ class Goal(Demand):
 
     Attributes:
         coordinates: The coordinates.
-        free: Indices of those that the goal leaves to the planner.
+        free: Indices of coordinates that the goal leaves free.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -37,20 +37,20 @@ class Goal(Demand):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One for each coordinate that is given: its distance."""
+        """One part per given coordinate: its error."""
         given = [(i, c) for i, c in enumerate(self.coordinates) if i not in self.free]
         return tuple(Part(f"goal {c.name}", c.unit, -np.inf, 0.0, 1.0, i) for i, c in given)
 
 
 @dataclass(frozen=True)
 class TipGoal(Requirement):
-    """The tip of an arm ends at a place, or its last link in a direction, or both.
+    """The tip of an arm ends at a position, or its last link in a direction, or both.
 
     Attributes:
         quantities: Which of "x", "y" (both or neither) and "angle", in this order.
-        targets: Their values, in metres and radians. The angle is the sum of all joints' angles.
-        reach: Sum of the links' lengths, metres. It scales position errors, since turning the first
-            joint of the stretched arm moves its tip by the angle times this reach.
+        targets: Their values, in metres and radians. The angle is the sum of all joint angles.
+        reach: Sum of the links' lengths, metres. It scales position errors: turning the first joint
+            of the stretched arm by an angle moves its tip by the angle times the reach.
     """
 
     quantities: tuple[str, ...]
@@ -61,7 +61,7 @@ class TipGoal(Requirement):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One for each: it lies neither below nor above."""
+        """One part per quantity, with equal lower and upper limits."""
         kinds = {"x": ("m", self.reach), "y": ("m", self.reach), "angle": ("rad", 1.0)}
         return tuple(
             Part(f"goal tip {name}", kinds[name][0], value, value, kinds[name][1])
@@ -70,12 +70,12 @@ class TipGoal(Requirement):
 
     @property
     def place(self) -> Array | None:
-        """Where the tip ends, shape (2,), metres; None where only its direction is required."""
+        """Required position of the tip, shape (2,), metres; None if only the direction matters."""
         return np.array(self.targets[:2]) if "x" in self.quantities else None
 
     @property
     def angle(self) -> float | None:
-        """The direction of the last link, radians; None where that is free."""
+        """Required direction of the last link, radians; None if it is free."""
         return self.targets[-1] if "angle" in self.quantities else None
 
     def __str__(self) -> str:
@@ -95,7 +95,7 @@ class TipGoal(Requirement):
         return [every[name] for name in self.quantities]
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
-        """The same by the arm's NumPy code."""
+        """The same quantities, by the arm's NumPy code."""
         system: Any = point.system
         theta = point.states[..., 1:]
         tip = system.arm_points(theta)[..., -1, :]
@@ -104,7 +104,7 @@ class TipGoal(Requirement):
 
     @classmethod
     def easing(cls, broken: Sequence[Breach]) -> str:
-        """The tip pose that the motion reaches."""
+        """The goal changed to the tip pose that the motion reaches."""
         tip = broken[0][0]
         assert isinstance(tip, TipGoal)
         reached = {part.label: violation.value for _, part, violation in broken}
@@ -126,26 +126,27 @@ class Duration(Demand):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One: what it takes."""
+        """One part: the duration."""
         return (Part("duration", "s", self.seconds, self.seconds, self.seconds),)
 
 
 @dataclass(frozen=True)
 class LongestDuration(Demand):
-    """All that is run takes no more than the required time.
+    """The whole run, with what compensation adds, takes at most the given time.
+
 
     Attributes:
-        seconds: Longest duration, s, with what compensation adds.
+        seconds: Longest duration, s, including what compensation adds.
     """
 
     seconds: float
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One: what is run takes."""
+        """One part: the duration of the whole run."""
         return (Part("all that is run", "s", -np.inf, self.seconds, self.seconds),)
 
     @classmethod
     def easing(cls, broken: Sequence[Breach]) -> str:
-        """As long as it takes."""
+        """The limit changed to the duration of the run."""
         return f"goal.duration_max = {max(v.value for *_, v in broken) * 1.0001:.4g}"

@@ -1,4 +1,4 @@
-"""What holds at all times: limits of inputs, their rates, coordinates and z₂, and the chart."""
+"""Limits at all times: on inputs, their rates, coordinates and z₂; and the chart's domain."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from planner.systems.triangular_system import Coordinate, TriangularSystem
 
 @dataclass(frozen=True)
 class ChartDomain(Demand):
-    """Every margin of the chart is positive, on the start's branch: real coordinates exist.
+    """Every margin of the chart is positive on the start's branch, so real coordinates exist.
 
     Attributes:
         start: q(0).
@@ -30,12 +30,12 @@ class ChartDomain(Demand):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One: the least margin. The domain is open, so that zero is outside."""
+        """One part: the least margin. The domain is open; zero is outside."""
         return (Part("chart domain", "", 0.0, np.inf, 1.0),)
 
     @classmethod
     def easing(cls, broken: Sequence[Breach]) -> str:
-        """Nothing: no key of the file widens the domain."""
+        """Empty, because no key of the file widens the domain."""
         return ""
 
     def branch(self, system: TriangularSystem) -> Array:
@@ -43,11 +43,11 @@ class ChartDomain(Demand):
         return system.branch(np.array(self.start))
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """The margins as expressions; none where the system does not write them down."""
+        """The margins as expressions; none if the system does not provide them."""
         return point.system.chart_margins_expr(point.q, self.branch(point.system))
 
     def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:
-        """Why no motion in the chart begins or ends at q (N,), in words; None where one may."""
+        """Describe why no motion in the chart can begin or end at q (N,); None if one can."""
         branch = self.branch(system)
         margins = system.chart_margins(q, branch)
         worst = int(np.argmin(margins))
@@ -71,7 +71,7 @@ class ChartDomain(Demand):
 
 
 SMALLEST_Z2 = 1e-3
-"""Scale of a z₂ margin that is smaller: an excess is compared with z₂ itself, which is near 1."""
+"""Least scale of a z₂ margin, because an excess is compared with z₂ itself, which is near 1."""
 
 WIDEST_LIMITS = {
     "joint_deg": 88.0,
@@ -80,7 +80,7 @@ WIDEST_LIMITS = {
     "heading_deg": 360.0,
     "q": {},
 }
-"""Keys of [limits] that limit coordinates, with their widest values."""
+"""Keys of [limits] that limit coordinates, with the values to which they can be widened."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ class SymmetricLimit(Requirement):
 
     Attributes:
         words: Prefix of its labels.
-        quantities: All of them, with names and units.
-        most: Their limits; infinite where there is none.
+        quantities: All inputs or coordinates, with names and units.
+        most: Their limits; infinite without a limit.
     """
 
     words: ClassVar[str]
@@ -117,7 +117,7 @@ class InputLimit(SymmetricLimit):
 
 
 class RateLimit(SymmetricLimit):
-    """|duᵢ/dt| ≤ most; where an input jumps its rate is infinite."""
+    """|duᵢ/dt| ≤ most; at a jump of an input its rate is infinite."""
 
     words, reads, speed = "rate of input", frozenset({"du"}), 2
 
@@ -135,13 +135,13 @@ class JointLimit(SymmetricLimit):
         return self.quantities[part.index].name
 
     def contradiction_text(self, name: str, v: Violation) -> str:
-        """A contradiction in words."""
+        """Describe a contradiction."""
         value, limit, unit = replace(v, limit=abs(v.limit)).shown(6)
         what = f"{name} {v.label.removeprefix(self.words + ' ')} = {value}{unit}"
         return f"{what} lies outside its limit of {limit}{unit}; move it or widen the limit"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """The change that widens them as far as possible."""
+        """The change that widens these limits as far as possible."""
         wide = {f"limits.{key}": most for key, most in WIDEST_LIMITS.items() if limits.get(key)}
         return (wide, "", "the limits on the joints") if wide else None
 
@@ -167,14 +167,14 @@ class Z2Margin(Requirement):
 
     @classmethod
     def easing(cls, broken: Sequence[Breach]) -> str:
-        """A smaller margin, or none where the path changes sides."""
+        """A smaller margin, or none if z₂ changes sign."""
         ((_, _, v),) = broken
         if v.value > 0:
             return f"limits.z2_margin = {0.999 * v.value:.4g} or less"
         return "leave out limits.z2_margin, so that z2 may change sign"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """The change that leaves the margin out."""
+        """The change that removes the margin."""
         return {"limits.z2_margin": None}, "leave out limits.z2_margin", "the z2 margin"
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
@@ -182,17 +182,17 @@ class Z2Margin(Requirement):
         return [self.side * chained_form(point.system).z_expr(point.q)[1]]
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
-        """The same by the chart's NumPy code."""
+        """The same quantity, by the chart's NumPy code."""
         z2 = chained_form(point.system).z(point.states)[..., 1] if point.z is None else point.z[1]
         return [self.side * z2]
 
     def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:
-        """z₂ too near zero, or zero at the start; waypoints are not checked."""
+        """Describe z₂ too close to zero at start or goal; waypoints are not checked."""
         if name not in ("start", "goal"):
             return None
         z2 = float(chained_form(system).z(np.append(np.nan_to_num(q[0]), q[1:]))[1])
         if np.isnan(z2) or (self.side and self.side * z2 >= self.margin):
-            return None  # not a number where the goal leaves joints free
+            return None  # NaN: the goal leaves joints free
         lower = f"lower limits.z2_margin to {0.99 * abs(z2):.3g}, or leave it out"
         out = f"leave out limits.z2_margin, so that z2 may change sign, or move the {name}"
         side = "" if name == "start" else f" ({'positive' if self.side > 0 else 'negative'})"

@@ -21,10 +21,10 @@ class Waypoint(Demand):
     """A place that the motion passes through.
 
     Attributes:
-        number: From 1, in the order of the problem file.
-        user: User coordinates, shape (N,), NaN where free.
-        time_s: When, in seconds; None at any time.
-        unit: Unit of the coordinates that it gives; empty where there are several.
+        number: Its number in the problem file, from 1.
+        user: User coordinates, shape (N,), NaN if free.
+        time_s: Time of passing, s; None if free.
+        unit: Unit of the given coordinates; empty if they differ.
         system: The system.
     """
 
@@ -36,47 +36,47 @@ class Waypoint(Demand):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One: the distance at which it is passed."""
+        """One part: the distance from the waypoint."""
         return (Part(f"distance from waypoint {self.number}", self.unit, -np.inf, 0.0, 1.0),)
 
     @classmethod
     def easing(cls, broken: Sequence[Breach]) -> str:
-        """Without them."""
+        """Leave these waypoints out."""
         return _omission("waypoints", broken)
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """Without any."""
+        """The change that removes all waypoints."""
         return {"waypoints": []}, "", "the waypoints"
 
     @cached_property
     def q(self) -> Array:
-        """What it fixes of q, shape (N,), NaN where free."""
+        """The part of q that it fixes, shape (N,), NaN if free."""
         return self.system.fixed_by(self.user)
 
     @cached_property
     def beside_q(self) -> tuple[int, ...]:
-        """Indices of the user coordinates that it gives and that q does not hold by itself."""
+        """Indices of given user coordinates that are not triangular, if not all are given."""
         given = np.flatnonzero(~np.isnan(self.user)).tolist()
         some = len(given) < len(self.user)
         return tuple(i for i in given if some and i not in self.system.shared)
 
     def distance(self, q: Array) -> Array:
-        """Largest difference of a user coordinate that it gives, shape (…,), at q (…, N)."""
+        """Largest error of a given user coordinate, shape (…,), at q (…, N)."""
         return np.asarray(np.nanmax(np.abs(self.system.user(q) - self.user), axis=-1))
 
 
 @dataclass(frozen=True)
 class Obstacle(Requirement):
-    """A disc that the links of an arm clear.
+    """A disc that the links of an arm must not touch.
 
     Attributes:
-        number: From 1, in the order of the problem file.
+        number: Its number in the problem file, from 1.
         links: Number of the arm's links.
-        x: Of the centre, metres.
-        y: Of the centre, metres.
-        radius: Metres.
-        clearance: Least distance of the links from the disc, metres.
-        reach: Length of the stretched arm, metres: what an excess is compared with.
+        x: x of the centre, metres.
+        y: y of the centre, metres.
+        radius: Radius, metres.
+        clearance: Least distance between links and disc, metres.
+        reach: Length of the stretched arm, metres; the scale of an excess.
     """
 
     number: int
@@ -102,28 +102,28 @@ class Obstacle(Requirement):
 
     @property
     def thickness(self) -> float:
-        """The least distance of the links from its centre."""
+        """Least distance between links and the disc's centre."""
         return self.radius + self.clearance
 
     @classmethod
     def easing(cls, broken: Sequence[Breach]) -> str:
-        """A smaller clearance, or without those that links touch."""
+        """A smaller clearance; or leave out the discs that links touch."""
         touched = [breach for breach in broken if breach[2].value <= 0]
         if touched:
             return _omission("obstacles", touched)
         return f"obstacles.clearance_m = {0.999 * min(v.value for *_, v in broken):.4g} or less"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """Without any."""
+        """The change that removes all obstacles."""
         return {"obstacles": []}, "", "the obstacles"
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
         """The distance of each link from the disc, to first order near contact.
 
-        With a link from P in direction e, length l, and the centre C, the nearest point is at
-        t = clip((C − P)·e, 0, l), and the squared distance |P − C|² + 2t (P − C)·e + t². With R
-        the radius and the clearance together, (distance² − R²)/(2R) is smooth where the distance
-        is zero and has the distance's own slope where it is R; the clearance is added.
+        For a link from P in direction e with length l and the centre C, the nearest point is at
+        t = clip((C − P)·e, 0, l), and the squared distance is |P − C|² + 2t (P − C)·e + t². Let R
+        be radius plus clearance. (distance² − R²)/(2R) is smooth where the distance is zero, and
+        has the slope of the distance where the distance is R. The clearance is added.
         """
         system: Any = point.system
         offset: list[Any] = [-self.x, -self.y]
@@ -146,7 +146,7 @@ class Obstacle(Requirement):
         return list(np.moveaxis(self.clearances(system.arm_points(point.states[..., 1:])), -1, 0))
 
     def contradiction_text(self, name: str, v: Violation) -> str:
-        """The words of a contradiction."""
+        """Describe a contradiction."""
         link = next(k for k, part in enumerate(self.parts, 1) if part.label == v.label)
         if v.value > 0:
             near = f"is {v.value:.3g} m from obstacle {self.number}, clearance_m = {v.limit:g}"
@@ -156,7 +156,7 @@ class Obstacle(Requirement):
         return f"at the {name} link {link} reaches {into}; move one of them"
 
     def values_out_of_reach(self, system: TriangularSystem) -> Sequence[float] | None:
-        """Of a disc that no link can touch, the clearance of the stretched arm."""
+        """Clearances of the stretched arm if no link can reach the disc; None if one can."""
         reach = float(np.sum(system.link_lengths))  # type: ignore[attr-defined]
         near = float(np.hypot(self.x, self.y)) - self.radius
         free = near - self.clearance > reach * (1 + 1e-9)
@@ -164,21 +164,21 @@ class Obstacle(Requirement):
 
     @property
     def centre(self) -> Array:
-        """Shape (2,), metres."""
+        """Centre of the disc, shape (2,), metres."""
         return np.array([self.x, self.y])
 
     def clearances(self, points: Array) -> Array:
         """Distance of each link from the disc, negative inside, shape (…, L).
 
         Args:
-            points: The links' ends one after the other, shape (…, L+1, 2), metres.
+            points: Ends of the links in order, shape (…, L+1, 2), metres.
         """
         nearest = nearest_on_segment(self.centre, points[..., :-1, :], points[..., 1:, :])
         return np.asarray(np.linalg.norm(nearest - self.centre, axis=-1) - self.radius)
 
 
 def nearest_on_segment(point: Array, first: Array, last: Array) -> Array:
-    """The place of a segment, or a point, that is nearest to a point; all of shape (…, 2)."""
+    """Point of a segment that is nearest to a given point; all of shape (…, 2)."""
     step = last - first
     length = np.sum(step**2, axis=-1)
     share = np.sum((point - first) * step, axis=-1) / np.where(length > 0, length, 1.0)

@@ -1,4 +1,4 @@
-"""What a motion must satisfy: one class per kind, used by planners and verification."""
+"""Conditions on a motion: one class per kind, used by planners and verification."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from planner.systems.triangular_system import TriangularSystem
 
 @dataclass(frozen=True, eq=False)
 class MotionPoint:
-    """Where a requirement is evaluated: at symbols, or at many states at once.
+    """The point of a motion at which a requirement is evaluated: symbols, or many states at once.
 
     Attributes:
         system: The system.
         q: Coordinates: a CasADi vector (N), or an array (N, …).
         u: Inputs: a CasADi vector (2), or an array (2, …).
-        du: Their rates, likewise.
-        z: Chained coordinates, an array (N, …), if the caller has them already.
+        du: Rates of the inputs, likewise.
+        z: Chained coordinates, an array (N, …), if already computed.
     """
 
     system: TriangularSystem
@@ -36,26 +36,26 @@ class MotionPoint:
 
     @classmethod
     def of(cls, system: TriangularSystem, *last: Array) -> MotionPoint:
-        """From arrays q, u, du whose last axis is that of the coordinates and inputs."""
+        """Build from arrays q, u, du whose last axis is that of the coordinates or inputs."""
         return cls(system, *(np.moveaxis(values, -1, 0) for values in last))
 
     @property
     def states(self) -> Array:
-        """Arrays only: the coordinates, shape (…, N)."""
+        """The coordinates, shape (…, N); for arrays only."""
         return np.moveaxis(self.q, 0, -1)
 
 
 @dataclass(frozen=True)
 class Part:
-    """One line of a requirement in every message and table: a value between low and high.
+    """One line of a requirement in messages and tables: a value between low and high.
 
     Attributes:
-        label: What is limited, as in "input u2"; no other part of a problem has it.
+        label: Name of the limited value, as in "input u2"; unique within a problem.
         unit: Unit of value and limits.
         low: Least value; may be −∞.
         high: Largest value; may be ∞.
-        scale: What an excess is compared with, in the unit.
-        index: The input or coordinate it is about, from 0.
+        scale: Scale of an excess, in the unit.
+        index: Index of the input or coordinate, from 0.
     """
 
     label: str
@@ -78,10 +78,10 @@ class Demand(ABC):
     @property
     @abstractmethod
     def parts(self) -> tuple[Part, ...]:
-        """Its parts, R of them."""
+        """The R parts of the condition."""
 
     def limit_name(self, part: Part) -> str:
-        """Name of a part where the context says that it is a limit."""
+        """Name of a part in a list of limits."""
         return part.label
 
     @classmethod
@@ -103,8 +103,8 @@ class Demand(ABC):
             limits: The file's `[limits]` table.
 
         Returns:
-            Dotted keys to values; the advice in words, or "" for the keys themselves; and the name
-            of what is removed. None where it cannot be removed.
+            Dotted keys with values; the advice in words, or "" for the keys themselves; and the
+            name of what is removed. None if it cannot be removed.
         """
         return None
 
@@ -118,18 +118,18 @@ class Requirement(Demand):
     """A condition that holds at all times, or (with `final`) only at the end.
 
     The fields of a class hold the data of one problem. Strings and integers define its structure,
-    that is its parts and rows. Floats and tuples of them are its numbers.
+    that is its parts and rows. Floats and tuples of floats are its numbers.
 
     Attributes:
-        reads: What its rows depend on, of "q", "u" and "du".
-        numbers: Names of the floats that the rows read; all others are bounds only.
-        speed: Power of the speed with which its values grow: coordinates 0, inputs 1, their rates
-            and products 2. Where it is not 0, a slow enough motion satisfies it.
-        divides: Whether paths lie on different sides of it, so that there are many optima.
-        smooth: Whether its values have derivatives everywhere; where not, its parts have no high.
-        final: Whether it holds at the end alone; then it reads "q" and is smooth.
-        key: Its key in the `[limits]` table, for a kind that all systems know.
-        table: Type and description of that key's value; perhaps an example, for `planner new`.
+        reads: Arguments of its rows, a subset of "q", "u" and "du".
+        numbers: Names of the floats that the rows read; the other floats are only bounds.
+        speed: Power of the speed with which its values grow: 0 for coordinates, 1 for inputs, 2 for
+            their rates and products. If it is not 0, a slow enough motion satisfies it.
+        divides: Whether paths can pass it on different sides, so that several optima exist.
+        smooth: Whether its values are differentiable everywhere; if not, its parts have no high.
+        final: Whether it applies only at the end; then it reads "q" and is smooth.
+        key: Its key in the `[limits]` table, for a kind that applies to all systems.
+        table: Type and description of that key's value, optionally an example for `planner new`.
     """
 
     reads: ClassVar[frozenset[str]]
@@ -143,7 +143,7 @@ class Requirement(Demand):
 
     @classmethod
     def of(cls, value: Any, system: TriangularSystem) -> Self:
-        """From the value of its key in the problem file.
+        """Build it from the value of its key in the problem file.
 
         Raises:
             ValueError: If the value is impossible; the message continues after "limits.KEY".
@@ -151,7 +151,7 @@ class Requirement(Demand):
         return cls(value)  # type: ignore[call-arg]
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """R expressions that lie between low and high, with derivatives.
+        """R differentiable expressions that must lie between low and high.
 
         By default the inputs, rates or coordinates themselves, by the parts' indices.
         """
@@ -160,21 +160,21 @@ class Requirement(Demand):
         return [entries[part.index] for part in self.parts]
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
-        """The same for verification: R arrays of the shape of `point.q[0]`.
+        """The same values for verification: R arrays of the shape of `point.q[0]`.
 
-        A class whose rows are a substitute, or need CasADi, overrides this.
+        A class overrides this if its rows are a substitute or need CasADi.
         """
         return self.rows(point)
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """Remove its key; a limit that depends on the speed is not one of the path."""
+        """The change that removes its key; None for a limit that depends on the speed."""
         if self.speed or not self.key:
             return None
         what = f"the limit on {self.parts[0].label}"
         return {f"limits.{self.key}": None}, f"leave out limits.{self.key}", what
 
     def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:
-        """Why no motion may pass through q (N,), NaN where free, in words; None where one may.
+        """Describe why no motion may pass through q (N,), NaN if free; None if one may.
 
         Args:
             name: Name of the place: "start", "goal" or a waypoint.
@@ -185,7 +185,7 @@ class Requirement(Demand):
             return None
         violations = []
         for part, value in zip(self.parts, self.values(MotionPoint.of(system, q)), strict=True):
-            if value < part.low or value > part.high:  # neither where it is not a number
+            if value < part.low or value > part.high:  # false for NaN
                 limit = part.low if value < part.low else part.high
                 scaled = abs(float(value) - limit) / part.scale
                 exceeded = part.label, None, float(value), limit, part.unit, scaled
@@ -195,7 +195,7 @@ class Requirement(Demand):
         return self.contradiction_text(name, max(violations, key=lambda v: v.scaled))
 
     def contradiction_text(self, name: str, v: Violation) -> str:
-        """A contradiction in words."""
+        """Describe a contradiction."""
         value, limit, unit = v.shown(6)
         change = f"change limits.{self.key}" if self.key else "widen the limit"
         return (
@@ -203,12 +203,12 @@ class Requirement(Demand):
         )
 
     def values_out_of_reach(self, system: TriangularSystem) -> Sequence[float] | None:
-        """Its least values where no motion can violate it; None where one may."""
+        """Its least values if no motion can violate it; None if one can."""
         return None
 
     @property
     def thickness(self) -> float:
-        """How deep a motion can lie in what divides paths, in the unit of its parts."""
+        """Largest depth to which a motion can violate it, if it divides paths, in its unit."""
         return min(part.scale for part in self.parts)
 
     @cached_property
@@ -218,7 +218,7 @@ class Requirement(Demand):
         return low, high, scale
 
     def slowing_factor(self, least: Array, most: Array) -> Array:
-        """How many times slower a motion must be whose R values lie between these (R,), (R,)."""
+        """Factor by which to slow a motion whose R values range from `least` to `most` (R,)."""
         low, high, _ = self.bounds
         with np.errstate(divide="ignore", invalid="ignore"):
             over = np.where(high > 0, most / high, 0.0), np.where(low < 0, least / low, 0.0)
@@ -226,22 +226,22 @@ class Requirement(Demand):
 
     @property
     def is_direct(self) -> bool:
-        """Whether each row is an input, a rate or a coordinate as it is."""
+        """Whether each row is itself an input, a rate or a coordinate."""
         return type(self).rows is Requirement.rows
 
     @cached_property
     def template(self) -> Self:
-        """The same without numbers: one expression serves all that differ only in them."""
+        """The same requirement with numbers zero; one expression serves all with its structure."""
         erased = {f.name: _erase_numbers(getattr(self, f.name)) for f in fields(self)}
         return replace(self, **{name: value for name, value in erased.items() if value is not None})
 
     @property
     def number_values(self) -> list[float]:
-        """Its numbers that the rows read."""
+        """Values of the numbers that the rows read."""
         return [float(getattr(self, name)) for name in self.numbers]
 
     def fault(self, system: TriangularSystem) -> str | None:
-        """How the class contradicts itself, in words; None where it does not."""
+        """Describe how the class contradicts itself; None if it does not."""
         try:
             hash(self)
         except TypeError:
@@ -264,13 +264,13 @@ class Requirement(Demand):
         return None
 
     def with_numbers(self, values: Sequence[Any]) -> Self:
-        """The same with other numbers, or symbols in their place."""
+        """Return the same requirement with other numbers, or symbols in their place."""
         new = dict(zip(self.numbers, values, strict=True))
         return replace(self, **new) if new else self
 
 
 def _erase_numbers(value: Any) -> Any:
-    """Zero in place of a number; infinity stays, since it means that there is no limit."""
+    """Replace numbers by zero; infinity stays, since it means that there is no limit."""
     if isinstance(value, float):
         return value if np.isinf(value) else 0.0
     if isinstance(value, tuple) and all(isinstance(v, float) for v in value):

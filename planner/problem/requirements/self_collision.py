@@ -1,9 +1,9 @@
-"""Links of an arm that keep clear of each other.
+"""Keep the links of an arm clear of each other.
 
 If two links do not cross, their closest points include an end of one of them. So links keep a
-distance c > 0 as long as the ends of each keep that distance from the other: before the links could
-cross, an end would have to touch. The requirement therefore limits the distances of joints (and the
-tip) from links, as from moving obstacles. Neighbours share a joint and are not checked.
+distance c > 0 if the ends of each keep that distance from the other: before the links could cross,
+an end would have to touch. The requirement therefore limits the distances of joints (and the tip)
+from links. Neighbours share a joint and are not checked.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class SelfCollision(Requirement):
-    """Links that are no neighbours stay apart.
+    """Links that are not neighbours stay apart.
 
     Attributes:
-        links: Number of the arm's links; with fewer than three all are neighbours.
+        links: Number of the arm's links; with fewer than three, all are neighbours.
         clearance: Least distance, metres.
     """
 
@@ -47,10 +47,10 @@ class SelfCollision(Requirement):
 
     @classmethod
     def of(cls, value: Any, system: TriangularSystem) -> SelfCollision:
-        """From the clearance.
+        """Build it from the clearance.
 
         Raises:
-            ValueError: If the arm has no such links, or the links between them are shorter.
+            ValueError: If all links are neighbours, or a link between two is too short.
         """
         lengths = system.link_lengths  # type: ignore[attr-defined]
         if len(lengths) < 3:
@@ -64,14 +64,14 @@ class SelfCollision(Requirement):
 
     @cached_property
     def link_pairs(self) -> list[Pair]:
-        """Links, from 1, that are no neighbours."""
+        """Pairs of links, from 1, that are not neighbours."""
         pairs = product(range(1, self.links + 1), repeat=2)
         return [(i, j) for i, j in pairs if j >= i + 2]
 
     @cached_property
     def joint_link_pairs(self) -> dict[Pair, list[Pair]]:
-        """What stays apart: a joint (from 0; the last is the tip) and a link, from 1. For each the
-        links whose crossing it would mean."""
+        """Pairs of a joint (from 0; the last is the tip) and a link (from 1) that stay apart. Each
+        maps to the pairs of links that would cross."""
         out: dict[Pair, list[Pair]] = {}
         for i, j in self.link_pairs:
             for end in _joints_of_pair((i, j)):
@@ -80,7 +80,7 @@ class SelfCollision(Requirement):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One for each joint, or the tip, and each link that is not next to it."""
+        """One part for each joint (or tip) and each link that is not adjacent to it."""
         names = [*(f"joint {k + 1}" for k in range(self.links)), "the tip"]
         least = self.clearance
         return tuple(
@@ -90,22 +90,22 @@ class SelfCollision(Requirement):
 
     @classmethod
     def easing(cls, broken: Sequence[Breach]) -> str:
-        """A smaller clearance, or none where links cross."""
+        """A smaller clearance, or none if links cross."""
         least = min(v.value for *_, v in broken)
         if least > 0:
             return f"limits.{cls.key} = {0.999 * least:.4g} or less"
         return f"leave out limits.{cls.key}"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """No clearance."""
+        """The change that removes the clearance."""
         return {f"limits.{self.key}": None}, f"leave out limits.{self.key}", "the links' clearance"
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
         """The distance of each joint from each link, to first order near the clearance c.
 
-        (distance² + c²)/(2c) is smooth where the distance is zero, equals c where that does, and
-        has its slope there. Where two links cross the distance counts as negative and is that of
-        the nearest of their ends, which is the shortest way out.
+        (distance² + c²)/(2c) is smooth where the distance is zero; at distance c it has the value
+        and slope of the distance. If two links cross, the distance counts as negative and is that
+        of the nearest of their ends, which is the shortest way to separate them.
         """
         system: Any = point.system
         points = arm_points_expr([point.q[i] for i in range(1, system.size)], system.link_lengths)
@@ -129,12 +129,12 @@ class SelfCollision(Requirement):
         return out
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
-        """The distance of each joint from each link, metres; minus the way out where they cross."""
+        """Distance of each joint from each link, metres; negative if the links cross."""
         system: Any = point.system
         return list(self.distances(system.arm_points(point.states[..., 1:])))
 
     def distances(self, points: Array) -> Array:
-        """The same, shape (R, …).
+        """Distances as in `values`, shape (R, …).
 
         Args:
             points: Base, joints and tip, shape (…, n+1, 2), metres.
@@ -153,8 +153,8 @@ class SelfCollision(Requirement):
 
     @cached_property
     def _numbers(self) -> tuple[Index, Index]:
-        """The four ends among the parts of each pair that may cross (P, 4), and the one or two
-        pairs that each part belongs to (R, 2)."""
+        """Indices: the four end parts of each pair of links (P, 4), and the one or two pairs that
+        each part belongs to (R, 2)."""
         parts, pairs = list(self.joint_link_pairs), self.link_pairs
         ends = [[parts.index(end) for end in _joints_of_pair(pair)] for pair in pairs]
         first_and_last = [
@@ -163,7 +163,7 @@ class SelfCollision(Requirement):
         return np.array(ends), np.array(first_and_last)
 
     def contradiction_text(self, name: str, v: Violation) -> str:
-        """The words of a contradiction."""
+        """Describe a contradiction."""
         what = v.label.removeprefix("clearance of ")
         change = f"move it or lower limits.{self.key}"
         if v.value <= 0:
@@ -172,13 +172,13 @@ class SelfCollision(Requirement):
         return f"at the {name} {is_}; {change}"
 
     def nearest_pair(self, points: Array) -> tuple[Array, Array, float]:
-        """The joint and the place of a link that are nearest to each other in one pose.
+        """The joint and the point of a link that are nearest to each other in one pose.
 
         Args:
             points: Base, joints and tip, shape (n+1, 2), metres.
 
         Returns:
-            Both places, shape (2,), and their distance as of `distances`.
+            Both points, shape (2,), and their distance as in `distances`.
         """
         values = self.distances(points)
         places = [
@@ -186,12 +186,12 @@ class SelfCollision(Requirement):
             for place, link in self.joint_link_pairs
         ]
         distances = np.linalg.norm([one - other for one, other in places], axis=-1)
-        k = int(np.lexsort((distances, values))[0])  # of those that cross the one with the way out
+        k = int(np.lexsort((distances, values))[0])  # smallest value, then smallest distance
         return (*places[k], float(values[k]))
 
 
 def _joints_of_pair(pair: Pair) -> list[Pair]:
-    """The ends of two links, each with the other link."""
+    """The ends of two links, each paired with the other link."""
     i, j = pair
     return [(i - 1, j), (i, j), (j - 1, i), (j, i)]
 
@@ -209,5 +209,5 @@ def _squared_distance(point: Any, first: Any, last: Any) -> Any:
 
 
 def _side(a: Any, b: Any, c: Any) -> Any:
-    """On which side of the line from a to b a point lies: positive to the left."""
+    """Positive if point c lies to the left of the line from a to b, negative to the right."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

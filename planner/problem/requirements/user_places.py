@@ -1,7 +1,7 @@
-"""Limits and places in a system's user coordinates: functions of q, as is the place of a tip.
+"""Limits and goals in a system's user coordinates, which are functions of q.
 
-A user coordinate that is a triangular one too needs none of this: its limit is a `JointLimit`, and
-its value at the goal or at a waypoint is q's.
+User coordinates that are also triangular need none of this: their limit is a `JointLimit`, and
+their value at the goal or at a waypoint is that of q.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from planner.systems.triangular_system import Coordinate
 
 
 class _UserPart(Requirement):
-    """What concerns user coordinates, those of the parts' indices."""
+    """A requirement on user coordinates, given by the parts' indices."""
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
         """These coordinates as expressions."""
@@ -24,22 +24,22 @@ class _UserPart(Requirement):
         return [every[part.index] for part in self.parts]
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
-        """The same by the system's NumPy code."""
+        """The same values, by the system's NumPy code."""
         every = point.system.user(point.states)
         return [every[..., part.index] for part in self.parts]
 
 
 class UserLimit(_UserPart, JointLimit):
-    """|user coordinate| ≤ most, of those that are no triangular ones."""
+    """|user coordinate| ≤ most, for user coordinates that are not triangular."""
 
 
 @dataclass(frozen=True)
 class UserGoal(_UserPart):
-    """User coordinates that are no triangular ones have these values at the end.
+    """User coordinates that are not triangular have given values at the end.
 
     Attributes:
-        coordinates: Those that are given.
-        indices: Which they are, from 0.
+        coordinates: The given ones.
+        indices: Their indices, from 0.
         targets: Their values, in their units.
     """
 
@@ -51,12 +51,12 @@ class UserGoal(_UserPart):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One for each: it lies neither below nor above."""
+        """One part per coordinate, with equal lower and upper limits."""
         given = zip(self.coordinates, self.indices, self.targets, strict=True)
         return tuple(Part(f"goal {c.name}", c.unit, value, value, 1.0, i) for c, i, value in given)
 
     @classmethod
     def easing(cls, broken: Sequence[Breach]) -> str:
-        """The place that the motion reaches."""
+        """The goal changed to the place that the motion reaches."""
         reached = (f"{part.label.removeprefix('goal ')} = {v.value:.4g}" for _, part, v in broken)
         return f"goal.q with {', '.join(reached)}"

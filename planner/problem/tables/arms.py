@@ -1,6 +1,6 @@
-"""The tables of problem files for arms: `system.kind = "manipulator"` and `"ball-gear"`.
+"""Tables of problem files for arms: `system.kind = "manipulator"` and `"ball-gear"`.
 
-They share start, goal and limits in joint angles.
+Both have start, goal and limits in joint angles.
 """
 
 from __future__ import annotations
@@ -82,11 +82,11 @@ class LimitsTable(ArmLimits):
 MAX_TRAVEL_RAD = 8 * np.pi
 
 MOST_JOINTS = 8
-"""The expressions of the chained form are three times as long with each joint more: with eight a
-choice of travel takes half a minute already, with twelve nothing answers in that time."""
+"""Each further joint makes the expressions of the chained form three times as long. With eight, a
+choice of travel takes half a minute; with twelve no method finishes in that time."""
 
 MOST_RATIO = 1000.0
-"""Ratios of an arm's gears are about one; with 1e8 a search goes on for minutes in vain."""
+"""Ratios of an arm's gears are about one; with 1e8 a search runs for minutes without a result."""
 
 Ratio = Annotated[float, Field(gt=0, le=MOST_RATIO)]
 Joints = Annotated[int, Field(ge=2, le=MOST_JOINTS)]
@@ -218,13 +218,13 @@ class ArmFile(ProblemFile):
         return np.array([self.start.phi_rad, *np.deg2rad(self.start.theta_deg)])
 
     def goal_state(self) -> Array:
-        """q(T), shape (n+1,), radians; NaN first, since `travel` speaks of that coordinate, and
-        where a joint is free."""
+        """q(T), shape (n+1,), radians; NaN first, since `travel` gives that coordinate, and if a
+        joint is free."""
         angles = [np.nan if isinstance(a, str) else a for a in self._goal_deg]
         return np.array([np.nan, *np.deg2rad(angles)])
 
     def tip(self) -> dict[str, float]:
-        """What the goal asks of the tip: "x" and "y" in metres, "angle" in radians."""
+        """Goal of the tip: "x" and "y" in metres, "angle" in radians, as far as given."""
         out = dict[str, float]()
         if self.goal.tip_m is not None:
             out |= dict(zip("xy", self.goal.tip_m, strict=True))
@@ -233,19 +233,19 @@ class ArmFile(ProblemFile):
         return out
 
     def path_travel(self) -> float | None:
-        """Change of the disk angle, radians, or None when free."""
+        """Change of the disk angle, radians; None if free."""
         return None if self.goal.travel == "free" else float(self.goal.travel)
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The key that sets the travel, and its value."""
+        """The key that sets the travel, with its value."""
         return {"goal.travel": "free" if travel is None else travel}
 
     def joint_limits(self) -> Array:
-        """Largest |q|, shape (n+1,), radians; infinite where there is none."""
+        """Largest |q|, shape (n+1,), radians; infinite without a limit."""
         return np.array([np.inf, *bound_deg(self.limits.joint_deg, self.system.joints)])
 
     def waypoint_states(self) -> list[Array]:
-        """q of each waypoint, shape (n+1,), radians, NaN where free."""
+        """q of each waypoint, shape (n+1,), radians, NaN if free."""
         out = []
         for point in self.waypoints:
             travel = np.nan if point.travel is None else point.travel
@@ -259,7 +259,7 @@ class ArmFile(ProblemFile):
 
 
 def _check_lengths(n: int, K: list[float] | None, link_lengths: list[float] | None) -> None:
-    """Refuse lists of other lengths than n joints need."""
+    """Refuse lists whose lengths do not fit n joints."""
     if K is not None and len(K) != n - 1:
         raise ValueError(f"joints = {n} needs {n - 1} values in K (K2 ... K{n}), not {len(K)}")
     if link_lengths is not None and len(link_lengths) != n:
@@ -316,10 +316,10 @@ class GearTable(Table):
     )
 
     def stages(self, count: int) -> list[Gear]:
-        """Stages 1 ... count; a number holds for all.
+        """Gears of the stages 1 ... count; a single number applies to all.
 
         Raises:
-            ValueError: If a list has another length.
+            ValueError: If a list has the wrong length.
         """
         columns = []
         for name, field in type(self).model_fields.items():
@@ -393,4 +393,4 @@ class ManipulatorFile(ArmFile):
 
 
 FILES: dict[str, type[ProblemFile]] = {"manipulator": ManipulatorFile, "ball-gear": BallGearFile}
-"""By `system.kind`."""
+"""Class of the problem file, by `system.kind`."""

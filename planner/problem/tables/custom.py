@@ -1,11 +1,10 @@
 """Problem files whose start, goal and limits name coordinates, for systems of users' own classes.
 
-These are the user coordinates. Here, and only here, they become triangular ones: where all are
-given q is; else what they have in common with the triangular ones is, and the rest is a requirement
-on the map (`planner.problem.requirements.user_places`).
+These names are user coordinates. Only this module converts them to triangular ones. If all are
+given, they determine q; else those that are also triangular do, and the rest becomes a requirement
+(`planner.problem.requirements.user_places`).
 
-The tables of a problem file for `system.kind = "custom"`, the user's own system by expressions, and
-for the coin.
+Also the tables for `system.kind = "custom"`, a system given by expressions, and for the coin.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ Names = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 
 class UserTable(Table):
-    """Coordinates of the user's own, in which the file is written, with the map each way."""
+    """User-defined coordinates of a problem file, with the map to and from the triangular ones."""
 
     coordinates: list[str] = Field(description="Their names, as many as triangular ones.")
     units: list[str] = Field(description="Their units; 'rad' is shown in degrees.")
@@ -50,7 +49,7 @@ class UserTable(Table):
     )
 
     def as_lines(self) -> dict[str, list[str]]:
-        """The table, each text one line."""
+        """The table with each text on one line."""
         return {key: list(map(line, texts)) for key, texts in self.model_dump().items()}
 
 
@@ -150,7 +149,7 @@ class CustomLimits(BaseLimits):
 
 
 class OwnFile(NamedFile):
-    """A problem file for a system of your own class, with start, goal and limits by names.
+    """A problem file for a system of your own class, with start, goal and limits by name.
 
     A subclass gives `summary`, `example`, the table `system`, and `build_system`.
     """
@@ -166,12 +165,12 @@ class OwnFile(NamedFile):
 
     @property
     def names(self) -> list[str]:
-        """Names of the coordinates: the user's."""
+        """Names of the user coordinates."""
         return [c.name for c in self.built.user_coordinates]
 
     @property
     def path_index(self) -> int | None:
-        """Which user coordinate is the path coordinate q₁; None if none of them is."""
+        """Index of the user coordinate that is the path coordinate q₁; None if none is."""
         return next((i for i, j in self.built.shared.items() if j == 0), None)
 
     @model_validator(mode="after")
@@ -224,11 +223,11 @@ class OwnFile(NamedFile):
         return self.built.from_user(self._user_start())
 
     def goal_state(self) -> Array:
-        """q(T), shape (N,); NaN first, since the travel speaks of that coordinate."""
+        """q(T), shape (N,); NaN first, since the travel gives that coordinate."""
         return np.append(np.nan, self.built.fixed_by(self.user_goal())[1:])
 
     def user_goal(self) -> Array:
-        """The goal in user coordinates, shape (N,), NaN where free."""
+        """The goal in user coordinates, shape (N,), NaN if free."""
         given = {name: value for name, value in self.goal.q.items() if value != "free"}
         w = np.array([given.get(name, np.nan) for name in self.names], dtype=float)
         if (path := self.path_index) is not None and self.goal.travel != "free":
@@ -236,25 +235,25 @@ class OwnFile(NamedFile):
         return w
 
     def path_travel(self) -> float | None:
-        """Change of the first coordinate, or None when free."""
+        """Change of the first coordinate; None if free."""
         if self.path_index is not None:
             return None if self.goal.travel == "free" else float(self.goal.travel)
         end = self.built.fixed_by(self.user_goal())[0]
         return None if np.isnan(end) else float(end - self.start_state()[0])
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The key that sets the travel, and its value."""
+        """The key that sets the travel, with its value."""
         return {"goal.travel": "free" if travel is None else travel}
 
     def joint_limits(self) -> Array:
-        """Largest |q|, shape (N,); infinite where there is none."""
+        """Largest |q|, shape (N,); infinite without a limit."""
         most = np.full(len(self.names), np.inf)
         shared = self.built.shared
         most[list(shared.values())] = self.user_limits()[list(shared)]
         return most
 
     def user_limits(self) -> Array:
-        """Largest |user coordinate|, shape (N,); infinite where there is none."""
+        """Largest |user coordinate|, shape (N,); infinite without a limit."""
         return np.array([self.limits.q.get(name, np.inf) for name in self.names])
 
 
@@ -290,4 +289,4 @@ class CoinFile(OwnFile):
 
 
 FILES: dict[str, type[ProblemFile]] = {"custom": CustomFile, "coin": CoinFile}
-"""By `system.kind`."""
+"""Class of the problem file, by `system.kind`."""

@@ -1,12 +1,12 @@
-"""The kinds of systems and of further limits, with their tables, and how a new one comes in.
+"""The kinds of systems and registered limits, with their tables, and how to add new ones.
 
-A kind has one class, a `ProblemFile`: it says what a user may write, with types, ranges and
+A kind has one class, a `ProblemFile`. It defines what a user may write, with types, ranges and
 descriptions, and builds the system from it.
 
-Other installed packages bring systems, methods and limits. Such a package names a function under
+Other installed packages can add systems, methods and limits. Such a package names a function under
 the entry point `planner.plugins`; the function calls `planner.register_system`,
 `planner.register_method` and `planner.register_requirement`. Every process that reads a problem
-calls it, so that the workers of a sweep know the same ones.
+calls it, so the workers of a sweep have the same ones.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ class _Plugins:
     """The plugins of this process.
 
     Attributes:
-        failures: One line for each that failed; None until they are called.
+        failures: One line for each plugin that failed; None until plugins are called.
         caller: Name and version of the package whose plugin is being called, or "".
-        local_names: What was registered by no plugin, as in "method 'mine'".
+        local_names: What was registered without a plugin, as in "method 'mine'".
     """
 
     failures: list[str] | None = None
     caller = ""
 
     def __init__(self) -> None:
-        self.lock = threading.RLock()  # a plugin may itself read a problem
+        self.lock = threading.RLock()  # reentrant, because a plugin may read a problem
         self.local_names: set[str] = set()
 
 
@@ -62,11 +62,11 @@ _plugins = _Plugins()
 
 
 def load_plugins() -> None:
-    """Call the functions of all installed plugins, once a process.
+    """Call the functions of all installed plugins, once per process.
 
     Raises:
-        InputError: If one fails, now and at every later call: half of what it brings may be there.
-            Names the plugin, its package and the error.
+        InputError: If a plugin fails, now and at every later call, since it may be half
+            registered. Names the plugin, its package and the error.
     """
     with _plugins.lock:
         if _plugins.failures is None:
@@ -94,16 +94,16 @@ def _call(entry: EntryPoint, failures: list[str]) -> None:
 
 
 LONGEST_MESSAGE = 300
-"""Characters of a foreign error's message."""
+"""Maximum length of a foreign error's message, characters."""
 
 
 @dataclass(frozen=True)
 class Owner:
-    """Who brings a method or a limit.
+    """The package that provides a method or a limit.
 
     Attributes:
-        what: What is brought, as in "method 'mine'".
-        package: Name and version of the package, or the module where it was registered by hand.
+        what: What it provides, as in "method 'mine'".
+        package: Name and version of the package, or the module that registered it directly.
     """
 
     what: str
@@ -111,18 +111,18 @@ class Owner:
 
     @classmethod
     def of(cls, what: str, brought: Any) -> Owner:
-        """Of what is being registered, a function or a class."""
+        """The owner of a function or class that is being registered."""
         return cls(what, _plugins.caller or f"module {line(str(brought.__module__))}")
 
     def error(self, what: str, trace: str = "") -> MethodError:
-        """The refusal that names both."""
+        """An error that names what failed and the package."""
         return MethodError(f"{self.what} of {self.package} {what}", traceback=trace)
 
     def call(self, function: Callable[..., Any], *given: Any) -> Any:
-        """What a function of the package returns.
+        """Call a function of the package and return its value.
 
         Raises:
-            MethodError: If it raises anything but a refusal.
+            MethodError: If it raises anything but a refusal; names the package.
         """
         try:
             return function(*given)
@@ -133,7 +133,7 @@ class Owner:
             raise self.error(f"failed: {why}", traceback.format_exc()) from error
 
     def named(self, method: Callable[..., Any]) -> Callable[..., Any]:
-        """A method of its class, which says whose it is if it fails."""
+        """Wrap a method of the package's class so that an error names the package."""
         method = inspect.unwrap(method)  # a class may be registered again
 
         @wraps(method)
@@ -144,27 +144,27 @@ class Owner:
 
 
 def remember(what: str) -> None:
-    """Keep in mind what is registered by no plugin, as in "method 'mine'"."""
+    """Remember what is registered without a plugin, as in "method 'mine'"."""
     if not _plugins.caller:
         _plugins.local_names.add(what)
 
 
 def local_only(*used: str) -> list[str]:
-    """Which of these no other process knows, since no plugin registers them."""
+    """Select the names that other processes do not know, since no plugin registers them."""
     return [what for what in used if what in _plugins.local_names]
 
 
 FILES: dict[str, type[ProblemFile]] = {**arms.FILES, **vehicles.FILES, **custom.FILES}
-"""By `system.kind`. What plugins register is in it once the first problem is read."""
+"""Class of the problem file, by `system.kind`. Kinds of plugins are added at the first reading."""
 
 REQUIREMENTS: dict[str, type[Requirement]] = {}
-"""Limits that all kinds of systems know, by their key in `[limits]`; those of plugins likewise.
+"""Limits that apply to all kinds of systems, by their key in `[limits]`, also those of plugins.
 
-What is called otherwise in each kind's own words, as the limits of inputs are, is in its tables."""
+Limits whose keys differ between kinds, such as those of inputs, are in each kind's tables."""
 
 
 def all_files() -> dict[str, type[ProblemFile]]:
-    """`FILES` with what plugins bring.
+    """`FILES` with the kinds that plugins add.
 
     Raises:
         InputError: If a plugin fails.
@@ -174,7 +174,7 @@ def all_files() -> dict[str, type[ProblemFile]]:
 
 
 def example_of(kind: str) -> str:
-    """First part of the file that `planner new` writes: the class's `example`, or `examples/`."""
+    """First part of the file that `planner new` writes: the class's `example` or a file."""
     shipped = Path(__file__).parent / "examples" / f"{kind}.toml"
     return FILES[kind].example.strip() or shipped.read_text(encoding="utf-8").strip()
 
@@ -182,8 +182,8 @@ def example_of(kind: str) -> str:
 def register_system(kind: str, file: type[ProblemFile]) -> None:
     """Register a kind of system, so that problem files can use `system.kind = kind`.
 
-    Other processes, such as workers of a sweep, know it only from a plugin: a package whose entry
-    point `planner.plugins` names a function that calls this one.
+    Other processes, such as workers of a sweep, know it only if a plugin registers it: a package
+    whose entry point `planner.plugins` names a function that calls this one.
 
     Args:
         kind: Name used in files: letters, digits, - and _.
@@ -213,15 +213,15 @@ def register_requirement(kind: type[Requirement]) -> None:
     """Register a kind of limit, so that every problem file can use `limits.KEY`.
 
     Collocation and desensitised plans keep it, retiming respects it if it depends on the speed, and
-    `verify` checks it; `certify` proves it if its rows suffice. Other processes, such as workers of
-    a sweep, know it only from a plugin: a package whose entry point `planner.plugins` names a
-    function that calls this one.
+    `verify` checks it; `certify` proves it if its rows allow that. Other processes, such as workers
+    of a sweep, know it only if a plugin registers it: a package whose entry point `planner.plugins`
+    names a function that calls this one.
 
     Args:
         kind: A frozen dataclass, subclass of `planner.problem.requirements.requirement.Requirement`
             with `key` (name of the key in files: a-z, 0-9 and _) and `table` (type and description
-            of the key's value, and an example of it if you like). Where its `rows` or `values` fail
-            at a state, the problem is refused with a `MethodError`, which names the package.
+            of the key's value, and optionally an example). If its `rows` or `values` fail at a
+            state, the problem is refused with a `MethodError` that names the package.
 
     Raises:
         InputError: If the key is taken or invalid, or `kind` is not such a class.
@@ -241,7 +241,7 @@ def register_requirement(kind: type[Requirement]) -> None:
 
 
 def _shortcomings(kind: Any) -> Iterator[str]:
-    """Why a class is no kind of requirement that a file can ask for."""
+    """Yield reasons why a class cannot be a kind of requirement in a file."""
     if not isinstance(kind, type) or not issubclass(kind, Requirement):
         yield f"{line(repr(kind))} is not a subclass of Requirement"
         return
@@ -257,12 +257,12 @@ def _shortcomings(kind: Any) -> Iterator[str]:
 
 
 def limits_of(file: type[ProblemFile]) -> type[BaseLimits]:
-    """The table `[limits]` of a kind."""
+    """The `[limits]` table of a kind of problem file."""
     return cast("type[BaseLimits]", file.model_fields["limits"].annotation)
 
 
 def _add_requirement_keys() -> None:
-    """Give every kind's `[limits]` the keys of `REQUIREMENTS`."""
+    """Add the keys of `REQUIREMENTS` to every kind's `[limits]`."""
     for file in FILES.values():
         table = limits_of(file)
         for key, kind in REQUIREMENTS.items():
@@ -278,7 +278,7 @@ def _add_requirement_keys() -> None:
 
 
 def _rebuild_files() -> None:
-    """Build those files anew whose tables have changed; the rest are built when they are used."""
+    """Rebuild the file classes that were built already; the others are built on first use."""
     for file in FILES.values():
         if file.__pydantic_complete__:
             file.model_rebuild(force=True)
@@ -288,7 +288,7 @@ _TABLE_TYPES = {"system": Table, "start": Table, "goal": GoalTable, "limits": Ba
 
 
 def _file_faults(kind: str, file: Any) -> Iterator[str]:
-    """Why a class cannot read the problem files of a kind."""
+    """Yield reasons why a class cannot read the problem files of a kind."""
     if not isinstance(file, type) or not issubclass(file, ProblemFile):
         yield f"{line(repr(file))} is not a subclass of ProblemFile"
         return
@@ -310,7 +310,7 @@ def _file_faults(kind: str, file: Any) -> Iterator[str]:
 
 
 def add_method_table(name: str, options: type[Table]) -> None:
-    """Give all problem files a table `[method.NAME]`; the registry of methods asks for it."""
+    """Add a table `[method.NAME]` to all problem files; called by the registry of methods."""
     MethodsTable.add(name, options)
     _rebuild_files()
 
@@ -319,7 +319,7 @@ def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
     """Validate a problem file's tables.
 
     Raises:
-        InputError: One line an error; see `parse`. If a plugin fails, or the kind is not complete.
+        InputError: One line per error; see `parse`. Also if a plugin fails or the kind is unknown.
     """
     load_plugins()
     _refuse_extremes(data, source)
@@ -338,7 +338,7 @@ def system_of(tables: ProblemFile) -> TriangularSystem:
     """The system that a problem file describes.
 
     Raises:
-        InputError: If its class lacks what every system has; names that.
+        InputError: If its class lacks a method that every system needs; names the method.
     """
     with _name_missing_methods(tables.system.kind):
         return tables.build_system()
@@ -346,7 +346,7 @@ def system_of(tables: ProblemFile) -> TriangularSystem:
 
 @contextmanager
 def _name_missing_methods(kind: str) -> Iterator[None]:
-    """Name what the classes of a kind lack; `register_system` asks those of plugins beforehand."""
+    """Name the methods that a kind's classes lack; `register_system` checks plugins earlier."""
     try:
         yield
     except TypeError as error:
@@ -356,12 +356,12 @@ def _name_missing_methods(kind: str) -> Iterator[None]:
 
 
 LEAST_NUMBER, MOST_NUMBER = 1e-15, 1e15
-"""Sizes of numbers, but zero: no length, time, angle, ratio or tolerance in these units is smaller
-or larger, and products of twenty of them, for twenty joints, stay numbers."""
+"""Least and largest magnitude of numbers other than zero: every length, time, angle, ratio and
+tolerance in these units lies between, and products of twenty of them stay finite."""
 
 
 def _refuse_extremes(data: dict[str, Any], source: str) -> None:
-    """Refuse numbers that would overflow, or vanish, in the middle of a computation."""
+    """Refuse numbers that would overflow or underflow during a computation."""
     waiting: list[tuple[str, Any]] = [("", data)]
     while waiting:
         key, value = waiting.pop()

@@ -1,6 +1,6 @@
-"""The `[machine]` table: the emulated machine's preset and what to change in it.
+"""The `[machine]` table: the preset of the emulated machine and changes to it.
 
-What a setting of the `[machine]` table may be: its unit, range, and who has one of its own.
+`Effect` describes a key of the table: its unit, its range, and how many values it can have.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ Setting = float | list[float] | Spread | Literal[False] | None
 
 @dataclass(frozen=True)
 class Effect:
-    """What one effect of the machine is measured in, and which values it may have.
+    """Unit and range of one effect of the machine.
 
-    As an annotation of a field it validates that field, with one message for each mistake.
+    As an annotation of a field it validates that field, with one message per mistake.
 
     Attributes:
         unit: Unit of value and spread; "" for plain numbers.
-        owner: What has a value of its own: the machine, each of 2 motors, each of n joints, or each
-            of the n−1 passive ones, 2 … n, which the disk chain drives.
-        off_value: The value that means "no such effect".
-        low: Least value, 0 where nothing is said; not allowed itself when `positive`.
+        owner: What has its own value: the machine, each of 2 motors, each of n joints, or each of
+            the n−1 passive joints 2 … n, which the disk chain drives.
+        off_value: The value that switches the effect off.
+        low: Least value, by default 0; excluded itself if `positive`.
         high: Greatest value.
-        positive: Whether zero is impossible.
+        positive: Whether `low` itself is excluded.
         may_spread: Whether it may differ from machine to machine.
-        dynamic_only: Whether it acts in dynamic fidelity alone.
+        dynamic_only: Whether it acts only in dynamic fidelity.
     """
 
     unit: str
@@ -67,7 +67,7 @@ class Effect:
         )
 
     def check_setting(self, setting: Any) -> Any:
-        """The setting in its plain form; raises ValueError with one line when it cannot be."""
+        """Validate a setting and return its plain form; a ValueError says what is wrong."""
         if setting is None or setting is False:
             return setting
         if isinstance(setting, Spread):
@@ -112,11 +112,11 @@ class Effect:
         return [_check_finite(v) for v in value]
 
     def count(self, joints: int) -> int:
-        """How many values it can have on a system of so many joints."""
+        """Number of values it has on a system with this many joints."""
         return {"machine": 1, "motor": 2, "joint": joints, "passive": joints - 1}[self.owner]
 
     def mismatch(self, key: str, numbers: Sequence[float], joints: int) -> str | None:
-        """What is wrong with so many numbers on a system of so many joints, or None."""
+        """Describe how a list has the wrong length for this many joints; None if it fits."""
         count = self.count(joints)
         if len(numbers) in (1, count):
             return None
@@ -124,7 +124,7 @@ class Effect:
 
     @property
     def owner_words(self) -> str:
-        """What a list has one number for, in words."""
+        """What the values of a list belong to, in words."""
         return _OWNER_WORDS[self.owner]
 
     def _in_range(self, numbers: Numbers) -> None:
@@ -151,7 +151,7 @@ def _as_list(numbers: Numbers) -> list[float]:
 
 
 def effect_words(name: str) -> str:
-    """An effect in words, without the unit that its key ends in."""
+    """Name of an effect in words, without the unit at the end of its key."""
     unit = r"(?<!_per)_(deg|nm|s|rad_s2?|nm_per_rad|nms_per_rad|kgm2)$"
     return re.sub(unit, "", name).replace("_nm", "_torque").replace("_", " ")
 
@@ -167,14 +167,14 @@ def _check_finite(value: Any) -> float:
 
 
 StartState = Literal["unwound", "forward", "backward", "unknown"]
-"""How an arm may have stood before a motion."""
+"""State of an arm before a motion."""
 
 
 class MachineTable(Table):
     """Overrides of a machine preset.
 
-    Each effect is a number, a list (one for each motor or joint), `{ value = …, spread = … }` or
-    false, which switches it off. Others are as in the preset.
+    Each effect is a number, a list (one per motor or joint), `{ value = …, spread = … }`, or false,
+    which switches it off. Effects that are left out are as in the preset.
     """
 
     former: ClassVar[Mapping[str, str]] = {
@@ -185,7 +185,7 @@ class MachineTable(Table):
     @model_validator(mode="before")
     @classmethod
     def _forget_what_is_off(cls, data: Any) -> Any:
-        """Complete tables, as in files of compensated plans, name the effects that are off too."""
+        """Accept removed effects that are off; complete tables, as in files of plans, name them."""
         if not isinstance(data, Mapping):
             return data
         return {k: v for k, v in data.items() if not (k in cls.former and v is False)}
@@ -358,7 +358,7 @@ class MachineTable(Table):
     )
 
     def mismatch(self, joints: int) -> str | None:
-        """The first list whose length does not fit a system of so many joints, in words."""
+        """Describe the first list whose length does not fit this many joints; None if all fit."""
         if isinstance(self.start_state, list) and len(self.start_state) != joints:
             count = len(self.start_state)
             return f"machine.start_state has {count} words, but needs one, or {joints}, one a joint"

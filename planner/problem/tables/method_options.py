@@ -1,8 +1,8 @@
 """The `[method.*]` tables: the options of each method.
 
-All there is to say of an option stands here, once: type, range, default, words, and whether the
-explorer has a slider for it. What editors complete, `planner/methods/options.pyi`, is written from
-these tables by `make generated`.
+Everything about an option is defined here once: type, range, default, description, and whether the
+explorer has a slider for it. `make generated` writes `planner/methods/options.pyi`, which editors
+read, from these tables.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from planner.support.user_tables import Pair, Table
 
 @dataclass(frozen=True)
 class Slider:
-    """Ends of the explorer's slider for a number; without one it is logarithmic, about the default.
+    """Ends of the explorer's slider; without one it is logarithmic around the option's default.
 
-    Ends that are whole numbers make a slider of whole numbers.
+    Whole numbers as ends make a slider of whole numbers.
     """
 
     low: float
@@ -30,7 +30,7 @@ class Slider:
 
 
 NO_SLIDER = Slider(0, 0)
-"""No slider: the option is set elsewhere on the screen, or says how hard a solver tries."""
+"""No slider: the option is set elsewhere on the screen, or is a solver's effort."""
 
 Weight = Annotated[float, Field(ge=0), Slider(0.0, 10.0)]
 Size = Annotated[float, Field(ge=0)]
@@ -45,7 +45,7 @@ Rest = Annotated[
 
 
 def rests(asked: Rest, input_rate: Array) -> bool:
-    """Whether inputs are zero at both ends, from their largest rates (2,), infinite for none."""
+    """Whether inputs are zero at both ends, given their rate limits (2,), infinite if none."""
     return bool(np.any(np.isfinite(input_rate))) if asked == "auto" else asked
 
 
@@ -140,7 +140,7 @@ class DesensitisedOptions(Table):
 
 
 MOST_POINTS = 20
-"""Each raises the degree of v2 by one; conditions on polynomials of more have no digit left."""
+"""Each point raises the degree of v2 by one; with more, its equations are ill-conditioned."""
 
 
 class LawOptions(Table):
@@ -346,7 +346,7 @@ class CollocationOptions(Table):
     @model_validator(mode="before")
     @classmethod
     def _read_former_options(cls, table: Any) -> Any:
-        """Files of earlier versions may have these; they had no effect in the end."""
+        """Drop options of earlier versions, which had no effect in the end."""
         if not isinstance(table, dict):
             return table
         kept = {key: value for key, value in table.items() if key != "variations"}
@@ -407,7 +407,7 @@ class MethodsTable(Table):
 
     @classmethod
     def add(cls, name: str, options: type[Table]) -> None:
-        """A further table; tables that hold this one are built anew by the caller."""
-        # The class stays the same object: problems that there are, and pickled ones, stay good.
+        """Add a table; the caller rebuilds the tables that contain this one."""
+        # Keep the class object, so that existing and pickled problems stay valid.
         cls.model_fields[name] = FieldInfo(annotation=options, default_factory=options)
         cls.model_rebuild(force=True)

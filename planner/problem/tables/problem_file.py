@@ -1,8 +1,8 @@
-"""The problem file: the tables all systems share, and the hooks each system fills in.
+"""The problem file: the tables that all systems share, and the methods that each system defines.
 
 Shared are `[feedback]` (the tracker that closes the loop), `[compensation]` (which errors of the
-machine are compensated), `[[waypoints]]`, `[[obstacles]]`, and what every kind's `[limits]` says;
-the limits of arms are in `arms`, and so on.
+machine are compensated), `[[waypoints]]`, `[[obstacles]]`, and the common part of `[limits]`; the
+limits of arms are in `arms`, and so on.
 """
 
 from __future__ import annotations
@@ -75,25 +75,25 @@ PerInput = Annotated[Positive | list[Positive] | None, AfterValidator(_check_two
 
 
 def bound(value: float | Sequence[float] | None, size: int) -> Array:
-    """Limits as an array (size,); infinite where there is none."""
+    """Limits as an array (size,); infinite without a limit."""
     return np.broadcast_to(np.asarray(np.inf if value is None else value, dtype=float), size)
 
 
 def bound_deg(value: float | Sequence[float] | None, size: int) -> Array:
-    """Limits given in degrees as an array (size,) in radians; infinite where there is none."""
+    """Limits in degrees as an array (size,) in radians; infinite without a limit."""
     return np.deg2rad(bound(value, size))
 
 
 class BaseLimits(Table):
-    """What every kind's limits answer."""
+    """Methods of every kind's limits."""
 
     @abstractmethod
     def inputs(self) -> Array:
-        """Largest |u|, shape (2,), in the inputs' units; infinite where there is none."""
+        """Largest |u|, shape (2,), in the inputs' units; infinite without a limit."""
 
     @abstractmethod
     def input_rates(self) -> Array:
-        """Largest |du/dt|, shape (2,); infinite where there is none."""
+        """Largest |du/dt|, shape (2,); infinite without a limit."""
 
 
 class FeedbackTable(Table):
@@ -162,8 +162,8 @@ AngleDeg = Annotated[float, Field(gt=-90, lt=90)]
 
 
 MOST_WAYPOINTS, MOST_OBSTACLES = 50, 100
-"""A motion through more places has more parts than a mesh has intervals to begin with; each disc
-costs a row for each link at each place, and its share of the verification."""
+"""With more waypoints a motion has more pieces than the first mesh has intervals. Each obstacle
+costs a row per link and mesh point, and time in the verification."""
 
 
 class WaypointTable(Table):
@@ -223,7 +223,7 @@ Free = Literal["free"]
 
 
 class GoalTable(Table):
-    """What every goal says."""
+    """Keys that every goal has."""
 
     duration: Free | Annotated[float, Field(gt=0)] = Field(
         10.0, description="Duration in seconds, or 'free'."
@@ -236,15 +236,15 @@ class GoalTable(Table):
 
 
 class ProblemFile(Table):
-    """A problem file; one subclass a system kind, which types the tables left open here.
+    """A problem file; one subclass per kind of system, which types the tables left open here.
 
     Attributes:
         summary: One line about the system, for listings.
-        example: First part of the file that `planner new` writes: a problem that can be solved,
-            with its `[limits]`. Limits that it does not name are added there as comments. The
-            planner's own kinds have a file `examples/KIND.toml` for it.
-        places: The next part, all comments: waypoints, obstacles. The word COORDINATE becomes the
-            name of the system's last one.
+        example: First part of the file that `planner new` writes: a solvable problem with its
+            `[limits]`. Limits that it does not name are added as comments. The planner's own kinds
+            have a file `examples/KIND.toml` instead.
+        places: The next part, all comments: waypoints, obstacles. The word COORDINATE is replaced
+            by the name of the system's last coordinate.
     """
 
     summary: ClassVar[str] = ""
@@ -276,25 +276,25 @@ class ProblemFile(Table):
 
     @abstractmethod
     def path_travel(self) -> float | None:
-        """q₁(T) − q₁(0), or None when free."""
+        """q₁(T) − q₁(0); None if free."""
 
     @abstractmethod
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The dotted key that sets this travel (None: free), with its value."""
+        """The dotted key and value that set this travel (None: free)."""
 
     @abstractmethod
     def joint_limits(self) -> Array:
-        """Largest |q|, shape (N,), infinite where there is none."""
+        """Largest |q|, shape (N,); infinite without a limit."""
 
     def user_goal(self) -> Array:
-        """The goal in user coordinates, shape (N,), NaN where free.
+        """The goal in user coordinates, shape (N,), NaN if free.
 
-        By default the goal's q, of a system that has no others.
+        By default the goal's q, for a system without other user coordinates.
         """
         return self.goal_state()
 
     def user_limits(self) -> Array:
-        """Largest |user coordinate|, shape (N,), infinite where there is none."""
+        """Largest |user coordinate|, shape (N,); infinite without a limit."""
         return self.joint_limits()
 
     @abstractmethod
@@ -302,11 +302,11 @@ class ProblemFile(Table):
         """User coordinates of each waypoint, shape (N,), NaN where free."""
 
     def turn_words(self) -> str:
-        """How a vehicle's heading turns between start and goal, in words; empty for others."""
+        """Describe how a vehicle's heading turns from start to goal; empty for other systems."""
         return ""
 
     def tip(self) -> dict[str, float]:
-        """What the goal asks of an arm's tip, by name; only arms have one."""
+        """Goal of an arm's tip, by quantity; only arms have one."""
         return {}
 
     def discs(self) -> list[ObstacleTable]:
@@ -315,7 +315,7 @@ class ProblemFile(Table):
 
 
 SUFFIXES = {"_deg": ("rad", np.pi / 180), "_m": ("m", 1.0)}
-"""Endings of a coordinate's key: the unit of coordinates that may have it, and its size in that."""
+"""Suffixes of a coordinate's key: unit of the coordinates that may have it, and its factor."""
 
 
 class NamedFile(ProblemFile):
@@ -323,7 +323,7 @@ class NamedFile(ProblemFile):
 
     Attributes:
         largest_angles: Largest angle in rad that a waypoint may give, by the coordinate's name
-            without its number; what is larger looks like degrees.
+            without its number; a larger one is probably in degrees.
     """
 
     places: ClassVar[str] = """

@@ -1,7 +1,8 @@
 """The tables of a problem file for unicycle, car and trailers.
 
-They share positions in m, headings in degrees, and x as the path coordinate. Headings are a circle:
-350 degrees is -10 degrees, and a vehicle turns the nearest way unless `goal.turns` says otherwise.
+They share positions in m, headings in degrees, and x as the path coordinate. Headings are periodic:
+350 degrees equals -10 degrees, and a vehicle turns the nearest way unless `goal.turns` says
+otherwise.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ from planner.support.user_tables import Positive, Table
 from planner.systems.vehicles import Car, Trailers, Unicycle
 
 Degrees = Annotated[float, Field(ge=-36000, le=36000)]
-"""A heading, with any whole turns; who writes more than a hundred of them has made a slip."""
+"""A heading, with any number of whole turns up to a hundred; more are a mistake."""
 
 SteeringDeg = Annotated[float, Field(gt=-90, lt=90)]
 HitchDeg = Annotated[float, Field(gt=-180, lt=180)]
 
 FULL_TURN = 2 * np.pi
 TURN_ROUNDING = 1e-9
-"""Turns by which half a turn may be off, as written in degrees."""
+"""Tolerance for half a turn, in turns, because angles in degrees are rounded."""
 
 
 class PoseStart(Table):
@@ -65,7 +66,8 @@ class VehicleLimits(BaseLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
     second: ClassVar[str] = "turn"
-    """What the second input changes: its keys are SECOND_rate_rad_s, SECOND_acceleration_rad_s2."""
+    """Quantity that the second input changes; its keys are SECOND_rate_rad_s and
+    SECOND_acceleration_rad_s2."""
 
     speed_m_s: Positive | None = Field(None, description="Largest speed, either way, in m/s.")
     acceleration_m_s2: Positive | None = Field(
@@ -93,9 +95,9 @@ class VehicleLimits(BaseLimits):
 class VehicleFile(NamedFile):
     """A problem file whose path coordinate is x: the travel is goal.x_m − start.x_m.
 
-    In `start`, `goal` and `limits` an angle of the system has the key NAME_deg, and those that are
-    numbered, NAME1, NAME2 ..., one for all of them: a number, or a list. A key may be left out.
-    The heading of each place, waypoints in their order, is the one nearest to the place before.
+    In `start`, `goal` and `limits` an angle of the system has the key NAME_deg. Numbered angles
+    NAME1, NAME2 ... share one key: a number, or a list. A key may be left out. The heading of each
+    place (start, waypoints in order, goal) is the one nearest to the heading before.
     """
 
     largest_angles: ClassVar[Mapping[str, float]] = {
@@ -123,11 +125,11 @@ class VehicleFile(NamedFile):
         return self._turned([self.start.x_m, *self.angles(self.start, 0.0), self.start.y_m], 0)
 
     def goal_state(self) -> Array:
-        """q(T), shape (N,); NaN first, since the travel speaks of that coordinate."""
+        """q(T), shape (N,); NaN first, since the travel gives that coordinate."""
         return self._turned([np.nan, *self.angles(self.goal, 0.0), self.goal.y_m], -1)
 
     def waypoint_states(self) -> list[Array]:
-        """q of each waypoint, shape (N,), NaN where free."""
+        """q of each waypoint, shape (N,), NaN if free."""
         return [self._turned(q, k) for k, q in enumerate(super().waypoint_states(), 1)]
 
     def _turned(self, q: Sequence[float] | Array, place: int) -> Array:
@@ -141,7 +143,7 @@ class VehicleFile(NamedFile):
 
     @cached_property
     def headings(self) -> list[float]:
-        """Headings of start, waypoints in the file's order and goal, radians; NaN where free."""
+        """Headings of start, waypoints in the file's order and goal, radians; NaN if free."""
         limit = getattr(self.limits, "heading_deg", None)
         i, most = self._heading_index, float(np.deg2rad(limit or np.inf))
         ends = [self.angles(table, 0.0)[i - 1] for table in (self.start, self.goal)]
@@ -158,7 +160,7 @@ class VehicleFile(NamedFile):
         return [start, *passed, goal + FULL_TURN * (extra or 0)]
 
     def turn_words(self) -> str:
-        """How the heading turns between start and goal, in words."""
+        """Describe how the heading turns from start to goal."""
         turn = np.rad2deg(self.headings[-1] - self.headings[0])
         extra = self.goal.turns or 0
         way = f"goal.turns = {extra} beyond the nearest way" if extra else "the nearest way"
@@ -167,23 +169,23 @@ class VehicleFile(NamedFile):
         return f"{turn:.4g} deg, {way}"
 
     def joint_limits(self) -> Array:
-        """Largest |q|, shape (N,); infinite where there is none, as of x and y."""
+        """Largest |q|, shape (N,); infinite without a limit, as for x and y."""
         return np.array([np.inf, *self.angles(self.limits, np.inf), np.inf])
 
     def path_travel(self) -> float | None:
-        """goal.x_m − start.x_m in m, or None when free."""
+        """goal.x_m − start.x_m in m; None if free."""
         return None if self.goal.x_m == "free" else float(self.goal.x_m) - self.start.x_m
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The key that sets the travel, and its value."""
+        """The key that sets the travel, with its value."""
         return {"goal.x_m": "free" if travel is None else self.start.x_m + travel}
 
 
 def nearest_turn(angle: float, before: float, most: float) -> float:
-    """The angle plus those whole turns that bring it nearest to the one before, radians.
+    """Add whole turns to an angle to bring it nearest to the one before, radians.
 
-    Of the angles within `most` on either side of zero, if there are any. Of two that are equally
-    near it is the one with fewer turns.
+    Angles within ±`most` are preferred. Of two that are equally near, the one with fewer turns is
+    taken.
     """
     turns = (angle - before) / FULL_TURN
     nearest = -np.copysign(max(0.0, np.ceil(abs(turns) - 0.5 - TURN_ROUNDING)), turns)
@@ -335,4 +337,4 @@ FILES: dict[str, type[ProblemFile]] = {
     "car": CarFile,
     "trailers": TrailersFile,
 }
-"""By `system.kind`."""
+"""Class of the problem file, by `system.kind`."""

@@ -1,4 +1,4 @@
-"""Find out whether a problem has a plan; if not, why not and which change would help."""
+"""Check whether a problem has a plan; if not, report why and which change would help."""
 
 from __future__ import annotations
 
@@ -82,18 +82,21 @@ class Analysis:
     Attributes:
         problem: The problem.
         ends: Start and goal in chained coordinates.
-        reach: Possible joint angles at a goal that leaves some free; None where it gives all.
-        window: Travels that are possible without reversing; None where no such window is known.
+        reach: Possible joint angles at a goal that leaves some joints free; None if the goal fixes
+            all.
+        window: Travels that are possible without a reversal; None if no such window is known.
         reversal: Whether the first coordinate must reverse.
-        duration_bound: Duration below which no plan exists.
-        plain_polynomial: Times at which the polynomial without constraint points leaves the chart's
-            domain and at which z₂ crosses zero, with the travel used; None if it stays inside.
+        duration_bound: Lower bound of the duration; no plan is shorter.
+        plain_polynomial: The travel, and the times at which the polynomial without constraint
+            points leaves the chart's domain and at which z₂ crosses zero; None if it stays inside.
         nonholonomy: Controllability at the start, at the goal and at θ₁ = 0.
-        not_promised: For each method the labels of the requirements that it does not promise to
-            keep (known before it searches, see `planner.methods.keeping`).
-        outcomes: A summary for each method; keys: `planner.verification.summary.SUMMARY_KEYS`.
-        remedy: If no method has a plan, a change of the problem that gives one, if one was found.
-        ended_early: What ended the search early, in words; None if it was completed.
+        not_promised: For each method, labels of the requirements that it does not guarantee to keep
+            (known before it searches; see `planner.methods.keeping`).
+        outcomes: A summary for each method, with the keys of
+            `planner.verification.summary.SUMMARY_KEYS`.
+        remedy: A change of the problem with which a method has a plan; None if a method has one
+            without it, or if no change helped.
+        ended_early: What ended the search early, in words; None if the search was completed.
     """
 
     problem: Problem
@@ -227,7 +230,7 @@ def find_remedy(
         return solve_and_check(problem.changed(change.keys), change.method, advice=False)[0]
 
     nearer = reach_changes(problem, reach) if reach else []
-    able = sorted(names, key=lambda name: name != "collocation")  # the most able first
+    able = sorted(names, key=lambda name: name != "collocation")  # the most general method first
     changes = [
         replace(change, method=name)
         for change in (*nearer, *duration_changes(problem), *path_changes(problem))
@@ -241,19 +244,19 @@ def find_remedy(
 
 
 def _outcome(problem: Problem, name: str) -> dict[str, Any]:
-    """One method's summary either way, see `planner.verification.summary.SUMMARY_KEYS`."""
+    """Return the summary of a method's plan or refusal (`planner.verification.summary`)."""
     try:
         return plan_summary(*solve_and_check(problem, name, advice=False))
     except NoPlanError as error:
         return refusal_summary(error, name)
-    except InputError as error:  # the method's own demands on the problem
+    except InputError as error:  # the method does not accept such a problem
         return refusal_summary(NoPlanError(str(error)), name) | {"status": "bad_input"}
 
 
 def _not_promised(problem: Problem, name: str) -> tuple[str, ...]:
     try:
         return not_promised(problem, METHODS[name].keeps)
-    except MethodError:  # its outcome says so
+    except MethodError:  # the method's outcome reports it
         return ()
 
 
@@ -282,7 +285,7 @@ def _reversal(
 def _plain_polynomial(
     problem: Problem, window: TravelWindow | None
 ) -> tuple[float, DomainReport] | None:
-    """The domain report of the polynomial without points, when it is singular."""
+    """Return travel and domain report of the polynomial without points; None if not singular."""
     travel = problem.travel
     if travel is None and window is not None and not window.empty and np.isfinite(window.high):
         travel = float(window.low + window.high) / 2

@@ -1,6 +1,7 @@
-"""From a verified plan to one that allows for the machine, or a refusal that says why.
+"""Compensate a verified plan for the errors of a machine, or refuse and say why.
 
-What is run fits into the time there is: the plan underneath is made shorter for that, or slower.
+Compensation adds motion before, in and after the plan. If the result exceeds the allowed duration,
+a shorter plan is compensated. If the correction reaches the input limits, a slower plan is tried.
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ if TYPE_CHECKING:
 def compensate_in_time(
     plan: Plan, check: Check, machine: Machine | None, options: CompensationTable
 ) -> tuple[Plan, Check]:
-    """As `compensate_plan`; where time is up before, or Ctrl-C ends it, the verified plan as it is.
+    """Like `compensate_plan`, but if time is up or Ctrl-C stops it, return the uncompensated plan.
 
-    Its status and `notes["ended_early"]` then say so.
+    The plan's status and `notes["ended_early"]` then say so.
     """
     with time_limit(None, has_answer=lambda: True) as span:
         try:
@@ -50,18 +51,19 @@ def compensate_in_time(
 def compensate_plan(
     plan: Plan, machine: Machine | str | None, options: CompensationTable
 ) -> tuple[Plan, Check]:
-    """The plan with commands that allow for the machine, verified on the nominal one.
+    """Return the plan with commands that compensate the machine's errors, verified on the nominal
+    machine.
 
     Args:
         plan: An executable plan of an arm.
-        machine: The machine, whose spreads count for nothing; the problem's own when None.
-        options: What is done.
+        machine: The machine; its spreads are ignored. By default the problem's machine.
+        options: The settings of the compensation.
 
     Raises:
         InputError: If the system is no arm with friction disks.
         NoPlanError: If the plan or the predicted motion breaks a requirement.
     """
-    from planner.machine.feedforward.advice import (  # with the machine, which only this needs
+    from planner.machine.feedforward.advice import (  # imports the machine, which only this needs
         NO_COMPENSATION,
         compensation_changes,
         meets_before_start,
@@ -110,8 +112,11 @@ def _try_settings(
     check: Check,
     seconds: float,
 ) -> list[str]:
-    """What compensates the same plan where the preparation meets something, in words, with what it
-    leaves; and what there was no time to try. It takes a few times as long as the refusal did."""
+    """Try other settings for a plan whose preparation breaks a requirement.
+
+    Return in words each setting that works, with its remaining error, and each that was not tried
+    for lack of time. The trials may take a few times as long as the refused attempt.
+    """
     from planner.machine.feedforward.advice import settings_to_try
 
     def attempt(change: Change) -> Plan:
@@ -138,7 +143,7 @@ def _try_settings(
 
 
 def _compensated_error_deg(plan: Plan) -> float:
-    """E of a plan compensated for its machines; see `planner.machine.feedforward.follow`."""
+    """Return E of the plan after compensation; see `planner.machine.feedforward.follow`."""
     from planner.machine.feedforward.follow import compensated_error_deg
 
     return compensated_error_deg(plan)
@@ -147,18 +152,18 @@ def _compensated_error_deg(plan: Plan) -> float:
 MEASURES["machine"] = _compensated_error_deg
 
 MOST_SHORTER = 4
-"""Times that a plan is made shorter until all that is run fits: what is added depends on it."""
+"""How often the plan is shortened. Each time the duration that compensation adds changes."""
 
 SLOWER = (1.02, 1.05, 1.1)
-"""Times as long as the fastest, where that leaves the correction no room: its inputs are at their
-limits all the time."""
+"""Durations to try, relative to the fastest plan, whose inputs are at their limits all the time and
+leave the correction no room."""
 
 
 def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
-    """The compensated plan; where all that is run takes more than it may, of a shorter plan.
+    """Compensate the plan; if the result exceeds `goal.duration_max`, compensate a shorter plan.
 
     Raises:
-        NoPlanError: If no plan short enough is found; it names a duration that would do.
+        NoPlanError: If no plan is short enough; the advice gives a duration that suffices.
     """
     from planner.machine.feedforward.advice import LARGER_INPUTS, NO_COMPENSATION
     from planner.machine.feedforward.follow import follow
@@ -198,8 +203,11 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
 
 
 def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> tuple[Plan, Check]:
-    """A compensated plan, judged; where its duration is free, and it breaks something or is no
-    better than the plan as it is, that of the same path a little slower, if it fits."""
+    """Judge a compensated plan; if it breaks a requirement or reduces no error, try slower plans.
+
+    Slower plans have the same path. They are tried only if the duration is free, and only up to
+    `goal.duration_max`.
+    """
     from planner.machine.feedforward.follow import follow
 
     tried = judged = judge(fastest)
@@ -220,7 +228,7 @@ def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> t
 
 
 def _is_good(made: Plan, check: Check) -> bool:
-    """Whether a slower plan would not be better: it keeps all, or the preparation does not."""
+    """Return whether a slower plan cannot help: this one works, or its preparation does not."""
     from planner.machine.feedforward.advice import meets_before_start
 
     if "ended_early" in made.notes:
@@ -231,7 +239,7 @@ def _is_good(made: Plan, check: Check) -> bool:
 
 
 def _slower(plan: Plan, factor: float) -> Plan:
-    """The same path in `factor` times the time."""
+    """Return the plan with the same path and `factor` times the duration."""
     trajectory = plan.trajectory.slowed(factor)
     objective = objective_of(trajectory, plan.objective_name)
     slowed = replace(
@@ -244,7 +252,7 @@ def _slower(plan: Plan, factor: float) -> Plan:
 
 
 def _fastest(plan: Plan) -> Plan | None:
-    """The plan of the same problem in the least time, where one is found."""
+    """Return the plan of least duration for the same problem; None if none is found."""
     free = {"goal.duration": "free", "goal.duration_max": None}
     try:
         found = _plan_near(plan.problem.changed(free), plan)
@@ -255,7 +263,7 @@ def _fastest(plan: Plan) -> Plan | None:
 
 
 def _plan_near(problem: Problem, near: Plan) -> Plan:
-    """A verified plan of a problem, by the method of a plan, and next to it where there is one."""
+    """Plan by the method of `near`, starting from it if the method can; return a verified plan."""
     entry = find_method(near.method)
     options = merged_options(problem, entry, dict(near.options))
     refuse_too_short(problem)

@@ -21,12 +21,12 @@ class Violation:
 
     Attributes:
         label: What is broken, in words ("input u2", "joint theta3", "goal theta2").
-        time_s: Time of the largest violation, in seconds; None if it belongs to no time.
+        time_s: Time of the largest violation, in seconds; None if it has no time.
         value: The value reached.
-        limit: The value allowed; NaN where no number is allowed, and `label` says all.
+        limit: The value allowed; NaN if there is no number, and `label` is the whole text.
         unit: Unit of `value` and `limit`.
         scaled: Violation divided by the scale of the requirement, for sorting (dimensionless).
-        exact: Whether the value must be `limit` itself, as a duration must.
+        exact: Whether the value must equal `limit`, as for a duration.
     """
 
     label: str
@@ -47,14 +47,14 @@ class Violation:
 
     @property
     def verbs(self) -> tuple[str, str]:
-        """The words before value and limit."""
+        """The words that precede value and limit."""
         return ("is", "must be") if self.exact else ("reaches", "allowed")
 
     def shown(self, digits: int) -> tuple[str, str, str]:
-        """Value, limit and unit as text; angles in degrees, as problem files give them.
+        """Return value, limit and unit as text; angles are in degrees, as in problem files.
 
         Args:
-            digits: Significant digits; more are used where value and limit would look equal.
+            digits: Significant digits; more are used if value and limit would look equal.
         """
         angle = self.unit == "rad"
         value, limit = (math.degrees(v) if angle else v for v in (self.value, self.limit))
@@ -71,13 +71,13 @@ class PlannerError(Exception):
 
 
 LONGEST_LINE, LONGEST_TEXT = 1000, 5000
-"""Characters of a message. Longer is only what it quotes; a terminal shows 5000 at once."""
+"""Most characters of a line and of a message. Only quoted input makes a message longer."""
 
 
 class InputError(PlannerError, ValueError):
     """A file, key, value or option that cannot be used; the message says what is allowed.
 
-    Of what is too long to be read it keeps the beginning and the end.
+    A message that is too long to read keeps its beginning and its end.
     """
 
     exit_status = 2
@@ -98,11 +98,11 @@ NO_MEMORY = (
     "there is not enough memory for this ({}); ask for less at a time: fewer machines or cases,"
     " fewer workers, a coarser step or mesh"
 )
-"""What a user is told in place of a bug."""
+"""The message when memory runs out, in place of a bug report."""
 
 
 def lacks_memory(error: BaseException) -> bool:
-    """Whether an error says that memory ran out; compiled code has its own word for it."""
+    """Return whether an error says that memory ran out, in Python or in compiled code."""
     return isinstance(error, MemoryError) or "std::bad_alloc" in str(error)
 
 
@@ -111,15 +111,15 @@ class InputWarning(UserWarning):
 
 
 def expect(kind: type, value: object, how: str) -> None:
-    """Refuse an argument of another kind, such as the name of a file or a problem for a plan.
+    """Refuse an argument of the wrong type, such as a file name in place of a problem.
 
     Args:
-        kind: What it must be.
+        kind: The type it must have.
         value: The argument.
         how: How to get one, for the message.
 
     Raises:
-        InputError: If it is something else.
+        InputError: If it has another type.
     """
     if not isinstance(value, kind):
         shown = textwrap.shorten(repr(value), 60, placeholder="...")
@@ -130,7 +130,7 @@ Class = TypeVar("Class", bound=type)
 
 
 def made_by(how: str) -> Callable[[Class], Class]:
-    """For a class that nobody fills in by hand: calling it with too little says how it is made.
+    """Decorate a class that users do not construct: a wrong call says how to get an instance.
 
     Args:
         how: What to write instead, for the message.
@@ -162,7 +162,7 @@ class UntrackableError(InputError):
     """A plan that feedback cannot follow, because the motors would exceed their speed limit.
 
     Attributes:
-        why: Which one and how fast, in few words.
+        why: Which motor and how fast, in few words.
     """
 
     def __init__(self, message: str, *, why: str) -> None:
@@ -171,15 +171,16 @@ class UntrackableError(InputError):
 
 
 class NoPlanError(PlannerError):
-    """No plan exists, or none was found, or the one found failed its verification.
+    """No plan exists, none was found, or the plan found failed its verification.
 
     Attributes:
         plan: The last iterate, for study, or None. Do not execute it.
-        violations: Requirements that the iterate breaks, the worst first (by scaled violation).
+        violations: Requirements that the iterate breaks, largest scaled violation first.
         changes: Changes of the problem that may help, as data (`planner.methods.refusal.Change`).
         otherwise: Other advice in words, or None.
-        advice: Both in words, or None. Once the changes have been tried, only those that work.
-        blamed: The requirement that was left out to find `plan`, in words, or "".
+        advice: `changes` and `otherwise` in words, or None. Once the changes have been tried, only
+            those that work.
+        blamed: The requirement that had to be left out to find `plan`, in words, or "".
     """
 
     exit_status = 3
@@ -204,13 +205,13 @@ class NoPlanError(PlannerError):
         self.advise(*(str(change) for change in changes if not change.method), advice)
 
     def advise(self, *words: str | None) -> None:
-        """Set the advice, followed by the other methods among the changes."""
+        """Set the advice to `words`, then the changes that use another method."""
         others = (str(change) for change in self.changes if change.method)
         self.advice = "; or ".join(each for each in (*words, *others) if each) or None
         self.args = (self._text(),)
 
     def blame(self, requirement: str, plan: Any, broken: Sequence[Violation]) -> None:
-        """Name the requirement without which there is this plan, and how that breaks it."""
+        """Name the requirement that prevents a plan; `plan` ignores it and breaks it (`broken`)."""
         self.reason += f"; without {requirement} there is one, which breaks:"
         self.plan, self.violations, self.blamed = plan, tuple(broken), requirement
         self.args = (self._text(),)
@@ -225,7 +226,7 @@ class NoPlanError(PlannerError):
 
 
 class SingularError(NoPlanError):
-    """The path leaves the domain of the chained-form chart: a part of it has no real joint angles.
+    """The path leaves the domain of the chained-form chart: part of it has no real joint angles.
 
     Attributes:
         times_s: Times at which the path leaves or re-enters the domain, in seconds.
@@ -251,7 +252,7 @@ class InfeasibleError(NoPlanError):
     """It is proven that no plan of the requested kind exists; the message contains the proof.
 
     Attributes:
-        certificate: Numbers that prove it, if the method provides them, or None.
+        certificate: Numbers that prove it, or None if the method provides none.
     """
 
     status = "infeasible"
@@ -259,10 +260,10 @@ class InfeasibleError(NoPlanError):
 
 
 class MethodError(NoPlanError):
-    """A method or a limit of another package failed, or a method returned no plan. Names both.
+    """A method or a limit of another package failed; the message names it and its package.
 
     Attributes:
-        traceback: Where it failed, for the author of that package, or "".
+        traceback: The traceback, for the author of that package, or "".
     """
 
     status = "method_failed"
@@ -279,8 +280,7 @@ class NotConvergedError(NoPlanError):
 
 
 class TimeLimitError(NoPlanError):
-    """The time limit ended before there was a verified plan; the message says how far the search
-    got."""
+    """The time limit ended before a plan was verified; the message says how far the search got."""
 
     status = "time_limit"
 

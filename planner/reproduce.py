@@ -1,4 +1,4 @@
-"""The old place of `planner.paper`, kept for one release."""
+"""Old names of `planner.paper`, kept for one release."""
 
 from __future__ import annotations
 

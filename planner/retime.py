@@ -23,8 +23,7 @@ from planner.verification.certify import certify
 from planner.verification.verdict import judge
 
 SAMPLING_EXCESS = 1e-3
-"""Excess over a limit, relative to it, that samples may have missed; a greater one is for `verify`
-to refuse."""
+"""Largest relative excess over a limit that sampling may miss; `verify` refuses a larger one."""
 
 
 def retime(
@@ -38,25 +37,26 @@ def retime(
     With limits on the inputs only, the result is exact: at every instant one input is at its limit
     (the duration is ∫ max|uᵢ|/limitᵢ over the plan). With limits on input rates too, it is the
     optimum of a convex program; see `planner.plan.fastest_timing`. With rate limits the motion
-    stops at every corner of the path, that is where the ratio of the inputs jumps.
+    stops at every corner of the path, where the ratio of the inputs jumps.
 
     Args:
         plan: A plan whose inputs exist at all times.
-        limits: Keys of the `[limits]` table that replace the problem's, as in
-            {"input_rad_s": 0.3, "input_rate_rad_s2": [2.0, 1.0]}; None for the problem's own.
-        rest: Whether inputs are zero at both ends; by default with rate limits, which it needs.
+        limits: Keys of the `[limits]` table to replace, as in {"input_rad_s": 0.3,
+            "input_rate_rad_s2": [2.0, 1.0]}. By default the problem's limits.
+        rest: Whether inputs are zero at both ends, which needs rate limits. By default they are if
+            there are rate limits.
         intervals: Number of intervals of the convex program.
 
     Returns:
-        A verified plan with a certificate and the same path. Its problem has the given limits and
-        the duration that was found.
+        A verified plan with a certificate and the same path. Its problem has the new limits and the
+        new duration.
 
     Raises:
         InputError: If the plan is compensated, a moving input has no limit, `rest` is set without
             rate limits, or a limit's key or value is wrong.
         SingularError: If the plan is not executable.
         NotConvergedError: If the convex program is not solved.
-        VerificationError: If the retimed plan breaks a requirement (another limit of the problem).
+        VerificationError: If the retimed plan breaks another requirement of the problem.
     """
     refuse_compensated(plan, "retime")
     if not plan.executable:
@@ -110,7 +110,7 @@ SLOWED_TIME_OBJECTIVE = (
 
 
 def _excess_factor(problem: Problem, certificate: Certificate) -> float:
-    """How much slower a motion must be for what is above a limit where samples were blind."""
+    """Return the factor by which to slow the motion so that peaks between samples keep limits."""
     factor = 1.0
     for required in problem.requirements:
         for part in required.parts if required.speed else ():

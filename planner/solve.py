@@ -1,8 +1,7 @@
-"""From problem and method to a verified plan, or a refusal that says why.
+"""Solve a problem by a method: return a verified plan, or refuse and say why.
 
-And from a plan to one whose inputs correct the systematic errors of a machine in advance: backlash,
-shaft torsion, creep and lag are similar on all machines of a kind, so that most of their effect can
-be compensated without sensors.
+Compensation corrects the systematic errors of a machine in advance: backlash, shaft torsion, creep
+and lag are similar on all machines of a kind, so most of their effect needs no sensors.
 """
 
 from __future__ import annotations
@@ -57,34 +56,32 @@ def solve(
         problem: The problem.
         method: Name of a method; `planner.METHODS` lists them.
         warm: A plan of a similar problem of the same system, by any method. 'collocation' and
-            'desensitised' start from it instead of searching and return the local optimum next to
-            it.
-        time_limit_s: Seconds for all of it: planning, verification, what a refusal advises, and
-            compensation. By default the search alone is limited, to 60 s of processor time. When
-            they are over, the best verified plan there is comes back: of 'collocation' the best
-            found so far; of a plan to be compensated, where there was no time for that, the plan as
-            it is. Its `notes["ended_early"]` says what it lacks. Without any plan the call is
-            refused. It ends at the latest after 1.2 times the limit plus two seconds. Replaces the
-            option of the same name of the method, if it has one.
+            'desensitised' start from it instead of searching and return the nearest local optimum.
+        time_limit_s: Seconds for the whole call: planning, verification, trying advice after a
+            refusal, and compensation. By default only the search is limited, to 60 s of processor
+            time. When time is up, the best verified plan so far is returned, uncompensated if
+            compensation was not reached; its `notes["ended_early"]` says what it lacks. Without a
+            plan the call raises `TimeLimitError`. It returns at the latest after 1.2 times the
+            limit plus two seconds. Replaces the method's option of the same name, if it has one.
         progress: Called with a `planner.support.progress.Progress` at every step. The logger
-            `planner` receives the same.
+            `planner` receives the same steps.
         **options: Override single keys of the problem's `[method.<name>]` table.
 
     Returns:
         A plan with `verified` True and a `certificate`. Its status is "time_limit" if the limit
-        ended something early. If the problem's `[compensation]` is on, the plan is compensated for
-        its machine (see `planner.compensate`). The only exception: a method in chained coordinates
+        ended a step early. If the problem's `[compensation]` is on, the plan is compensated for its
+        machine (see `planner.compensate`). There is one exception: a method in chained coordinates
         with `allow_singular` may return a path outside the domain, with status "singular" and
         `verified` False.
 
     Raises:
         InputError: If the method or an option is unknown or has an impossible value, the problem is
             not a `Problem`, `warm` belongs to another system, or the method cannot use `warm`.
-        TimeLimitError: If the time limit ended without a plan; it says how far the search got.
-        NoPlanError: If no plan is found, or the one found breaks a requirement; the subclass says
+        TimeLimitError: If time is up without a plan; the message says how far the search got.
+        NoPlanError: If no plan is found, or the plan breaks a requirement; the subclass tells
             which. The error carries the last iterate and its violations. Before it is raised,
             changes of the problem are tried (`planner.methods.refusal`), within the time limit and
-            in at most a few times the duration of the failed search.
+            for at most a few times the duration of the failed search.
     """
     return solve_and_check(
         problem, method, warm=warm, time_limit_s=time_limit_s, progress=progress, **options
@@ -103,13 +100,13 @@ def solve_and_check(
     compensated_for: Machine | None = None,
     **options: Any,
 ) -> tuple[Plan, Check]:
-    """As `solve`, with what the verification found.
+    """Like `solve`, but also return the result of the verification.
 
     Args:
-        problem, method, warm, time_limit_s, progress, options: As of `solve`.
-        advice: Whether the changes that a refusal names are tried.
+        problem, method, warm, time_limit_s, progress, options: As for `solve`.
+        advice: Whether to try the changes that a refusal names.
         compensate: Whether to compensate the plan even if the problem does not ask for it.
-        compensated_for: The machine that a compensation allows for; the problem's own when None.
+        compensated_for: The machine to compensate for. By default the problem's machine.
     """
     expect_problem(problem)
     entry = find_method(method)
@@ -156,7 +153,7 @@ def solve_and_check(
 
 
 def _plan_by_method(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> Plan:
-    """What a method makes of a problem, unless there is nothing to do or it can be refused."""
+    """Plan by a method, after handling problems that need no motion or provably have no plan."""
     if still := plan_stay(problem, entry.name, options):
         return still
     if why := why_blocked(problem):
@@ -182,26 +179,27 @@ def compensate(
 ) -> Plan:
     """Change a plan's inputs so that the nominal machine follows its motion and ends at the goal.
 
-    The nominal machine has all systematic effects and no random spread. It is simulated in its own
-    fidelity (quasi-static or dynamic). No input exceeds the plan's limits.
+    The nominal machine has all systematic effects and no random spread. It is simulated as its
+    table says (quasi-static or dynamic). No input exceeds the plan's limits.
 
     Args:
         plan: A plan of an arm with friction disks (`system.kind = "manipulator"`), or a problem,
-            which is planned first. Of a compensated plan, the original plan is compensated again.
+            which is planned first. If the plan is already compensated, its original plan is
+            compensated again.
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
         method: The method that plans a problem.
         **options: Override the problem's `[compensation]` table, key by key: `aim`, `preparation`,
             `take_up`, `correction`, `back_off`, `lag`, `gearheads`.
 
     Returns:
-        A verified plan. Its inputs are the motor commands. They begin with a preparatory motion,
-        `lead_s` seconds before the original plan starts, pause it where its drive turns back, and
-        end `tail_s` seconds after it; `clock` maps their time to that of the plan. Its q(t) is the
-        motion predicted on the nominal machine at the ends of the ticks, and straight between them.
-        The predicted motion is verified: goal (to 0.05 degrees), limits, waypoints and obstacles at
-        all times. `compensates` is the original plan, verified too; replays measure errors against
-        it, with its clock held. Where the nominal machine is predicted to leave the path by no less
-        than with the plan as it is, an `InputWarning` gives both figures.
+        A verified plan. Its inputs are the motor commands. They begin with a preparatory motion of
+        `lead_s` seconds, pause the original plan wherever the drive reverses, and end `tail_s`
+        seconds after it; `clock` maps their time to that of the plan. Its q(t) is the motion
+        predicted on the nominal machine at the ends of the ticks, interpolated linearly. The
+        predicted motion is verified: goal (to 0.05 degrees), limits, waypoints and obstacles at all
+        times. `compensates` is the original plan, verified too; replays measure errors against it
+        at the time that `clock` gives. If compensation does not reduce the predicted path error on
+        the nominal machine, an `InputWarning` gives both errors.
 
     Raises:
         InputError: If the plan is not executable, the system is not a manipulator, or an option is

@@ -40,11 +40,11 @@ from planner.support.package import version as installed_version
 from planner.support.tables import clean_text, shorten
 
 MAX_MESSAGE = 5000
-"""Characters of a message: about what a terminal shows at once."""
+"""Most characters of a message, about what a terminal shows at once."""
 DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
-"""Numbers of the errors that a full disk gives."""
+"""Error numbers of a full disk."""
 
-# Typer brings its own copy of click in some versions; this is the base of usage errors in all.
+# Some versions of Typer ship their own copy of click; this finds the base class in every version.
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 
 COMMANDS = {
@@ -68,21 +68,21 @@ COMMANDS = {
     "systems": ("start", "List the kinds of systems, one per line."),
     "schema": ("start", "Print the JSON Schema of a kind of file."),
 }
-"""Each command's file, and the first line of its docstring, so that a list needs no file."""
+"""Each command's module and the first line of its docstring: `--help` imports no module."""
 
 
 def load_command(name: str) -> Command:
-    """The function of a command; its file, and what that imports, is loaded now."""
+    """Import the module of a command and return the command's function."""
     function: Command = getattr(import_module(f"planner.cli.{COMMANDS[name][0]}"), name)
     return function
 
 
 class _Commands(TyperGroup):
-    """Knows the names and first lines of all commands, and loads the one that is run."""
+    """The group of all commands; it imports only the command that runs."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
         name, _, rest = super().resolve_command(ctx, args)
-        if name is None:  # of an unfinished line that a shell asks about
+        if name is None:  # the shell completes an unfinished line
             return None, None, rest
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
         single.command(name)(add_common_options(load_command(name)))
@@ -132,7 +132,7 @@ def _root_options(
 
 
 def _stand_in() -> None:
-    """Stands in the list of commands for one whose file is not loaded."""
+    """Placeholder for a command whose module is not loaded."""
 
 
 for _name, (_, _line) in COMMANDS.items():
@@ -143,23 +143,23 @@ def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
     """Run the command line.
 
     Args:
-        arguments: Words after `planner`; those of the process when left out.
-        last: Whether the process ends after it; see `hear_signals`.
+        arguments: Words after `planner`. By default those of the process.
+        last: Whether the process ends after this call; see `hear_signals`.
 
     Returns:
         The exit status.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
-    for name in ("stdout", "stderr"):  # None where the caller has closed it
+    for name in ("stdout", "stderr"):  # None if the caller has closed it
         if getattr(sys, name) is None:
             setattr(sys, name, _null_stream())
     if last:
         os.environ.pop(
             "MPLBACKEND", None
         )  # no figure here needs one, and an unknown one would fail
-        gc.disable()  # what is loaded stays, so that to look through it is in vain
+        gc.disable()  # modules stay loaded, so a collection frees nothing
     if (name := next((word for word in words if not word.startswith("-")), "")) in COMMANDS:
-        load_command(name)  # here, where `planner_start` still has the signals
+        load_command(name)  # `planner_start` still handles signals here
     if last:
         gc.freeze()
         gc.enable()
@@ -168,13 +168,13 @@ def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
         with fit_console(), hear_signals(last), _show_warnings(), reserve_output(json_only, last):
             return _run(words)
     except (ReaderGoneError, BrokenPipeError):
-        sys.stdout = _null_stream()  # the interpreter would fail to flush the old one at exit
+        sys.stdout = _null_stream()  # else the flush at exit would fail
         return 0
 
 
 @contextmanager
 def _show_warnings() -> Iterator[None]:
-    """Warnings about the input in the command's own words, each once."""
+    """Print warnings about the input in the format of the command, each only once."""
     with warnings.catch_warnings():
         warnings.simplefilter("always", InputWarning)
         usual, messages = warnings.showwarning, set[str]()
@@ -191,14 +191,14 @@ def _show_warnings() -> Iterator[None]:
 
 
 def _null_stream() -> TextIO:
-    """A stream that discards its output."""
+    """Return a stream that discards its output."""
     return open(os.devnull, "w", encoding="utf-8")
 
 
 def _run(words: list[str]) -> int:
-    """The outcome; from the moment it is decided on, no signal disturbs telling it."""
+    """Run a command and return its exit status; once that is known, ignore signals."""
     written_paths.clear()
-    manner.as_json = "--json" in words  # of a usage error, too
+    manner.as_json = "--json" in words  # also for usage errors
     try:
         command = typer.main.get_command(app)
         status = command.main(words, prog_name="planner", standalone_mode=False)
@@ -206,7 +206,7 @@ def _run(words: list[str]) -> int:
     except (ReaderGoneError, BrokenPipeError):
         raise
     except SystemExit as end:
-        if isinstance(end.__context__, BrokenPipeError):  # click makes a status 1 of it
+        if isinstance(end.__context__, BrokenPipeError):  # click turns it into status 1
             raise ReaderGoneError from None
         raise
     except BaseException as error:
@@ -215,12 +215,12 @@ def _run(words: list[str]) -> int:
     signal_listener.is_over = True
     if status == INTERRUPT_STATUS and not isinstance(status, ReportedStatus):
         return _report_interruption()
-    return int(status or 0) if words else 2  # no command: older versions of click say 0
+    return int(status or 0) if words else 2  # no command: older versions of click return 0
 
 
 def _report_failure(error: BaseException, words: list[str]) -> int:
-    # Compiled code swallows signals and says that there is no plan; modules that are being loaded
-    # make an error of their own of them. A command that told what it kept has the last word.
+    # A signal can surface as another error: compiled code swallows it and reports that there is no
+    # plan, and an import raises its own error. A command that reported what it saved comes first.
     has_reason = isinstance(error, PlannerError) and error.exit_status >= INTERRUPT_STATUS
     stopped = isinstance(error, KeyboardInterrupt | Terminated | typer.Abort)
     if stopped or (is_interrupted() and not has_reason):
@@ -238,7 +238,7 @@ def _report_failure(error: BaseException, words: list[str]) -> int:
 
 
 def _fault_of_surroundings(error: BaseException) -> str:
-    """What is wrong with the machine that this runs on, or ""."""
+    """Return what is wrong with the computer (full disk, missing package, memory), or ""."""
     if isinstance(error, OSError) and error.errno in DISK_FULL_ERRORS:
         return f"cannot write {error.filename or 'standard output'}: {error.strerror}"
     if isinstance(error, ModuleNotFoundError) and not (error.name or "").startswith("planner"):

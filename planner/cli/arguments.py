@@ -1,7 +1,7 @@
-"""Arguments and options that commands share, and what becomes of them.
+"""Arguments and options that several commands share, and the functions that parse them.
 
-An option of one command stands in this command's own signature. One of several commands is a name
-here; where its help differs from command to command, a function that takes the help.
+An option of a single command is in the signature of that command. A shared option is a type alias
+here, or a function of the help text if the help differs between commands.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ Cluster = Annotated[
 
 
 def complete_methods(incomplete: str) -> list[tuple[str, str]]:
-    """Lists that go on from what is typed: the names after its last comma."""
+    """Complete the last name of a comma-separated list of methods."""
     before, comma, _ = incomplete.rpartition(",")
     head = f"{before}{comma}"
     names = before.split(",")
@@ -70,7 +70,7 @@ def complete_methods(incomplete: str) -> list[tuple[str, str]]:
 
 
 def methods_option(help: str) -> Any:
-    """The option `--methods`: several methods, and what for."""
+    """Return the option `--methods` with this help text."""
     return typer.Option("--methods", metavar="A,B,C", autocompletion=complete_methods, help=help)
 
 
@@ -99,12 +99,12 @@ TimeLimit = Annotated[
 
 
 def out_option(metavar: str, help: str) -> Any:
-    """The option `--out`: a FILE or FOLDER, and what goes there."""
+    """Return the option `--out` with this metavar (FILE or FOLDER) and help text."""
     return typer.Option("--out", "-o", metavar=metavar, help=help)
 
 
 def method_option(help: str) -> Any:
-    """The option `--method`: one method, and what it is for."""
+    """Return the option `--method` with this help text."""
     return typer.Option(
         "--method",
         "-m",
@@ -114,7 +114,7 @@ def method_option(help: str) -> Any:
 
 
 def samples_option(help: str) -> Any:
-    """The option `--samples`: how many random machines, and what for."""
+    """Return the option `--samples` with this help text."""
     return typer.Option("--samples", "-n", min=1, help=help)
 
 
@@ -122,10 +122,10 @@ Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random mac
 
 
 def read_problem(path: Path, changes: list[str] | None, machine: Path | None = None) -> Problem:
-    """The problem with `--machine` and then `--set` applied.
+    """Read a problem and apply `--machine`, then `--set`.
 
     Raises:
-        InputError: For anything wrong with files or changes.
+        InputError: If a file or a change is invalid.
     """
     parsed = parse_changes(changes or [])
     if machine is not None:
@@ -139,15 +139,15 @@ def read_problem(path: Path, changes: list[str] | None, machine: Path | None = N
 
 
 def is_plan(path: Path) -> bool:
-    """Whether a file is a plan by its name; otherwise it is a problem file."""
+    """Return whether a file is a plan, judging by its name; otherwise it is a problem file."""
     return path.suffix.lower() == ".json"
 
 
 def parse_changes(pairs: list[str]) -> dict[str, Any]:
-    """Keys and values of `--set key=value`.
+    """Parse the pairs of `--set key=value`.
 
     Raises:
-        InputError: If one is not of that form or its value is not TOML.
+        InputError: If a pair does not have that form or its value is not TOML.
     """
     out: dict[str, Any] = {}
     for pair in pairs:
@@ -164,10 +164,10 @@ def parse_changes(pairs: list[str]) -> dict[str, Any]:
 
 
 def parse_methods(text: str | None) -> list[str] | None:
-    """Names of `--methods a,b,c`, each once; None when left out.
+    """Parse `--methods a,b,c` into names without duplicates; None if the option is not given.
 
     Raises:
-        InputError: If one is unknown, or none is named.
+        InputError: If a name is unknown or the list is empty.
     """
     if text is None:
         return None

@@ -1,4 +1,4 @@
-"""`planner motion`, `log` and `identify`: from an arm on the bench to a machine of its own."""
+"""`planner motion`, `log` and `identify`: measure an arm and identify its machine."""
 
 from __future__ import annotations
 
@@ -51,9 +51,10 @@ def motion(
 ) -> int:
     """Make a motion to home an arm, or one to identify it.
 
-    excitation: 30 s in which the drive reverses in a square wave while joint 1 follows two sines.
-    homing: the drive back, forward, then slowly until the encoders have risen, joint 1 last. Both
-    begin at the problem's start and keep its limits but z2_margin; export them like a plan.
+    excitation: for 30 s the drive reverses in a square wave while joint 1 follows two sines.
+    homing: the drive turns back, forward, then slowly forward until the encoders have risen; joint
+    1 moves last. Both motions begin at the problem's start and keep its limits except z2_margin.
+    Export them like a plan.
 
     \b
     Examples:
@@ -108,10 +109,10 @@ def log(
     """Check a recorded run, and compare it with its plan.
 
     A run is a CSV file with one header line: t, u1, u2, theta1 ... thetan with units, as in
-    t_s,u1_rad_s,u2_rad_s,theta1_deg,theta2_deg,theta3_deg. In each row the commands hold until the
-    next row, and the angles are read before they act. Of a compensated plan, errors are from the
-    path it was made for; how far the run is off the motion that the plan expects of its machine,
-    preparation included, stands beside (in the picture's lower row at every time).
+    t_s,u1_rad_s,u2_rad_s,theta1_deg,theta2_deg,theta3_deg. The commands of a row hold until the
+    next row; its angles are measured before the commands act. For a compensated plan, errors are
+    measured from the requested path; the deviation from the motion predicted for its machine,
+    preparation included, is printed too (and drawn in the picture's lower row).
 
     \b
     Examples:
@@ -184,10 +185,10 @@ def identify(
 ) -> int:
     """Find the machine of an arm from recorded runs.
 
-    Of several runs the last one named (with runs/*.csv the last by name) is kept out of the fit:
-    its error, beside that of the preset, shows what the machine is worth. `planner motion
-    excitation` makes the motion that tells most. Takes some 6 CPU s for each run of 30 s in the
-    fit, half of that with --starts 1.
+    With several runs, the last one named (with runs/*.csv the last by name) is not used in the fit.
+    Its prediction error, compared with that of the preset, shows how good the machine is. `planner
+    motion excitation` makes the most informative motion. The fit takes about 6 CPU s for each run
+    of 30 s, half of that with --starts 1.
 
     \b
     Examples:
@@ -238,10 +239,10 @@ def _words(found: Identification) -> Iterator[str]:
 
 
 def _columns(pairs: list[str] | None) -> dict[str, str]:
-    """Names of `--column name=theirs`.
+    """Parse the pairs of `--column name=column`.
 
     Raises:
-        InputError: If one is not of that form.
+        InputError: If a pair does not have that form.
     """
     out = {}
     for pair in pairs or []:

@@ -1,4 +1,4 @@
-"""`planner check`: is there a plan, of what kind, and if not, why and what would make one."""
+"""`planner check`: whether there is a plan and of what kind; if not, why and what would help."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def _mathematics(analysis: Analysis) -> list[str | Table]:
 
 
 def _next_step(analysis: Analysis, file: str) -> Iterator[str]:
-    """The command that goes on from the verdict; none where no change helped."""
+    """Yield the command to run next, if the verdict suggests one."""
     if analysis.has_plan:
         yield f"Next: planner compare {shlex.quote(file)}"
     elif analysis.remedy is not None:
@@ -215,7 +215,7 @@ def _kind(outcome: Outcome) -> str:
 
 
 def _unpromised_limits(analysis: Analysis) -> list[str]:
-    """What methods do not promise to keep, those with the same list together."""
+    """Return the requirements that methods do not guarantee to keep, grouping equal lists."""
     lists: dict[tuple[str, ...], list[str]] = {}
     for name, labels in analysis.not_promised.items():
         lists.setdefault(labels, []).append(name)
@@ -225,13 +225,13 @@ def _unpromised_limits(analysis: Analysis) -> list[str]:
 
 
 def _refusals(analysis: Analysis) -> Iterator[str]:
-    """Why and what to try, methods with the same refusal together."""
+    """Yield why methods refused and what to try, grouping methods with the same refusal."""
     refused: dict[tuple[str, ...], tuple[list[str], list[str]]] = {}
     for o in analysis.outcomes:
         if o["verified"] or o["reason"] is None:
             continue
         reason = str(o["reason"]).removeprefix(f"{analysis.problem.source}: ")
-        broken = [] if o["status"] == "singular" else o["violations"][:4]  # the reason says it
+        broken = [] if o["status"] == "singular" else o["violations"][:4]  # the reason names them
         refusal = (reason, *(f"  - {v['text']}" for v in broken))
         names, advice = refused.setdefault(refusal, ([], []))
         names.append(o["method"])
@@ -239,7 +239,7 @@ def _refusals(analysis: Analysis) -> Iterator[str]:
             advice.append(o["advice"])
     proof = why_too_short(analysis.problem) or ""
     for (reason, *lines), (names, advice) in refused.items():
-        if proof and analysis.remedy is not None:  # the verdict holds both
+        if proof and analysis.remedy is not None:  # the verdict has both
             reason = re.sub(r"^\W*The", "the", reason.removeprefix(proof))
         if reason:
             tries = [f"  Try: {each}" for each in advice]

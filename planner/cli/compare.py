@@ -1,6 +1,6 @@
-"""`planner compare`: several methods, one emulated machine, one table.
+"""`planner compare`: compare several methods on the same emulated machines.
 
-`planner budget`: which effect of the machine costs a plan how much.
+`planner budget`: how much error each effect of the machine causes.
 """
 
 from __future__ import annotations
@@ -139,9 +139,9 @@ def compare(
         if result is None:
             raise
     assert result is not None
-    # A reader of the table who leaves (`| head`) does not take the folder away.
+    # If the reader of the table leaves (`| head`), the folder is still written.
     gone = nullcontext() if out is None else suppress(ReaderGoneError)
-    if not manner.as_json:  # before budgets and figures, which take a while
+    if not manner.as_json:  # now, because budgets and figures take a while
         with gone:
             _print_comparison(result)
     shares: dict[str, Budget] = {}
@@ -152,7 +152,7 @@ def compare(
         with gone:
             for share in shares.values():
                 print_text(share.table(), "")
-    # After Ctrl-C `job` would end the command before what is done is written.
+    # After Ctrl-C, `job` would end the command before the finished results are written.
     with job("drawing figures") if out and complete else nullcontext():
         written = out and result.save(out, report=report)
         if out is not None and shares:
@@ -171,7 +171,7 @@ def compare(
 
 
 def _refuse_early(out: Path | None, budget: bool, report: bool) -> None:
-    """Refuse what would fail after the work."""
+    """Refuse before the work what would fail after it."""
     if report and out is None:
         raise InputError("--report needs a folder: add --out FOLDER")
     if budget:
@@ -187,7 +187,7 @@ def _say_results(
     report: bool,
     changes: list[str] | None,
 ) -> None:
-    """Where the results are, whether all are there, and what would help where no method has one."""
+    """Print where the results are, whether they are complete, and what to try without a plan."""
     if not complete:
         where = "is shown" if written is None else f"is written to {written}"
         say(f"interrupted: partial result; what is done {where}", "red")
@@ -204,16 +204,16 @@ def _say_results(
 
 
 def _sets(changes: list[str] | None) -> list[str]:
-    """The words with which a command says the changes again."""
+    """Return the `--set` words that repeat the changes in a command."""
     return [word for change in changes or [] for word in ("--set", change)]
 
 
 def _add_budgets(shares: dict[str, Budget], result: Comparison) -> bool:
-    """Add the budget of each plan; whether that went on to the end, without Ctrl-C."""
+    """Add the budget of each plan; return False if Ctrl-C interrupted it."""
     plans = executable_plans(result.rows)
     try:
         with job() as progress:
-            # What is done before Ctrl-C stays: pairs go in one by one.
+            # `update` adds pairs one by one, so that budgets finished before Ctrl-C stay.
             shares.update(
                 budgets(plans, result.machine, BUDGET_SAMPLES, BUDGET_BASE, result.seed, progress)
             )
@@ -250,8 +250,9 @@ def budget(
 ) -> int:
     """Compute how much error each effect of the machine causes.
 
-    Each effect alone, each effect switched off, and the share of each in the variance (Sobol
-    indices; they need the extra `budget`). Refused plans that can be executed are included.
+    Shows the error with each effect alone, with each effect switched off, and the share of each
+    effect in the variance (Sobol indices; they need the extra `budget`). Refused plans are included
+    if they can be executed.
 
     \b
     Examples:
@@ -278,7 +279,7 @@ def budget(
 def budgets(
     plans: dict[str, Plan], machine: Machine, samples: int, base: int, seed: int, progress: Progress
 ) -> Iterator[tuple[str, Budget]]:
-    """Labels of plans and their budgets, each as soon as it is done."""
+    """Yield the label and budget of each plan as soon as it is done."""
     for k, (label, plan) in enumerate(plans.items()):
 
         def tell(doing: str, share: float, k: int = k, label: str = label) -> None:
@@ -291,7 +292,7 @@ def budgets(
 
 
 def executable_plans(rows: Sequence[Row]) -> dict[str, Plan]:
-    """The plans that have a budget, by label."""
+    """Return the executable plans by label, without those replayed with feedback."""
     return {
         row.label: row.plan
         for row in rows

@@ -1,4 +1,4 @@
-"""`planner export`, `animate` and `report`: a plan for another program, a film, a page."""
+"""`planner export`, `animate` and `report`: write a file for another program, a film, a page."""
 
 from __future__ import annotations
 
@@ -59,8 +59,9 @@ def export(
     """Write a plan as a file for another program.
 
     PLAN is a file that `planner plan --out` wrote. A ROS 2 trajectory needs a plan that starts and
-    ends at rest, as with limited input rates (--set limits.input_rate_rad_s2=2.0). The format c is
-    a folder: the tracker of the plan for a machine like that of the problem's [machine] table.
+    ends at rest, as with limited input rates (--set limits.input_rate_rad_s2=2.0). The format c
+    writes a folder with the plan's tracker in C, for a machine like that of the problem's [machine]
+    table.
 
     \b
     Examples:
@@ -89,7 +90,7 @@ def export(
 
 
 def _held_miss(plan: Plan, rate_hz: float) -> dict[str, float]:
-    """`held_miss` by coordinate and unit, angles in degrees."""
+    """Return `held_miss` by coordinate name with unit, angles in degrees."""
     system = plan.problem.system
     names, miss = system.user_coordinates, held_miss(plan, rate_hz)
     return {
@@ -132,7 +133,7 @@ def animate(
 
 
 def _plans_by_label(paths: Sequence[Path]) -> dict[str, Plan]:
-    """Plans by the names of their methods; by those of their files where methods are the same."""
+    """Load plans, labelled by method, or by file name if two plans have the same method."""
     loaded = [load_plan(path, strict=True) for path in paths]
     methods = [plan.label for plan in loaded]
     if len(set(methods)) == len(methods):

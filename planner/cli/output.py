@@ -1,6 +1,6 @@
-"""What commands print: results on standard output, everything else on standard error.
+"""Output of commands: results on standard output, everything else on standard error.
 
-What becomes of errors of standard output. Every command has `--json`, `--quiet` and `--verbose`.
+Also translates errors of standard output and adds `--json`, `--quiet` and `--verbose` to commands.
 """
 
 from __future__ import annotations
@@ -48,29 +48,29 @@ from planner.support.tables import TABLE_WIDTH, Column, clean_text, terminal_tab
 
 INTERRUPT_STATUS = 130
 PROGRESS_DELAY_S = 2.0
-"""How long a job may take before its progress is shown."""
+"""Progress is shown only for jobs that take longer than this, in seconds."""
 
 
 FINISH_MESSAGE = b"planner: finishing with the best plan found so far; Ctrl-C again ends at once\n"
 LOG_INTERVAL_S = 10.0
-"""Time between the lines that tell of a job whose standard error is no terminal."""
+"""Time between progress lines where standard error is not a terminal, in seconds."""
 
 
 class ReaderGoneError(Exception):
-    """Nobody reads standard output any more (planner schema | head)."""
+    """The reader of standard output has closed it (planner schema | head)."""
 
 
 _result_writer: Callable[[str], object] | None = None
-"""What writes the one JSON object, where `reserve_output` has put standard output aside."""
+"""Writes the JSON object while `reserve_output` redirects standard output; else None."""
 
 
 PLAIN = {"−": "-", "–": "-", "·": "*", "×": "x", "±": "+-", "→": "->", "≤": "<=", "≥": ">="}
-"""What a console shows of characters of ours that it does not have; others lose their accents, or
-are question marks."""
+"""Replacements for characters that a console lacks. Other characters lose their accents or become
+question marks."""
 
 
 def _nearest(error: UnicodeError) -> tuple[str, int]:
-    """Characters that a console does not have, as those that every console has."""
+    """Replace characters that a console lacks by ASCII; an error handler of `codecs`."""
     assert isinstance(error, UnicodeEncodeError)
     parts = unicodedata.normalize("NFKD", error.object[error.start : error.end])
     plain = (PLAIN.get(c, c) for c in parts if not unicodedata.combining(c))
@@ -82,7 +82,7 @@ codecs.register_error("planner-nearest", _nearest)
 
 @contextmanager
 def fit_console() -> Iterator[None]:
-    """Let no character fail that standard output or standard error cannot write."""
+    """Replace characters that standard output or standard error cannot encode, within the block."""
     streams = [each for each in (sys.stdout, sys.stderr) if isinstance(each, io.TextIOWrapper)]
     before = [each.errors for each in streams]
     for stream in streams:
@@ -91,27 +91,27 @@ def fit_console() -> Iterator[None]:
         yield
     finally:
         for stream, errors in zip(streams, before, strict=True):
-            with suppress(ValueError, OSError):  # closed; what is buffered cannot be written
+            with suppress(ValueError, OSError):  # closed, or its buffer cannot be written
                 stream.reconfigure(errors=errors)
 
 
 @contextmanager
 def reserve_output(active: bool, last: bool) -> Iterator[None]:
-    """Keep standard output for the one JSON object of `--json`.
+    """Reserve standard output for the JSON object of `--json`.
 
-    What is printed otherwise goes to standard error: by packages with plugins, by libraries, and,
-    where standard output is the process's own, by compiled code and other processes too.
+    All other output goes to standard error: that of plugins and libraries and, if standard output
+    is file descriptor 1, that of compiled code and child processes.
 
     Args:
-        active: Whether to do so at all.
-        last: Whether the process ends after the block, so that it stays so.
+        active: Whether to redirect; without it the block has no effect.
+        last: Whether the process ends after the block; then the redirection stays.
     """
     global _result_writer
     if not active:
         yield
         return
     stream, copy = sys.stdout, None
-    with suppress(OSError, ValueError):  # not a stream of the system's, or no standard error
+    with suppress(OSError, ValueError):  # no file descriptor, or no standard error
         if stream.fileno() == 1:
             stream.flush()
             copy = os.dup(1)
@@ -129,18 +129,18 @@ def reserve_output(active: bool, last: bool) -> Iterator[None]:
 
 
 def _write_all(number: int, text: str) -> None:
-    """Write all of a text to a file by its number; nothing is left to be written at the end."""
+    """Write a text to a file descriptor, repeating `os.write` until all of it is written."""
     rest = text.encode()
     while rest:
         rest = rest[os.write(number, rest) :]
 
 
 def write_result(text: str) -> None:
-    """Put a text on standard output.
+    """Write a text to standard output.
 
     Raises:
-        InputError: If that cannot be written (a full disk).
-        ReaderGoneError: If nobody reads it.
+        InputError: If it cannot be written (a full disk).
+        ReaderGoneError: If its reader has closed it.
     """
     with translate_output_errors():
         (_result_writer or sys.stdout.write)(text)
@@ -149,7 +149,7 @@ def write_result(text: str) -> None:
 
 @contextmanager
 def translate_output_errors() -> Iterator[None]:
-    """What becomes of errors of standard output; Rich writes to it even where it captures."""
+    """Translate errors of standard output. Rich writes to it even while it captures."""
     try:
         yield
     except BrokenPipeError:
@@ -159,11 +159,11 @@ def translate_output_errors() -> Iterator[None]:
 
 
 class ReportedStatus(int):
-    """An exit status whose reason the command itself has told."""
+    """An exit status whose reason the command has already printed."""
 
 
 def print_json(data: Mapping[str, Any]) -> None:
-    """One JSON object on standard output; NaN and infinities become null.
+    """Print one JSON object on standard output; NaN and infinities become null.
 
     Raises:
         InputError: If standard output cannot be written (a full disk).
@@ -172,10 +172,10 @@ def print_json(data: Mapping[str, Any]) -> None:
 
 
 def print_text(*parts: str | Text | Table) -> None:
-    """Lines and tables on standard output, coloured only on a terminal.
+    """Print lines and tables on standard output, coloured only on a terminal.
 
-    A terminal gets sentences broken at words; a line that holds a command stays whole, so that it
-    can be copied, and so does every line in a pipe.
+    On a terminal, lines wrap at words, except lines with a command, which can then be copied. In a
+    pipe no line wraps.
 
     Raises:
         InputError: As for `print_json`.
@@ -193,9 +193,9 @@ class Manner:
     """How a command prints; `--json`, `--quiet` and `--verbose` set it.
 
     Attributes:
-        as_json: Whether the result is one JSON object.
-        quiet: Whether nothing is said beside the result, warnings and errors.
-        verbose: Whether it is said what is being done and how long it takes.
+        as_json: Whether the result is printed as one JSON object.
+        quiet: Whether only the result, warnings and errors are printed.
+        verbose: Whether to print each step and how long it takes.
     """
 
     as_json: bool = False
@@ -207,19 +207,19 @@ manner = Manner()
 
 
 def note(text: str) -> None:
-    """A message that `--quiet` leaves out (written to ...), on standard error."""
+    """Print a message on standard error, unless `--quiet` is set."""
     if not manner.quiet:
         say(text)
 
 
 def detail(text: str) -> None:
-    """What only `--verbose` says, on standard error."""
+    """Print a message on standard error if `--verbose` is set."""
     if manner.verbose:
         say(text, "dim")
 
 
 def say(text: str, style: str = "") -> None:
-    """A message for people, on standard error."""
+    """Print a message on standard error."""
     console = _console(stderr=True)
     whole = not console.is_terminal or "planner " in text
     console.print(Text(text, style=style), highlight=False, soft_wrap=whole)
@@ -230,31 +230,31 @@ Rows = Iterator[tuple[str, str]]
 
 
 def facts(rows: Iterable[tuple[str, str]]) -> Table:
-    """A two-column table without headers."""
+    """Return a two-column table without headers."""
     return terminal_table([Column("", "", itemgetter(k), left=True) for k in (0, 1)], rows)
 
 
 def number(value: float | None) -> str:
-    """Four significant digits; a dash where undefined."""
+    """Format a number with four significant digits, or as a dash if undefined."""
     return "-" if value is None or math.isnan(value) else f"{value:.4g}"
 
 
 def numbers(values: Iterable[float]) -> str:
-    """The same of several, with commas between."""
+    """Format several numbers, separated by commas."""
     return ", ".join(map(number, values))
 
 
 def finish(
     data: Mapping[str, Any], *parts: str | Table, status: int = 0, where: str = "written to {}"
 ) -> int:
-    """End a command: print its result, say where it is written, return the exit status.
+    """End a command: print its result and where it was written, and return the exit status.
 
     Args:
-        data: The result as one JSON object; `exit_status` is added. Its key `written` is where the
-            result was written, or None.
-        parts: Lines and tables that are printed otherwise.
+        data: The result for `--json`; `exit_status` is added. Its key `written` is where the result
+            was written, or None.
+        parts: Lines and tables to print without `--json`.
         status: The exit status.
-        where: The words around `written`, for people.
+        where: The message about `written`, which replaces {}.
     """
     if manner.as_json:
         print_json({**data, "exit_status": status})
@@ -266,7 +266,7 @@ def finish(
 
 
 class Job:
-    """What is going on, in words and, once its share of the whole is told, as a bar; see `job`."""
+    """The progress of a job: a text, and a bar once the finished share is known; see `job`."""
 
     def __init__(self, text: str) -> None:
         self.text = self.line = text
@@ -283,7 +283,7 @@ class Job:
         self._task = self.bar.add_task(text, total=1.0)
 
     def __call__(self, text: str, share: float | None = None) -> None:
-        """Say what is done now, and which share of the whole is done, 0 … 1."""
+        """Set the current step and the finished share of the whole, from 0 to 1."""
         if text != self.text:
             detail(text)
         if share is not None and self._share is None:
@@ -294,7 +294,7 @@ class Job:
         self.bar.update(self._task, description=text, completed=share)
 
     def hear(self, progress: Progress) -> None:
-        """Add what a search tells."""
+        """Show the progress of a search."""
         usable = progress.best and signal_listener.substitute is _end_search
         takes = "; Ctrl-C verifies and takes it" if usable else ""
         self.line = f"{self.text}: {progress}{takes}"
@@ -308,10 +308,10 @@ class Job:
 
 @contextmanager
 def job(text: str = "") -> Iterator[Job]:
-    """Run a job that may take long, and show how far it is: on a terminal once it takes a while.
+    """Show the progress of the block: a bar on a terminal, once the block takes a while.
 
-    Elsewhere, as in a log, a line says so every ten seconds. What libraries print meanwhile goes to
-    standard error, so that standard output holds results only.
+    Elsewhere, for example in a log, print a line every ten seconds. The output of libraries goes to
+    standard error, so that standard output has results only.
     """
     current, done, start = Job(text), threading.Event(), time.monotonic()
 
@@ -340,7 +340,7 @@ def job(text: str = "") -> Iterator[Job]:
 
 
 class Interruption(PlannerError):  # noqa: N818 (not an error)
-    """Ctrl-C or SIGTERM, after which the same command goes on."""
+    """Ctrl-C or SIGTERM stopped a command that continues when it is run again."""
 
     def __init__(self, progress: str) -> None:
         self.exit_status = signal_listener.status
@@ -350,10 +350,10 @@ class Interruption(PlannerError):  # noqa: N818 (not an error)
 
 @contextmanager
 def explain_interruption(what: str, place: Path) -> Iterator[None]:
-    """Run a job that keeps what is finished, such as "cases", in a file or folder.
+    """Run a block that saves each finished result, such as "cases", in a file or folder.
 
     Raises:
-        Interruption: After Ctrl-C or SIGTERM, even if an error hides it, once the place is there.
+        Interruption: After Ctrl-C or SIGTERM, even if another error hides it, if the place exists.
     """
     try:
         yield
@@ -365,13 +365,13 @@ def explain_interruption(what: str, place: Path) -> Iterator[None]:
 
 
 def is_interrupted() -> bool:
-    """Whether Ctrl-C was pressed or the process was told to end since the command began."""
+    """Return whether Ctrl-C or SIGTERM has arrived since the command began."""
     return bool(signal_listener.signals)
 
 
 @contextmanager
 def keep_best_on_interrupt() -> Iterator[None]:
-    """The first Ctrl-C in the block only ends a search that holds an answer."""
+    """Let the first Ctrl-C in the block end the search and keep the best plan, if there is one."""
     signal_listener.substitute = _end_search
     try:
         yield
@@ -382,18 +382,18 @@ def keep_best_on_interrupt() -> Iterator[None]:
 def _end_search() -> bool:
     if not deadline.stop():
         return False
-    with suppress(OSError, ValueError):  # the stream may be in use where this came in
+    with suppress(OSError, ValueError):  # the signal may interrupt a write to the stream
         os.write(sys.__stderr__.fileno(), FINISH_MESSAGE)  # type: ignore[union-attr]
     return True
 
 
 def search_ended_early() -> bool:
-    """Whether Ctrl-C did so since the command began."""
+    """Return whether Ctrl-C has ended a search early since the command began."""
     return signal_listener.was_substituted
 
 
 class _CleanConsole(Console):
-    """A console that foreign text cannot steer: what it writes itself is no text but style."""
+    """A console that removes control characters from text, so that input cannot control it."""
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
@@ -430,7 +430,7 @@ _COMMON_OPTIONS = {
 
 
 def add_common_options(command: Command) -> Command:
-    """The command with the options of all commands after its own; one of that name is its own."""
+    """Add the common options to a command, except those that it defines itself."""
     hints = get_type_hints(command, include_extras=True)
     own_parameters = [
         each.replace(annotation=hints[each.name])

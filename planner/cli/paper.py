@@ -1,6 +1,6 @@
-"""`planner reproduce`: the paper's figures and numbers.
+"""`planner reproduce`: regenerate the paper's figures and numbers.
 
-`planner calibrate`: the prototype preset from what the paper says.
+`planner calibrate`: fit the prototype preset to the paper's statements.
 """
 
 from __future__ import annotations

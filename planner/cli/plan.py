@@ -1,4 +1,4 @@
-"""`planner plan`: one problem, one method, one verified plan."""
+"""`planner plan`: solve one problem by one method and verify the plan."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""`planner sensitivity`: what errors do to a plan, and what less of it costs.
+"""`planner sensitivity`: how errors shift the end of a plan.
 
-`planner sensitivity --pareto`: a curve of plans, kept point by point.
+`planner sensitivity --pareto`: trade sensitivity against effort, duration or peak; each point of
+the curve is saved at once.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ from planner.support.user_tables import parse
 from planner.verification.load_plan import load_plan
 
 MAX_PARAMETERS = 12
-"""Most parameters of the machine in the table; those with the largest response are shown."""
+"""Rows of the machine's table: the parameters with the largest response."""
 
 
 def sensitivity(
@@ -93,11 +94,11 @@ def sensitivity(
 ) -> int:
     """Compute how errors shift the end of a plan.
 
-    The errors are those of inputs, timing, start, gears and machine. Each response belongs to an
-    error of the size shown: one standard deviation from the table [method.desensitised], or a
-    typical size where that is zero. With --methods: several plans side by side; of a refused plan
-    too, if it is a whole motion. With --pareto: plans of least sensitivity along a curve. Each
-    point is saved at once, and after Ctrl-C the same command continues.
+    The errors are those of inputs, timing, start, gears and machine. Each response is to an error
+    of the size shown: one standard deviation from the table [method.desensitised], or a typical
+    size where that is zero. With --methods: compares several plans; a refused plan is included if
+    it is a complete motion. With --pareto: plans of least sensitivity along a curve. Each point is
+    saved at once, and after Ctrl-C the same command continues.
 
     \b
     Examples:
@@ -139,7 +140,7 @@ def sensitivity(
 
 
 def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Path | None) -> int:
-    """Plan by each method, and show what errors do to each plan.
+    """Plan by each method, and show how errors shift the end of each plan.
 
     Raises:
         InputError: If an argument is wrong, or no method has a plan that can be executed.
@@ -187,7 +188,7 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
 
 
 def design_errors(plan: Plan) -> DesensitisedOptions:
-    """The design errors: those a desensitised plan was made with, else the problem's table."""
+    """Return the design errors: those of a desensitised plan, else those of the problem's table."""
     if plan.method == "desensitised":
         return parse(DesensitisedOptions, dict(plan.options), "options of the plan")
     return plan.problem.methods.desensitised
@@ -234,7 +235,7 @@ def _sum_text(responses: Sensitivity, spread: dict[str, float]) -> str:
 
 
 def _advice(responses: Sensitivity) -> str:
-    """What to run next; of a plan file, what its problem's file takes."""
+    """Return the command to run next, in terms of the problem file."""
     plan = responses.plan
     calm = [plan.method] if plan.method == "desensitised" else [plan.method, "desensitised"]
     return next_step(plan.problem, *calm)
@@ -286,7 +287,7 @@ def run_trade_off(
     Raises:
         InputError: If an argument is wrong.
         NoPlanError: If the problem has no plan.
-        Interrupted: After Ctrl-C; what is finished is kept.
+        Interruption: After Ctrl-C; finished points are kept.
     """
     if kind not in KINDS:
         raise InputError(f"--pareto {kind}: must be one of {', '.join(KINDS)}")
@@ -366,7 +367,7 @@ def _knee(curve: TradeOff) -> str:
 
 
 def _use(curve: TradeOff, file: Path) -> str:
-    """Whether the knee is worth its price, where its plan is, and the commands that use it."""
+    """Return whether the knee is worth its cost, its plan's file, and the commands that use it."""
     first, k = curve.points[0], curve.knee
     lines = []
     if k is not first:

@@ -1,8 +1,7 @@
-"""`planner new`, `methods`, `systems` and `schema`: what there is, and a file to start from.
+"""`planner new`, `methods`, `systems` and `schema`: list what exists, and write a first file.
 
-The problem in a new file is the `example` of its kind's tables. All further limits, the options of
-the methods and the settings of the machine come from the tables that read them, so that the file
-names every key there is.
+The problem in a new file is the `example` of its kind. Other limits, the options of the methods and
+the settings of the machine come from the tables that read them, so the file names every key.
 """
 
 from __future__ import annotations
@@ -90,7 +89,7 @@ def new(
 def methods() -> int:
     """List the planning methods, one per line.
 
-    Only their names where the output is no terminal.
+    Prints only the names if the output is not a terminal.
 
     \b
     Example:
@@ -105,7 +104,7 @@ def methods() -> int:
 def systems() -> int:
     """List the kinds of systems, one per line.
 
-    Only their names where the output is no terminal.
+    Prints only the names if the output is not a terminal.
 
     \b
     Example:
@@ -115,7 +114,7 @@ def systems() -> int:
 
 
 def _summaries() -> dict[str, str]:
-    """Every `system.kind` with one line on it."""
+    """Return the one-line summary of every `system.kind`."""
     return {kind: file.summary for kind, file in all_files().items()}
 
 
@@ -143,7 +142,7 @@ def schema(
     """
     if of not in SCHEMAS:
         raise InputError(f"no schema of '{of}'; {allowed_hint(of, SCHEMAS)}")
-    # What `planner new` can do without.
+    # Imported here because `planner new` does not need them.
     from planner.plan.plan_file import plan_schema
     from planner.sweep.design.design_file import design_schema
     from planner.sweep.sweep_file import sweep_schema
@@ -165,7 +164,7 @@ def _print_list(what: str, summaries: dict[str, str]) -> int:
     if manner.as_json:
         print_json(summaries)
         return 0
-    if not sys.stdout.isatty():  # for a loop in a shell
+    if not sys.stdout.isatty():  # names alone suit a loop in a shell
         print_text(*summaries)
         return 0
     heads = (what, "what it is")
@@ -189,15 +188,15 @@ _LEGEND = """\
 def problem_text(
     kind: str = "manipulator", *, joints: int | None = None, full: bool = False
 ) -> str:
-    """The text of a problem file (TOML) that can be solved as it is.
+    """Return the text of a problem file (TOML) that can be solved as it is.
 
     Args:
         kind: A key of `planner.problem.tables.kinds.FILES`.
-        joints: Number of joints, of an arm; as in the shipped text when left out.
+        joints: Number of joints of an arm. By default that of the shipped example.
         full: Whether to add the options of methods, feedback, compensation and the machine.
 
     Raises:
-        InputError: If there is no such kind, or not with so many joints.
+        InputError: If the kind is unknown or cannot have this number of joints.
     """
     kinds = all_files()
     if kind not in kinds:
@@ -212,7 +211,7 @@ def problem_text(
     if not full:
         about = "Methods, feedback and the emulated machine have keys too: planner new OTHER"
         return f"{parts[0]}\n#   {about} --system {kind} --full\n"
-    # What a short file can do without.
+    # Imported here because a short file does not need them.
     from planner.machine.machine import Machine
     from planner.methods.registry import all_methods
 
@@ -225,7 +224,7 @@ def problem_text(
     parts.append(_table_text("feedback", about, FeedbackTable))
     joints = system_of(parse_file(tomllib.loads(parts[0]), kind)).size - 1
     preset = Machine.prototype().to_dict()
-    for name, effect in EFFECTS.items():  # lists of the prototype's joints suit no other number
+    for name, effect in EFFECTS.items():  # lists fit the prototype's joints only
         setting = preset.get(name)
         mean = setting["value"] if isinstance(setting, Mapping) else setting
         if isinstance(mean, list) and effect.mismatch(name, mean, joints):
@@ -237,10 +236,10 @@ def problem_text(
 
 
 def _resize_arm(head: str, kind: str, file: type[ProblemFile], joints: int) -> str:
-    """The head of an arm's file for another number of joints.
+    """Return the head of an arm's file for another number of joints.
 
-    Lists go on with their last entry, K by the prototype's ratio; with more joints the motion takes
-    longer than the duration given, and another travel.
+    Lists repeat their last entry; K continues with the prototype's ratio. With more joints,
+    duration and travel become free, because those of the example do not suffice.
     """
     if not issubclass(file, ArmFile):
         arms = ", ".join(name for name, each in all_files().items() if issubclass(each, ArmFile))
@@ -263,7 +262,7 @@ def _resize_arm(head: str, kind: str, file: type[ProblemFile], joints: int) -> s
 
 
 def _add_limits(head: str, table: type[BaseModel]) -> str:
-    """The head with the limits that it does not name, as comments at the end of its `[limits]`."""
+    """Add the limits that the head does not name, as comments at the end of its `[limits]`."""
     if not (section := re.search(r"(?m)^\[limits\].*\n(?:(?!\[).+\n)*", head)):
         return _add_limits(f"{head}\n[limits]\n", table)
     rows = []
@@ -281,7 +280,7 @@ def _add_limits(head: str, table: type[BaseModel]) -> str:
 def _table_text(
     title: str, about: str, table: type[BaseModel], values: Mapping[str, Any] | None = None
 ) -> str:
-    """A table, each key as a comment with what it means above it: by default its default."""
+    """Return a table with each key and its value or default as a comment, below its meaning."""
     lines = [f"[{title}]\n{_comment_lines(about)}"]
     for name, field in table.model_fields.items():
         default = field.get_default(call_default_factory=True)

@@ -1,4 +1,4 @@
-"""`planner sweep` and `planner design`: many cases, in parallel, kept in a database file."""
+"""`planner sweep` and `planner design`: run many cases in parallel and save them in a database."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from planner.sweep.results import Record, export, read, refuse_unexportable, sol
 from planner.sweep.run import run_sweep
 
 PICTURES = (".png", ".svg", ".pdf")
-"""Endings of the picture's name."""
+"""File name endings that `--figure` accepts."""
 
 
 def sweep(
@@ -120,14 +120,14 @@ def sweep(
 
 
 def _refusals(label: str, records: Sequence[Record]) -> str:
-    """How many cases of a method ended in each status that is no plan; "" where none did."""
+    """Return how many cases of a method ended in each status without a plan; "" if none did."""
     mine = (r["status"] for r in records if r["method"] == label and not r["solved"])
     counts = Counter(status.replace("_", " ") for status in mine)
     return "".join(f", {n} {status}" for status, n in counts.items())
 
 
 def _refuse_undrawable(file: Path) -> None:
-    """Refuse a picture that could not be written, before the work that fills it."""
+    """Refuse before the work a picture that cannot be written."""
     if file.suffix not in PICTURES:
         raise InputError(f"--figure {file}: its name must end in {', '.join(PICTURES)}")
     refuse_unwritable(file)

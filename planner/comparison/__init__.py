@@ -1,5 +1,5 @@
-"""Many methods on the same machines.
+"""Compare many methods on the same machines.
 
-In this order: `compare` runs them, `rows` says what is known of each, `comparison` is the result;
-`headline` says which plan to take; `differences` sets two plans against each other.
+Read in this order: `compare` runs the methods; `rows` has the results of one method; `comparison`
+has the results of all; `headline` recommends a plan; `differences` compares pairs of plans.
 """

@@ -1,4 +1,4 @@
-"""Many methods on one problem, every plan on the same emulated machines."""
+"""Solve one problem with many methods and replay every plan on the same emulated machines."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ from planner.support.statistics import LEAST_DIFFERENCE_DEG
 from planner.verification.verify import Check, verify
 
 KEPT_MOTIONS = 1000
-"""Machines whose motions are kept of each row: enough for the band in a figure."""
+"""Most machines per row whose motions are kept: enough for the band in a figure."""
 
 Progress = Callable[[str, float], None]
-"""Called with what is being done and the share of all work that is done, 0 … 1."""
+"""Called with the current step and the finished share of the work, from 0 to 1."""
 
 
 def compare(
@@ -67,26 +67,26 @@ def compare(
     raises KeyboardInterrupt as usual.
 
     Args:
-        problem: What to solve.
+        problem: The problem to solve.
         methods: Names of methods with options, for example "polynomial:travel=middle" or
-            "collocation:intervals=20:degree=2"; with the word `compensated` after the name for a
-            compensated plan; "all" for every method. By default: the polynomial (with a free
-            travel, the middle of its possible travels), the polynomial with automatic constraint
+            "collocation:intervals=20:degree=2". The word `compensated` after the name compensates
+            the plan. "all" means every method. By default: the polynomial (if the travel is free,
+            with the middle of its possible travels), the polynomial with automatic constraint
             points, the sinusoid and collocation; for arms with friction disks also the last three
-            compensated, as far as they have a plan.
+            compensated, if they have a plan.
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
         samples: Number of random machines, at least 1, or a list of sample numbers.
         seed: Random seed; the same seed gives the same machines.
         feedback: Whether to replay every plan a second time with feedback by the tracker. With the
-            default methods only the last one, which is compensated for arms.
-        progress: Called with what is being done and the share done, 0 … 1; see `Progress`.
+            default methods only that of the last one, which is compensated for arms.
+        progress: Called with the current step and the finished share, 0 … 1; see `Progress`.
         time_limit_s: Seconds for planning with each method; see `planner.solve`.
-        threshold_deg: A difference of E below this is too small to matter, degrees. It is called
-            neither better nor worse, even if it is significant.
+        threshold_deg: A difference of E below this is too small to matter, degrees: the plan counts
+            as neither better nor worse, even if the difference is significant.
 
     Raises:
         InputError: If a method, an option, or a number is wrong.
-        KeyboardInterrupt: On Ctrl-C before anything is done.
+        KeyboardInterrupt: On Ctrl-C before a row is finished.
     """
     expect_listener(progress)
     expect_problem(problem)
@@ -117,9 +117,9 @@ def compare(
 
 @dataclass
 class _ComparisonRun:
-    """A comparison in the making; its rows are those that are there.
+    """A running comparison with the rows so far.
 
-    The last of them may lack its replay when interrupted.
+    After an interruption the last row may lack its replay.
     """
 
     problem: Problem
@@ -136,7 +136,7 @@ class _ComparisonRun:
         part("planning", 0.0)
         plain = self._plain(spec) if spec.compensated else None
         if self.methods is None and spec.compensated and plain is None:
-            return  # a refused plan leaves nothing to compensate
+            return  # there is no verified plan to compensate
         row = self._plan(spec, plain)
         self.rows.append(row)
         part("replaying", 0.5)
@@ -148,21 +148,21 @@ class _ComparisonRun:
         part("done", 1.0)
 
     def _plain(self, spec: Spec) -> Row | None:
-        """The row of the plan that this one compensates, if it is there and solved."""
+        """Return the row of the plan to compensate, if there is one and it is solved."""
         label = plain_label(spec.label)
         return next((row for row in self.rows if row.label == label and row.solved), None)
 
     def _plan(self, spec: Spec, plain: Row | None) -> Row:
         try:
             return plan_row(self.problem, spec, self.time_limit_s, self.machine, plain)
-        except InputError as error:  # of all methods some may not fit the problem
+        except InputError as error:  # with "all", some methods may not fit the problem
             if self.methods != ALL:
                 raise
             why = str(error).splitlines()[0].removeprefix(f"{self.problem.source}: ")
             return Row(spec.label, spec.method, False, why)
 
     def _feedback_row(self, row: Row, replay: Callable[[Row], Row]) -> Row:
-        """The row with feedback of a plan, or why feedback cannot follow it."""
+        """Return a plan's row with feedback, or one that says why feedback cannot follow it."""
         assert row.plan is not None
         label, hindered = row.label + FEEDBACK, hindrance(row.plan, self.machine)
         try:
@@ -179,7 +179,7 @@ class _ComparisonRun:
         def tell(done: int, total: int) -> None:
             part(doing, begin + (end - begin) * done / total)
 
-        # Long motions are recorded more coarsely, since those of a thousand samples are kept.
+        # Long motions are recorded more coarsely, to limit the memory for a thousand samples.
         runs = run_replay(
             row.plan,
             self.machine,
@@ -201,10 +201,10 @@ class _ComparisonRun:
 
 
 def specs_of(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec]:
-    """What `compare` runs.
+    """Return the methods and options that `compare` runs.
 
     Raises:
-        InputError: If a method is unknown or an option wrong.
+        InputError: If a method is unknown or an option is wrong.
     """
     if methods is None:
         return parse_specs(problem, default_methods(problem))
@@ -214,10 +214,10 @@ def specs_of(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec
 
 
 def default_methods(problem: Problem) -> list[str]:
-    """What `compare` runs when no method is named.
+    """Return the methods that `compare` runs by default.
 
-    The polynomial is shown twice, as it is at an ordinary travel and with constraint points that
-    are chosen for it, so that the comparison with a planner that chooses its path is fair.
+    The polynomial appears twice, without and with automatic constraint points, so that the
+    comparison with a method that optimises its path is fair.
     """
     plain = "polynomial:travel=middle" if problem.travel is None else "polynomial"
     out = [plain, "polynomial:points=auto", "sinusoid", "collocation"]
@@ -240,14 +240,14 @@ def plan_row(
     machine: Machine | None = None,
     plain: Row | None = None,
 ) -> Row:
-    """A row without its replay: the plan, verified or refused, or why there is none.
+    """Plan and return a row without its replay: a verified or refused plan, or why there is none.
 
     Args:
-        problem: What to solve.
-        spec: By which method.
-        time_limit_s: Seconds for it.
-        machine: What a plan is compensated for, where that is asked; the problem's when None.
-        plain: The row of the same plan before it is compensated, if that was made already.
+        problem: The problem to solve.
+        spec: The method and its options.
+        time_limit_s: Seconds for planning.
+        machine: The machine to compensate for. By default the problem's machine.
+        plain: The row of the same plan without compensation, if it exists already.
 
     Raises:
         InputError: If the method does not fit the problem.
@@ -286,24 +286,24 @@ def plan_row(
 
 
 def _whole_plan(error: NoPlanError) -> tuple[Plan, Check] | None:
-    """The plan a refusal carries if it is a whole motion, not a solver's last iterate."""
+    """Return the plan of a refusal if it is a complete motion, not a solver's last iterate."""
     whole = isinstance(error, SingularError | VerificationError | InfeasibleError) or error.blamed
     if error.plan is None or not whole:
         return None
     plan: Plan = error.plan
     check = error.check if isinstance(error, VerificationError) else None
     check = check or verify(plan)
-    # What is proven impossible may come with a motion that is not even one to the goal.
+    # The plan of an InfeasibleError may not even reach the goal.
     misses_goal = any(v.label.startswith(("goal", "integration")) for v in check.violations)
     return None if misses_goal and isinstance(error, InfeasibleError) else (plan, check)
 
 
 STUDY_LIMIT_S = 5.0
-"""Longest wait for a motion that is refused already."""
+"""Longest time for planning a motion that is already refused, in seconds."""
 
 
 def _plan_too_short(problem: Problem, spec: Spec) -> tuple[Plan, Check] | None:
-    """What a method makes of a time that is proven too short, for which `solve` never asks it."""
+    """Plan for a duration that is proven too short, for which `solve` does not call the method."""
     method = find_method(spec.method)
     try:
         if not method.finds_time:
@@ -324,7 +324,7 @@ def _reason(problem: Problem, error: NoPlanError) -> str:
         more = len(error.violations) - 1
         return _violation_text(error.violations[0]) + (f", and {more} more" if more else "")
     first = error.reason.splitlines()[0].removeprefix(f"{problem.source}: ")
-    # A sentence that introduces a list says nothing without it.
+    # Drop a sentence that introduces a list.
     return first.rpartition(". ")[0] if first.endswith(":") and ". " in first else first
 
 

@@ -1,4 +1,4 @@
-"""What a comparison holds, the ways to look at it, and how it is made again."""
+"""The result of a comparison, its tables and texts, and the command that repeats it."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ class Comparison:
 
     Attributes:
         problem: The problem that all methods solve.
-        rows: One per method and mode, in the requested order.
+        rows: One per method, and one more per method with feedback, in the requested order.
         machine: The distribution of machines on which every plan was replayed.
-        samples: Number of random machines drawn from it.
+        samples: Number of random machines drawn from that distribution.
         seed: Random seed.
-        chosen: Their sample numbers; None for the first `samples`.
+        chosen: Sample numbers of the machines; None for the first `samples`.
         complete: Whether all rows are finished; False after Ctrl-C.
         threshold_deg: Differences of E below this count as neither better nor worse, degrees.
     """
@@ -80,7 +80,7 @@ class Comparison:
 
     @property
     def plans(self) -> Mapping[str, Plan | None]:
-        """The plans by label, as the figures take them."""
+        """The plans by label, without the rows with feedback."""
         return {row.label: row.plan for row in self.rows if not row.feedback}
 
     @property
@@ -90,40 +90,40 @@ class Comparison:
 
     @property
     def differences(self) -> tuple[Difference, ...]:
-        """Differences of E between every two replayed plans; see `planner.support.statistics`."""
+        """Differences of E for every pair of replayed plans; see `planner.support.statistics`."""
         return paired(self.rows, "E", self.threshold_deg)
 
     @property
     def end_differences(self) -> tuple[Difference, ...]:
-        """The same pairs with the largest error of an angle at the end in place of E."""
+        """Differences of the largest joint error at the end, for the same pairs."""
         return paired(self.rows, "end", self.threshold_deg)
 
     @property
     def headline(self) -> str:
-        """Which plan to take, because of what, and at what price, in a few sentences."""
+        """Which plan to take, why, and what it costs, in a few sentences."""
         return headline(self.rows, self.threshold_deg)
 
     @property
     def recommended(self) -> Row | None:
-        """The row of the plan to take without sensors; None where no method has one."""
+        """The row of the plan to take without feedback; None if no method has a verified plan."""
         return recommended(self.rows, self.threshold_deg)
 
     @property
     def advice(self) -> Mapping[str, str]:
-        """If no method has a plan: advice by label."""
+        """Advice by label if no method has a plan; else empty."""
         if any(row.solved for row in self.rows):
             return {}
         return {row.label: row.advice for row in self.rows if row.advice and not row.feedback}
 
     @property
     def best(self) -> str | None:
-        """Label of the plan with the least median error; verified plans take precedence."""
+        """Label of the plan with the smallest median E; verified plans come first."""
         ranked = [(not row.solved, row.E_median_deg, row.label) for row in self.rows]
         ranked = [entry for entry in ranked if np.isfinite(entry[1])]
         return min(ranked)[2] if ranked else None
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready: rows, problem, machine, seed, versions and the command that reproduces it."""
+        """Return JSON-ready data: rows, problem, machine, seed, versions, command to repeat it."""
         data = {
             "format": FORMAT,
             "version": VERSION,
@@ -148,9 +148,9 @@ class Comparison:
         return dict(jsonable(data))
 
     def table(self) -> Table:
-        """The table for a terminal, at most 80 columns wide: `rich.print(comparison.table())`.
+        """Return a table at most 80 characters wide, for `rich.print(comparison.table())`.
 
-        It leaves out what files have room for; what is to say of a plan stands below.
+        Files have more columns. Remarks about plans are below the table.
         """
         return terminal_table(
             [
@@ -165,12 +165,12 @@ class Comparison:
         )
 
     def _repr_html_(self) -> str:
-        """The table, as a notebook shows it."""
+        """Return the table for a notebook."""
         table = html_table(self._advised_columns(), self.rows, self.problem.name)
         return f"{table}<p><small>{escape(_caption(self))}</small></p>"
 
     def _remarks(self) -> list[str]:
-        """Why plans are refused and what would help, or what is to say of a verified one."""
+        """Return why plans are refused and what would help, and remarks about verified plans."""
         return [
             f"{row.label}: {row.remark}. Try: {self.advice[row.label]}"
             if row.label in self.advice
@@ -180,7 +180,7 @@ class Comparison:
         ]
 
     def _advised_columns(self) -> list[Column[Row]]:
-        """The columns, with what would help under each verdict."""
+        """Return the columns, with the advice below each verdict."""
         tries = {label: f"\nTry: {advice}" for label, advice in self.advice.items()}
 
         def advice_text(row: Row) -> str:
@@ -189,7 +189,7 @@ class Comparison:
         return [replace(c, value=advice_text) if c.value is verdict else c for c in self.columns]
 
     def markdown(self) -> str:
-        """Markdown text with a heading, the table, what it says, and how to make it again."""
+        """Return Markdown with a heading, the headline, the table, and the command to repeat."""
         again = "Made from Python; `comparison.json` holds the problem, the machine and the seed."
         if repeat := command(self):
             again = made_by(clean_text(repeat))
@@ -204,7 +204,8 @@ class Comparison:
         return "\n".join([heading, table, *after])
 
     def figures(self) -> dict[str, Figure]:
-        """Figures by name: z, joints, inputs, arm, errors, effort, replay, as far as they apply."""
+        """Return the figures by name: z, joints, inputs, arm, errors, effort, replay, if they
+        apply."""
         figures: dict[str, Figure] = import_function("planner.report.folders.figures")(self)
         return figures
 
@@ -227,18 +228,18 @@ def _facts(d: Difference) -> dict[str, Any]:
 
 
 def command(comparison: Comparison, out: str | None = None, *, report: bool = False) -> str | None:
-    """The command line that repeats a comparison.
+    """Return the command line that repeats a comparison.
 
-    Whatever the problem or the machine changes against their files becomes a `--set`.
+    Differences of problem and machine from their files become `--set` options.
 
     Args:
-        comparison: What to repeat.
-        out: The folder to name.
-        report: Whether that folder holds a page.
+        comparison: The comparison to repeat.
+        out: The folder for `--out`.
+        report: Whether to write the page in that folder.
 
     Returns:
-        The command, or None if no command gives this problem (its file is gone, or lacks what
-        only the file can take away).
+        The command, or None if no command gives this problem (its file is missing, or has a key
+        that `--set` cannot remove).
     """
     settings = _settings(comparison)
     if settings is None:
@@ -247,7 +248,7 @@ def command(comparison: Comparison, out: str | None = None, *, report: bool = Fa
     methods = dict.fromkeys(row.spec for row in comparison.rows)
     closed = {row.spec for row in comparison.rows if row.feedback}
     by_default = closed and len(methods) > len(closed)
-    if not by_default:  # of methods that are named feedback closes all that it can
+    if not by_default:  # with --methods, --feedback applies to all methods
         words += ["--methods", ",".join(methods)]
     words += ["--feedback"] * bool(closed)
     for sample in comparison.chosen or ():
@@ -265,7 +266,7 @@ def command(comparison: Comparison, out: str | None = None, *, report: bool = Fa
 
 
 def worst_command(comparison: Comparison, row: Row) -> str | None:
-    """The command line that replays a row's worst machine alone; None where there is none."""
+    """Return the command line that replays only a row's worst machine; None if there is none."""
     if row.worst is None:
         return None
     alone = replace(comparison, rows=(row,), chosen=(row.worst,))
@@ -289,7 +290,7 @@ def _settings(comparison: Comparison) -> dict[str, Any] | None:
 
 
 def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Dotted keys to values that turn one table into another; None if a key would have to go."""
+    """Return dotted keys and values that change one table into another; None if a key must go."""
     out: dict[str, Any] = {}
     if before.keys() - after.keys():
         return None
@@ -306,7 +307,7 @@ def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, A
 
 
 def _worst_machines(comparison: Comparison) -> list[str]:
-    """The machine with the largest error of each plan, and the command that replays it alone."""
+    """Return the worst machine of each plan, and the command that replays only that machine."""
     lines = [
         f"- {markdown_code(row.label)}: E {number(float(row.replay.index_E_deg.max()))} deg"
         f" on machine {row.worst}: `{clean_text(str(worst_command(comparison, row)))}`"
@@ -319,14 +320,14 @@ def _worst_machines(comparison: Comparison) -> list[str]:
 
 
 def comparison_csv(comparison: Comparison) -> str:
-    """One line per method, full precision, empty where a number is not defined."""
-    # The inputs' peaks come after what is one number a row, as they always did.
+    """Return CSV with one line per method, full precision, empty if a number is undefined."""
+    # The peaks of the inputs stay last, as in earlier files.
     columns = sorted(comparison.columns, key=lambda c: c.title.startswith("|u"))
     return csv_table([*columns, *intervals(comparison.problem.system)], comparison.rows)
 
 
 def _kind(comparison: Comparison) -> str:
-    """Where the machines come from, and how an arm with shafts stood before the start."""
+    """Return the origin of the machines and, for an arm with shafts, its state before the start."""
     if not compensable(comparison.problem.system):
         return comparison.machine.origin
     return f"{comparison.machine.origin}, {comparison.machine.start_words}"
@@ -355,7 +356,7 @@ def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
 
 
 NOT_IN_TERMINALS = ("travel", "took")
-"""Columns that a terminal of 80 characters has no room for."""
+"""Columns left out on a terminal of 80 characters."""
 
 
 def _yes_or_no(verdict: str) -> str:
@@ -363,11 +364,11 @@ def _yes_or_no(verdict: str) -> str:
 
 
 TINY_S = 1e-6
-"""Less is rounding."""
+"""Smaller differences are rounding errors, in seconds."""
 
 
 def _longer_words(comparison: Comparison) -> str:
-    """Which plans take longer than the goal asks, as a sentence with a space before; or ""."""
+    """Return a sentence about plans longer than `goal.duration`, after a space; "" if none is."""
     asked = comparison.problem.duration
     longer = [
         f"{row.label} by {number(row.duration_s - asked)} s"

@@ -1,4 +1,4 @@
-"""Pairs of plans on the same machines, as a table: for a terminal, as Markdown, as CSV."""
+"""Tables that compare pairs of plans on the same machines: terminal, Markdown and CSV."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 TINY_DEG = 1e-9
-"""What is smaller is rounding."""
+"""Smaller differences are rounding errors, in degrees."""
 
 
 def _signed_number(value: float) -> str:
@@ -46,11 +46,11 @@ def _verdict(d: Difference) -> str:
 
 
 Pair = tuple[Difference, Difference]
-"""Two plans: their difference of E, and that of the error at the end."""
+"""The difference of E of two plans, and that of their errors at the end."""
 
 
 def _figures(k: int, prefix: str, word: str) -> Iterator[Column[Pair]]:
-    """The columns of the differences at place k of a pair."""
+    """Yield the columns of the k-th difference of a pair."""
 
     def column(
         title: str, value: Callable[[Difference], Any], shown: Any, name: str, left: bool = False
@@ -77,13 +77,13 @@ COLUMNS: list[Column[Pair]] = [
 ]
 
 TERMINAL_KEYS = ("second", "median_deg", "interval_low_deg", "interval_high_deg", "end_median_deg")
-"""Columns for which a terminal has room; and the verdicts."""
+"""Columns shown on a terminal, in addition to the verdicts."""
 
 
 def rich_differences(comparison: Comparison) -> Table | None:
-    """The plan recommended against every other, for a terminal; None with fewer than two plans.
+    """Return a table that compares the recommended plan with every other; None without a pair.
 
-    Where no plan is verified, that of the least median E.
+    If no plan is verified, the one with the smallest median E takes its place.
     """
     take = comparison.recommended
     best = comparison.best if take is None else take.label
@@ -105,7 +105,7 @@ def rich_differences(comparison: Comparison) -> Table | None:
 
 
 def _narrow(column: Column[Pair]) -> Column[Pair]:
-    """The column as a terminal of 80 characters has room for it."""
+    """Narrow a column for a terminal of 80 characters."""
     if column.left:
         return replace(column, width=14 if column.title == "verdict" else 20)
     return replace(column, shown=_signed_hundredths)
@@ -116,7 +116,7 @@ def _pairs(comparison: Comparison) -> list[Pair]:
 
 
 def _reverse(label: str, d: Difference) -> Difference:
-    """The same with this plan as the first."""
+    """Return the difference with the plan of this label first."""
     if d.first == label:
         return d
     low, high = d.interval_deg
@@ -131,7 +131,7 @@ def _reverse(label: str, d: Difference) -> Difference:
 
 
 def markdown_differences(comparison: Comparison) -> str:
-    """All pairs as Markdown."""
+    """Return all pairs as Markdown."""
     return f"""# Differences between plans: {markdown(comparison.problem.name)}
 
 {markdown_table(COLUMNS, _pairs(comparison))}
@@ -148,7 +148,7 @@ significant too, but those below {comparison.threshold_deg:g} degrees are too sm
 
 
 def csv_machines(comparison: Comparison) -> str:
-    """E and the error at the end of every plan on every machine, full precision."""
+    """Return CSV of E and the error at the end, for every plan and machine, full precision."""
     lines = ["plan,machine,E_deg,end_deg"]
     for row in comparison.rows:
         if row.replay is None:
@@ -160,5 +160,5 @@ def csv_machines(comparison: Comparison) -> str:
 
 
 def csv_differences(comparison: Comparison) -> str:
-    """All pairs, full precision, empty where a number is not defined."""
+    """Return CSV of all pairs, full precision, empty if a number is undefined."""
     return csv_table(COLUMNS, _pairs(comparison))

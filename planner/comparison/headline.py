@@ -1,4 +1,4 @@
-"""Which plan of a comparison to take, because of what, and at what price."""
+"""Recommend a plan of a comparison: why to take it, and what it costs."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from planner.support.statistics import Difference, differences
 from planner.support.tables import number
 
 LEAST_SHARE = 1.05
-"""A price that is higher by less than this is not worth a word."""
+"""Costs up to this factor higher are not mentioned."""
 
 LEAST_SWING_DEG = 5.0
-"""A swing of joint 1 that is smaller surprises nobody who stands beside the arm."""
+"""Swings of joint 1 smaller than this need no warning, in degrees."""
 
 
 def paired(
     rows: Sequence[Row], which: Literal["E", "end"], threshold_deg: float
 ) -> tuple[Difference, ...]:
-    """Every two replayed plans, machine by machine; see `planner.support.statistics`.
+    """Compare every pair of replayed plans machine by machine; see `planner.support.statistics`.
 
-    The tests by E and those by the error at the end are corrected together, whichever is asked.
+    The p-values of the tests by E and by the error at the end are corrected together.
 
     Args:
-        rows: Of a comparison.
-        which: By E, or by the largest error of an angle at the end.
-        threshold_deg: A difference that does not matter, degrees.
+        rows: The rows of a comparison.
+        which: Whether to compare E or the largest joint error at the end.
+        threshold_deg: A smaller difference does not matter, degrees.
     """
     kept = {row.label: row.replay for row in rows if row.worst is not None and row.replay}
     by_E = {label: run.index_E_deg for label, run in kept.items()}
@@ -40,14 +40,14 @@ def paired(
 
 
 def recommended(rows: Sequence[Row], threshold_deg: float) -> Row | None:
-    """The plan to take without sensors; None where no method has one.
+    """Return the plan to take without feedback; None if no method has a verified plan.
 
-    Of the plans that the paired test does not call worse than that of the least median E, the one
-    of the least effort; where machines have no E, the least effort decides alone.
+    The best plan is that with the smallest median E. Among the plans that the paired test does not
+    find worse than the best, take the one with the least effort. Without E, effort alone decides.
 
     Args:
-        rows: Of a comparison.
-        threshold_deg: A difference of E that does not matter, degrees.
+        rows: The rows of a comparison.
+        threshold_deg: A smaller difference of E does not matter, degrees.
     """
     solved = [row for row in rows if row.solved and not row.feedback]
     if not solved:
@@ -61,7 +61,7 @@ def recommended(rows: Sequence[Row], threshold_deg: float) -> Row | None:
 
 
 def _worse_than(row: Row, rows: Sequence[Row], threshold_deg: float) -> set[str]:
-    """Labels of the plans that the paired test calls worse than this one, in E or at the end."""
+    """Return labels of plans that the paired test finds worse than this one, in E or at the end."""
     out = set()
     for d in (*paired(rows, "E", threshold_deg), *paired(rows, "end", threshold_deg)):
         if row.label in (d.first, d.second) and d.told_apart:
@@ -70,7 +70,7 @@ def _worse_than(row: Row, rows: Sequence[Row], threshold_deg: float) -> set[str]
 
 
 def headline(rows: Sequence[Row], threshold_deg: float) -> str:
-    """Which plan to take, because of what, at what price; plain text."""
+    """Return as plain text which plan to take, why, and what it costs."""
     row = recommended(rows, threshold_deg)
     if row is None:
         return "None of the methods found a plan that keeps every limit."
@@ -109,14 +109,14 @@ def _median(row: Row) -> float:
 
 
 def _rival(row: Row, solved: list[Row]) -> Row | None:
-    """The next best of its kind, compensated or not; None where it is alone."""
+    """Return the next best plan that is compensated as well or as little; None if there is none."""
     kind = plain_label(row.label) == row.label
     peers = [r for r in solved if r is not row and (plain_label(r.label) == r.label) == kind]
     return min(peers, key=_median, default=None)
 
 
 def _against(row: Row, rival: Row, worse: bool) -> str:
-    """What the paired test says of the next best of its kind, and what each costs, as sentences."""
+    """Compare with the next best plan of the same kind: result of the test and costs, in words."""
     name = f"{rival.label} (E {_degrees(rival.E_median_deg)})"
     if worse:
         costs = _costs(row, rival)
@@ -129,7 +129,7 @@ def _against(row: Row, rival: Row, worse: bool) -> str:
 
 
 def _fidelity(row: Row) -> str:
-    """Whether the machines of an arm have inertia, since its errors depend on that; or ""."""
+    """Return whether an arm's machines have inertia, on which errors depend; "" for others."""
     if row.plan is None or row.replay is None or not compensable(row.plan.problem.system):
         return ""
     inertia = "with" if row.replay.machine.fidelity == "dynamic" else "without"
@@ -137,7 +137,7 @@ def _fidelity(row: Row) -> str:
 
 
 def _swing(row: Row) -> str:
-    """How far joint 1 swings before a compensated plan starts, as a sentence."""
+    """Return a warning if joint 1 swings far before a compensated plan starts; else ""."""
     if row.plan is None or row.plan.lead_s == 0:
         return ""
     angles = np.rad2deg(row.plan.theta(np.linspace(0.0, row.plan.lead_s, 401))[:, 0])
@@ -149,8 +149,10 @@ def _swing(row: Row) -> str:
 
 
 def _refused(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
-    """Which compensated plan would be nearer by more than what matters, why it is refused, and what
-    to change, as sentences; "" where none is."""
+    """Describe a refused compensated plan that would be more accurate, and what to change.
+
+    Return "" if no refused plan is more accurate than this one by more than the threshold.
+    """
 
     def gain(each: Row) -> float:
         gains = (row.E_median_deg - each.E_median_deg, row.end_median_deg - each.end_median_deg)
@@ -170,9 +172,9 @@ def _refused(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
 
 
 def _what_decides(solved: Sequence[Row]) -> str:
-    """That compensation decides the accuracy and the method the effort; "" where it does not.
+    """Return a sentence that compensation decides the accuracy and the method the effort; or "".
 
-    With it every plan has to be nearer, at 95 %, than every plan is without.
+    It holds if the 95th percentile of E of every compensated plan is below that of every other.
     """
     rows = {row.label: row for row in solved}
     pairs = [(rows[was], row) for row in solved if (was := plain_label(row.label)) in rows]
@@ -198,7 +200,7 @@ def _range(values: Sequence[float], unit: str) -> str:
 
 
 def _costs(row: Row, other: Row) -> str:
-    """What it takes more of than the other plan; "" where it takes no more."""
+    """Return duration and effort of which a plan takes more than the other; "" if neither."""
     assert row.plan is not None
     unit = effort_unit(row.plan.problem.system)
     return " and ".join(
@@ -212,14 +214,14 @@ def _costs(row: Row, other: Row) -> str:
 
 
 def _caution(row: Row) -> str:
-    """That machines break limits which the plan keeps, as a sentence."""
+    """Return a warning if machines break limits that the plan keeps; else ""."""
     if not row.beyond_limits > 0:
         return ""
     return f" On {number(row.beyond_limits)} % of the machines it breaks a limit."
 
 
 def _follow_up(rows: Sequence[Row], row: Row) -> str:
-    """What feedback makes of it, if that was asked."""
+    """Return the error of the plan with feedback, if it was replayed so; else ""."""
     closed = [each for each in rows if each.label == row.label + FEEDBACK]
     if not closed or not np.isfinite(closed[0].E_median_deg):
         return ""

@@ -19,16 +19,16 @@ from planner.verification.summary import Heading, PlanFigures, figure, figures
 from planner.verification.verify import Check
 
 FEEDBACK = " + feedback"
-"""Ends the label of a row with feedback."""
+"""The end of the label of a row with feedback."""
 
 
 def plain_label(label: str) -> str:
-    """The label of the plan that a compensated one follows; of others it is their own."""
+    """Return the label of the plan without compensation."""
     return label.replace(f" {COMPENSATED}", "", 1)
 
 
 OTHER_WAY_DEG = 2.0
-"""A nominal machine further from the original path than machines differ is worth a remark."""
+"""A compensated plan that leaves the original path by more gets a remark, in degrees."""
 
 
 def _interval(name: str, percent: int) -> Any:
@@ -50,28 +50,28 @@ class Row(PlanFigures):
     """Result of one method. Undefined numbers are NaN.
 
     Attributes:
-        label: The method with its options, as given.
+        label: The method with its options, as requested.
         method: Name of the method.
         solved: Whether the method gave a verified plan.
         why: Reason of the refusal, in one line; if solved, empty or what ended the search early.
-        plan: The plan; a refused plan is kept for study if it is complete; else None.
+        plan: The plan; a refused plan is kept for study if it is a complete motion; else None.
         E_median_deg: Median over machines of the paper's index of error E, eq. (29).
         E_p95_deg: Its 95th percentile.
         end_median_deg: Median over machines of the largest error of an angle at the end.
         end_p95_deg: Its 95th percentile.
         beyond_limits: Percent of the machines that break a limit of joints, obstacles or links.
         E_median_interval_deg: 95 % confidence interval of the median; see `percentile_interval`.
-        E_p95_interval_deg: That of the 95th percentile; NaN where there are too few machines.
+        E_p95_interval_deg: That of the 95th percentile; NaN if there are too few machines.
         took_s: Seconds for planning, verification and proofs; for a refusal including the changes
             that were tried.
-        solve_time_s: Seconds of these that the method spent solving, as it reports.
-        build_time_s: Seconds spent on building the optimisation problem.
+        solve_time_s: Part of `took_s` that the method spent on solving, as it reports.
+        build_time_s: Part of `took_s` spent on building the optimisation problem.
         replay: The replays on the machines; None for a plan that cannot be executed.
-        feedback: Whether they were run with feedback; `effort` is then the median of what was
-            commanded, `peak_u` the largest speeds of the motors on any machine.
+        feedback: Whether the replays used feedback. If so, `effort` is the median over machines of
+            the commands' effort, and `peak_u` the largest motor speeds on any machine.
         note: Why feedback gains little, or how far a compensated plan leaves the original path;
             else empty.
-        advice: For a refused plan, changes that would help, in words; those that were tried are
+        advice: For a refused plan, changes that may help, in words; those that were tried are
             marked.
     """
 
@@ -106,7 +106,7 @@ class Row(PlanFigures):
 
     @classmethod
     def from_plan(cls, label: str, method: str, plan: Plan, check: Check, why: str = "") -> Row:
-        """What is known of a plan before it is replayed.
+        """Return the row of a plan before its replay.
 
         Args:
             label: The method with its options.
@@ -130,7 +130,7 @@ class Row(PlanFigures):
 
     @property
     def spec(self) -> str:
-        """The method and its options: the label without what it says about feedback."""
+        """The method and its options: the label without the end for feedback."""
         return self.label.removesuffix(FEEDBACK)
 
     @property
@@ -153,7 +153,7 @@ class Row(PlanFigures):
         return self.replay.worst if self.replay is not None and self.replay.angles else None
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready facts, without the curves; None where a number is not defined."""
+        """Return JSON-ready data without curves; None if a number is undefined."""
         skipped = {"plan", "replay"}
         first = ("label", "method", "solved", "why")
         data = {key: getattr(self, key) for key in first}
@@ -166,7 +166,7 @@ class Row(PlanFigures):
 
 
 def machine_figures(run: Replay, *, sweep: bool = False) -> dict[str, Any]:
-    """The figures that replays of a plan with angles give, by name; if `sweep`, those it keeps."""
+    """Return the figures computed from replays, by name; if `sweep`, only those of sweeps."""
     known = figures(Row).items()
     return {n: f.replay(run) for n, f in known if f.replay and (f.sweep or not sweep)}
 
@@ -178,13 +178,13 @@ FEEDBACK_NOTE = (
 
 
 def verdict(row: Row) -> str:
-    """The verdict in words: solved, or why not."""
+    """Return "yes" or "no" for solved, with the remark."""
     word = "yes" if row.solved else "no"
     return f"{word}: {row.remark}" if row.remark or not row.solved else word
 
 
 def columns(system: TriangularSystem) -> list[Column[Row]]:
-    """A row's label and verdict, and its numbers in the order in which they are read."""
+    """Return the columns: label, verdict, then the numbers in reading order."""
     return [
         Column("method", "", lambda r: r.label, key="label", left=True, width=20, code=True),
         Column("solved", "", verdict, key="", left=True),
@@ -195,12 +195,12 @@ def columns(system: TriangularSystem) -> list[Column[Row]]:
 
 
 def intervals(system: TriangularSystem) -> list[Column[Row]]:
-    """More columns, for which only Markdown and CSV have room: 95 % confidence intervals."""
+    """Return the columns of 95 % confidence intervals, for Markdown and CSV only."""
     return list(_columns(system, files=True))
 
 
 def _columns(system: TriangularSystem, files: bool) -> Iterator[Column[Row]]:
-    """A column for each number that has a heading; those without one CSV has alone."""
+    """Yield a column for each number; those without a heading are for CSV only."""
     for name, one in figures(Row).items():
         if one.files != files:
             continue
@@ -217,11 +217,11 @@ def _component(name: str, k: int) -> Callable[[Row], float]:
 
 
 def _fact(name: str) -> Column[Row]:
-    """An attribute that CSV has alone."""
+    """Return a column that only CSV has."""
     return Column(name, "", attrgetter(name), shown=None)
 
 
 def sweep_columns() -> list[str]:
-    """Names of the numbers that sweeps keep of a plan and of its replays, as in CSV."""
+    """Return the names of the numbers that sweeps save, as in CSV."""
     names = {name: one for name, one in figures(Row).items() if one.sweep}
     return [key for n, f in names.items() for key in ([h.key or n for h in f.headings] or [n])]

@@ -1,4 +1,5 @@
-"""Sliders in a notebook, and a picture that follows them.
+"""Sliders in a notebook, and a figure that follows them.
 
-In this order: `explore`, `widget`, `state`, `control`, `controls`, `screen`, `outcome`, `picture`.
+Read in this order: `explore`, `widget`, `state`, `control`, `controls`, `screen`, `outcome`,
+`picture`.
 """

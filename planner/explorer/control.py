@@ -1,7 +1,7 @@
-"""One thing on the screen that can be set: a slider, a choice, or a switch.
+"""A control on the screen: a slider, a choice, or a switch.
 
-The ends of sliders depend on the problem. The controls of what is asked (the system's constants,
-start and goal) come from the file's tables.
+The ends of sliders depend on the problem. The controls of the system's constants, start and goal
+are made from the tables of the problem file.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ Kind = Literal["slider", "choice", "switch"]
 
 @dataclass(frozen=True)
 class Control:
-    """A slider, choice or switch, and the key of the problem file that it writes.
+    """A slider, choice or switch, and the key of the problem file that it sets.
 
     Attributes:
-        group: Heading it stands under.
+        group: Heading of its group.
         label: Its name on the screen.
         kind: "slider", "choice" or "switch".
         key: Dotted key of the problem file ("limits.joint_deg"), or "method" or "samples".
-        whole: Present value of that key, or what it would be if it were not switched off.
-        part: Place of this control's number in `whole` when that is a list or table.
-        shown: Number or word that it shows; for a slider that is off, what it starts from.
-        low: Least number of a slider.
-        high: Greatest number of a slider.
+        whole: Current value of that key; if the control is off, the value it would have if on.
+        part: Index of this control's number in `whole`, if that is a list or table.
+        shown: Number or word shown; for a slider that is off, the value it gets when switched on.
+        low: Smallest number of a slider.
+        high: Largest number of a slider.
         log: Whether a slider is logarithmic.
         integer: Whether a slider has whole numbers only.
         unit: Unit of the number.
-        on: Whether it is not switched off.
-        off: What to write when a slider is switched off ("free", None, False).
-        off_word: How that reads; empty where the slider cannot be switched off.
+        on: Whether it is switched on.
+        off: The key's value when the slider is switched off ("free", None, False).
+        off_word: The word shown for `off`; empty if the slider cannot be switched off.
         choices: Words of a choice.
-        writes: What each of the words writes; the word itself when left out.
+        writes: The key's value for each word. By default the word itself.
         help: One line of explanation.
     """
 
@@ -69,11 +69,11 @@ class Control:
 
     @property
     def name(self) -> str:
-        """Unique on the screen, and the same while the screen keeps its shape."""
+        """Unique name of the control, which does not depend on its value."""
         return ":".join([self.key, *map(str, self.part)])
 
     def new_value(self, value: Any) -> Any:
-        """The key's new value when this control is set to `value` (None: switched off)."""
+        """Return the key's value after this control is set to `value` (None: switched off)."""
         if self.kind == "switch":
             return bool(value)
         if self.kind == "choice":
@@ -91,25 +91,25 @@ class Control:
         return whole
 
     def to_dict(self) -> dict[str, Any]:
-        """What the browser needs to draw it."""
+        """Return what the browser needs to draw the control."""
         skipped = {"key", "whole", "part", "off", "writes"}
         plain = {key: value for key, value in vars(self).items() if key not in skipped}
         return {**plain, "name": self.name, "choices": list(self.choices)}
 
 
 def round_digits(value: float, digits: int = 6) -> float:
-    """A number with so many significant digits, as a slider should write it."""
+    """Round a number to `digits` significant digits."""
     return float(f"{value:.{digits}g}")
 
 
 def log_range(value: float, factor: float = 10.0) -> tuple[float, float]:
-    """Ends of a logarithmic slider about a positive value, at one significant digit."""
+    """Return ends of a logarithmic slider around a positive value, with one significant digit."""
     low, high = (10.0 ** np.floor(np.log10(v)) for v in (value / factor, value * factor))
     return float(low), float(np.ceil(value * factor / high) * high)
 
 
 def travel_range(problem: Problem) -> tuple[float, float, float]:
-    """Least and greatest travel of the slider, and one between them."""
+    """Return the smallest and largest travel of the slider, and one between them."""
     window = travel_window(problem)
     travel = problem.travel
     if window is not None and not window.empty and np.isfinite(window.high):
@@ -126,7 +126,7 @@ def travel_range(problem: Problem) -> tuple[float, float, float]:
 
 
 def z2_reach(problem: Problem) -> float:
-    """A |z₂| beyond what the problem's ends have, for the range of a slider."""
+    """Return a |z₂| larger than that of start and goal, as the end of a slider."""
     form = chained_form(problem.system)
     ends = [form.z(np.nan_to_num(q))[1] for q in (problem.start, problem.goal)]
     return round_digits(max(1e-3, 2 * float(np.max(np.abs(ends)))), 2)
@@ -135,7 +135,7 @@ def z2_reach(problem: Problem) -> float:
 GROUPS = {"system": "System", "start": "Start", "goal": "Goal"}
 
 MAX_JOINTS = 6
-"""Joints on the slider: with more of them no answer comes while one looks at the screen."""
+"""Most joints on the slider: planning with more is too slow for an interactive screen."""
 
 ANGLE_ENDS: Mapping[str, float] = {
     "theta": 89.0,
@@ -143,7 +143,7 @@ ANGLE_ENDS: Mapping[str, float] = {
     "hitch": 120.0,
     "heading": 180.0,
 }
-"""Ends of sliders of angles, degrees."""
+"""Largest magnitude of angles on sliders, in degrees."""
 
 UNITS = {
     "_nms_per_rad": "N m s/rad",
@@ -161,11 +161,11 @@ UNITS = {
     "_m": "m",
     "_s": "s",
 }
-"""Unit by the ending of a key; the longest first."""
+"""Units by the ending of a key; longer endings come first."""
 
 
 def key_words(key: str) -> tuple[str, str]:
-    """Words and unit of a key: "input_rate_rad_s2" gives ("input rate", "rad/s²")."""
+    """Split a key into words and unit: "input_rate_rad_s2" gives ("input rate", "rad/s²")."""
     for ending, unit in UNITS.items():
         if key.endswith(ending):
             return key.removesuffix(ending).replace("_", " "), unit
@@ -173,15 +173,16 @@ def key_words(key: str) -> tuple[str, str]:
 
 
 EXCLUDED_KEYS = frozenset({"phi_rad", "travel", "duration"})
-"""Has a control of its own, or (the disk's first angle) changes no motion."""
+"""Keys without a slider here: travel and duration have their own controls, and phi_rad, the first
+disk's initial angle, does not change the motion."""
 
 
 WHOLE_KEYS = (JOINTS_KEY, "goal.turns")
-"""Numbers of the task that are whole."""
+"""Keys whose values are whole numbers."""
 
 
 def task_controls(state: State, travel_key: str) -> list[Control]:
-    """One slider a number of the tables `system`, `start` and `goal`."""
+    """Return a slider for each number in the tables `system`, `start` and `goal`."""
     file, first = parse_file(state.base.to_dict(), state.base.source), State(state.base)
     controls: list[Control] = []
     for table, group in GROUPS.items():
@@ -202,7 +203,7 @@ def task_controls(state: State, travel_key: str) -> list[Control]:
 
 
 def _sliders(group: str, key: str, now: Any, usual: Any, help_text: str) -> Iterator[Control]:
-    """One for the number under a key, or one for each in its list; none for anything else."""
+    """Yield a slider for a key's number, or for each number of its list; none for other values."""
     name, unit = key_words(key.rsplit(".", 1)[-1])
     listed = isinstance(now, list)
     for k, value in enumerate(now if listed else [now]):
@@ -213,7 +214,7 @@ def _sliders(group: str, key: str, now: Any, usual: Any, help_text: str) -> Iter
         size = usual[min(k, len(usual) - 1)] if listed else usual
         size = abs(value if isinstance(size, str) else size)
         label = name if len(name) > 3 else name.replace(" ", "_")  # k_g, as in formulas
-        if listed:  # the first joint has a motor of its own, so that gears begin with K2
+        if listed:  # a motor drives the first joint directly, so gears begin with K2
             number = k + (2 if name == "K" else 1)
             counted = f"{label.removesuffix('s')} {number}"
             known = {"theta": readable_name(f"theta{number}"), "K": readable_name(f"K{number}")}

@@ -1,8 +1,8 @@
 """The controls of the explorer: motion, machine, limits, and the method's options.
 
-Those of the motion are method, travel, duration and constraint points; of the machine how many
-there are, and each effect. Limits are the keys that the problem's kind has, and options (objective,
-weights, mesh) come from the method's table.
+The motion has method, travel, duration and constraint points; the machine has the number of samples
+and each effect. Limits are the keys of the problem's kind. Options (objective, weights, mesh) are
+those of the method's table.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from planner.problem.tables.method_options import NO_SLIDER, Slider
 GOAL_TITLE = "Goal"
 METHOD_TITLE = "Method"
 TASK_KEYS = ("system.", "start.", "goal.theta", "goal.heading", "goal.q")
-"""What decides which travels are possible."""
+"""Beginnings of keys that determine which travels are possible."""
 
 POINTS_KEY = "method.polynomial.points"
 
 
 def motion_controls(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
-    """Travel and duration, the method, and for the polynomial its constraint points."""
+    """Return the controls of travel, duration, method and the polynomial's constraint points."""
     controls = [_duration(state, plan), _method(state)]
     if problem.has_travel_key:
         controls.insert(0, _travel(state, problem, plan))
@@ -89,7 +89,7 @@ def _duration(state: State, plan: Plan | None) -> Control:
 def _free_slider(
     label: str, key: str, whole: Any, shown: float, low: float, high: float, **about: Any
 ) -> Control:
-    """A slider of what can be free."""
+    """Return a slider whose value can be free."""
     free: dict[str, Any] = {"on": whole != "free", "off": "free", "off_word": "free"}
     return Control(GOAL_TITLE, label, "slider", key, whole, (), shown, low, high, **free, **about)
 
@@ -129,7 +129,7 @@ def _points(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
 
 
 def _new_points(count: int, duration: float, plan: Plan | None) -> list[list[float]]:
-    """Points on the present path, so that adding one does not move it."""
+    """Return points on the current path, so that adding them does not change it."""
     times = duration * np.arange(1, count + 1) / (count + 1)
     values = np.zeros(count) if plan is None else plan.z(times)[:, 1]
     return [
@@ -141,9 +141,9 @@ MACHINE_TITLE = "Machine"
 
 
 def machine_controls(state: State, problem: Problem) -> list[Control]:
-    """The number of machines, then one control for each effect that the machine started with.
+    """Return controls of the number of machines and of each effect of the machine.
 
-    Effects that act in dynamic fidelity alone are left out in the quasi-static one.
+    Effects that act only with dynamic fidelity are left out if the machine is quasi-static.
     """
     count = Control(
         MACHINE_TITLE, "machines", "slider", "samples", state.samples, shown=state.samples,
@@ -161,7 +161,7 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
 
 
 def _start_state(machine: Machine) -> Control:
-    """How the arm stood before, which its mechanism remembers."""
+    """Return the choice of the state before the start, on which the backlash depends."""
     words, help_text = get_args(StartState), MachineTable.model_fields["start_state"].description
     now = machine.start_state[0] if len(set(machine.start_state)) == 1 else "joint by joint"
     choices = [*words, *([now] if now not in words else [])]
@@ -172,7 +172,7 @@ def _start_state(machine: Machine) -> Control:
 
 
 def _compensation(state: State) -> Control:
-    """Whether plans allow for the machine's mechanism."""
+    """Return the switch that compensates plans for the machine."""
     key = "compensation.on"
     on = bool(state.value(key, False))
     help_text = (
@@ -183,13 +183,13 @@ def _compensation(state: State) -> Control:
 
 
 def _effect(name: str, first: Machine, now: Machine, given: Any) -> Control:
-    """The control of an effect; `given` is what the problem that was begun with says of it."""
+    """Return the control of an effect; `given` is its value in the initial problem."""
     usual = (first if name in first.effects else now).effects[name].to_setting()
     on = name in now.effects
     whole = now.effects[name].to_setting() if on else usual
     effect = EFFECTS[name]
     part: tuple[str, ...] = ()
-    if isinstance(usual, dict):  # what has a mean of zero only varies from machine to machine
+    if isinstance(usual, dict):  # with a mean of zero only the spread matters
         part = ("spread",) if usual["value"] == 0 else ("value",)
     number = usual[part[0]] if part else usual
     label, help_text = _label(name, part), MachineTable.model_fields[name].description or ""
@@ -221,12 +221,12 @@ def _effect(name: str, first: Machine, now: Machine, given: Any) -> Control:
 
 def _label(name: str, part: tuple[str, ...]) -> str:
     words, unit = key_words(name)
-    per = " under load" if unit == "1/(N m)" else ""  # beside the same word without a load
+    per = " under load" if unit == "1/(N m)" else ""  # the same word exists without load
     return f"{words}{per}{' (spread)' if part == ('spread',) else ''}"
 
 
 def _effect_range(effect: Effect, usual: float, *, spread: bool) -> tuple[float, float]:
-    """From (almost) nothing to three times the usual value."""
+    """Return the ends of an effect's slider: from (nearly) zero to three times the usual value."""
     low = 0.1 * usual if effect.positive and not spread else 0.0
     high = 3 * usual
     return round_digits(low, 3), round_digits(high if spread else min(high, effect.high), 3)
@@ -235,11 +235,11 @@ def _effect_range(effect: Effect, usual: float, *, spread: bool) -> tuple[float,
 LIMITS_TITLE = "Limits"
 
 USUAL_LIMITS: Mapping[str, float] = {"deg": 80.0, "": 0.01, "m": 0.02}
-"""Where a limit starts when it is switched on, by unit; 1 of other units."""
+"""Initial value of a limit that is switched on, by unit; 1 for other units."""
 
 
 def limit_controls(state: State, problem: Problem) -> list[Control]:
-    """One slider per limit, or one per input where the problem gives two numbers."""
+    """Return one slider per limit, or one per coordinate or input if the limit is a list."""
     table = parse_file(state.base.to_dict(), state.base.source).limits
     controls = []
     for name, field in type(table).model_fields.items():
@@ -298,7 +298,7 @@ SOLVER_TITLE = "Solver"
 
 
 def option_controls(state: State, plan: Plan | None) -> list[Control]:
-    """One control per option of the present method."""
+    """Return one control per option of the current method."""
     table = METHODS[state.method].options
     controls = []
     for name, field in table.model_fields.items():
@@ -350,6 +350,6 @@ def _control(
 
 
 def _chosen_value(plan: Plan | None, name: str) -> float | None:
-    """The value that the method chose by itself, from the notes of its plan."""
+    """Return the value that the method chose for an option, from the notes of its plan."""
     value = None if plan is None else plan.notes.get(name)
     return float(value) if isinstance(value, int | float) else None

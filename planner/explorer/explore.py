@@ -1,4 +1,4 @@
-"""Exploring a problem in a notebook: sliders on one side, the plan's picture on the other."""
+"""Explore a problem in a notebook: sliders next to figures of the plan."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ def explore(
 ) -> Explorer:
     """Show an explorer in a notebook: sliders for the problem, and figures that follow them.
 
-    Put it as the last expression of a notebook cell. Sliders set the system's constants, start,
-    goal, travel, duration, constraint points (which can also be dragged in the figure), the options
-    of the method, the limits and the effects of the machine. During planning the figures are grey,
-    the elapsed time is shown, and a button stops it. A refused plan is drawn with the reason.
-    Buttons show the mechanism, the Python code and the problem file. In Python: `explorer.plan`,
+    Make it the last expression of a notebook cell. Sliders set the system's constants, start, goal,
+    travel, duration, constraint points (which can also be dragged in the figure), the options of
+    the method, the limits and the effects of the machine. During planning the figures are grey, the
+    elapsed time is shown, and a button stops it. A refused plan is drawn with the reason. Buttons
+    show the mechanism, the Python code and the problem file. In Python: `explorer.plan`,
     `explorer.problem`, `explorer.code` and `explorer.problem_file`.
 
-    Unless the problem sets these options, the explorer lets collocation try fewer first guesses and
-    simulates the machine in steps of 0.01 s; the code and the problem file contain these settings.
+    Unless the problem sets these options, collocation tries fewer first guesses and the machine is
+    simulated in steps of 0.01 s; the code and the problem file contain these settings.
 
     Args:
         problem: The problem to start from.
         method: The method to start with.
         samples: Number of random machines on which every plan is replayed; 0 for none.
-        time_limit_s: Seconds for planning, unless the problem's options set a limit; None for no
+        time_limit_s: Seconds for planning, unless the problem's options set a limit; None means no
             limit.
 
     Raises:

@@ -1,6 +1,6 @@
-"""From a state to a path, its judgement and its errors on the machine, in three steps.
+"""Plan for a state of the screen, verify the plan, and replay it on machines, in three steps.
 
-The path alone is quick; the other two steps follow once the sliders rest.
+Planning is quick; the other two steps run when the user stops moving sliders.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from planner.support.deadline import (
 
 @dataclass(frozen=True)
 class ScreenOutcome:
-    """What became of a state.
+    """The result of planning for a state.
 
     Attributes:
         state: The state.
-        problem: Its problem; None when the state is no possible problem.
-        plan: The motion to draw; when refused, a path for study; None when there is none at all.
+        problem: Its problem; None if the state makes no valid problem.
+        plan: The motion to draw; after a refusal a path for study; None if there is no path.
         error: Why there is no plan, or None.
-        judged: Whether the plan has been verified (or refused) yet.
+        judged: Whether the plan has been verified or refused.
     """
 
     state: State
@@ -50,7 +50,7 @@ class ScreenOutcome:
 
     @property
     def kind(self) -> str:
-        """In a word: "verified", "not judged yet", "stopped", or the kind of refusal."""
+        """The result in a word: "verified", "not judged yet", "stopped", or the kind of refusal."""
         if isinstance(self.error, NoPlanError):
             return self.error.status.replace("_", " ")
         if self.error is not None:
@@ -59,7 +59,7 @@ class ScreenOutcome:
 
 
 def path(state: State) -> ScreenOutcome:
-    """Plan, without judging what the method gives. Takes what the method takes, or its limit."""
+    """Plan without verification. Takes as long as the method does, up to the time limit."""
     try:
         problem = state.problem()
         method = find_method(state.method)
@@ -93,7 +93,7 @@ def path(state: State) -> ScreenOutcome:
 
 
 def judge(outcome: ScreenOutcome) -> ScreenOutcome:
-    """Verify a path that is not refused yet."""
+    """Verify a path that is neither verified nor refused."""
     if outcome.judged or outcome.plan is None:
         return outcome
     try:
@@ -113,7 +113,7 @@ def judge(outcome: ScreenOutcome) -> ScreenOutcome:
 
 
 def errors(outcome: ScreenOutcome) -> Replay | None:
-    """The motion on samples of the machine; None for what cannot be executed."""
+    """Replay the motion on random machines; None if it cannot be executed."""
     plan, state = outcome.plan, outcome.state
     if plan is None or not plan.executable or not state.samples:
         return None
@@ -128,12 +128,12 @@ def errors(outcome: ScreenOutcome) -> Replay | None:
 
 
 def _study_path(problem: Problem, method: Method, options: Any) -> Plan | None:
-    """A path that the method would take if the reason of the refusal did not count."""
+    """Return a path that the method gives if singular paths are allowed, for study."""
     if "allow_singular" in method.options.model_fields:
         options = options.model_copy(update={"allow_singular": True})
     tasks = [problem]
     if problem.travel is None and problem.has_travel_key:
-        # In the middle of its slider, where a law finds none itself.
+        # A law that finds no travel gets the middle of the slider.
         tasks.append(problem.with_travel(travel_range(problem)[2]))
     for task in tasks:
         try:

@@ -1,4 +1,4 @@
-"""The panels of the picture as plain data: what the browser draws, and nothing else."""
+"""The panels of the figure as plain data for the browser."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from planner.report.panels import (
 )
 
 CURVE_SAMPLES = 160
-"""Instants a curve is drawn by, where it is not finer by itself."""
+"""Number of instants at which curves are sampled; a path with more nodes has more."""
 
 POSES = 10
 
 TITLES = {"z2": "z₂ and its domain", "z": "the other chained coordinates"}
-"""Of panels that hold more than their title says."""
+"""Titles that replace those of panels with more contents here."""
 
 
 def picture(outcome: ScreenOutcome) -> dict[str, Any]:
-    """The plan, and the panels that a path alone fills in the order of the screen.
+    """Return the plan and the panels that need no replay, in the order of the screen.
 
-    See `planner.report.panels`; besides, that of z2 has `handles`: constraint points [t, z2], `at`,
-    those that can be dragged with the `names` of their controls.
+    See `planner.report.panels`. The panel of z2 also has `handles`, one per constraint point: its
+    position `at` [t, z2] and, if it can be dragged, the `names` of its controls.
     """
     plan = outcome.plan
     if plan is None:
@@ -60,7 +60,7 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
 
 
 def _add_words(panels: dict[str, Panel], one: PlanCurves) -> None:
-    """What the screen has besides: handles, the margin's limit, words beside the titles."""
+    """Add what only the screen shows: handles, the limit of the margin, notes and titles."""
     problem = one.plan.problem
     margin = problem.limits.z2_margin
     panels["z2"] |= {
@@ -80,10 +80,10 @@ def _add_words(panels: dict[str, Panel], one: PlanCurves) -> None:
 
 
 def error_panel(run: Replay | None) -> dict[str, Any] | None:
-    """The largest error of any angle over time, on the machines: median and 90 % of them."""
+    """Return the panel of the largest joint error over time: median and 90 % band of machines."""
     if run is None or not run.angles:
         return None
-    target = run.plan.wanted(run.t)  # not a number while a compensated plan prepares
+    target = run.plan.wanted(run.t)  # NaN during the preparation of a compensated plan
     under_way = np.isfinite(target).all(axis=1)
     error = np.rad2deg(np.abs(run.q - target)[:, under_way][:, :, list(run.angles)]).max(axis=2)
     low, middle, high = np.percentile(error, [5, 50, 95], axis=0)
@@ -102,7 +102,7 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
 
 
 def _handles(plan: Plan) -> list[dict[str, Any]]:
-    """Constraint points; those that the problem gives can be dragged, by the controls' names."""
+    """Return the constraint points; those set in the problem can be dragged by their controls."""
     if plan.method != "polynomial":
         return []
     options = plan.options["points"]
@@ -118,7 +118,7 @@ def _handles(plan: Plan) -> list[dict[str, Any]]:
 
 
 def _peaks(panel: Panel) -> str:
-    """The largest of each input, in words."""
+    """Return the peak of each input in words."""
     peaks = (
         f"{curve['name']} {np.nanmax(np.abs(curve['y']), initial=0.0):.3g}"
         for curve in panel["series"]

@@ -1,6 +1,6 @@
-"""The logic of the explorer, without any widget: what is asked and what is answered.
+"""The logic of the explorer, without any widget.
 
-A `Screen` holds a state; `change` takes what a user did, `answer` gives what to show of it.
+A `Screen` holds a state; `change` applies what the user did, `picture` returns what to show.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from planner.systems.manipulator import Manipulator
 
 
 class Screen:
-    """A state that changes, with what became of it.
+    """The settings on the screen and the result of planning with them.
 
     Attributes:
-        state: What is set.
-        outcome: What became of it.
-        controls: What can be set now, by name.
+        state: The current settings.
+        outcome: The result of planning with them.
+        controls: The current controls, by name.
     """
 
     def __init__(self, state: State) -> None:
@@ -48,7 +48,10 @@ class Screen:
         self.plan_anew()
 
     def set(self, changes: Sequence[tuple[str, Any]]) -> bool:
-        """Set controls by name (None switches one off), without planning; whether others belong.
+        """Set controls by name (None switches one off), without planning.
+
+        Returns:
+            Whether the set of controls has changed.
 
         Raises:
             InputError: If there is no such control.
@@ -61,7 +64,7 @@ class Screen:
             if control.part and isinstance(now, type(control.whole)):
                 control = replace(control, whole=now)
             self.state = self.state.with_value(control.key, control.new_value(value))
-            # What makes the problem impossible is shown too: `_rebuild` does nothing then.
+            # Show the value even if it makes the problem invalid: `_rebuild` is skipped then.
             known = {"on": False} if value is None else {"on": True, "shown": value}
             self.controls = {**self.controls, name: replace(self.controls[name], **known)}
         before = list(self.controls)
@@ -83,11 +86,11 @@ class Screen:
         began = time.perf_counter()
         self.outcome = path(self.state)
         self._took_s = time.perf_counter() - began
-        if self.outcome.problem is not None:  # what is impossible must stay possible to take back
+        if self.outcome.problem is not None:  # else keep the controls for undoing
             self._rebuild(self.outcome.problem, self.outcome.plan)
 
     def reset(self) -> None:
-        """Back to the problem the exploration started from."""
+        """Return to the initial problem."""
         now = self.state
         self.state = State.from_problem(now.base, now.method, now.samples, now.time_limit_s)
         self.plan_anew()
@@ -97,7 +100,7 @@ class Screen:
         self.outcome = judge(self.outcome)
 
     def picture(self) -> dict[str, Any]:
-        """Panels, controls and words for what is known by now."""
+        """Return panels, controls and texts of the current state of planning."""
         return {
             **picture(self.outcome),
             "controls": self.shown_controls(),
@@ -106,11 +109,11 @@ class Screen:
         }
 
     def shown_controls(self) -> list[dict[str, Any]]:
-        """What can be set now, as plain data."""
+        """Return the current controls as plain data."""
         return [control.to_dict() for control in self.controls.values()]
 
     def words(self) -> dict[str, Any]:
-        """What there is to say: the kind of outcome, and the refusal in full."""
+        """Return the texts: kind of outcome, full refusal, and a line about the path."""
         outcome = self.outcome
         early = "" if outcome.plan is None else str(outcome.plan.notes.get("ended_early", ""))
         return {
@@ -120,11 +123,11 @@ class Screen:
         }
 
     def errors(self) -> dict[str, Any] | None:
-        """The panel of errors on the machine."""
+        """Return the panel of errors on the machine."""
         return error_panel(errors(self.outcome))
 
     def mechanism(self) -> dict[str, str]:
-        """The drawing of the mechanism (SVG), and the `system` of `picture` that it shows."""
+        """Return the drawing of the mechanism (SVG), and the `system` that it shows."""
         problem = self.outcome.problem
         return {
             "mechanism": "" if problem is None else mechanism_svg(problem.system),
@@ -132,24 +135,24 @@ class Screen:
         }
 
     def _system(self) -> str:
-        """The constants of a system whose mechanism can be drawn; empty for all others."""
+        """Return the constants of a system whose mechanism can be drawn; "" for other systems."""
         problem = self.outcome.problem
         if problem is None or not isinstance(problem.system, Manipulator):
             return ""
         return str(problem.to_dict()["system"])
 
     def texts(self) -> dict[str, str]:
-        """The Python code and the problem file of what is on the screen."""
+        """Return the Python code and the problem file of the current settings."""
         try:
             return {"code": code(self.state), "file": problem_file(self.state)}
         except InputError as error:
             return {"code": f"# {error}", "file": f"# {error}"}
 
     def plan(self) -> Plan:
-        """The verified plan on the screen.
+        """Return the verified plan on the screen.
 
         Raises:
-            PlannerError: The refusal on the screen, when there is no plan.
+            PlannerError: The refusal on the screen, if there is no plan.
         """
         self.judge()
         if self.outcome.error is not None:
@@ -170,7 +173,7 @@ class Screen:
 
 
 def path_line(outcome: ScreenOutcome, took_s: float) -> str:
-    """One line about the path: travel, duration, effort, the time it took."""
+    """Return one line about the path: travel, duration, effort, planning time."""
     plan = outcome.plan
     if plan is None:
         return ""

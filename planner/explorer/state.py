@@ -1,6 +1,6 @@
-"""What is set on the screen: a problem, changes to it, a method and a number of machines.
+"""The settings on the screen: a problem, changes to it, a method and a number of machines.
 
-The Python code and the problem file of what is on the screen.
+Also writes the Python code and the problem file of these settings.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ QUICK_SETTINGS: Mapping[str, Any] = {
     "method.collocation.attempts": 2,
     "machine.step_s": 0.01,
 }
-"""While it is explored, collocation searches less and the machine is simulated in coarser steps,
-so that answers come in time; the problem file and the code say so, as of any other change."""
+"""Settings that make the explorer respond quickly: collocation searches less, and the machine is
+simulated in coarser steps. The code and the problem file list them like any other change."""
 
 
 JOINTS_KEY = "system.joints"
@@ -33,19 +33,19 @@ PER_JOINT = {
     "goal.theta_deg": 0,
     "limits.joint_deg": 0,
 }
-"""Lists of an arm, and how many entries fewer than joints they have."""
+"""Lists of an arm, each with the number of joints minus its length."""
 
 
 @dataclass(frozen=True)
 class State:
-    """All that the picture depends on; immutable.
+    """Everything that the figures depend on; immutable.
 
     Attributes:
-        base: The problem the exploration started from.
+        base: The initial problem.
         method: Name of the method.
-        changes: Dotted keys of the problem file to values, in the order they were first made.
-        samples: Machines that the plan is replayed on; 0 for none.
-        time_limit_s: Seconds for planning, unless the problem's options set a limit; None for no
+        changes: Dotted keys of the problem file to values, in the order of first change.
+        samples: Number of random machines on which the plan is replayed; 0 for none.
+        time_limit_s: Seconds for planning, unless the problem's options set a limit; None means no
             limit.
     """
 
@@ -59,20 +59,20 @@ class State:
     def from_problem(
         cls, problem: Problem, method: str, samples: int, time_limit_s: float | None = None
     ) -> State:
-        """The state an exploration starts from."""
+        """Return the initial state for a problem."""
         data = problem.to_dict()
         quick = {key: value for key, value in QUICK_SETTINGS.items() if value_at(data, key) is None}
         return cls(problem, method, quick, samples, time_limit_s)
 
     def value(self, key: str, otherwise: Any = None) -> Any:
-        """Present value of a dotted key; `otherwise` where the problem does not say it."""
+        """Return the current value of a dotted key; `otherwise` if the problem does not set it."""
         if key in self.changes:
             return self.changes[key]
         value = value_at(self._data, key)
         return otherwise if value is None else value
 
     def with_value(self, key: str, value: Any) -> State:
-        """This state with one key set."""
+        """Return this state with one key set."""
         if key == "method":
             return replace(self, method=value)
         if key == "samples":
@@ -81,14 +81,14 @@ class State:
         return replace(self, changes={**self.changes, **more, key: value})
 
     def _resize(self, joints: int) -> dict[str, Any]:
-        """What else changes with the number of joints: a joint more is like the last one."""
+        """Return the lists that change with the number of joints; new joints copy the last."""
         changes: dict[str, Any] = {}
         for key, lacking in PER_JOINT.items():
             now, base, count = self.value(key), value_at(self._data, key), joints - lacking
             if not isinstance(now, list):
                 continue
             now = [*now, *(base[len(now) :] if isinstance(base, list) else [])]
-            # The gears of a chain are alike: each ratio is the one before times the same number.
+            # The gears of a chain are alike: successive ratios differ by a constant factor.
             ratio = now[-1] / now[-2] if lacking and len(now) > 1 else None
             while len(now) < count:
                 now.append(now[-1] * ratio if ratio else now[-1])
@@ -101,15 +101,15 @@ class State:
         return changes
 
     def problem(self) -> Problem:
-        """The problem on the screen, without the changes to options of other methods.
+        """Return the problem on the screen, without the options of other methods.
 
         Raises:
-            InputError: If a change makes it impossible.
+            InputError: If a change makes it invalid.
         """
         return self.base.changed(self._method_changes())
 
     def changes_from_base(self) -> dict[str, Any]:
-        """The changes worth telling: those of `problem` that differ from the base."""
+        """Return the changes of `problem` whose values differ from the initial problem."""
         return {
             key: value
             for key, value in self._method_changes().items()
@@ -117,7 +117,7 @@ class State:
         }
 
     def _method_changes(self) -> dict[str, Any]:
-        """Changes that concern this method."""
+        """Return the changes, without options of other methods."""
         return {
             key: value
             for key, value in self.changes.items()
@@ -130,7 +130,7 @@ class State:
 
 
 def value_at(data: Mapping[str, Any], dotted: str) -> Any:
-    """Value of a dotted key, None where there is none."""
+    """Return the value of a dotted key; None if the key is missing."""
     value: Any = data
     for key in dotted.split("."):
         if not isinstance(value, Mapping) or key not in value:
@@ -140,7 +140,7 @@ def value_at(data: Mapping[str, Any], dotted: str) -> Any:
 
 
 def code(state: State) -> str:
-    """Python code that makes the plan on the screen."""
+    """Return Python code that makes the plan on the screen."""
     lines = ["import planner", "", *_problem(state)]
     lines += [f'plan = planner.solve(problem, "{state.method}")', "check = planner.verify(plan)"]
     if state.samples:
@@ -170,17 +170,17 @@ def _literal(value: Any) -> str:
 
 
 def problem_file(state: State) -> str:
-    """The problem on the screen as a problem file; `planner plan FILE --method M` plans it.
+    """Return the problem on the screen as a problem file for `planner plan FILE --method M`.
 
     Raises:
-        InputError: If a change makes the problem impossible.
+        InputError: If a change makes the problem invalid.
     """
     data = drop_none(state.problem().to_dict())
     return "\n".join([f"# planner plan FILE --method {state.method}", *toml_lines(data), ""])
 
 
 def drop_none(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables without the keys that say nothing: TOML has no null."""
+    """Remove keys without a value from tables: TOML has no null."""
     return {
         key: drop_none(value) if isinstance(value, Mapping) else value
         for key, value in data.items()

@@ -1,6 +1,6 @@
-"""The explorer as a notebook widget: messages in, messages out; all logic is in `Screen`.
+"""The explorer as a notebook widget: messages to and from the browser; the logic is in `Screen`.
 
-One thread plans, so that the kernel can hear "stop" while it does.
+Planning runs in a thread of its own, so that the kernel can receive "stop" meanwhile.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ Job = tuple[Callable[[], Any], Context, Future[Any]]
 STOP_BUTTON = "the Stop button"
 
 CLOSE_S = 5.0
-"""Longest wait for the thread when Python ends."""
+"""Longest wait for the thread when Python ends, in seconds."""
 
 
 class PlanningThread:
-    """A thread that does one thing after the other.
+    """A thread that runs one task after the other.
 
-    It stays: compiled functions have buffers of their own in each thread.
+    It is kept between tasks, because compiled functions have separate buffers in each thread.
     """
 
     def __init__(self) -> None:
@@ -51,13 +51,13 @@ class PlanningThread:
         atexit.register(self._close)
 
     def do(self, work: Callable[[], Value]) -> Future[Value]:
-        """Do this, after all that was asked for before."""
+        """Run a task after all earlier ones; return its future."""
         future: Future[Value] = Future()
         self._queue.put((work, copy_context(), future))
         return future
 
     def stop(self, future: Future[Any], at_once: bool) -> None:
-        """End what was asked for, unless at once with what it has found so far, if anything."""
+        """Stop a task; unless `at_once`, it returns the best result so far, if there is one."""
         self._stopped.add(future)
         if self._current is not None and self._current[2] is future:
             self._end(self._current[1], at_once)
@@ -77,30 +77,31 @@ class PlanningThread:
             self._stopped.discard(future)
 
     def _run_limited(self, work: Callable[[], Value], future: Future[Value]) -> Value:
-        """Work in a block of its own; what was stopped before it began ends where time is asked."""
+        """Run a task with its own time limit; one stopped before it began ends at the first
+        check."""
         with deadline.time_limit(None):
             if future in self._stopped:
                 deadline.end(copy_context(), STOP_BUTTON)
             return work()
 
     def _close(self) -> None:
-        """End the thread before Python ends: compiled code must not find it gone."""
+        """Stop the thread before Python ends, so that no compiled code runs during shutdown."""
         self._queue.put(None)
         until = time.monotonic() + CLOSE_S
         while self._thread.is_alive() and time.monotonic() < until:
-            if (doing := self._current) is not None:  # and then what was waiting
+            if (doing := self._current) is not None:  # waiting tasks follow
                 self._end(doing[1], at_once=True)
             self._thread.join(0.05)
 
 
 @cache
 def worker() -> PlanningThread:
-    """The one of this process: two plans at a time would only be slower."""
+    """Return the only planning thread of the process: two plans at a time would only be slower."""
     return PlanningThread()
 
 
 INLINE_ERRORS_S = 0.05
-"""Errors on the machine that took less than this come with the picture; others follow it."""
+"""Errors that took less time than this are sent with the figures; others later. In seconds."""
 
 logger = logging.getLogger("planner")
 
@@ -109,7 +110,7 @@ SCRIPTS = ("static/controls.js", "static/explorer.js")
 
 
 class Explorer(anywidget.AnyWidget):
-    """A picture of one problem whose sliders plan it anew; made by `planner.explore`."""
+    """A widget with sliders that replan a problem and show the plan; made by `planner.explore`."""
 
     _esm = script(PACKAGE, SCRIPTS)
     _css = stylesheet(PACKAGE, "static/explorer.css")
@@ -132,7 +133,7 @@ class Explorer(anywidget.AnyWidget):
         """The problem on the screen.
 
         Raises:
-            InputError: If the settings are impossible together.
+            InputError: If the settings contradict each other.
         """
         return worker().do(lambda: self._screen.state.problem()).result()
 
@@ -157,7 +158,7 @@ class Explorer(anywidget.AnyWidget):
 
     @property
     def _screen(self) -> Screen:
-        """What is shown; planned in the worker, when it is first asked for."""
+        """The screen; it is created in the worker on first use, which plans."""
         if self._shown_screen is None:
             self._shown_screen = Screen(self._state)
         return self._shown_screen
@@ -166,7 +167,7 @@ class Explorer(anywidget.AnyWidget):
         return self._screen.texts()
 
     def _hear(self, _: Any, content: Mapping[str, Any], buffers: Any) -> None:
-        """Hear one message of the browser, which waits for the answer, come what may."""
+        """Receive one message of the browser, which waits for an answer in every case."""
         if content.get("ask") == "stop":
             if self._answer_in_work is not None:
                 worker().stop(self._answer_in_work, at_once=bool(content.get("at_once")))
@@ -182,7 +183,7 @@ class Explorer(anywidget.AnyWidget):
             answer = {"kind": "a bug", "text": f"{type(error).__name__}: {error}", "todo": []}
         try:
             self.send({"number": content.get("number"), "facts": "", **answer})
-        except Exception:  # nobody else would hear of it in this thread
+        except Exception:  # nothing else reports an error in this thread
             logger.exception("the explorer could not send its answer")
 
     def _answer(self, content: Mapping[str, Any]) -> dict[str, Any]:
@@ -199,9 +200,9 @@ class Explorer(anywidget.AnyWidget):
         if what == "change":
             try:
                 others = screen.set(content["changes"])
-            except InputError as error:  # a control of an older picture
+            except InputError as error:  # a control that no longer exists
                 return {**screen.picture(), "text": str(error), "todo": []}
-            if others:  # they are there before the plan is
+            if others:  # show them before planning ends
                 now = {"controls": screen.shown_controls(), "more": True}
                 self.send({"number": content["number"], **now})
             screen.plan_anew()
@@ -222,5 +223,5 @@ class Explorer(anywidget.AnyWidget):
 
     @property
     def _open(self) -> list[str]:
-        """What the browser is to ask for once the sliders rest."""
+        """The steps that the browser requests once the user stops moving sliders."""
         return [] if self._screen.outcome.judged else ["judge"]

@@ -65,8 +65,7 @@ _result_writer: Callable[[str], object] | None = None
 
 
 PLAIN = {"−": "-", "–": "-", "·": "*", "×": "x", "±": "+-", "→": "->", "≤": "<=", "≥": ">="}
-"""Replacements for characters that a console lacks. Other characters lose their accents or become
-question marks."""
+"""Replacements for characters that a console lacks. Others lose accents or become "?"."""
 
 
 def _nearest(error: UnicodeError) -> tuple[str, int]:

@@ -204,8 +204,7 @@ class Comparison:
         return "\n".join([heading, table, *after])
 
     def figures(self) -> dict[str, Figure]:
-        """Return the figures by name: z, joints, inputs, arm, errors, effort, replay, if they
-        apply."""
+        """Return figures by name, if they apply: z, joints, inputs, arm, errors, effort, replay."""
         figures: dict[str, Figure] = import_function("planner.report.folders.figures")(self)
         return figures
 

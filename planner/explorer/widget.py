@@ -77,8 +77,7 @@ class PlanningThread:
             self._stopped.discard(future)
 
     def _run_limited(self, work: Callable[[], Value], future: Future[Value]) -> Value:
-        """Run a task with its own time limit; one stopped before it began ends at the first
-        check."""
+        """Run a task with its own time limit; if already stopped, it ends at the first check."""
         with deadline.time_limit(None):
             if future in self._stopped:
                 deadline.end(copy_context(), STOP_BUTTON)

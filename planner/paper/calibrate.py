@@ -1,7 +1,7 @@
-"""The prototype preset, calibrated against what the paper says about its experiment.
+"""Calibrate the prototype preset to the paper's statements about its experiment.
 
-Also the page and the figure of a calibration: the calibrated prototype on the paper's motion, and
-how well its parameters are known.
+Also writes the page and the figure of a calibration: the calibrated prototype on the paper's
+motion, and how well its parameters are known.
 """
 
 from __future__ import annotations
@@ -55,10 +55,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MACHINES = 500
-"""Number of samples; their median is compared with the paper."""
+"""Number of random machines; their median is compared with the paper."""
 
 LATERAL_FRICTIONS = (0.05, 0.10, 0.15, 0.20, 0.25, 0.30)
-"""Ratios of sideways to driving friction that the prototype is also fitted with."""
+"""Other ratios of sideways to driving friction for which the prototype is fitted."""
 
 Progress = Callable[[str, float], None]
 
@@ -68,10 +68,11 @@ class Calibration:
     """The result of `calibrate`.
 
     Attributes:
-        plan: The plan that stands for the paper's experiment.
+        plan: The plan that represents the paper's experiment.
         fit: The most probable parameters.
-        sideways: The same for other ratios of sideways to driving friction.
-        data: How well the paper's words, its curves and better records determine them.
+        sideways: The fit for each ratio of sideways to driving friction.
+        data: How well the parameters are determined by the paper's words, its curves and better
+            records.
         motions: The plan on the nominal machine, by fidelity.
         replays: The plan on machines with all spreads, by fidelity.
     """
@@ -85,11 +86,11 @@ class Calibration:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The fitted part of the prototype preset, as it stands in `planner.machine.machine`."""
+        """The fitted part of the prototype preset, as written in `planner.machine.machine`."""
         return preset_settings(self.fit.parameters)
 
     def to_dict(self) -> dict[str, Any]:
-        """The preset's entries, the paper's statements, and what is identified; JSON-ready."""
+        """Return JSON-ready data: preset, the paper's statements, identifiability."""
         statements = [
             {"text": s.text, "target": s.target, "bound": s.bound, "unit": s.unit, "found": value}
             for s, value in zip(STATEMENTS, self.fit.values.tolist(), strict=True)
@@ -116,7 +117,7 @@ class Calibration:
 
 
 def preset_settings(parameters: Mapping[str, float]) -> dict[str, Any]:
-    """Effects with numbers, or with value and spread for what differs from machine to machine."""
+    """Return effects as numbers, or as value and spread if they differ between machines."""
     out: dict[str, Any] = {}
     for name, value in settings(parameters).items():
         share = SPREADS.get(name, 0.0)
@@ -126,11 +127,11 @@ def preset_settings(parameters: Mapping[str, float]) -> dict[str, Any]:
 
 
 def calibrate(progress: Progress | None = None, seed: int = 0) -> Calibration:
-    """Fit the prototype to the paper, and find out which parameters the paper does not determine.
+    """Fit the prototype to the paper, and find the parameters that the paper does not determine.
 
     Args:
         progress: Called with the current step and the completed share, 0 … 1.
-        seed: Of the machines with spreads.
+        seed: Seed of the machines with spreads.
     """
     expect_listener(progress)
     say = progress or (lambda what, share: None)
@@ -161,8 +162,8 @@ def write(calibration: Calibration, path: str | Path) -> Path:
     """Write README.md and the figure.
 
     Args:
-        calibration: What to write.
-        path: The folder; an earlier run's is replaced, and only when all is written.
+        calibration: The result to write.
+        path: The folder; that of an earlier run is replaced, once everything is written.
 
     Raises:
         InputError: If the folder cannot be written or holds something else.
@@ -193,7 +194,7 @@ method, at the travel of least peak input that stays inside the chart's domain.
 
 
 def page(calibration: Calibration) -> str:
-    """Markdown."""
+    """Return the page as Markdown."""
     return "\n".join(
         [
             _HEAD.format(made_by=made_by("planner calibrate --out results/calibration")),
@@ -307,7 +308,7 @@ def _parameters(settings: Mapping[str, Any], data: Sequence[DataSet]) -> str:
 
 
 def remaining_share(data: DataSet, parameter: Parameter) -> float:
-    """Share of a parameter's range that is left when the data are known; 1: unidentifiable."""
+    """Return the share of a parameter's range that remains given the data; 1: unidentifiable."""
     return float(data.remaining[FITTED_PARAMETERS.index(parameter)])
 
 
@@ -318,7 +319,7 @@ def _preset(value: Any, joint: int | None = None) -> str:
 
 
 def _of(number: Any, joint: int | None) -> float:
-    """The number of a joint 2 … n where each has one."""
+    """Return a number, or its entry for a joint 2 … n if it is a list."""
     return float(number if joint is None else number[joint - 2])
 
 
@@ -390,7 +391,7 @@ DASHES = {"quasi-static": "-", "dynamic": "--"}
 
 
 def picture(plan: Plan, motions: Mapping[str, PaperReplays], data: Sequence[DataSet]) -> Figure:
-    """Errors of the joints, speeds of the motors, and the remaining share of each range."""
+    """Draw errors of the joints, speeds of the motors, and the remaining share of each range."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.5, 6.2), dpi=100, layout="constrained")

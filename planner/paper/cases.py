@@ -1,4 +1,4 @@
-"""The plans of the paper's section 4.3, and valid plans to replace those that fail."""
+"""The plans of the paper's section 4.3, and valid plans in place of those that fail."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ DATA: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Cases:
-    """The plans.
+    """The plans of the paper's example.
 
     Attributes:
-        free: z without any constraint point (the paper's Fig. 4).
-        point: z with the constraint point (its Fig. 5); not executable.
-        valid: The same method at the travel of least peak input inside the domain.
-        best: The motion of least effort; its travel is free.
-        crossing: The motion of least effort at the travel of Figs. 4 and 5: z₂ changes sign.
-        kept: The same with z₂ at most −`Z2_MARGIN`.
+        free: Polynomial without a constraint point (the paper's Fig. 4).
+        point: Polynomial with the constraint point (its Fig. 5); not executable.
+        valid: Polynomial at the travel of least peak input inside the domain.
+        best: Plan of least effort with free travel.
+        crossing: Plan of least effort at the travel of Figs. 4 and 5: z₂ changes sign.
+        kept: Plan of least effort at that travel with z₂ ≤ −`Z2_MARGIN`.
         replay: `valid` on samples of the emulated prototype.
     """
 
@@ -56,12 +56,12 @@ class Cases:
 
 @cache
 def paper_problem(**goal: Any) -> Problem:
-    """The paper's example without limits; keywords change its `[goal]` table."""
+    """Return the paper's example without limits; keywords change its `[goal]` table."""
     return Problem.from_dict({**DATA, "goal": {**DATA["goal"], **goal}}, "the paper's example")
 
 
 def cases(samples: int, seed: int) -> Cases:
-    """Plan and replay everything the figures show."""
+    """Plan and replay everything that the figures show."""
     printed = paper_problem(travel=TRAVEL)
     valid = solve(paper_problem(), "polynomial")
     return Cases(

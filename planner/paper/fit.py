@@ -1,24 +1,23 @@
-"""The most probable parameters, given their ranges and what the paper says.
+"""The most probable parameters, given their ranges and the paper's statements.
 
-With x the parameters, standardised by their ranges, and f(x) what replays give for the paper's
-statements, the most probable x minimises
+Let x be the parameters, standardised by their ranges, and f(x) the values of the paper's
+statements, computed by replays. The most probable x minimises
 
     |x|² + |(f(x) − target) / tolerance|²
 
-(least squares; a normal prior on x and normal errors of reading). A statement that says "at most"
-counts where it is exceeded. The largest errors of θ₃ and θ₂ come from the quasi-static model, the
-usual one; how well motors follow from the dynamic one, in which the load acts on them.
+(least squares; a normal prior on x and normal reading errors). A statement that says "at most"
+counts only if it is exceeded. The largest errors of θ₃ and θ₂ are computed with the quasi-static
+model, the default; how well the motors follow, with the dynamic model, in which the load acts on
+them.
 
-`planner.identify` has a fit of its own: thousands of readings, a robust loss, offsets of each log
-and a bootstrap, where here are five numbers, two of them bounds. SciPy's `least_squares` is what
-both share; one function for both would save some ten lines.
+`planner.identify` has a different fit: thousands of readings, a robust loss, offsets of each log
+and a bootstrap, instead of five numbers, two of them bounds. Both use SciPy's `least_squares`; a
+common function would save about ten lines.
 
-Which parameters what was measured can tell, and which it cannot.
-
-For observables f(x) with errors of reading σ, at standardised parameters x, the scaled sensitivity
-S = (∂f/∂x)/σ has the singular values s₁ ≥ s₂ ≥ …; the data say more than the ranges along the
-directions in parameter space whose s > 1, and nothing where s = 0. Of the spread of a parameter
-over its range, the part √((1 + SᵀS)⁻¹)ᵢᵢ is left (linear theory, normal errors): 1 means not
+Identifiability: for observables f(x) with reading errors σ, the scaled sensitivity S = (∂f/∂x)/σ at
+standardised parameters x has the singular values s₁ ≥ s₂ ≥ … The data determine more than the
+ranges along directions in parameter space with s > 1, and nothing where s = 0. Of a parameter's
+spread over its range remains the share √((1 + SᵀS)⁻¹)ᵢᵢ (linear theory, normal errors): 1 means not
 identifiable, 0 known.
 """
 
@@ -45,7 +44,7 @@ HALF_STEP = 0.1
 """Half of a central difference, in standard deviations of the range."""
 
 FIT_TOLERANCE = 5e-3
-"""Of the fit, in standard deviations of the ranges."""
+"""Tolerance of the fit, in standard deviations of the ranges."""
 
 PRESET_DIGITS = 3
 """Significant digits of the preset."""
@@ -57,12 +56,12 @@ BOUNDS = np.array([s.bound for s in STATEMENTS])
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The result.
+    """The result of a fit.
 
     Attributes:
         x: Standardised parameters, (P,).
-        parameters: The same in their units, rounded to the digits of the preset.
-        values: What the paper's statements come to with them.
+        parameters: The parameters in their units, rounded to the digits of the preset.
+        values: Values of the paper's statements with these parameters.
         motor_nm: Largest torque of motor 1 in the paper's motion, N m.
     """
 
@@ -73,24 +72,24 @@ class Fit:
 
     @property
     def distance(self) -> float:
-        """From the centres of the ranges, in standard deviations, all together."""
+        """Distance of x from the centres of the ranges (norm), in standard deviations."""
         return float(np.linalg.norm(self.x))
 
 
 def difference_points(x: Array) -> list[dict[str, float]]:
-    """x itself, and x with each coordinate a little more and a little less; 1 + 2 P of them."""
+    """Return parameters at x, then with each coordinate a step up, then a step down; 1 + 2 P."""
     steps = HALF_STEP * np.eye(len(x))
     return [values(p) for p in (x, *(x + steps), *(x - steps))]
 
 
 def central_differences(values: Array) -> Array:
-    """Derivatives by standardised parameters (…, P), from values at `difference_points`."""
+    """Return derivatives by standardised parameters (…, P), from values at `difference_points`."""
     count = len(values) // 2
     return np.moveaxis((values[1 : 1 + count] - values[1 + count :]) / (2 * HALF_STEP), 0, -1)
 
 
 def statement_values(plan: Plan, points: list[dict[str, float]], **changes: Any) -> Array:
-    """The quantities in the paper's statements, (S, 5)."""
+    """Return the quantities in the paper's statements, (S, 5)."""
     machine = nominal_machine(points[0], **changes)
     still = move(plan, machine, points).statements
     moving = move(plan, machine.with_(fidelity="dynamic"), points).statements
@@ -98,13 +97,13 @@ def statement_values(plan: Plan, points: list[dict[str, float]], **changes: Any)
 
 
 def fit(plan: Plan, **changes: Any) -> Fit:
-    """Fit `FITTED_PARAMETERS`: without the bounds, then with those that this exceeds.
+    """Fit `FITTED_PARAMETERS` without the bounds, then again with the bounds that are exceeded.
 
-    A bound inside the search would be a kink in it, at which least squares ends too early.
+    A one-sided bound in the residuals would have a kink, where least squares stops too early.
 
     Args:
         plan: The paper's motion.
-        changes: Of the effects that are not fitted.
+        changes: Values of effects that are not fitted.
     """
     from scipy.optimize import least_squares  # slow to import
 
@@ -131,7 +130,7 @@ def fit(plan: Plan, **changes: Any) -> Fit:
 
 
 def to_preset_digits(value: float) -> float:
-    """To the digits of the preset."""
+    """Round to the digits of the preset."""
     return float(f"{value:.{PRESET_DIGITS}g}")
 
 
@@ -142,22 +141,22 @@ ENCODER_DEG, TACHO_PERCENT = 0.088, 0.1
 """Resolution of the prototype's own encoders and tachometers."""
 
 CURVE_STRIDE = 5
-"""A point is read off a curve every so many records, that is 0.05 s."""
+"""Every fifth record of a curve counts as a reading, that is one per 0.05 s."""
 
 DURATION_RATIOS = (0.5, 1.0, 4.0)
-"""Durations, over that of the paper's motion, of the runs that would give most information."""
+"""Durations of the most informative runs, relative to that of the paper's motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class DataSet:
-    """Something measured.
+    """A set of measured data.
 
     Attributes:
         name: What was measured.
         count: Number of measured values.
         singular: Singular values of the scaled sensitivity, (P,), decreasing.
-        directions: Their directions among the standardised parameters, (P, P), one a row.
-        remaining: Part of each parameter's spread that it leaves, (P,).
+        directions: Their directions in the space of standardised parameters, (P, P), one per row.
+        remaining: Share of each parameter's spread that remains given the data, (P,).
     """
 
     name: str
@@ -173,9 +172,9 @@ class DataSet:
 
 
 def identify(plan: Plan, fit: Fit) -> tuple[DataSet, ...]:
-    """What three sets of data determine: the paper's words, its curves, and possible records.
+    """Return what three data sets determine: the paper's words, its curves, and possible records.
 
-    Bounds are left out: an inequality gives no value.
+    Bounds are left out, because an inequality gives no value.
     """
     points = difference_points(fit.x)
     machine = nominal_machine(points[0], fidelity="dynamic")
@@ -203,7 +202,7 @@ def _run(
 
 
 def _curves(motion: PaperReplays, degrees: float, percent: float) -> Array:
-    """Scaled sensitivities of all recorded angles and motor speeds, (numbers, P)."""
+    """Return scaled sensitivities of all recorded angles and motor speeds, (numbers, P)."""
     curves = np.concatenate([motion.error / degrees, motion.motors / percent], axis=2)
     return central_differences(curves[:, ::CURVE_STRIDE].reshape(len(curves), -1))
 
@@ -217,7 +216,7 @@ def _data(name: str, scaled: Array) -> DataSet:
 
 
 def main_parameters(data: DataSet, k: int, least: float = 0.15) -> dict[str, float]:
-    """The parameters that direction k of some data is mostly made of, with their parts."""
+    """Return the components of direction k of at least `least` in magnitude, by parameter."""
     names = list(values(np.zeros(len(data.remaining))))
     row = data.directions[k] * np.sign(data.directions[k][np.argmax(np.abs(data.directions[k]))])
     order = np.argsort(-np.abs(row))

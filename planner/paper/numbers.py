@@ -1,6 +1,6 @@
-"""The paper's printed numbers and claims beside ours, each with a verdict.
+"""The paper's printed numbers and claims compared with ours, each with a verdict.
 
-At which travels and constraint points does the paper's singularity avoidance work on its example?
+Also finds the travels and constraint points at which the paper's singularity avoidance works.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class PaperNumber:
 
     Attributes:
         where: Place in the paper.
-        printed: What it says.
+        printed: What the paper says.
         ours: Our result.
         verdict: One of `Verdict`.
     """
@@ -58,7 +58,7 @@ class PaperNumber:
 
 
 def findings(cases: Cases) -> list[PaperNumber]:
-    """All findings, in the order of the paper."""
+    """Return all findings, in the order of the paper."""
     return [
         *_contacts(),
         *_controllability(),
@@ -71,12 +71,12 @@ def findings(cases: Cases) -> list[PaperNumber]:
 
 
 def turned_ratio(degrees: Array, lateral: float, share: float = 0.0) -> Array:
-    """How fast a joint turns behind three equal contacts at an angle, where eq. (6) has cos³θ.
+    """Return the speed ratio of a joint behind three equal turned contacts; eq. (6) has cos³θ.
 
     Args:
-        degrees: The angle, any shape.
-        lateral: Friction of the contacts sideways over that along their drive.
-        share: Load of the last contact over what it transmits.
+        degrees: Angle of the contacts, any shape.
+        lateral: Ratio of sideways friction to friction along the drive.
+        share: Load of the last contact over its capacity.
     """
     cosines, one = np.cos(np.deg2rad(np.asarray(degrees, dtype=float)))[None], np.ones((1, 1))
     load = np.full_like(cosines, share)
@@ -254,7 +254,7 @@ def _sensitivity(cases: Cases) -> PaperNumber:
 
 
 CALM_LIMITS = {"limits": {"input_rad_s": [0.6, 0.6]}}
-"""Of the desensitised plan: without limits it would run ever faster."""
+"""Limits for the desensitised plan: without them it would run ever faster."""
 
 
 def _drive_torque(plan: Plan) -> PaperNumber:
@@ -297,11 +297,11 @@ MISSING_ANGLE_DETOURS: tuple[tuple[float, Points], ...] = (
     (0.85, "auto"),
     (0.87, "auto"),
 )
-"""Travels at which it keeps z₂ < 0 but has no real θ₁ in between, likewise."""
+"""Travels at which the cubic keeps z₂ < 0 but has no real θ₁, and points that avoid it."""
 
 
 def detour(travel: float, points: Points) -> Plan:
-    """The paper's closed-form method with constraint points; a verified plan.
+    """Return a verified plan by the paper's polynomial with constraint points.
 
     Raises:
         SingularError: If the path still leaves the domain.
@@ -331,7 +331,7 @@ def _detour_text(plan: Plan) -> str:
 
 
 def margins_at_paper_point(travels: int = 301) -> Array:
-    """Least chart margin with the paper's own point, at travels from 0.7 to 1 rad."""
+    """Return the smallest chart margin with the paper's point, at travels from 0.7 to 1 rad."""
     points = [Point(*POINT)]
     curves = [_curve(float(travel), points) for travel in np.linspace(0.70, 1.00, travels)]
     return score(paper_problem(), curves).margin
@@ -343,7 +343,7 @@ class Scan:
 
     Attributes:
         trials: Number of pairs of travel and time tried.
-        inside: Travel (rad) and time (s) of those whose path lies inside the domain, shape (m, 2).
+        inside: Travel (rad) and time (s) of pairs with a path inside the domain, shape (m, 2).
     """
 
     trials: int
@@ -351,7 +351,7 @@ class Scan:
 
 
 def scan() -> Scan:
-    """Try the value of the paper's point at many times and travels, densest where it works."""
+    """Try the value of the paper's point at many times and travels, more densely where it works."""
     travels = np.concatenate([np.linspace(0.70, 1.00, 61), np.linspace(0.7929, 0.7936, 8)])
     times = np.concatenate([np.linspace(0.5, 9.5, 37), np.linspace(3.8, 4.2, 9)])
     tried, inside = 0, []
@@ -367,7 +367,7 @@ def scan() -> Scan:
 
 
 def _curve(travel: float, points: list[Point]) -> ChainedTrajectory:
-    problem = paper_problem()  # the travel of its goal is free
+    problem = paper_problem()  # its travel is free
     goal = problem.goal.copy()
     goal[0] = travel
     form = chained_form(problem.system)

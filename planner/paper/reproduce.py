@@ -1,4 +1,4 @@
-"""The paper's figures and numbers, recomputed, and the page that explains them to its reader."""
+"""Recompute the paper's figures and numbers, and write a page that explains them."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What `reproduce` made.
+    """The result of `reproduce`.
 
     Attributes:
-        path: The folder: README.md, one PNG a figure, the arm in motion as a GIF.
+        path: The folder with README.md, one PNG per figure, and a GIF of the moving arm.
         findings: The paper's numbers and claims, each with a verdict.
         cases: The plans behind the figures.
     """
@@ -51,10 +51,10 @@ def reproduce(
     """Regenerate the paper's figures and check its numbers.
 
     Args:
-        path: Folder to write, whole or not at all.
-        samples: Machines that Figs 9 and 10 are replayed on.
+        path: Folder to write; it is written completely or not at all.
+        samples: Number of machines for Figs 9 and 10.
         seed: Seed of the machines.
-        progress: Called with what is being done and the share done, 0 … 1.
+        progress: Called with the current step and the finished share, 0 … 1.
 
     Raises:
         InputError: If the folder cannot be written.
@@ -82,7 +82,7 @@ VALID_LABEL = "same law, travel chosen inside the domain"
 
 
 def figures(cases: Cases) -> dict[str, Figure]:
-    """File name (without ending) to figure."""
+    """Return the figures by file name without ending."""
     free = {"no constraint point": cases.free}
     point = {f"constraint point ({POINT[0]:g} s, {POINT[1]:g})": cases.point}
     return {
@@ -101,7 +101,7 @@ def figures(cases: Cases) -> dict[str, Figure]:
 
 
 def _turned_contacts() -> Figure:
-    """How fast a joint turns behind three contacts at an angle, for more or less friction."""
+    """Draw the speed of a joint behind three turned contacts, for several friction ratios."""
     figure, axes = grid(1, 1, size=(6.4, 4.0))
     ax, degrees = axes[0, 0], np.linspace(0, 60, 241)
     ax.plot(degrees, np.cos(np.deg2rad(degrees)) ** 3, "k--", label="eq. (6): $\\cos^3\\theta$")
@@ -119,7 +119,7 @@ def _turned_contacts() -> Figure:
 
 
 def _finding(cases: Cases) -> Figure:
-    """z₂ of Fig. 5 with the band −g(z₃) < z₂ < 0 in which a real θ₁ exists."""
+    """Draw z₂ of Fig. 5 with the band −g(z₃) < z₂ < 0 in which a real θ₁ exists."""
     figure, axes = grid(1, 1, size=(6.4, 4.0))
     ax, t = axes[0, 0], np.linspace(0, cases.point.duration, 2001)
     z2 = cases.point.z(t)[:, 1]
@@ -144,7 +144,7 @@ def _finding(cases: Cases) -> Figure:
 
 
 def _motors(cases: Cases) -> Figure:
-    """Speeds of both motors of the sample of median error, against the command."""
+    """Draw commands and motor speeds of the machine with median error."""
     run = cases.replay
     figure, axes = grid(1, 2, size=(4.2, 3.0))
     commanded, k = run.plan.trajectory.u(run.t), median_sample(run)
@@ -275,7 +275,7 @@ FIGURES = (
 
 
 def _escape_separators(text: str) -> Markup:
-    """Our own Markdown with formulas: only the table's separators are escaped."""
+    """Escape only the separators of tables: our text is Markdown with formulas."""
     return Markup(text.replace("|", "\\|"))
 
 
@@ -288,7 +288,7 @@ FINDING_COLUMNS: list[Column[PaperNumber]] = [
 
 
 def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
-    """The page as Markdown text."""
+    """Return the page as Markdown."""
     command = f"planner reproduce --out results/paper --samples {samples} --seed {seed}"
     parts = [_HEAD.format(made_by=made_by(command)), "## Numbers and claims\n"]
     parts.append(markdown_table(FINDING_COLUMNS, findings) + "\n")

@@ -1,10 +1,10 @@
-"""The paper's statements about its prototype, as numbers that a replay computes.
+"""The paper's statements about its prototype, as numbers that replays compute.
 
-Also the range of each parameter of the prototype, and its source.
+Also the range of each parameter of the prototype, with its source.
 
-The paper gives no data sheet, but it shows two servo motors, friction disks, bevel gears, timing
-belts and long shafts on a bench (its Figs 2 and 3). So the range of every parameter is that of
-typical parts, taken as the central 95 % of a log-normal distribution. `planner.paper.fit` then fits
+The paper gives no data sheet, but its Figs 2 and 3 show two servo motors, friction disks, bevel
+gears, timing belts and long shafts on a bench. So the range of each parameter is that of typical
+parts, and is taken as the central 95 % of a log-normal distribution. `planner.paper.fit` then fits
 the parameters within these ranges to the paper's statements.
 """
 
@@ -25,16 +25,17 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 STEP_S = 0.01
-"""Step of the replays: their error, some 0.0002 deg, is far below the reading error of a figure.
+"""Step of the replays in seconds. Its error, about 0.0002 deg, is far below the reading error of a
+figure.
 
 The motion is recorded at the same step. Where a gearhead reverses, the motor deviates from its
-command for less than 0.05 s; recorded every 0.05 s, the rms depended on the time of the reversal
+command for less than 0.05 s; with records every 0.05 s the rms depended on the time of the reversal
 (0.26 to 0.38 %)."""
 
 SETTLE_S = 0.5
 
 COUNT_FROM_S = 0.5
-"""Earlier times do not count: in the figure the jump of the first command hides any deviation."""
+"""Earlier times do not count: in the paper's figure the first jump hides any deviation. Seconds."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Statement:
         target: The number it states.
         tolerance: Standard deviation of that number.
         unit: Unit of both.
-        bound: Whether it says "at most"; then any value below the target agrees with it.
+        bound: Whether it says "at most"; then any value below the target agrees.
     """
 
     text: str
@@ -79,7 +80,7 @@ STATEMENTS = (
 
 
 def calibration_plan() -> Plan:
-    """The paper's polynomial method at the travel of least peak input inside the chart's domain."""
+    """Return the paper's polynomial plan at the travel of least peak input inside the domain."""
     return solve(paper_problem(), "polynomial")
 
 
@@ -91,9 +92,9 @@ class PaperReplays:
         t: Recorded times, (R,), s.
         error: True minus planned angle, (S, R, n), deg.
         motors: Speed of the motors, (S, R, 2), as a percentage of each command's peak.
-        gap: The same minus the command.
+        gap: Speed minus command of the motors, in the same unit and shape.
         largest: Largest |error| over all steps, (S, n), deg.
-        torque_share: Largest torque that the contacts ask of motor 1, (S,), % of its limit.
+        torque_share: Largest torque that the contacts require of motor 1, (S,), % of its limit.
     """
 
     t: Array
@@ -112,7 +113,7 @@ class PaperReplays:
 
 
 def nominal_machine(values: Mapping[str, float], **changes: object) -> Machine:
-    """The prototype with these parameters, no spread, and the given changes."""
+    """Return the prototype with these parameters, without spread, and with the given changes."""
     return Machine.prototype(step_s=STEP_S).nominal().with_(**{**settings(values), **changes})
 
 
@@ -144,7 +145,7 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
 
 
 def values(x: Array) -> dict[str, float]:
-    """Parameters at standardised coordinates x (P,): 0 the centre of each range, ±2 its ends."""
+    """Return parameters at standardised coordinates x (P,): 0 is a range's centre, ±2 its ends."""
     return {
         r.key: r.centre * float(np.exp(r.width * xi))
         for r, xi in zip(FITTED_PARAMETERS, x, strict=True)
@@ -152,7 +153,7 @@ def values(x: Array) -> dict[str, float]:
 
 
 def settings(parameters: Mapping[str, float]) -> dict[str, float | list[float]]:
-    """The machine's effects with these parameters: those of single joints as lists."""
+    """Return the machine's effects for parameters; parameters of single joints become lists."""
     out: dict[str, float | list[float]] = {}
     for key, value in parameters.items():
         name, *joint = key.split(JOINT_MARK)
@@ -161,18 +162,18 @@ def settings(parameters: Mapping[str, float]) -> dict[str, float | list[float]]:
 
 
 JOINT_MARK = " of joint "
-"""Between an effect and the joint that a parameter is of."""
+"""Separates effect and joint in the key of a parameter."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter that is fitted.
+    """A fitted parameter.
 
     Attributes:
         name: Effect of the machine; its unit is that of the `[machine]` table.
         low, high: Ends of its range.
         source: Where the range comes from.
-        joint: The joint, where each of joints 2 and 3 has a value of its own.
+        joint: The joint, if joints 2 and 3 have separate values.
     """
 
     name: str
@@ -183,7 +184,7 @@ class Parameter:
 
     @property
     def key(self) -> str:
-        """What tells the parameter from all others."""
+        """Unique name of the parameter: effect and joint."""
         return self.name if self.joint is None else f"{self.name}{JOINT_MARK}{self.joint}"
 
     @property
@@ -193,7 +194,7 @@ class Parameter:
 
     @property
     def width(self) -> float:
-        """Standard deviation of the logarithm."""
+        """Standard deviation of the parameter's logarithm."""
         return float(np.log(self.high / self.low) / 4)
 
 
@@ -243,7 +244,7 @@ FITTED_PARAMETERS = (
     Parameter("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension", 3),
     Parameter("viscous_friction_nms_per_rad", 0.01, 0.2, "grease: a tenth to all of it at 1 rad/s"),
 )
-"""In the order of the signal path."""
+"""The fitted parameters, in the order of the signal path."""
 
 FIXED_PARAMETERS: dict[str, str] = {
     "control_period_s": "a PC of 2010 commanding two drives over a bus",

@@ -1,8 +1,7 @@
-"""The error budget of a plan: effects one at a time, all but one, and by their Sobol indices.
+"""The error budget of a plan: each effect alone, each effect switched off, and Sobol indices.
 
-*Alone*: E with this effect and no other. *Saves*: by how much E falls when this effect alone is
-switched off. They differ where effects need or hide each other: friction winds up a soft shaft, and
-alone does nothing.
+*Alone*: E with this effect and no other. *Saves*: how much E falls if only this effect is switched
+off. They differ if effects interact: friction winds up a soft shaft, but causes no error alone.
 """
 
 from __future__ import annotations
@@ -47,18 +46,18 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 Progress = Callable[[str, float], None]
-"""Called with what is being done and the share of all work that is done, 0 … 1."""
+"""Called with the current step and the finished share of the work, from 0 to 1."""
 
 Interval = tuple[float, float]
 
 SCREENING_MACHINES = 16
-"""Machines on which an effect must change something to be looked at further."""
+"""Number of machines for the first test; an effect that changes E on none of them is idle."""
 
 BLOCK_MACHINES = 1000
-"""Machines that are looked at together, so that a million need no more memory than these."""
+"""Number of machines simulated at once, which limits the memory."""
 
 IDLE_DEG = 1e-6
-"""What counts as something, degrees."""
+"""A smaller change of E counts as none, in degrees."""
 
 
 @dataclass(frozen=True)
@@ -68,11 +67,11 @@ class Cost:
     Attributes:
         name: The effect.
         alone_deg: Median of E with this effect alone, degrees.
-        alone_interval_deg: Its interval; NaN where nothing varies.
+        alone_interval_deg: Interval of `alone_deg`.
         saves_deg: Median over machines of E with all effects minus E without this one, degrees.
         saves_interval_deg: Interval of `saves_deg`.
-        between: Sobol indices among what differs from machine to machine; None without a spread.
-        switch: Sobol indices as a switch.
+        between: Sobol indices between machines; None if the effect has no spread.
+        switch: Sobol indices of switching the effect on or off.
     """
 
     name: str
@@ -93,12 +92,12 @@ class Budget:
         machine: The distribution of machines.
         samples: Number of random machines for each median.
         base: Base samples of the Sobol indices.
-        seed: Of all draws.
+        seed: Seed of all draws.
         E_deg: Median of E with all effects, degrees.
         E_interval_deg: Its 95 % interval.
-        none_deg: E with no effect at all, degrees.
-        costs: The effects that matter, the largest first (by `saves_deg`).
-        idle: Effects that are on and can act in the machine's fidelity, but changed nothing on the
+        none_deg: E without any effect, degrees.
+        costs: The effects that change E, sorted by decreasing |`saves_deg`|.
+        idle: Effects that are on and can act in the machine's fidelity, but do not change E on the
             first machines.
     """
 
@@ -126,7 +125,7 @@ class Budget:
         raise InputError(f"no effect '{name}' in this budget; there are: {names}")
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready; None where a number is not defined."""
+        """Return JSON-ready data; None if a number is undefined."""
         data = {k: v for k, v in vars(self).items() if k not in ("plan", "machine", "costs")}
         data["method"] = self.plan.method
         data["machine"] = self.machine.to_dict()
@@ -134,7 +133,7 @@ class Budget:
         return dict(jsonable(data))
 
     def table(self) -> Table:
-        """For a terminal: `rich.print(budget.table())`; without indices of first order."""
+        """Return a table for `rich.print(budget.table())`, without first-order indices."""
         shown = [column for column in COLUMNS if not column.title.endswith(", first")]
         return terminal_table(
             [replace(c, value=_words) if c.title == "effect" else c for c in shown],
@@ -146,7 +145,7 @@ class Budget:
         )
 
     def figure(self) -> Figure:
-        """Costs and indices as bars."""
+        """Draw costs and indices as bars."""
         figure: tuple[Figure, Any] = import_function(
             "planner.report.figures.robustness.plot_budget"
         )(self)
@@ -167,11 +166,11 @@ def error_budget(
     Args:
         plan: An executable plan.
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
-        samples: Machines for each median, at least 1; the same for every median.
+        samples: Number of machines for each median, at least 1; all medians use the same machines.
         base: Base samples of the Sobol indices, a power of 2. They take (effects + 2) · base runs
-            for effects as switches, and as many again for what differs between machines.
+            for effects as switches, and (effects with a spread + 2) · base runs between machines.
         seed: Seed of all draws.
-        progress: Called with what is being done and the share done, 0 … 1.
+        progress: Called with the current step and the finished share, 0 … 1.
 
     Raises:
         InputError: If the plan cannot be executed or has no angles, the machine has no effects or
@@ -193,7 +192,7 @@ def error_budget(
 
 @dataclass(frozen=True)
 class _BudgetRun:
-    """One budget in the making."""
+    """The computation of one budget."""
 
     plan: Plan
     machine: Machine
@@ -248,7 +247,7 @@ class _BudgetRun:
     def _one_by_one(
         self, effects: Sequence[str], count: int
     ) -> tuple[Array, Array, dict[str, Array], dict[str, Array]]:
-        """E of the first samples, (S,): with no effect, all of them, each alone, all but each."""
+        """Return E, (S,): without effects, with all, with each alone, with all but each."""
         names = frozenset(self.machine.effects)
         changes = [names, frozenset[str](), *(names - {k} for k in effects)]
         changes += [frozenset({k}) for k in effects]
@@ -257,7 +256,7 @@ class _BudgetRun:
         return none, whole, alone, dict(zip(effects, rest[len(effects) :], strict=True))
 
     def _variants(self, changes: Sequence[frozenset[str]], count: int) -> list[Array]:
-        """E of the first samples, (S,), with each of these sets of effects off."""
+        """Return E, (S,), of `count` samples for each set of effects that are off."""
         blocks = [
             self._block(changes, np.arange(k, min(k + BLOCK_MACHINES, count)))
             for k in range(0, count, BLOCK_MACHINES)
@@ -265,9 +264,10 @@ class _BudgetRun:
         return [np.concatenate(each) for each in zip(*blocks, strict=True)]
 
     def _block(self, changes: Sequence[frozenset[str]], samples: NDArray[np.int64]) -> list[Array]:
-        """The same of a few samples at once.
+        """Return the result of `_variants` for some samples.
 
-        Those that may share a simulation do; machines that are all alike are simulated once.
+        Variants share a simulation if possible; a variant whose machines are equal is simulated
+        once.
         """
         effects, count = self.machine.effects, len(samples)
         sizes = [
@@ -298,14 +298,14 @@ class _BudgetRun:
 
 
 def _interval(values: Array) -> Interval:
-    """Of the median; nothing where all are alike."""
+    """Return the 95 % interval of the median; its width is 0 if all values are equal."""
     if np.ptp(values) == 0:
         return (float(values[0]), float(values[0]))
     return percentile_interval(values, 50)
 
 
 TINY_DEG = 1e-4
-"""What is smaller is shown as 0: it is that of the integration."""
+"""Smaller values are shown as 0, because they are integration errors. In degrees."""
 
 CAPTION = (
     "alone: median error index E (eq. 29) with this effect and no other; saves: median over the"
@@ -317,7 +317,7 @@ CAPTION = (
 
 
 Labelled = tuple[str, Cost]
-"""A row: the plan's label and what one effect costs it."""
+"""A row: the label of a plan and the cost of one effect."""
 
 
 def _degrees(value: float, style: str) -> str:
@@ -329,13 +329,13 @@ def _degrees(value: float, style: str) -> str:
 def _cost(
     title: str, key: str, value: Callable[[Cost], float], style: str | None = None
 ) -> Column[Labelled]:
-    """A number of degrees; without a style for CSV alone."""
+    """Return a column in degrees; without a style it is for CSV only."""
     format = None if style is None else lambda x: _degrees(x, style)
     return Column(title, "", lambda row: value(row[1]), format, key)
 
 
 def _sobol(kind: str, part: str) -> Iterator[Column[Labelled]]:
-    """An index with half of its interval: in one cell to be read, in two of CSV."""
+    """Yield columns of an index and half of its interval: one cell in tables, two in CSV."""
 
     def pair(row: Labelled) -> tuple[float, float]:
         index: Index | None = getattr(row[1], kind)
@@ -372,7 +372,7 @@ COLUMNS: list[Column[Labelled]] = [
 
 
 def budget_markdown(budgets: Mapping[str, Budget], command: str | None = None) -> str:
-    """Markdown text, one table a plan."""
+    """Return Markdown with one table per plan."""
     lines = ["# Error budget", ""]
     for label, budget in budgets.items():
         rows = [(label, cost) for cost in budget.costs]
@@ -391,13 +391,13 @@ def budget_markdown(budgets: Mapping[str, Budget], command: str | None = None) -
 
 
 def budget_csv(budgets: Mapping[str, Budget]) -> str:
-    """One line per effect of a plan, full precision, empty where a number is not defined."""
+    """Return CSV with one line per effect of a plan, full precision, empty if undefined."""
     rows = [(label, cost) for label, budget in budgets.items() for cost in budget.costs]
     return csv_table(COLUMNS, rows)
 
 
 def total(budget: Budget) -> str:
-    """The median error with its interval, and what is left without any effect."""
+    """Return in words the median error with its interval, and the error without any effect."""
     low, high = (number(x) for x in budget.E_interval_deg)
     none = _degrees(budget.none_deg, ".3g")
     return f"median E {number(budget.E_deg)} deg ({low} to {high}), {none} without any effect"

@@ -1,9 +1,9 @@
-"""How every parameter of the emulated machine reaches the end of a plan, by paired differences.
+"""How each parameter of the emulated machine affects the end of a plan, by paired differences.
 
-A machine with play, stick and limits is not smooth, so nothing is differentiated: the plan is
-replayed on machines that differ from the nominal one in one number, a step up and a step down, and
-the difference of the two motions is taken over their distance. The step is the machine's own
-spread where it has one. All these machines run side by side in one replay.
+A machine with play, stiction and limits is not smooth, so it cannot be differentiated. Instead, the
+plan is replayed on pairs of machines with one parameter a step above and a step below its nominal
+value; the difference of the motions is divided by that of the values. The step is the spread of the
+parameter, if it has one. All machines run in one replay.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
 RELATIVE_STEP = 0.05
-"""Step of a parameter without spread, as a part of its value."""
+"""Step of a parameter without spread, relative to its value."""
 
 STEPS: Mapping[str, float] = {
     "": 0.01,
@@ -35,17 +35,17 @@ STEPS: Mapping[str, float] = {
     "N m s/rad": 0.01,
     "kg m^2": 1e-4,
 }
-"""Step of a parameter that is zero, by its unit."""
+"""Step of a parameter whose value is zero, by its unit."""
 
 GRID_PARAMETERS = ("control_period_s", "delay_s")
-"""Parameters that set the grid of times, which all machines of one replay share."""
+"""Parameters that define the time grid, which all machines of a replay share."""
 
 RECORDS = 200
 WRITE_STRIDE = 5
-"""Every so many of the recorded times are written out."""
+"""Every fifth recorded time is written to files."""
 
 NO_EFFECT_DEG = 1e-9
-"""Change of an angle, over the step, below which a parameter counts as without effect."""
+"""A parameter that changes the angles by less between its two machines has no effect, degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +54,13 @@ class MachineEntry:
 
     Attributes:
         effect: Key of the `[machine]` table.
-        element: Motor or joint it belongs to ("u1", "theta2"); empty for one of the whole machine.
+        element: Its motor or joint ("u1", "theta2"); empty if it belongs to the whole machine.
         unit: Its unit; empty for fractions.
         value: Nominal value.
         spread: Standard deviation from machine to machine.
-        low: Value of the lower of the two machines.
-        high: Value of the upper one.
-        along: Degrees of each angle for one unit, over the recorded times, shape (R, n).
+        low: Value of the machine with the lower value.
+        high: Value of the machine with the higher value.
+        along: Response of each angle per unit, at the recorded times, shape (R, n), degrees.
     """
 
     effect: str
@@ -74,27 +74,27 @@ class MachineEntry:
 
     @property
     def name(self) -> str:
-        """Effect and element."""
+        """The name: effect and element."""
         return f"{self.effect} {self.element}".strip()
 
     @property
     def terminal(self) -> Array:
-        """Degrees of each angle at the end for one unit, shape (n,)."""
+        """Response of each angle at the end per unit, shape (n,), degrees."""
         return np.asarray(self.along[-1])
 
     @property
     def reference(self) -> float:
-        """One spread, or where it has none, half the distance of the two machines."""
+        """The spread, or without one half the difference between the values of the two machines."""
         return self.spread or (self.high - self.low) / 2
 
     @property
     def contribution(self) -> Array:
-        """Degrees of each angle at the end for one `reference`, shape (n,)."""
+        """Response of each angle at the end to a change by `reference`, shape (n,), degrees."""
         return self.terminal * self.reference
 
     @property
     def has_no_effect(self) -> bool:
-        """Whether nothing changes, at any time."""
+        """Whether the response is zero at all times."""
         return bool(np.max(np.abs(self.along)) * (self.high - self.low) < NO_EFFECT_DEG)
 
 
@@ -106,10 +106,10 @@ class MachineSensitivity:
         plan: The plan.
         machine: The machine; steps start from its nominal values.
         angles: Names of the n angles.
-        t: Recorded times, shape (R,), s; the last is after the servos have settled.
+        t: Recorded times, shape (R,), s; at the last one the servos have settled.
         nominal_error_deg: Error of each angle at the end on the nominal machine, shape (n,).
-        entries: In the order of the signal path.
-        omitted: Parameters without a step, and why.
+        entries: The responses, in the order of the signal path.
+        omitted: Parameters without a response, and why.
     """
 
     plan: Plan
@@ -128,22 +128,22 @@ class MachineSensitivity:
 
     @property
     def matrix(self) -> Array:
-        """Degrees of each angle at the end for one unit of each parameter, shape (n, P)."""
+        """Response of each angle at the end per unit of each parameter, shape (n, P), degrees."""
         return np.stack([e.terminal for e in self.entries], axis=1)
 
     @property
     def total_deg(self) -> float:
-        """Root sum of squares over angles and parameters of what one spread of each does."""
+        """Response to one spread of each parameter: root sum of squares over both, degrees."""
         return float(np.sqrt(sum(np.sum((e.terminal * e.spread) ** 2) for e in self.entries)))
 
     @property
     def loudest(self) -> list[MachineEntry]:
-        """Parameters that have an effect, those of the largest response first."""
+        """Parameters that have an effect, sorted by decreasing response."""
         loud = [e for e in self.entries if not e.has_no_effect]
         return sorted(loud, key=lambda e: -float(np.max(np.abs(e.contribution))))
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
+        """Return JSON-ready data."""
         return {
             "angles": list(self.angles),
             "nominal_error_deg": self.nominal_error_deg.tolist(),
@@ -171,7 +171,7 @@ class MachineSensitivity:
 
 
 Step = tuple[MachineEntry, int]
-"""A parameter without its response yet, and its place among the effect's values."""
+"""A parameter before its response is computed, and its index among the effect's values."""
 
 
 def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> MachineSensitivity:
@@ -206,7 +206,7 @@ def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> Mac
 
 
 def _steps(machine: Machine, system: TriangularSystem, name: str, effect: Effect) -> Iterator[Step]:
-    """One step for each element of an effect; none where it is off and has no finite neutral."""
+    """Yield a step for each element of an effect; none if it is off without a finite value."""
     on = machine.effects.get(name)
     if on is None and not (np.isfinite(effect.off_value) and not effect.positive):
         return
@@ -234,7 +234,7 @@ def _element(system: TriangularSystem, effect: Effect, i: int) -> str:
 def _motions(
     plan: Plan, machine: Machine, steps: list[Step]
 ) -> tuple[Array, Array, list[tuple[Array, Array]]]:
-    """Recorded times, the nominal motion (R, N), and each step's on its upper and lower machine."""
+    """Return times (R,), nominal motion (R, N), and the motions of each step, high and low."""
     nominal, joints = machine.nominal(), plan.problem.system.size - 1
     record = plan.duration / RECORDS
     together = [step for step in steps if step[0].effect not in GRID_PARAMETERS]

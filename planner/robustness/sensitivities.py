@@ -1,7 +1,7 @@
-"""Sensitivities of several plans of one problem, side by side.
+"""Compare the sensitivities of several plans of one problem.
 
-Start and goal alone decide the irreducible part of every total; what is left to choose between
-plans is the passive block, which the path decides.
+The irreducible part of each total depends only on start and goal. Plans differ in the passive
+block, which depends on the path.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ALIKE = 0.02
-"""Passive blocks that differ by less, relative to the least, are called alike: 0.01 degrees of the
-0.5 that are usual, which no encoder of the prototype tells."""
+"""Passive blocks with a smaller relative difference count as equal: of a usual block of 0.5 degrees
+this is 0.01 degrees, below the resolution of the prototype's encoders."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class Sensitivities:
     """The sensitivities of several plans.
 
     Attributes:
-        found: The sensitivities of each plan, by its label.
+        found: The sensitivities of the plans by label.
         spread: Standard deviations of the errors; see `Sensitivity.total_deg`.
     """
 
@@ -63,7 +63,7 @@ class Sensitivities:
 
     @property
     def sentence(self) -> str:
-        """What the plans differ in, in one sentence."""
+        """How the plans differ, in one sentence."""
         blocks = self.passive_block_deg
         least, most = min(blocks, key=lambda k: blocks[k]), max(blocks, key=lambda k: blocks[k])
         low, high = blocks[least], blocks[most]
@@ -79,7 +79,7 @@ class Sensitivities:
 
     @property
     def verdict(self) -> str:
-        """Whether the least total is worth its effort, at what price, and what to run next."""
+        """Whether the smallest total is worth its effort, and which command to run next."""
         spent = {k: effort(each.plan.trajectory) for k, each in self.found.items()}
         totals = {k: each.total_deg(self.spread) for k, each in self.found.items()}
         cheapest, calm = (min(each, key=lambda k: each[k]) for each in (spent, totals))
@@ -92,17 +92,17 @@ class Sensitivities:
 
     @property
     def sizes(self) -> list[tuple[float, str]]:
-        """Standard deviation and unit of each error that has one."""
+        """Standard deviation and unit of each error with a nonzero standard deviation."""
         first = next(iter(self.found.values()))
         sigma = first.standard_deviation(self.spread)
         return [(float(sigma[p]), first.units[p]) for p in np.flatnonzero(sigma)]
 
     @property
     def responses(self) -> tuple[list[str], dict[str, Array]]:
-        """Names of the m errors of `sizes`, and by label each plan's response to them.
+        """Names of the m errors of `sizes`, and the response of each plan to them, by label.
 
-        It is the root sum of squares of all angles at the end, shape (m,), degrees, for one
-        standard deviation.
+        A response is the root sum of squares over all angles at the end, shape (m,), degrees, for
+        one standard deviation.
         """
         first = next(iter(self.found.values()))
         keep = np.flatnonzero(first.standard_deviation(self.spread))
@@ -113,7 +113,7 @@ class Sensitivities:
         )
 
     def columns(self) -> list[Column[str]]:
-        """A label's numbers, as tables show them."""
+        """Return the columns of the table; its rows are labels of plans."""
         found, spread = self.found, self.spread
 
         def spent(label: str) -> float:
@@ -129,12 +129,12 @@ class Sensitivities:
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready: what `Sensitivity.to_dict` has of each plan, and the sentence."""
+        """Return JSON-ready data: `Sensitivity.to_dict` of each plan, sentence and verdict."""
         plans = {k: each.to_dict(self.spread) for k, each in self.found.items()}
         return {"plans": plans, "sentence": self.sentence, "verdict": self.verdict}
 
     def figure(self) -> Figure:
-        """Response of each plan, whole and to each error."""
+        """Draw the total response of each plan and its response to each error."""
         figure: tuple[Figure, Any] = import_function(
             "planner.report.figures.sensitivities.plot_sensitivities"
         )(self)
@@ -142,15 +142,15 @@ class Sensitivities:
 
 
 def worth(before: float, after: float, price: float, cost: str = "effort") -> str:
-    """Whether a smaller response is worth its price, without a full stop.
+    """Return in words, without a full stop, whether a smaller response is worth its cost.
 
     It is if the response falls by a larger factor than the cost rises.
 
     Args:
         before: Response of the cheaper plan at the end, degrees.
-        after: Response of the other one, degrees.
-        price: Cost of the other one as a multiple of the cheaper plan's.
-        cost: What is spent.
+        after: Response of the other plan, degrees.
+        price: Cost of the other plan, as a multiple of the cheaper plan's.
+        cost: Name of the cost.
     """
     worth_it = after * price < before
     less = f"the total falls by {100 * (1 - after / before):.0f} %"
@@ -162,11 +162,11 @@ def worth(before: float, after: float, price: float, cost: str = "effort") -> st
 
 
 def next_step(problem: Problem, *methods: str) -> str:
-    """What to run after a sensitivity: compensated plans first, where there are any, as a sentence.
+    """Return a sentence with the command to run next: a comparison, of compensated plans on arms.
 
     Args:
-        problem: What the plans solve.
-        methods: Labels of plans to set side by side.
+        problem: The problem of the plans.
+        methods: Labels of the plans to compare.
     """
     names = dict.fromkeys(methods)
     words = "Next, see the plans on machines"
@@ -182,7 +182,7 @@ MEANINGS = (
     " the gain of u2 do to the angles after it, at the end; the path decides it. Irreducible: what"
     " start and goal alone decide; no path changes it. Total: all, as root of the sum of squares."
 )
-"""What the words of the tables mean."""
+"""The terms of the tables explained."""
 
 
 def _degrees(angle: float) -> str:
@@ -195,12 +195,12 @@ def sensitivities(
     """Compute the first-order sensitivities of several plans.
 
     Args:
-        plans: Plans by label, for example `comparison.plans`. Those that cannot be executed, and
-            labels without a plan, are left out; a refused plan that can be executed is not.
+        plans: Plans by label, for example `comparison.plans`. Plans that cannot be executed and
+            labels without a plan are left out; refused plans are included if they can be executed.
         spread: Standard deviations of the errors; see `Sensitivity.total_deg`.
 
     Raises:
-        InputError: If no plan is left, one is compensated, or the plans are of several systems.
+        InputError: If no plan is left, a plan is compensated, or the plans have different systems.
     """
     for plan in filter(None, plans.values()):
         expect_plan(plan)

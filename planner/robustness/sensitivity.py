@@ -1,21 +1,21 @@
-"""How errors of inputs, start and constants reach the end of an open-loop plan.
+"""How errors of inputs, start and constants affect the end of an open-loop plan.
 
 First-order sensitivities S(t) = ∂q(t)/∂p follow Ṡ = A S + ∂f/∂p along the plan; see
-`planner.systems.linearisation` for the parameters p. Those of a machine, which is not smooth, are
-taken by paired differences: `planner.robustness.machine_sensitivity`.
+`planner.systems.linearisation` for the parameters p. A machine is not smooth; its sensitivities are
+paired differences: `planner.robustness.machine_sensitivity`.
 
-Figures by which a companion paper judges plans, in our reading of its abstract.
+`Indicators` are three figures of a companion paper, as we interpret its abstract.
 
 L. Li, Y. Tan, Z. Li, "Nonholonomic Motion Planning Strategy for Underactuated Manipulator", Journal
 of Robotics 2014, 743857, says: "two evaluation indicators are defined and used to estimate control
 precision and linear approximation capability. In the end, the initial error sensitivity matrix is
-introduced to describe the interference sensitivity, which is called robustness." We had the
-abstract alone; the definitions below are **our reading of these words**, not the paper's formulas.
+introduced to describe the interference sensitivity, which is called robustness." We had only the
+abstract; the definitions below are **our interpretation**, not the paper's formulas.
 
-- Control precision: the error at the goal when the plan's input is sampled and held, as a real
-  controller plays it, over an ideal machine. Nothing but the plan and the period decides it.
-- Linear approximation capability: how far the joints' path leaves the straight line between start
-  and goal in joint space, over the line's length; 0 for a path that is that line.
+- Control precision: the error at the goal if the plan's input is sampled and held, as a digital
+  controller does, on an ideal machine. It depends only on the plan and the period.
+- Linear approximation capability: largest distance of the joints' path from the straight line
+  between start and goal in joint space, divided by the line's length; 0 for a straight path.
 - Initial error sensitivity matrix: ∂q(T)/∂q(0) under the plan's open-loop input.
 """
 
@@ -42,7 +42,7 @@ from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
 PAPER_SPREAD: Mapping[str, float] = {"gain": 0.01, "start": float(np.deg2rad(0.5))}
-"""The spread the package compares plans by: 1 % input gains and 0.5° at every starting angle."""
+"""Default spread for comparing plans: 1 % of input gains and 0.5° of every starting angle."""
 
 REFERENCE: Mapping[str, float] = {
     "gain": 0.01,
@@ -52,7 +52,7 @@ REFERENCE: Mapping[str, float] = {
     "start": float(np.deg2rad(0.5)),
     "gear": 0.01,
 }
-"""An error of a usual size of each family, in its unit: what responses are shown for."""
+"""A typical error of each family, in its unit, for which responses are shown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,10 +86,10 @@ class Sensitivity:
         return np.asarray(self.along[-1])
 
     def entry(self, coordinate: str, parameter: str) -> float:
-        """One entry of S(T) by names.
+        """Return one entry of S(T) by names.
 
         Raises:
-            InputError: If a name is unknown; lists the known ones.
+            InputError: If a name is unknown; the message lists the known names.
         """
         names = [c.name for c in self.plan.problem.system.coordinates]
         for name, known in ((coordinate, names), (parameter, list(self.parameters))):
@@ -99,24 +99,24 @@ class Sensitivity:
         return float(self.terminal[row, column])
 
     def total_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
-        """Root sum of squares over all joints and parameters, in degrees.
+        """Return the root sum of squares over all joints and parameters, in degrees.
 
         Args:
             spread: Standard deviation of each parameter by its name, or of a family by its first
-                word ("gain", "bias", "delay", "stretch", "start"; "gear" for the constants); what
-                is not named has none.
+                word ("gain", "bias", "delay", "stretch", "start"; "gear" for the constants); 0 for
+                parameters not named.
         """
         return self._rss(spread, np.ones_like(self.terminal, dtype=bool))
 
     def floor_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
-        """The part of `total_deg` that is the same for all open-loop plans with this start and
-        goal."""
+        """Return the part of `total_deg` that all plans with this start and goal share."""
         return self._rss(spread, self.irreducible)
 
     def passive_block_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
-        """Response of θ₂ … θₙ to the start of θ₁ and the gain of u₂, root sum of squares, degrees.
+        """Return the response of θ₂ … θₙ to the start of θ₁ and the gain of u₂.
 
-        Only the path decides it, so it is the measure by which desensitised plans are compared.
+        It is a root sum of squares in degrees. It depends on the path, so desensitised plans are
+        compared by it.
         """
         mask = np.zeros_like(self.terminal, dtype=bool)
         first = self.plan.problem.system.coordinates[1].name
@@ -126,32 +126,33 @@ class Sensitivity:
         return self._rss(spread, mask)
 
     def reference(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Array:
-        """An error of each parameter to show responses by, shape (P,), in the parameters' units.
+        """Return the error of each parameter for which responses are shown, shape (P,).
 
-        Its standard deviation; where it has none, the usual size in `REFERENCE`.
+        It is the standard deviation, or if that is zero the typical size in `REFERENCE`, in the
+        unit of the parameter.
         """
         sigma = self.standard_deviation(spread)
         usual = [REFERENCE[p.family] for p in parameters(self.plan.problem.system)]
         return np.where(sigma > 0, sigma, usual)
 
     def contribution_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Array:
-        """Response of each angle at the end to each `reference` error, shape (n, P), degrees."""
+        """Return responses of angles at the end to each `reference`, shape (n, P), degrees."""
         return np.asarray(np.rad2deg(self.terminal[self.angles] * self.reference(spread)))
 
     @property
     def angles(self) -> list[int]:
-        """Array indices of the coordinates after the first that are angles."""
+        """Indices of the coordinates that are angles, without the first coordinate."""
         return [
             i for i, c in enumerate(self.plan.problem.system.coordinates) if i and c.unit == "rad"
         ]
 
     def along_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Array:
-        """Standard deviation of each angle at the times `t`, shape (m, n), degrees."""
+        """Return the standard deviation of each angle at the times `t`, shape (m, n), degrees."""
         response = self.along[:, self.angles] * self.standard_deviation(spread)
         return np.asarray(np.rad2deg(np.sqrt(np.sum(response**2, axis=-1))))
 
     def to_dict(self, spread: Mapping[str, float] = PAPER_SPREAD) -> dict[str, Any]:
-        """JSON-ready: the matrix in SI units, responses to reference errors (deg), and sums."""
+        """Return JSON-ready data: matrix in SI units, responses to reference errors (deg), sums."""
         names = [c.name for c in self.plan.problem.system.coordinates]
         angles = [names[i] for i in self.angles]
         contribution = self.contribution_deg(spread)
@@ -186,16 +187,16 @@ class Sensitivity:
 
     @property
     def irreducible(self) -> NDArray[np.bool_]:
-        """Mask (N, P) of the entries of S(T) that start and goal alone decide.
+        """Mask (N, P) of the entries of S(T) that depend only on start and goal.
 
-        A coordinate's rate does not read the coordinate itself (q₂, and every θᵢ of the arms), so
-        its own start offset arrives whole; the gain of u₂ meets q₂ alone with its travel; a joint's
-        own constant, and for the first passive joint the gain of u₁, scale its travel.
+        The rate of q₂, and of each θᵢ of the arms, does not depend on that coordinate itself, so an
+        error of its start reaches the end unchanged. The gain of u₂ scales the travel of q₂. The
+        constant of a joint scales its travel, as the gain of u₁ does for the first passive joint.
         """
         return _irreducible(self.plan.problem.system, self.parameters)
 
     def standard_deviation(self, spread: Mapping[str, float]) -> Array:
-        """Standard deviation of each parameter, shape (P,), in the parameters' units."""
+        """Return the standard deviation of each parameter, shape (P,), in the parameters' units."""
         known = parameters(self.plan.problem.system)
         return np.array([spread.get(p.name, spread.get(p.family, 0.0)) for p in known])
 
@@ -209,7 +210,7 @@ def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
 
     Args:
         plan: Any executable plan.
-        samples: Approximate number of integration steps; they are denser where inputs change fast.
+        samples: Approximate number of integration steps; they are shorter where inputs change fast.
 
     Raises:
         InputError: If the plan cannot be executed.
@@ -232,7 +233,7 @@ def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
 
 
 def _linearised(plan: Plan, t: Array) -> tuple[Array, Array]:
-    """A (m, N, N) and B (m, N, P) at the times t (m,)."""
+    """Return A (m, N, N) and B (m, N, P) at the times t (m,)."""
     system = plan.problem.system
     size = system.size
     out = _derivatives(system)(plan.q(t), plan.u(t), t[:, None])
@@ -241,7 +242,7 @@ def _linearised(plan: Plan, t: Array) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=32)
 def _derivatives(system: TriangularSystem) -> Pointwise:
-    """(q, u, t) → [A, B] side by side, columns of B in the order of `parameters`."""
+    """Return the function (q, u, t) → [A, B], columns of B in the order of `parameters`."""
     form = linearise(system)
     value = ca.horzcat(form.A, *(form.forcing[p.name] for p in parameters(system)))
     return Pointwise("derivatives", [form.q, form.u, form.t], value)
@@ -266,17 +267,17 @@ class Indicators:
     """Indicators of the companion paper for one plan, in our interpretation.
 
     Attributes:
-        joints: Names of the n angles: every angle after the first coordinate.
+        joints: Names of the n angles, without the first coordinate.
         control_precision_deg: Largest terminal error of a joint, in degrees, with the input held
             over `period_s`; smaller is better.
         period_s: The controller's period, in seconds.
-        linear_deviation_deg: Greatest distance of the joints' path from the straight line between
+        linear_deviation_deg: Largest distance of the joints' path from the straight line between
             its ends, in degrees.
-        linear_approximation: That over the line's length (dimensionless); smaller is better, NaN
-            where the ends coincide.
+        linear_approximation: That distance divided by the line's length (dimensionless); smaller is
+            better, NaN if the ends coincide.
         initial_error_matrix: ∂q(T)/∂q(0), shape (N, N), in the coordinates' units.
-        initial_error_gain: Largest singular value of its block of joints (dimensionless): how much
-            the worst initial error of the joints grows; smaller is better, 1 at least.
+        initial_error_gain: Largest singular value of the joints' block of that matrix: the factor
+            by which the worst initial error of the joints grows; at least 1, smaller is better.
     """
 
     joints: tuple[str, ...]
@@ -300,7 +301,7 @@ def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
 
     Args:
         plan: Any executable plan.
-        period_s: Seconds between two samples of the input, which is held between them.
+        period_s: Period in seconds after which the input is sampled; it is held in between.
 
     Raises:
         InputError: If the plan cannot be executed, the period is not positive, or the system has
@@ -329,7 +330,7 @@ def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
 
 
 def sampled_end(plan: Plan, period_s: float) -> Array:
-    """q(T), shape (N,), of the ideal machine under the input sampled and held every period."""
+    """Return q(T), shape (N,), of the ideal machine with the input sampled and held."""
     from scipy.integrate import solve_ivp  # slow to import
 
     system, q = plan.problem.system, plan.problem.start
@@ -344,7 +345,7 @@ def sampled_end(plan: Plan, period_s: float) -> Array:
 
 
 def _chord_deviation(plan: Plan, joints: list[int]) -> tuple[float, float]:
-    """Greatest distance from the chord of the joints' path, and the chord's length, in radians."""
+    """Return largest distance of the joints' path from its chord, and chord length, rad."""
     ends = plan.q(np.array([0.0, plan.duration]))[:, joints]
     chord = ends[1] - ends[0]
     length = float(np.linalg.norm(chord))

@@ -1,13 +1,14 @@
-"""Sobol indices of the error index E: which effect explains how much of its variance.
+"""Sobol indices of the error index E: the share of its variance that each effect explains.
 
-The variance of E is split among the effects and their interactions (I. M. Sobol, Math. Comput.
-Simul. 55, 2001, 271). First order: the share that goes when the effect alone is fixed. Total: the
-share in which it has a part. Sampled and estimated by SALib (J. Herman, W. Usher, J. Open Source
-Softw. 2, 2017, 97) with Saltelli's scheme; all values of one effect (one per joint) are one group.
+The variance of E is decomposed into parts of the effects and of their interactions (I. M. Sobol,
+Math. Comput. Simul. 55, 2001, 271). First-order index: the expected share that disappears if the
+effect is fixed. Total index: the share of the effect with all its interactions. Sampled and
+estimated by SALib (J. Herman, W. Usher, J. Open Source Softw. 2, 2017, 97) with Saltelli's scheme;
+all values of one effect (one per joint) are one group.
 
-Two questions have two answers. *Between machines*: only effects with a spread are factors, each at
-its quantiles; what has no spread stays as it is. *On or off*: every effect is a factor that is off
-in one half of the runs and at its mean in the other.
+There are two sets of indices. *Between machines*: the factors are the quantiles of effects with a
+spread; other effects stay constant. *On or off*: every effect is a factor that is off in one half
+of the runs and at its mean in the other.
 """
 
 from __future__ import annotations
@@ -28,17 +29,18 @@ from planner.support.package import how_to_install
 CONFIDENCE = 0.95
 
 INFINITY_FACTOR = 1e6
-"""What stands for infinity (a rigid shaft, no limit): so many times the effect's value, or one."""
+"""Replaces infinity (a rigid shaft, no limit): this times the effect's value, at least this."""
 
 SHARED_SWITCHES = ("delay_s", "servo_bandwidth_rad_s", "acceleration_limit_rad_s2")
-"""Off for all samples of a simulation or for none: with one delay for all, the grid of time holds
-every jump of the command, and without lag and ramp the command is integrated to higher order."""
+"""Effects that are on or off for all samples of a simulation: with one common delay the time grid
+contains every jump of the command, and without lag and ramp the command is integrated to a higher
+order."""
 
 QUANTILE_MARGIN = 1e-9
-"""Quantiles are kept so far from 0 and 1."""
+"""Least distance of quantiles from 0 and 1."""
 
 Errors = Callable[[Machine, Draws], Array]
-"""E of given single machines, (S,), degrees."""
+"""Returns E of single machines, (S,), degrees."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class Index:
     """Sobol indices of one effect, as shares of the variance of E.
 
     Attributes:
-        first: Index of first order.
+        first: First-order index.
         first_half: Half of its 95 % interval (bootstrap).
         total: Total index.
         total_half: Half of its 95 % interval.
@@ -64,12 +66,12 @@ NO_INDEX = Index(0.0, 0.0, 0.0, 0.0)
 def machine_indices(
     machine: Machine, names: Sequence[str], joints: int, errors: Errors, base: int, seed: int
 ) -> dict[str, Index]:
-    """Indices of the effects that differ from machine to machine.
+    """Return indices of the effects that differ between machines.
 
     Args:
         machine: The distribution of machines.
-        names: The effects to look at.
-        joints: Coordinates after the first, N−1.
+        names: The effects to consider.
+        joints: Number of coordinates without the first, N−1.
         errors: Simulates single machines; see `Errors`.
         base: Number of base samples, a power of 2; (effects + 2) · base machines are simulated.
         seed: Seed of the samples and of the bootstrap.
@@ -92,7 +94,7 @@ def machine_indices(
 def switch_indices(
     machine: Machine, names: Sequence[str], joints: int, errors: Errors, base: int, seed: int
 ) -> dict[str, Index]:
-    """Indices of each effect as a switch; arguments as for `machine_indices`."""
+    """Return indices of switching each effect on or off; arguments as for `machine_indices`."""
     nominal = machine.nominal()
 
     def evaluate(places: Mapping[str, Array]) -> Array:
@@ -108,10 +110,10 @@ def switch_indices(
 
 
 def check(base: int) -> None:
-    """Refuse what `indices` would, before the work that leads to it.
+    """Refuse before the work what `indices` would refuse after it.
 
     Raises:
-        InputError: If SALib is missing or `base` is no power of 2.
+        InputError: If SALib is missing or `base` is not a power of 2.
     """
     if base < 2 or base & (base - 1):
         raise InputError(f"base = {base}: must be a power of 2, as 64, 128 or 256")
@@ -124,11 +126,11 @@ def indices(
     base: int,
     seed: int,
 ) -> dict[str, Index]:
-    """Indices of groups of independent factors, uniform on 0 … 1.
+    """Return indices of groups of independent factors, uniform on [0, 1].
 
     Args:
         sizes: Number of factors of each group.
-        evaluate: From each group's factors (size, S) to the output (S,).
+        evaluate: Function of the factors of each group, (size, S), that returns the output, (S,).
         base: As for `machine_indices`.
         seed: Seed of the samples and of the bootstrap.
 
@@ -152,9 +154,9 @@ def indices(
     output = evaluate(columns)
     if np.ptp(output) == 0:
         return dict.fromkeys(sizes, NO_INDEX)
-    if len(sizes) == 1:  # alone it explains everything
+    if len(sizes) == 1:  # a single effect explains all variance
         return dict.fromkeys(sizes, Index(1.0, 0.0, 1.0, 0.0))
-    bootstrap_seed = seed + 1  # SALib draws its bootstrap anew each time from seed 0
+    bootstrap_seed = seed + 1  # SALib treats seed 0 as no seed
     result = analyze(
         problem, output, calc_second_order=False, conf_level=CONFIDENCE, seed=bootstrap_seed
     )
@@ -163,7 +165,7 @@ def indices(
 
 
 def _patterns(off: Mapping[str, Array]) -> list[tuple[list[str], NDArray[np.int64]]]:
-    """Samples by what they must share: effects off for all of a simulation, and their places."""
+    """Group samples that can share a simulation: names of shared effects off, and indices."""
     shared = [name for name in off if not switches_per_sample(name)]
     count = len(next(iter(off.values())))
     flags = np.stack([off[name] for name in shared]) if shared else np.zeros((1, count), dtype=bool)
@@ -176,18 +178,18 @@ def _patterns(off: Mapping[str, Array]) -> list[tuple[list[str], NDArray[np.int6
 
 
 def switches_per_sample(name: str) -> bool:
-    """Whether samples of one simulation may have an effect on or off each for itself."""
+    """Return whether an effect can be on or off for each sample of a simulation separately."""
     effect = EFFECTS[name]
     return effect.may_spread and not np.isnan(effect.off_value) and name not in SHARED_SWITCHES
 
 
 def switch_off(draws: Draws, off: Mapping[str, Array]) -> Draws:
-    """Single machines with effects off that samples may have each for itself.
+    """Switch off effects of single machines; effects that all samples share are not changed.
 
     Args:
-        draws: The machines with all their effects, S of them.
-        off: Where each effect is off, (S,); the value that stands for off takes the place of its
-            own. What samples must share is left as it is.
+        draws: S machines with all their effects.
+        off: Mask of the samples where each effect is off, (S,); its value is then replaced by the
+            neutral value.
     """
     values = {}
     for name, drawn in draws.values.items():
@@ -203,10 +205,10 @@ def switch_off(draws: Draws, off: Mapping[str, Array]) -> Draws:
 
 
 def refuse_without_salib() -> None:
-    """Refuse what needs SALib where it is missing, before the work that comes first.
+    """Refuse before the work if SALib is missing.
 
     Raises:
-        InputError: If it is missing.
+        InputError: If SALib is missing.
     """
     _salib()
 

@@ -1,6 +1,6 @@
-"""The trade-off curve: points warm-started along it, each a verified plan replayed on machines.
+"""The trade-off curve and its knee.
 
-The knee of a trade-off curve.
+Each point is a verified plan, started from the plan of its neighbour and replayed on machines.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Progress = Callable[[str, float], None]
-"""Told what is being done, and the share done, 0 … 1."""
+"""Called with the current step and the finished share, from 0 to 1."""
 
 NO_GAIN = 1e-4
-"""Relative change of the response below which a point counts as no better."""
+"""A point whose response is lower by a smaller relative change counts as no better."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +49,12 @@ class TradeOff:
     """A curve of the least response against effort, duration or peak input.
 
     Attributes:
-        problem: What its plans solve.
+        problem: The problem of the plans.
         kind: "effort", "duration" or "peak".
-        points: Points in the order of their limits; each responds less than those before it.
+        points: Points in the order of their limits, with decreasing response.
         options: Weights and spreads.
-        machine: The machine that the plans were replayed on.
-        folder: Where the plans are, or None.
+        machine: The machine on which the plans were replayed.
+        folder: Folder of the plans, or None.
     """
 
     problem: Problem
@@ -72,14 +72,14 @@ class TradeOff:
 
     @property
     def cost(self) -> Array:
-        """What is spent at each point, shape (m,): effort, seconds, or part of the input limits."""
+        """Cost of each point, shape (m,): effort, seconds, or share of the input limits."""
         if self.kind == "effort":
             return np.array([p.effort for p in self.points])
         return np.array([p.limit for p in self.points])
 
     @property
     def response_deg(self) -> Array:
-        """What it brings down, shape (m,)."""
+        """Response of each point, which the cost reduces, shape (m,), degrees."""
         return np.array([p.response_deg for p in self.points])
 
     @property
@@ -93,7 +93,7 @@ class TradeOff:
         return knee(self.cost, self.response_deg) if len(self.points) > 1 else 0
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready, without the plans."""
+        """Return JSON-ready data without the plans."""
         return {
             "problem": self.problem.name,
             "source": self.problem.source,
@@ -107,11 +107,11 @@ class TradeOff:
         }
 
     def to_frame(self) -> pandas.DataFrame:
-        """One row per point; index `limit`, columns with units in their names.
+        """Return one row per point; index `limit`, columns with units in their names.
 
-        Replays have a column each figure: `machine_` on the problem's machine, `compensated_` on it
-        with the plan compensated for it, `errors_alone_` on a machine with the design errors only.
-        `knee` is True in one row.
+        Figures of replays have a prefix: `machine_` on the problem's machine, `compensated_` with
+        the plan compensated for that machine, `errors_alone_` on a machine with the design errors
+        only. `knee` is True in one row.
 
         Raises:
             InputError: If pandas is not installed.
@@ -129,7 +129,7 @@ class TradeOff:
         return frame.set_index("limit") if rows else frame
 
     def figure(self) -> Figure:
-        """One picture of what is bought and for how much."""
+        """Draw response against cost."""
         figure: tuple[Figure, Any] = import_function(
             "planner.report.figures.robustness.plot_trade_off"
         )(self)
@@ -150,20 +150,19 @@ def trade_off(
 ) -> TradeOff:
     """Trace the least response to design errors against effort, duration or peak input.
 
-    The limit is raised from point to point, and each plan starts from its neighbour's; a sweep back
-    then starts each from the other side, since optima are local. With a folder every finished point
-    is kept at once, and the same call goes on after an interruption.
+    The limit is raised from point to point, and each plan starts from its neighbour's. Optima are
+    local, so a sweep back starts each plan from its other neighbour. With a folder, each finished
+    point is saved at once, and the same call continues after an interruption.
 
     Args:
         problem: The problem.
         kind: The limited quantity: "effort", "duration" or "peak".
         points: Number of points, at least 3.
         folder: Folder in which the plans of the points are saved.
-        machine: The machine to replay plans on, or the name of a preset; the problem's
-            `[machine]` table when left out.
-        samples: Machines to replay each plan on, as it is and compensated. 200 tell a 95th
-            percentile of 2.5 degrees to about 0.15, as much as neighbours on the curve differ by,
-            in a second a point; a thousand to 0.06.
+        machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
+        samples: Number of machines on which to replay each plan, with and without compensation. 200
+            give a 95th percentile of 2.5 degrees to about 0.15, which is the difference between
+            neighbours on the curve, in one second per point; a thousand give it to 0.06.
         seed: Seed of the machines.
         progress: Called with the progress of the run.
         **options: Override the problem's `[method.desensitised]` table.
@@ -203,7 +202,7 @@ def trade_off(
 def _sweep(
     problem: Problem, options: DesensitisedOptions, along: Axis, store: PointStore, tell: Progress
 ) -> None:
-    """Find the points, from the least limit to the greatest and back."""
+    """Find the points, from the smallest limit to the largest and back."""
     attempt = partial(_attempt, problem, options, along)
     near, count = along.least, len(along.limits)
     for k, limit in enumerate(along.limits):
@@ -214,7 +213,7 @@ def _sweep(
                 continue
             store.put(k, best)
         near = store.points[k].plan
-    if not store.points:  # say why: without points this raises
+    if not store.points:  # raises the reason, since there are no points
         solved_point(*along.task_at(problem, options, along.limits[-1]), along.limits[-1], None)
     after: Plan | None = None
     for j, k in enumerate(sorted(store.points, reverse=True)):
@@ -230,7 +229,7 @@ def _sweep(
 def _attempt(
     problem: Problem, options: DesensitisedOptions, along: Axis, limit: float, near: Plan | None
 ) -> TradeOffPoint | None:
-    """The point found next to a plan, or afresh; None if there is none."""
+    """Return the point found from the plan `near`, or without one; None if there is none."""
     problem, options = along.task_at(problem, options, float(limit))
     if near is None:
         options = options.model_copy(update={"starts": min(options.starts, 2)})
@@ -241,7 +240,7 @@ def _attempt(
 
 
 def _best_point(points: list[TradeOffPoint | None]) -> TradeOffPoint | None:
-    """The one of the least response; the first of those that hardly differ."""
+    """Return the point with the smallest response; the first of those that hardly differ."""
     best: TradeOffPoint | None = None
     for point in filter(None, points):
         if best is None or point.response_deg < best.response_deg * (1 - NO_GAIN):
@@ -269,7 +268,7 @@ def _replay(
 
 
 def _keep_descending(points: list[TradeOffPoint]) -> tuple[TradeOffPoint, ...]:
-    """Points that respond less than all with a smaller limit: the others buy nothing."""
+    """Return the points with a smaller response than all points with a smaller limit."""
     descending: list[TradeOffPoint] = []
     for point in points:
         if not descending or point.response_deg < descending[-1].response_deg * (1 - NO_GAIN):
@@ -278,15 +277,15 @@ def _keep_descending(points: list[TradeOffPoint]) -> tuple[TradeOffPoint, ...]:
 
 
 def knee(cost: Array, response: Array) -> int:
-    """Index of the point farthest below the chord between the curve's ends.
+    """Return the index of the point farthest below the chord between the curve's ends.
 
     Both axes are scaled to the curve's range first (V. Satopaa et al., "Finding a 'Kneedle' in a
-    Haystack", ICDCS Workshops 2011): beyond the knee a further share of the cost buys less than the
-    same share of the response.
+    Haystack", ICDCS Workshops 2011): beyond the knee an increase of the cost reduces the response
+    by a smaller share of its range.
 
     Args:
         cost: Increasing, shape (m,), m ≥ 2.
-        response: What the cost brings down, shape (m,).
+        response: The response, which the cost reduces, shape (m,).
     """
     x = (cost - cost[0]) / max(float(cost[-1] - cost[0]), 1e-300)
     span = float(np.max(response) - np.min(response))

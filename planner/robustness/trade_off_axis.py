@@ -1,4 +1,4 @@
-"""What a trade-off curve limits: the effort, the duration, or the peak of the inputs."""
+"""The quantity that a trade-off curve limits: effort, duration or peak of the inputs."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ Kind = Literal["effort", "duration", "peak"]
 KINDS: tuple[Kind, ...] = ("effort", "duration", "peak")
 
 CURVE_EFFORT_WEIGHT = 1e-4
-"""Weight of the effort on the curve: it settles what the response leaves open."""
+"""Weight of the effort on the curve; it makes the optimum unique."""
 
 END_EFFORT_WEIGHT = 1e-3
-"""Weight of the effort at the costly end: what more would buy no longer shows."""
+"""Weight of the effort at the end of high cost, where more effort hardly reduces the response."""
 
 LEAST_FACTOR = 1.02
-"""Least effort, duration and peak are exceeded by this: at the least only one plan is left."""
+"""Factor of the first limit over the least effort, duration or peak, where one plan is left."""
 
 LONGEST_RATIO = 4.0
-"""The longest duration, in least durations, where the problem's own is not longer."""
+"""Longest duration over the least duration, unless the problem's duration is longer."""
 
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """The values that the points of a curve are limited to.
+    """The limits of the points of a curve.
 
     Attributes:
-        kind: What is limited.
-        limits: Increasing, shape (m,): effort, seconds, or parts of the base limits.
-        base: Input limits that "peak" takes parts of, shape (2,).
+        kind: The limited quantity.
+        limits: Increasing, shape (m,): effort, seconds, or shares of the base limits.
+        base: Input limits of which "peak" takes shares, shape (2,).
         least: Plan at the lower end, from which the first point starts.
     """
 
@@ -52,7 +52,7 @@ class Axis:
     def task_at(
         self, problem: Problem, options: DesensitisedOptions, limit: float
     ) -> tuple[Problem, DesensitisedOptions]:
-        """Problem and options of the point with this limit."""
+        """Return problem and options of the point with this limit."""
         if self.kind == "effort":
             calm = {"effort": min(options.effort, CURVE_EFFORT_WEIGHT), "effort_limit": limit}
             return problem, options.model_copy(update=calm)
@@ -63,10 +63,10 @@ class Axis:
 
 
 def axis(problem: Problem, options: DesensitisedOptions, kind: Kind, points: int) -> Axis:
-    """Find the range of a curve, and cut it into geometric steps.
+    """Find the range of a curve, and divide it into geometric steps.
 
     Raises:
-        InputError: If a duration is needed and free, or a limit on inputs is needed and missing.
+        InputError: If the duration is free but needed, or a limit on inputs is needed but missing.
         NoPlanError: If the problem has no plan.
     """
     easy = CollocationOptions(rest=options.rest, intervals=options.intervals)
@@ -113,7 +113,7 @@ def _peaks(
     least: Plan,
     points: int,
 ) -> Axis:
-    """Parts of the input limits; where there is no limit, of what a desensitised plan takes."""
+    """Return shares of the input limits, or without a limit of the peaks of a desensitised plan."""
     base = problem.limits.input.copy()
     if not np.all(np.isfinite(base)):
         calm = options.model_copy(update={"effort": END_EFFORT_WEIGHT})
@@ -132,14 +132,14 @@ def _peaks(
 
 
 def _slow_down(plan: Plan, problem: Problem) -> Plan:
-    """The same path in the problem's duration, as a start."""
+    """Return the same path in the problem's duration, as an initial guess."""
     assert problem.duration is not None
     factor = problem.duration / plan.duration
     return replace(plan, problem=problem, trajectory=plan.trajectory.slowed(factor))
 
 
 def with_input_limits(problem: Problem, inputs: Array) -> Problem:
-    """The problem with these limits on the inputs' magnitudes.
+    """Return the problem with these limits on the magnitudes of the inputs.
 
     Raises:
         InputError: If its kind of system has no key limits.input_rad_s.

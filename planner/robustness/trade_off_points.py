@@ -1,6 +1,6 @@
-"""One plan of a trade-off curve, with what it is worth.
+"""A point of a trade-off curve, and the folder of finished points.
 
-A folder that keeps the finished points of a curve, so that an interrupted one goes on.
+With the folder, an interrupted curve can be continued.
 """
 
 from __future__ import annotations
@@ -35,22 +35,22 @@ class TradeOffPoint:
     """A verified plan on the curve.
 
     Attributes:
-        limit: Value of what the curve limits: effort, duration (s), or share of the input limits.
+        limit: Limit at this point: effort, duration (s), or share of the input limits.
         plan: The plan.
         effort: ∫ u₁² + u₂² dt.
         duration_s: Its duration.
         peak_u: Largest |u₁| and |u₂|.
-        response_deg: What the curve makes least: root of the weighted mean of the squared passive
-            block and terminal response, by the weights of [method.desensitised].
+        response_deg: The minimised quantity: root of the weighted mean of the squares of passive
+            block and terminal response, with the weights of [method.desensitised].
         passive_deg: Passive block.
-        total_deg: Whole terminal response.
-        floor_deg: The irreducible part of it.
-        reversals: How often the path coordinate turns back, by more than 2 % of its range.
-        swept: Sweeps of the curve it has been through: 1 upwards, 2 downwards too.
-        machine: Replays on the problem's machine: percentiles of errors, degrees; None before.
-        errors_alone: The same on a machine with the design errors and nothing else.
-        compensated: As `machine`, of the plan compensated for that machine (see
-            `planner.compensate`); {"refused": why} where it cannot be; None before.
+        total_deg: Total terminal response.
+        floor_deg: Irreducible part of `total_deg`.
+        reversals: How often the path coordinate reverses, by more than 2 % of its range.
+        swept: Number of finished sweeps: 1 upwards, 2 also downwards.
+        machine: Percentiles of errors on the problem's machine, degrees; None before the replay.
+        errors_alone: The same on a machine with only the design errors.
+        compensated: As `machine`, with the plan compensated for that machine (see
+            `planner.compensate`); {"refused": why} if it cannot be; None before the replay.
     """
 
     limit: float
@@ -69,14 +69,14 @@ class TradeOffPoint:
     compensated: dict[str, Any] | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready facts, without the plan."""
+        """Return JSON-ready data without the plan."""
         return {key: value for key, value in vars(self).items() if key != "plan"}
 
 
 def solved_point(
     problem: Problem, options: DesensitisedOptions, limit: float, near: Plan | None
 ) -> TradeOffPoint:
-    """Plan, verify and measure.
+    """Plan with the desensitised method and return a point.
 
     Raises:
         NoPlanError: If there is no plan, or it fails its verification.
@@ -86,7 +86,7 @@ def solved_point(
 
 
 def point_of(plan: Plan, options: DesensitisedOptions, limit: float) -> TradeOffPoint:
-    """A verified plan's figures."""
+    """Return the point of a verified plan."""
     spread = spreads(plan.problem.system, options)
     responses = sensitivity(plan)
     passive, total = responses.passive_block_deg(spread), responses.total_deg(spread)
@@ -110,7 +110,7 @@ def point_of(plan: Plan, options: DesensitisedOptions, limit: float) -> TradeOff
 
 
 def replay_errors(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
-    """Errors of a plan on samples of a machine, degrees: E of eq. (29), and at the end."""
+    """Return errors of a plan on random machines, degrees: E of eq. (29), and at the end."""
     run = replay(plan, machine, samples, seed, record_s=None)
     rms = float(np.sqrt(np.mean(np.sum(run.terminal_error_deg**2, axis=1))))
     figures = {key: value for key, value in run.summary().items() if key in KEPT_FIGURES}
@@ -121,15 +121,15 @@ KEPT_FIGURES = (
     *("samples", "seed", "E_median_deg", "E_p95_deg"),
     *("terminal_median_deg", "terminal_p95_deg"),
 )
-"""Of a replay's summary."""
+"""Keys of a replay's summary that are kept."""
 
 AIMING_FACTOR = 1.1
-"""What a shifted goal may cost of the effort that a point is limited to: at the least effort there
-is no plan for any goal that lies farther."""
+"""Factor by which compensation may exceed the effort limit of a point: at the least effort there is
+no plan to a shifted goal that lies farther away."""
 
 
 def compensated_errors(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
-    """The same of the plan compensated for the machine, or {"refused": why}."""
+    """Return `replay_errors` of the plan compensated for the machine, or {"refused": why}."""
     options = plan.problem.compensation.model_copy(update={"on": True})
     limit, refused = plan.options.get("effort_limit"), {"refused": ""}
     for eased in (1.0,) if limit is None else (1.0, AIMING_FACTOR):
@@ -138,7 +138,7 @@ def compensated_errors(plan: Plan, machine: Machine, samples: int, seed: int) ->
         )
         try:
             informed, _ = compensate_plan(replace(plan, options=settings), machine, options)
-        except (InputError, NoPlanError) as error:  # another system, or no plan ends at the goal
+        except (InputError, NoPlanError) as error:  # not compensable, or no plan ends at the goal
             refused = {"refused": str(error).splitlines()[0]}
         else:
             return replay_errors(informed, machine, samples, seed)
@@ -146,7 +146,7 @@ def compensated_errors(plan: Plan, machine: Machine, samples: int, seed: int) ->
 
 
 def errors_machine(problem: Problem, options: DesensitisedOptions) -> Machine:
-    """An ideal machine with the design errors as its spreads; clock rates have no such effect."""
+    """Return an ideal machine with the design errors as spreads, except delay and stretch."""
     spread = spreads(problem.system, options)
     system, joints = problem.system, problem.system.size - 1
     passive = [f"K{i}" for i in range(2, joints + 1)]
@@ -173,14 +173,14 @@ INDEX = "trade-off.json"
 
 
 class PointStore:
-    """Points by their place on the curve, in memory and, where a folder is given, on disk.
+    """Points by their index on the curve, in memory and, with a folder, on disk.
 
-    Each point is its plan, `plans/NN.json`, and an entry of the index `trade-off.json`; both are
-    written at once when the point is found or improved.
+    A point has a plan, `plans/NN.json`, and an entry in the index `trade-off.json`; both are
+    written as soon as the point is found or improved.
 
     Args:
-        path: The folder, made when missing; None keeps nothing.
-        request: What the curve is of; a folder made for something else is refused.
+        path: The folder, created if missing; None saves nothing.
+        request: Description of the curve; a folder of another curve is refused.
 
     Raises:
         InputError: If the folder holds another curve or other files, or cannot be written.
@@ -196,7 +196,7 @@ class PointStore:
             self._open(self.path)
 
     def put(self, place: int, point: TradeOffPoint) -> None:
-        """Keep a point."""
+        """Store a point."""
         self.points[place] = point
         if self.path is None:
             return

@@ -1,5 +1,5 @@
-"""Many problems, many settings: described in one file, run in parallel, kept in one database.
+"""Sweeps: many variants of a problem, described in one file, run in parallel, saved in a database.
 
-In this order: `sweep_file`, `description`, `case` (one run, its columns and its key),
-`run`, `pools` (where cases run), `store`, `results`; `design` compares designs of the mechanism.
+Read in this order: `sweep_file`, `description`, `case` (one run, its columns and its key), `run`,
+`pools` (where cases run), `store`, `results`; `design` compares designs of the mechanism.
 """

@@ -1,4 +1,4 @@
-"""One case of a sweep: one problem, one method, one machine; its key, and its run."""
+"""One case of a sweep (a problem, a method, a machine): its key, and how it is run."""
 
 from __future__ import annotations
 
@@ -65,29 +65,29 @@ RESULTS: Mapping[str, str] = {
     "traceback": "TEXT",
     "plan": "TEXT",
 }
-"""What a case leaves, as columns of SQLite. For systems whose path coordinate is a length, travel
-and the first peak are in metres and metres per second.
+"""Results of a case, as columns of SQLite. For systems whose path coordinate is a length, travel is
+in metres and the first peak in metres per second.
 
-`end_median_deg` and `end_p95_deg` are of the largest error of an angle at the end, and
-`end_spread_deg` is the largest standard deviation over the machines of an angle there.
-`contact_torque_nm` is the largest torque at a friction contact, in the median over the machines,
-and `contact_load` that over what the contact transmits, on `CONTACT_PERCENTILE` % of them;
-`motor_torque_nm` is what all this asks of motor 1, on as many, and `motor_power_w` that times its
-largest speed, which is what a motor is bought by; see `planner.machine.friction.contact_load`.
-Figures of the machine are there where plans are replayed."""
+`end_median_deg` and `end_p95_deg` are percentiles of the largest joint error at the end;
+`end_spread_deg` is the largest standard deviation of a joint angle there, over the machines.
+`contact_torque_nm` is the largest torque at a friction contact, the median over the machines.
+`contact_load` is the ratio of that torque to the contact's capacity, `motor_torque_nm` the torque
+of motor 1, both at the `CONTACT_PERCENTILE` percentile over the machines. `motor_power_w` is that
+motor torque times the largest speed of motor 1. See `planner.machine.friction.contact_load`.
+Results of machines exist only if plans are replayed."""
 
 CONTACT_PERCENTILE = 99
-"""Percent of the machines whose contacts are to hold: where a contact slips the motion is lost, and
-a few machines of a hundred that do so make most of the spread."""
+"""Percentile of machines for loads: a contact that slips ruins the motion, and a few such machines
+in a hundred cause most of the spread."""
 
 CONTACT_MACHINES = 1000
-"""Machines of which that is taken; they take a few milliseconds, since nothing is simulated."""
+"""Number of machines for contact loads; nothing is simulated, so they take milliseconds."""
 
 Row = dict[str, Any]
-"""A value for each of `RESULTS`; None where there is none."""
+"""A value for each of `RESULTS`; None if there is none."""
 
 Request = dict[str, Any]
-"""All that a process needs to run a case, as JSON can hold it."""
+"""Everything that a process needs to run a case, JSON-ready."""
 
 
 @dataclass(frozen=True)
@@ -95,11 +95,11 @@ class Case:
     """A case to run.
 
     Attributes:
-        label: Its method as written in the sweep.
-        changes: The values of the varied keys.
-        request: What `run_case` takes.
-        description: Everything its result depends on, every default spelt out.
-        key: Hash of the description: the same in whatever sweep.
+        label: The method as written in the sweep.
+        changes: Values of the varied keys.
+        request: The argument of `run_case`.
+        description: Everything that the result depends on, including all defaults.
+        key: Hash of the description; equal cases of different sweeps have equal keys.
     """
 
     label: str
@@ -110,12 +110,12 @@ class Case:
 
 
 def cases(sweep: Sweep) -> Iterator[Case]:
-    """Every case of a sweep, point by point; points that come to the same share their key."""
+    """Yield every case of a sweep, point by point; equivalent points have the same key."""
     return (case_at(sweep, position) for position in range(len(sweep)))
 
 
 def case_at(sweep: Sweep, position: int) -> Case:
-    """The case at a position of the sweep: point by point, method by method."""
+    """Return the case at a position; positions count methods first, then points."""
     number, method = divmod(position, len(sweep.methods))
     point, spec = sweep.points[number], sweep.methods[method]
     changes = copy.deepcopy(point)
@@ -135,7 +135,7 @@ def case_at(sweep: Sweep, position: int) -> Case:
 
 
 def _description(request: Request, spec: Spec) -> str:
-    """The complete description; of what cannot be a problem, the tables as they are."""
+    """Return the complete description; for tables that make no valid problem, the request."""
     samples, seed = request["samples"], request["seed"]
     try:
         file = parse_file(request["tables"], "")
@@ -162,13 +162,13 @@ def _machine_of(text: str) -> dict[str, Any]:
 
 
 _casadi_lock = threading.Lock()
-"""CasADi is not safe in two threads at once, and a Dask worker may have several."""
+"""CasADi is not thread-safe, and a Dask worker may have several threads."""
 
 
 def run_case(request: Request) -> Row:
-    """Plan, verify and replay one case; whatever goes wrong becomes its row.
+    """Plan, verify and replay one case; errors are recorded in its row.
 
-    Runs in another process, perhaps on another machine.
+    Runs in another process, perhaps on another computer.
     """
     with _casadi_lock:
         began = time.perf_counter()
@@ -203,7 +203,7 @@ def _run(request: Request) -> Row:
     except (SingularError, VerificationError) as error:
         if error.plan is None:
             raise
-        # The plan is whole, though refused: its figures show what the limits cost, as in `compare`.
+        # The refused plan is complete: as in `compare`, its figures show what the limits cost.
         plan = replace(error.plan, status=error.status)
         check = verify(plan)
         row = _refusal(error)
@@ -217,7 +217,7 @@ def _run(request: Request) -> Row:
 
 def _replay_figures(plan: Plan, samples: int, seed: int) -> Row:
     row: Row = {}
-    # The instants of `compare`, on which the steps depend, so that both give the same numbers.
+    # The steps depend on the record interval; use that of `compare` to get the same numbers.
     record = max(RECORD_S, plan.duration / 500)
     runs = replay(plan, samples=samples, seed=seed, record_s=record, motions=0)
     if runs.angles:
@@ -233,7 +233,7 @@ def _replay_figures(plan: Plan, samples: int, seed: int) -> Row:
 
 
 def _plan_figures(plan: Plan, check: Check) -> Row:
-    """What a comparison says of the plan, as far as it is kept here, and what only a sweep asks."""
+    """Return the figures that sweeps share with comparisons, and those that only sweeps have."""
     known = rows.Row.from_plan(plan.method, plan.method, plan, check)
     columns = rows.columns(plan.problem.system)
     figures = {c.name: c.value(known) for c in columns if RESULTS.get(c.name) == "REAL"}
@@ -252,7 +252,7 @@ def _refusal(error: NoPlanError) -> Row:
 
 
 def _number(value: Any) -> Any:
-    """Plain Python numbers; None for NaN."""
+    """Return a plain Python number; None for NaN."""
     if isinstance(value, np.generic):
         value = value.item()
     return None if isinstance(value, float) and np.isnan(value) else value

@@ -1,6 +1,6 @@
-"""A sweep: the base problem, the methods, and the points, checked before anything runs.
+"""A sweep: the base problem, the methods and the points, checked before anything runs.
 
-Whether the keys of a sweep exist, can have their values, and change what is run.
+The checks: whether the varied keys exist, accept their values, and affect a case.
 """
 
 from __future__ import annotations
@@ -67,13 +67,14 @@ class Sweep:
         """Build a sweep from the tables of a sweep file.
 
         Args:
-            data: The tables; `problem` may also be a `Problem`. NumPy values and tuples are fine.
-            source: The file they came from, which a relative `problem` path is relative to, or a
-                name for messages.
+            data: The tables; `problem` may also be a `Problem`. NumPy values and tuples are
+                allowed.
+            source: The file of the tables, or a name for messages. A relative `problem` path is
+                relative to this file.
 
         Raises:
-            InputError: If a key or value is wrong, nothing varies, a varied key does not exist or
-                has an impossible value, or changes nothing of what is run.
+            InputError: If a key or value is wrong, nothing varies, or a varied key does not exist,
+                has an impossible value, or affects no case.
         """
         tables = dict(data)
         problem = tables.get("problem")
@@ -97,13 +98,13 @@ class Sweep:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """The tables of a sweep file that reproduces this sweep, including the problem."""
+        """Return the tables of a sweep file that reproduces this sweep, including the problem."""
         data = {key: value for key, value in self._data.items() if key != "set"}
         return {**data, "problem": self.base.to_dict()}
 
 
 def _flatten_blocks(data: dict[str, Any]) -> dict[str, Any]:
-    """The same tables with dotted keys in the blocks that hold keys of the problem."""
+    """Return the tables with nested keys of the problem replaced by dotted keys."""
     out = dict(data)
     for block in ("set", "grid"):
         if isinstance(out.get(block), dict):
@@ -120,16 +121,16 @@ def _flatten_blocks(data: dict[str, Any]) -> dict[str, Any]:
 def base_problem(
     problem: str | dict[str, Any], changes: Mapping[str, Any], source: str, known: Problem | None
 ) -> Problem:
-    """The problem that a sweep or design file names.
+    """Return the problem that a sweep or design file names.
 
     Args:
-        problem: A problem file, relative to the file, or its tables.
+        problem: A problem file, relative to `source`, or its tables.
         changes: Dotted keys to change.
-        source: The file, or a name for messages.
-        known: The problem itself, where a caller has one.
+        source: The sweep or design file, or a name for messages.
+        known: The problem itself, if the caller has it.
 
     Raises:
-        InputError: If there is no such file, or it says what cannot be.
+        InputError: If the problem file is missing or invalid.
     """
     if known is not None:
         return known.changed(changes)
@@ -147,9 +148,10 @@ def base_problem(
 def check_keys(
     base: Problem, table: SweepFile, points: Sequence[Point], methods: Sequence[str], source: str
 ) -> None:
-    """Refuse what no case could use; values that only clash with others are left to their cases.
+    """Refuse keys and values that are invalid in every case.
 
-    Each row of `cases` is tried as a whole, each other key by itself beside the first point.
+    Values that are invalid only in combination are left to their cases. Each row of `cases` is
+    tried as a whole; every other key is tried alone with the rest of the first point.
 
     Raises:
         InputError: For a key that does not exist, a value it can never have, or a key that has no
@@ -168,7 +170,7 @@ def check_keys(
 
 
 def _extreme_values(values: Iterable[Any]) -> list[Any]:
-    """Every kind of value that there is; of ordinary numbers only the least and the greatest."""
+    """Return the smallest and largest finite number, and every other kind of value."""
     numbers, others = [], {}
     for value in values:
         if type(value) in (int, float) and math.isfinite(value):
@@ -198,11 +200,11 @@ def _errors(model: type[BaseModel], data: Any) -> Sequence[Any]:
 
 
 def _blames_key(error: Any, point: Point) -> bool:
-    """Whether the error says that a key is unknown, or lies in the value of a varied key."""
+    """Return whether an error is about an unknown key or about the value of a varied key."""
     if error["type"] == "extra_forbidden":
         return True
     for key in point:
-        location = map(str, error["loc"])  # holds tags of unions beside the keys
+        location = map(str, error["loc"])  # has tags of unions between the keys
         if all(part in location for part in key.split(".")):
             return True
     return False

@@ -1,8 +1,8 @@
-"""Where cases run: this process, processes of this computer, or a Dask cluster.
+"""Run cases in this process, in processes of this computer, or on a Dask cluster.
 
-A process of this computer runs `serve`. It says `ready`; then one request a line on standard input,
-one row a line on standard output, both JSON. It ends when its standard input does, so that it never
-outlives whoever started it.
+A process of this computer runs `serve`. It prints `ready`, then reads one request per line from
+standard input and prints one row per line on standard output, both JSON. It ends when its standard
+input closes, so that it never outlives its parent.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from planner.sweep.case import RESULTS, Request, Row, run_case
 ONE_THREAD_ENVIRONMENT = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
-"""One thread a process: so many processes as cores use the cores better than threads do."""
+"""One thread per process: one process per core uses the cores better than threads do."""
 
 START_CODE = """
 import sys
@@ -43,36 +43,37 @@ from planner.sweep.pools import serve
 
 serve()
 """
-"""What a process does, with the folder that holds this package, to run this one and no other.
+"""Code of a worker process. Its argument is the folder of this package, so that it imports this
+copy.
 
-That folder is searched last: beside an installed package there may be a module with the name of one
-of Python's own."""
+The folder comes last in the search path: next to an installed package there may be a module with
+the name of one in the standard library."""
 
 READY_LINE = "ready\n"
-"""What a process says first."""
+"""First line that a worker process prints."""
 
 MAX_DEATHS = 2
-"""How many processes may die on a case before it is given up."""
+"""Number of processes that may die on a case before the case counts as a bug."""
 
 
 class Pool(Protocol):
     """Runs cases at the same time.
 
     Attributes:
-        window: How many cases to hand over at once.
+        window: Number of cases to submit at once.
     """
 
     window: int
 
     def submit(self, request: Request) -> Future[Row]:
-        """Hand over a case. The future raises only if the pool itself has failed."""
+        """Submit a case. Its future raises only if the pool itself has failed."""
 
     def close(self) -> None:
-        """Drop what runs and what waits, and leave nothing behind."""
+        """Cancel running and waiting cases, and release everything."""
 
 
 class SerialPool:
-    """This process, one case after another; for debuggers and tests."""
+    """Runs cases in this process, one after the other; for debuggers and tests."""
 
     window = 1
 
@@ -87,11 +88,11 @@ class SerialPool:
 
 
 class LocalPool:
-    """Processes of this computer, one thread here waiting for each.
+    """Runs cases in processes of this computer; a thread here waits for each process.
 
-    Not loky, whose processes outlive this one when it is killed (measured: over ten minutes), nor
-    `concurrent.futures`, which runs an unguarded script again in each process; and neither can
-    tell which case a process died of.
+    loky is not used because its processes survive when this one is killed (measured: over ten
+    minutes), `concurrent.futures` because each process runs an unguarded script again. Neither
+    reports which case killed a process.
     """
 
     def __init__(self, count: int) -> None:
@@ -127,7 +128,7 @@ class LocalPool:
         return death_row(f"the process running it died {MAX_DEATHS} times", *worker.last_words())
 
     def _worker(self) -> _WorkerProcess:
-        """This thread's process, started if there is none that lives."""
+        """Return this thread's process; start one if none is alive."""
         worker: _WorkerProcess | None = getattr(self._own, "worker", None)
         if worker is None or not worker.alive:
             with self._lock:
@@ -152,7 +153,7 @@ class _WorkerProcess:
             env={**os.environ, **ONE_THREAD_ENVIRONMENT},
             text=True,
             encoding="utf-8",
-            process_group=0,  # Ctrl-C is for the parent alone
+            process_group=0,  # only the parent receives Ctrl-C
         )
 
     @property
@@ -160,7 +161,7 @@ class _WorkerProcess:
         return self._process.poll() is None
 
     def ask(self, request: Request) -> Row | None:
-        """The row of a case, or None if the process died of it.
+        """Run a case and return its row; None if the process died.
 
         Raises:
             InputError: If the process cannot start.
@@ -189,7 +190,7 @@ class _WorkerProcess:
         return None
 
     def last_words(self) -> tuple[int, str]:
-        """Exit status and the end of what a dead process wrote to standard error."""
+        """Return exit status and the end of standard error of a dead process."""
         self._errors.seek(0)
         return self._process.returncode, self._errors.read().decode(errors="replace")[-4000:]
 
@@ -206,8 +207,8 @@ class _WorkerProcess:
 
 
 def serve() -> None:
-    """Answer requests until there are no more."""
-    # Solvers print from compiled code: what they print must not end up between the rows.
+    """Run cases from standard input until it closes; the main function of a worker process."""
+    # Compiled solvers print to standard output: send that to standard error, away from the rows.
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     answers.write(READY_LINE)
@@ -217,7 +218,7 @@ def serve() -> None:
     def listen() -> None:
         for line in sys.stdin:
             requests.put(line)
-        os._exit(0)  # at once, even in the middle of a case that nobody waits for any more
+        os._exit(0)  # at once, even during a case: nobody waits for its row
 
     threading.Thread(target=listen, daemon=True).start()
     while True:
@@ -225,7 +226,7 @@ def serve() -> None:
 
 
 def death_row(what: str, status: int | None = None, words: str = "") -> Row:
-    """The row of a case that took its process with it."""
+    """Return the row of a case during which the process died."""
     signal = f" (signal {-status}; 9 is often a lack of memory)" if status and status < 0 else ""
     ended = "" if signal or status is None else f" (exit status {status})"
     return dict.fromkeys(RESULTS) | {
@@ -237,22 +238,22 @@ def death_row(what: str, status: int | None = None, words: str = "") -> Row:
 
 
 CLUSTER_WINDOW = 500
-"""Cases handed to the scheduler at once; workers may come and go meanwhile."""
+"""Number of cases submitted to the scheduler at once; the number of workers may change."""
 
 SCHEDULER_WAIT_S = 4.0
-"""How long to wait for the scheduler, which is there or is not."""
+"""Longest wait for an answer of the scheduler, in seconds."""
 
 WORKER_WAIT_S = 15.0
-"""How long to wait for the first worker."""
+"""Longest wait for the first worker, in seconds."""
 
 
 class ClusterPool:
-    """The workers of a Dask scheduler; see `dask worker --nthreads 1`.
+    """Runs cases on the workers of a Dask scheduler; start them with `dask worker --nthreads 1`.
 
-    A case whose worker dies goes to another one, by Dask's own rule at most three times.
+    If a worker dies, Dask moves its case to another worker, at most three times.
 
     Args:
-        address: The scheduler's, as in "tcp://host:8786".
+        address: Address of the scheduler, as in "tcp://host:8786".
 
     Raises:
         InputError: If Dask is not installed, the scheduler does not answer or has no workers, or
@@ -264,14 +265,14 @@ class ClusterPool:
     def __init__(self, address: str) -> None:
         _refuse_junk(address)
         distributed = _distributed()
-        # A lost connection is one message of ours, not pages from Dask's own threads.
+        # We report a lost connection in one message; silence the pages that Dask logs about it.
         for part in ("client", "core", "utils"):
             logging.getLogger(f"distributed.{part}").setLevel(logging.CRITICAL)
         try:
             self._client = distributed.Client(
                 address, timeout=SCHEDULER_WAIT_S, set_as_default=False
             )
-        # Dask raises whatever the part of it that meets a strange answer raises.
+        # Dask documents no exception for a failed connection.
         except Exception as error:
             raise InputError(
                 f"no Dask scheduler answers at {shorten(address)}: {shorten(str(error), 200)}"
@@ -330,13 +331,13 @@ class ClusterPool:
         )
 
     def close(self) -> None:
-        """Drop what runs and what waits, and leave the cluster as it was."""
+        """Cancel running and waiting cases, and disconnect from the cluster."""
         self._executor.shutdown(wait=False)
         self._client.close()
 
 
 def _refuse_junk(address: str) -> None:
-    """Refuse at once what is no address; Dask would look for it until its patience ends."""
+    """Refuse an invalid address at once; Dask would try to connect until its timeout."""
     scheme, prefix, place = address.rpartition("://")
     host, colon, port = place.rpartition(":")
     numbered = colon and port.isascii() and port.isdigit() and 0 < int(port[:6]) < 65536
@@ -353,7 +354,7 @@ def _refuse_junk(address: str) -> None:
 
 
 def _probe_worker() -> bool:
-    """Runs on a worker; unpickling it there needs this package."""
+    """Run on a worker: it can unpickle this function only if it has this package."""
     return True
 
 

@@ -1,4 +1,4 @@
-"""The results of a sweep as a table: a pandas frame, CSV, Parquet."""
+"""The results of a sweep as a table: pandas DataFrame, CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas
 
 RESULT_COLUMNS = ("method", *(name for name in RESULTS if name != "plan"), "case", "finished_at")
-"""Columns after those of the varied keys."""
+"""Columns that follow those of the varied keys."""
 
 SUFFIXES = (".csv", ".parquet")
 
@@ -30,11 +30,11 @@ Record = dict[str, Any]
 
 
 def load_sweep(db: str | Path, which: int | None = None) -> pandas.DataFrame:
-    """The finished cases of a sweep, one row per point and method, in the sweep's order.
+    """Return the finished cases of a sweep, one row per point and method, in the sweep's order.
 
     Args:
         db: A database file of `planner sweep`.
-        which: Number of the sweep in the file, from 0; by default the one started last.
+        which: Number of the sweep in the file, from 0. By default the sweep started last.
 
     Returns:
         A DataFrame with one column per varied key (named by the dotted key), then `method`, the
@@ -50,14 +50,14 @@ def load_sweep(db: str | Path, which: int | None = None) -> pandas.DataFrame:
 
 
 def load_case_plan(db: str | Path, case: str) -> Plan:
-    """The plan of a case of a sweep that kept its plans (`plans = true`).
+    """Return the plan of a case of a sweep that saved its plans (`plans = true`).
 
     Args:
         db: A database file of `planner sweep`.
-        case: The case's key, or enough of its beginning.
+        case: The key of the case, or a unique beginning of it.
 
     Raises:
-        InputError: If there is no such case, or no plan was kept.
+        InputError: If there is no such case, or it has no saved plan.
     """
     with Store(db) as store:
         text = store.plan(case)
@@ -70,7 +70,7 @@ def load_case_plan(db: str | Path, case: str) -> Plan:
 
 
 def export(db: str | Path, path: str | Path, which: int | None = None) -> Path:
-    """Write the finished cases of a sweep to a file, whole or not at all.
+    """Write the finished cases of a sweep to a file; a failure leaves no partial file.
 
     Lists, tables and columns of mixed types become JSON text.
 
@@ -80,8 +80,8 @@ def export(db: str | Path, path: str | Path, which: int | None = None) -> Path:
         which: As for `load_sweep`.
 
     Raises:
-        InputError: If the name ends otherwise, pandas or pyarrow is missing (Parquet only), or a
-            file cannot be read or written.
+        InputError: If the name has another ending, pandas or pyarrow is missing (Parquet only), or
+            a file cannot be read or written.
     """
     refuse_unexportable(path)
     columns, records = read(db, which)
@@ -94,7 +94,7 @@ def export(db: str | Path, path: str | Path, which: int | None = None) -> Path:
 
 
 def refuse_unexportable(path: str | Path) -> None:
-    """Refuse what `export` could not write, before the work that fills it.
+    """Refuse before the work a file that `export` cannot write.
 
     Raises:
         InputError: As for `export`.
@@ -108,7 +108,7 @@ def refuse_unexportable(path: str | Path) -> None:
 
 
 def read(db: str | Path, which: int | None = None) -> tuple[list[str], list[Record]]:
-    """Columns and records of a sweep, as `load_sweep` orders them."""
+    """Return columns and records of a sweep, in the order of `load_sweep`."""
     with Store(db) as store:
         sweeps = store.sweeps()
         if not sweeps:
@@ -126,7 +126,7 @@ def read(db: str | Path, which: int | None = None) -> tuple[list[str], list[Reco
 
 
 def solved_by_method(records: Iterable[Record]) -> dict[str, tuple[int, int]]:
-    """Of each method how many of its finished cases are solved, and how many there are."""
+    """Return for each method the numbers of solved cases and of finished cases."""
     out: dict[str, tuple[int, int]] = {}
     for record in records:
         solved, total = out.get(record["method"], (0, 0))
@@ -135,7 +135,7 @@ def solved_by_method(records: Iterable[Record]) -> dict[str, tuple[int, int]]:
 
 
 def _cells(columns: Iterable[str], records: list[Record]) -> Mapping[str, list[Any]]:
-    """Each column's values, of one type."""
+    """Return the values of each column, converted to one type per column."""
     out = {}
     for column in columns:
         values = [record[column] for record in records]

@@ -1,4 +1,4 @@
-"""Running a sweep: what is not in the database yet, many cases at a time, each kept at once."""
+"""Run the cases of a sweep that are not in its database, in parallel; save each one at once."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ from planner.sweep.pools import ClusterPool, LocalPool, Pool, SerialPool
 from planner.sweep.store import Store
 
 Progress = Callable[[str, float], None]
-"""Told what is being done, and the share done, 0 … 1."""
+"""Called with the current step and the finished share, from 0 to 1."""
 
 PROGRESS_INTERVAL_S = 1.0
-"""How often progress is told at least, so that a bar shows even before the first result."""
+"""Longest time between progress calls, in seconds; a bar then shows before the first result."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run of a sweep did.
+    """The result of running a sweep.
 
     Attributes:
         db: The database file.
-        points: Points of the sweep times its methods.
-        cases: Different cases among them.
-        kept: Cases that were in the file already.
-        ran: Cases that this run added.
+        points: Number of points of the sweep times number of methods.
+        cases: Number of different cases among them.
+        kept: Number of cases that were already in the file.
+        ran: Number of cases that this run added.
         statuses: How many of the sweep's cases ended in each status.
-        elapsed_s: Seconds the run took.
+        elapsed_s: Duration of the run in seconds.
     """
 
     db: str
@@ -54,7 +54,7 @@ class Outcome:
 
     @property
     def bugs(self) -> int:
-        """Cases that ended in a way this program never should."""
+        """Number of cases that ended with an unexpected error, a bug of this program."""
         return self.statuses.get("bug", 0)
 
 
@@ -69,8 +69,8 @@ def run_sweep(
 ) -> Outcome:
     """Run those cases of a sweep that are not yet in a database file.
 
-    Each finished case is saved at once. After an interruption of any kind the same call runs the
-    rest. A refusal is a result too: see the columns `status` and `why`.
+    Each finished case is saved at once. After any interruption the same call runs the rest. A
+    refusal is a result too: see the columns `status` and `why`.
 
     Args:
         sweep: A `Sweep`, a sweep file, or its tables.
@@ -83,7 +83,7 @@ def run_sweep(
 
     Raises:
         InputError: If the sweep is wrong, the file or the cluster cannot be used, or a method or
-            system is not known in other processes.
+            system is registered only in this process.
         KeyboardInterrupt: If interrupted; finished cases are saved.
     """
     expect_listener(progress)
@@ -105,7 +105,7 @@ def run_sweep(
             try:
                 run.drive(pool)
             finally:
-                with hold_signals():  # a process that is not ended goes on to the end of its case
+                with hold_signals():  # else a worker process may run on
                     pool.close()
         store.refuse_lost()
         statuses = store.statuses(index)
@@ -116,10 +116,10 @@ def run_sweep(
 
 
 def expect_workers(workers: int | None, cluster: str | None) -> None:
-    """Refuse what no pool can be made of, before anything is written.
+    """Refuse invalid settings of the pool, before anything is written.
 
     Raises:
-        InputError: If both are given, or the number is none.
+        InputError: If both are given, or `workers` is not a whole number of at least 0.
     """
     if cluster is not None and workers is not None:
         raise InputError("give workers or cluster, not both: a cluster has its own workers")
@@ -132,7 +132,7 @@ def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
         return ClusterPool(cluster)
     if workers == 0:
         return SerialPool()
-    if hasattr(os, "sched_getaffinity"):  # the cores that this process may use
+    if hasattr(os, "sched_getaffinity"):  # counts only cores that this process may use
         cores = len(os.sched_getaffinity(0))
     else:
         cores = os.cpu_count() or 1
@@ -140,7 +140,7 @@ def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
 
 
 def _refuse_local_plugins(sweep: Sweep) -> None:
-    """Refuse methods, systems and limits that other processes would not know."""
+    """Refuse methods, systems and limits that are registered only in this process."""
     base = sweep.base.to_dict()
     kinds = {base["system"]["kind"], *(point.get("system.kind") for point in sweep.points)}
     keys = {key.removeprefix("limits.") for point in sweep.points for key in point}
@@ -156,7 +156,7 @@ def _refuse_local_plugins(sweep: Sweep) -> None:
 
 @dataclass
 class _SweepRun:
-    """Cases on their way through a pool."""
+    """The state of a run: waiting, running and finished cases."""
 
     store: Store
     waiting: Iterator[Case]
@@ -167,7 +167,7 @@ class _SweepRun:
     finished: SimpleQueue[tuple[Case, Future[Row]]] = field(default_factory=SimpleQueue)
 
     def drive(self, pool: Pool) -> None:
-        """Hand over cases as others finish, and keep each at once."""
+        """Submit cases as others finish, and save each finished case at once."""
         self._report()
         running = sum(self._launch(pool, case) for case in islice(self.waiting, pool.window))
         try:

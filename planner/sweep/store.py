@@ -1,8 +1,8 @@
-"""The database file of a sweep (SQLite): every finished case at once, in a transaction of its own.
+"""The database file of sweeps (SQLite). Each finished case is saved at once in its own transaction.
 
-`cases` holds one row a case, under its key; `points` says which cases make up each sweep that was
-run into the file. Write-ahead logging makes a commit survive the end of the process, however it
-ends. A file of another kind is told apart, and left as it is.
+`cases` has one row per case, by its key; `points` lists the cases of each sweep in the file. With
+write-ahead logging a commit survives any end of the process. A file of another kind is refused and
+not changed.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from planner.sweep.sweep_file import canonical_json, digest
 
 SCHEMA_VERSION = 1
 LOCK_WAIT_S = 30.0
-"""How long to wait for another process that writes to the same file."""
+"""Longest wait for another process that writes to the same file, in seconds."""
 
 ONE_PAGE = 4096
-"""Bytes of SQLite's first page: a file with tables has more, each its own."""
+"""Bytes of SQLite's first page; a file with tables has more pages."""
 
 _TABLES = f"""
 CREATE TABLE schema_version (version INTEGER NOT NULL, format TEXT NOT NULL);
@@ -62,11 +62,12 @@ class Store:
     """An open database file of sweeps; use it in a `with` block.
 
     Args:
-        path: The file; made when it is missing and `create` is True.
-        create: Whether it may be made and written to.
+        path: The file; created if it is missing and `create` is True.
+        create: Whether the file may be created and written.
 
     Raises:
-        InputError: If it cannot be read or written, is something else, or has another schema.
+        InputError: If the file cannot be read or written, is no sweep database, or has another
+            schema version.
     """
 
     def __init__(self, path: str | Path, create: bool = False) -> None:
@@ -85,14 +86,14 @@ class Store:
             file = os.stat(self.path)
             self._file = (file.st_dev, file.st_ino)
         if create:
-            written_paths.append(self.path)  # from here on whoever ends this run says so
+            written_paths.append(self.path)  # an interruption message names this file
         try:
             with self.explain_errors():
                 self._prepare(create)
         except BaseException:
             empty = new and self._is_empty()
             self.db.close()
-            if empty:  # a full disk
+            if empty:  # no table could be created (a full disk)
                 for end in ("", "-wal", "-shm"):
                     Path(f"{self.path}{end}").unlink(missing_ok=True)
             raise
@@ -108,7 +109,7 @@ class Store:
         if create and tables == 0:
             self._enable_write_ahead()
             with self.transaction():
-                # Another process may have been faster.
+                # Another process may have created the tables meanwhile.
                 if not self._has_version():
                     for statement in filter(str.strip, _TABLES.split(";")):
                         self.db.execute(statement)
@@ -117,11 +118,11 @@ class Store:
                     )
         self._refuse_foreign()
         self._add_columns()
-        # A commit survives the end of the process; to survive a power cut as well costs 10 ms each.
+        # A commit survives the end of the process, not a power cut; that would cost 10 ms per case.
         self.db.execute("PRAGMA synchronous = NORMAL")
 
     def _enable_write_ahead(self) -> None:
-        """Turn write-ahead logging on; for this SQLite itself waits for no other process."""
+        """Turn on write-ahead logging; retry, because SQLite does not wait for others here."""
         end = time.monotonic() + LOCK_WAIT_S
         while True:
             try:
@@ -134,10 +135,10 @@ class Store:
                 return
 
     def _is_empty(self) -> bool:
-        """Whether nothing has been kept in it, by another process either."""
+        """Return whether the file has no tables, even from another process."""
         try:
             return self.db.execute("SELECT 1 FROM sqlite_master").fetchone() is None
-        except sqlite3.Error:  # not even room to look
+        except sqlite3.Error:  # a full disk may prevent even reading
             sizes = [
                 p.stat().st_size if (p := Path(f"{self.path}{end}")).exists() else 0
                 for end in ("", "-wal")
@@ -164,11 +165,11 @@ class Store:
             )
 
     def _add_columns(self) -> None:
-        """Add the results that an older planner, which made the file, did not know."""
+        """Add result columns that are missing in a file of an older version of planner."""
         if not self._missing_columns():
             return
         with self.transaction():
-            for name in self._missing_columns():  # another process may have been faster
+            for name in self._missing_columns():  # another process may have added some
                 self.db.execute(f"ALTER TABLE cases ADD COLUMN {name} {RESULTS[name]}")
 
     def _missing_columns(self) -> list[str]:
@@ -177,10 +178,10 @@ class Store:
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """All of the block's changes or none.
+        """Apply all changes of the block or none.
 
-        A signal waits until its end: between two steps it would leave the transaction open, and
-        what is finished could not be kept any more.
+        Signals wait until the end of the block: between two steps a signal would leave the
+        transaction open, and finished cases could not be saved any more.
         """
         with hold_signals(), self.explain_errors():
             try:
@@ -189,23 +190,23 @@ class Store:
                 self.refuse_lost()
                 self.db.execute("COMMIT")
             except BaseException:
-                with suppress(sqlite3.Error):  # it may be over already
+                with suppress(sqlite3.Error):  # the transaction may have ended
                     self.db.execute("ROLLBACK")
                 raise
 
     @contextmanager
     def explain_errors(self) -> Iterator[None]:
-        """SQLite's errors as an `InputError` that names the file."""
+        """Convert errors of SQLite into an `InputError` that names the file."""
         try:
             yield
         except (sqlite3.Error, UnicodeDecodeError, OSError) as error:
             raise InputError(f"cannot use the database {self.path}: {error}") from None
 
     def refuse_lost(self) -> None:
-        """Refuse to go on with a file that has been deleted or replaced: SQLite would not notice.
+        """Refuse to continue if the file has been deleted or replaced: SQLite does not notice.
 
         Raises:
-            InputError: If the path leads to another file than the one that is open.
+            InputError: If the path no longer leads to the open file.
         """
         try:
             now = os.stat(self.path)
@@ -220,7 +221,7 @@ class Store:
     # -- writing -------------------------------------------------------------------------------
 
     def register(self, sweep: Sweep, cases: Iterable[Case]) -> int:
-        """Note which cases make up a sweep, as the last one started.
+        """Record the cases of a sweep, and that this sweep was started last.
 
         Returns:
             The sweep's number in this file.
@@ -237,7 +238,7 @@ class Store:
             (number,) = self.db.execute(
                 "SELECT id FROM sweeps WHERE digest = ?", (sweep_digest,)
             ).fetchone()
-            # A later version of the program may give the same points other keys.
+            # Another version of planner may give the points other keys.
             self.db.execute("DELETE FROM points WHERE sweep = ?", (number,))
             self.db.executemany(
                 "INSERT INTO points VALUES (?, ?, ?, ?, ?)",
@@ -246,7 +247,7 @@ class Store:
         return int(number)
 
     def add(self, case: Case, row: Row) -> None:
-        """Keep a finished case; in place of what was there under its key."""
+        """Save a finished case; replace an earlier one with the same key."""
         names = ["key", "description", "finished_at", *RESULTS]
         values = [case.key, case.description, _now(), *(row[name] for name in RESULTS)]
         marks = ", ".join("?" * len(names))
@@ -258,7 +259,7 @@ class Store:
     # -- reading -------------------------------------------------------------------------------
 
     def positions(self, sweep: int) -> dict[str, int]:
-        """Keys of the different cases of a sweep, finished or not, and where each comes first."""
+        """Return the first position of each different case of a sweep, by key, finished or not."""
         with self.explain_errors():
             return dict(
                 self.db.execute(
@@ -269,11 +270,11 @@ class Store:
             )
 
     def finished_keys(self, retry: Collection[str], plans: bool) -> set[str]:
-        """Keys of the finished cases.
+        """Return the keys of the finished cases.
 
         Args:
             retry: Statuses that do not count as finished.
-            plans: Whether a solved case without its plan does not count either.
+            plans: Whether solved cases without a saved plan count as unfinished.
         """
         marks = ", ".join("?" * len(retry))
         with self.explain_errors():
@@ -285,7 +286,7 @@ class Store:
             return {key for (key,) in rows}
 
     def statuses(self, sweep: int) -> dict[str, int]:
-        """How many different cases of a sweep ended in each status."""
+        """Return the number of different cases of a sweep by status."""
         with self.explain_errors():
             return dict(
                 self.db.execute(
@@ -296,7 +297,7 @@ class Store:
             )
 
     def sweeps(self) -> list[dict[str, Any]]:
-        """The sweeps run into this file, the last one started last: id, description, keys."""
+        """Return id, description and keys of the sweeps in this file, the last started one last."""
         with self.explain_errors():
             rows = self.db.execute(
                 "SELECT id, description, keys FROM sweeps ORDER BY started_at, id"
@@ -311,7 +312,7 @@ class Store:
         ]
 
     def rows(self, sweep: int) -> Iterator[dict[str, Any]]:
-        """The finished cases of a sweep in its order: changes, method, results but the plan."""
+        """Yield the finished cases of a sweep in order: changes, method, results, no plan."""
         results = [name for name in RESULTS if name != "plan"]
         columns = ", ".join(f"cases.{name}" for name in results)
         with self.explain_errors():
@@ -330,7 +331,7 @@ class Store:
                 }
 
     def _parse(self, text: Any, what: str, kind: type) -> Any:
-        """The value of a column that holds JSON."""
+        """Parse the JSON text of a column."""
         try:
             value = parse_json(text)
         except (TypeError, ValueError) as error:
@@ -340,7 +341,7 @@ class Store:
         return value
 
     def plan(self, key: str) -> str | None:
-        """The text of a stored plan, by its case's key or a beginning of it that is unique."""
+        """Return the text of a saved plan, by the key of its case or a unique beginning of it."""
         with self.explain_errors():
             rows = self.db.execute(
                 "SELECT plan FROM cases WHERE substr(key, 1, ?) = ?", (len(key), key)

@@ -1,7 +1,7 @@
-"""The tables of a sweep file: one base problem, and what varies.
+"""The tables of a sweep file: a base problem and the keys that vary.
 
-The points of a sweep are rows, grid and sample of dotted keys, and all their combinations. One text
-for one value, so that equal descriptions have equal keys.
+The points of a sweep are all combinations of rows, grid and sample of dotted keys. Values have a
+canonical text, so that equal descriptions have equal keys.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Range(Table):
 
 
 class Distribution(Table):
-    """How one key is drawn; exactly one of these."""
+    """The distribution of a key; exactly one of these."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
@@ -87,7 +87,7 @@ class Distribution(Table):
 
 
 class SampleTable(Table):
-    """A sample: how many points, by which sequence, and one distribution a dotted key."""
+    """A sample: number of points, kind of sequence, and a distribution for each dotted key."""
 
     model_config = ConfigDict(
         extra="allow",
@@ -116,7 +116,7 @@ class SampleTable(Table):
 
     @property
     def keys(self) -> dict[str, Distribution]:
-        """Dotted keys and how each is drawn."""
+        """The distribution of each dotted key."""
         return dict(self.__pydantic_extra__)
 
 
@@ -159,7 +159,7 @@ class SweepFile(Table):
     @model_validator(mode="before")
     @classmethod
     def _places(cls, data: Any) -> Any:
-        """Say of a key in a wrong place where it belongs."""
+        """Refuse a key in the wrong place and name the table where it belongs."""
         if not isinstance(data, dict):
             return data
         own = {field.alias or name for name, field in cls.model_fields.items()}
@@ -176,13 +176,13 @@ class SweepFile(Table):
 
 
 def _is_axis(value: Any) -> bool:
-    """Whether a value is what a grid takes."""
+    """Return whether a value is a list or a range, as in a grid."""
     ends = {field.alias or name for name, field in Range.model_fields.items()}
     return isinstance(value, list) or (isinstance(value, dict) and bool(value.keys() & ends))
 
 
 def _place_of(key: str) -> str:
-    """The table of a sweep file to which a key belongs that stands outside of all; or ""."""
+    """Return the table of a sweep file where a key outside of all tables belongs; or ""."""
     if key in SampleTable.model_fields:
         return "[sample]"
     if key in ReplayTable.model_fields:
@@ -193,7 +193,7 @@ def _place_of(key: str) -> str:
 
 
 def sweep_schema() -> dict[str, Any]:
-    """JSON Schema of a sweep file, for editors; keys of blocks are taken to be dotted."""
+    """Return the JSON Schema of a sweep file, for editors; it assumes dotted keys."""
     return SweepFile.model_json_schema()
 
 
@@ -202,11 +202,11 @@ Point = dict[str, Any]
 
 
 def points(table: SweepFile, source: str) -> list[Point]:
-    """Every combination of rows, grid values and draws, the last varying fastest.
+    """Return every combination of rows, grid values and draws; the draws vary fastest.
 
     Args:
-        table: The sweep's tables, keys flat.
-        source: What to name in messages.
+        table: The tables of the sweep, with dotted keys.
+        source: The name of the file in messages.
 
     Raises:
         InputError: If nothing varies, a key varies twice, or there are too many points.
@@ -227,15 +227,15 @@ def points(table: SweepFile, source: str) -> list[Point]:
 
 
 def varied_keys(table: SweepFile) -> list[str]:
-    """Every key that varies, each once, in the order of the file: rows, grid, sample."""
+    """Return the varied keys without duplicates, in the order rows, grid, sample."""
     sampled = table.sample.keys if table.sample else {}
     return list(dict.fromkeys([*_row_keys(table), *table.grid, *sampled]))
 
 
 def flatten(tables: Mapping[str, Any]) -> Point:
-    """Dotted keys from nested tables: `goal.travel = 1` means the same as `"goal.travel" = 1`.
+    """Return dotted keys for nested tables: `goal.travel = 1` becomes `"goal.travel" = 1`.
 
-    Keys are taken apart down to the keys of the problem's tables, one level deeper in `method`.
+    Flattening stops at the keys of the problem's tables, one level deeper in `method`.
     """
     out: Point = {}
     for name, value in tables.items():
@@ -288,12 +288,13 @@ def _axis_values(values: list[Any] | Range) -> list[Any]:
     if isinstance(values, list):
         return values
     space = np.linspace if values.spacing == "linear" else np.geomspace
-    # Twelve digits, so that 0.812 is not 0.8119999999999999 and equal values have equal keys.
+    # Round to twelve digits, so that 0.8119999999999999 becomes 0.812 and equal values have equal
+    # keys.
     return [float(f"{v:.12g}") for v in space(values.low, values.high, values.count)]
 
 
 def _sample_points(table: SampleTable) -> list[Point]:
-    """The draws; a larger count begins with the draws of a smaller one."""
+    """Return the draws; a larger count begins with the draws of a smaller one."""
     keys = table.keys
     columns = [
         _draw_values(d, u)
@@ -303,7 +304,7 @@ def _sample_points(table: SampleTable) -> list[Point]:
 
 
 def _unit_points(table: SampleTable, size: int) -> Array:
-    """Points of the open unit cube, shape (count, size)."""
+    """Return points in the open unit cube, shape (count, size)."""
     rng = np.random.default_rng(table.seed)
     if table.method == "random":
         cube = rng.random((table.count, size))
@@ -316,7 +317,7 @@ def _unit_points(table: SampleTable, size: int) -> Array:
 
 
 def _draw_values(distribution: Distribution, unit: Array) -> list[Any]:
-    """Values of one key at positions `unit`, shape (count,), of its cumulative distribution."""
+    """Return the quantiles of a distribution at the probabilities `unit`, shape (count,)."""
     from scipy.special import ndtri
 
     if distribution.choice is not None:
@@ -337,10 +338,10 @@ def _draw_values(distribution: Distribution, unit: Array) -> list[Any]:
 
 
 def canonical_json(value: Any) -> str:
-    """JSON with sorted keys and no spaces; what JSON lacks (TOML's dates) becomes text."""
+    """Return JSON with sorted keys and no spaces; types that JSON lacks (dates) become text."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), default=str)
 
 
 def digest(value: Any) -> str:
-    """SHA-256 of `canonical_json`, 64 hexadecimal digits."""
+    """Return the SHA-256 of `canonical_json`, 64 hexadecimal digits."""
     return hashlib.sha256(canonical_json(value).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""A design file: mechanisms, tasks, and the figures that compare them."""
+"""A design file: mechanisms, tasks, and the figures that compare the mechanisms."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ AngleRange = Annotated[list[AngleDeg], Field(min_length=2, max_length=2)]
 
 
 class VariablesTable(Table):
-    """Design variables; all others are as in `[gear]`."""
+    """Design variables; those not given are as in `[gear]`."""
 
     rho: Positive | None = Field(None, description="r1/(lambda R): gives r1.")
     kappa: Positive | None = Field(None, description="lambda R/(eta r3): gives r3.")
@@ -173,7 +173,7 @@ def design_schema() -> dict[str, Any]:
 
 
 Task = tuple[list[float], list[float]]
-"""Joint angles at the start and at the goal, degrees."""
+"""Joint angles at the start and at the goal, in degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,10 +186,10 @@ class StudyInput:
         table: The file's tables.
         base: The problem that all designs share.
         designs: The mechanisms, including those that cannot be built.
-        tasks: For each number of joints, the tasks.
-        methods: As written; with `compensated`, the last one compensates.
+        tasks: The tasks by number of joints.
+        methods: The methods as written; with `compensated`, the last one is compensated.
         figures: The figures that compare the designs.
-        front_by: Those that are traded.
+        front_by: The figures to trade off.
     """
 
     title: str
@@ -204,17 +204,17 @@ class StudyInput:
 
     @property
     def reaching(self) -> str:
-        """The method whose plans count as reaching a task: the first, compensated where asked."""
+        """The method whose plans count as solving a task: the first, compensated if requested."""
         return self.methods[-1] if self.table.compensated else self.methods[0]
 
     @property
     def pairs(self) -> list[tuple[Design, Task]]:
-        """What is planned by each method: every task on every design that can be built."""
+        """The pairs that each method plans: every task on every design that can be built."""
         built = [each for each in self.designs if not each.refused]
         return [(each, task) for each in built for task in self.tasks[each.joints]]
 
     def changes(self, design: Design, task: Task) -> dict[str, Any]:
-        """Dotted keys of the problem that pose a task to a design."""
+        """Return the dotted keys of the problem that set a design and a task."""
         out = {
             "system.joints": design.joints,
             "system.gear": gear_table(design.gear),
@@ -224,7 +224,7 @@ class StudyInput:
         }
         force = design.values.get("contact_force_n", self.table.contact_force_n)
         if force is not None:
-            # With the relative spread of the problem's machine.
+            # Keep the relative spread of the problem's machine.
             known = Machine.from_table(self.base.machine).effects.get("friction_capacity_nm")
             spread = known.spread[0] / known.value[0] if known is not None else 0.0
             torque = force * design.gear.r1
@@ -232,16 +232,16 @@ class StudyInput:
         return out
 
     def problem_of(self, design: Design, task: Task) -> Problem:
-        """The problem of one task on one design.
+        """Return the problem of one task on one design.
 
         Raises:
-            InputError: If the base problem cannot have it.
+            InputError: If the problem is invalid.
         """
         tables = {**self.base.to_dict(), "system": {"kind": Manipulator.kind}}
         return Problem.from_dict(with_changes(tables, self.changes(design, task)), self.source)
 
     def sweep(self) -> dict[str, Any]:
-        """The tables of the sweep that plans all `pairs`."""
+        """Return the tables of the sweep that plans all `pairs`."""
         return {
             "title": self.title,
             "problem": self.problem_of(*self.pairs[0]),
@@ -252,7 +252,7 @@ class StudyInput:
 
 
 def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
-    """Read a design file, or its tables, and check what can be checked before anything is planned.
+    """Read and check a design file or its tables, before anything is planned.
 
     Raises:
         InputError: If a key or value is wrong, nothing varies, a variable or figure does not exist,
@@ -304,7 +304,7 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
 
 
 def _check_arm(base: Problem, source: str) -> Manipulator:
-    """The arm, where the problem leaves its mechanism open."""
+    """Return the arm of the base problem; refuse a problem that fits only one mechanism."""
     if not isinstance(base.system, Manipulator):
         raise InputError(
             f"{source}: the mechanism of system.kind = '{base.system.kind}' has no friction"
@@ -343,7 +343,7 @@ def _designs(
             raise InputError(
                 f"{source}: design {name}: link_lengths has {len(lengths)} values for {n} joints"
             )
-        bends = base.limits.joint[1:]  # infinite where there is no limit
+        bends = base.limits.joint[1:]  # infinite without a limit
         bends = bends if len(bends) == n else np.full(n, float(np.max(bends)))
         return design(name, values, gear_of(values, gear), bends, lengths, table.clearance)
 
@@ -366,7 +366,7 @@ def _designs(
 def _present_mechanism(
     table: DesignFile, base: Problem, system: Manipulator, source: str, forced: bool
 ) -> tuple[Gear, Any]:
-    """The mechanism as it is: its gear, and its links where they share the gear's unit."""
+    """Return gear and links of the base mechanism; links are None unless they share its unit."""
     if table.gear is not None:
         try:
             return table.gear.stages(1)[0], None
@@ -393,7 +393,7 @@ def _present_mechanism(
 
 
 STAGE_TOLERANCE = 1e-4
-"""Ratios in problem files have six digits; stages that differ by more are meant to."""
+"""Ratios in problem files have six digits; stages whose radii differ by more are different."""
 
 
 def _value_text(value: Any) -> str:

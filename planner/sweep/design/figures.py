@@ -1,7 +1,7 @@
-"""The figures that compare designs: their table, how tasks give them, and the recommendation.
+"""The figures that compare designs: their table, their values over tasks, and the recommendation.
 
-Typical figures are medians over the tasks, where an unsolved task counts as worse than any; what
-the hardware must stand is the largest over the tasks.
+Typical figures are medians over the tasks, in which an unsolved task counts as the worst. Loads on
+the hardware are maxima over the tasks.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from planner.sweep.case import CONTACT_PERCENTILE
 from planner.sweep.design.geometry import Design
 
 Outcome = Mapping[str, Any]
-"""What one task says of one design, by name; see `outcome`."""
+"""The results of one task on one design, by name; see `outcome`."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class Figure:
 
     Attributes:
         key: Its name in files and in `front`.
-        title: What it is, in few words.
+        title: Its name in tables.
         unit: Its unit, or "".
-        sign: −1 where less is better, 1 where more is.
-        share: Whether differences of it are compared (parts of a whole, margins), and not ratios.
-        column: Its name in an `Outcome`; the key where it is empty.
-        reduction: Its value over the tasks; "part": the part of them that have it.
+        sign: −1 if smaller is better, 1 if larger is better.
+        share: Whether designs are compared by differences (shares, margins) instead of ratios.
+        column: Its name in an `Outcome`; empty if it equals the key.
+        reduction: How values of tasks are combined; "part" is the share of tasks that are true.
     """
 
     key: str
@@ -47,7 +47,7 @@ class Figure:
     reduction: Literal["median", "largest", "part"] = "median"
 
     def value(self, outcomes: Sequence[Outcome]) -> float:
-        """Its value over the tasks; NaN where it is not defined."""
+        """Return the value over the tasks; NaN if undefined."""
         column = self.column or self.key
         values = np.array([outcome.get(column) for outcome in outcomes], float)
         if self.reduction == "part":
@@ -58,7 +58,7 @@ class Figure:
         return middle if np.isfinite(middle) else np.nan
 
     def merit(self, row: DesignRow) -> float:
-        """Its value of a design; more is better."""
+        """Return the value of a design with a sign such that larger is better."""
         return row[self.key] * self.sign
 
 
@@ -89,21 +89,21 @@ FIGURES = (
         "compensated_spread_deg", "spread, compensated", "deg", column="compensated_end_spread_deg"
     ),
 )
-"""All but those that `figures_of` adds."""
+"""All figures except those that `figures_of` adds."""
 
 
 def default_front(compensated: bool) -> list[str]:
-    """What a builder gets and pays: the error that is left at the end, motor and contacts.
+    """Return the default figures to trade off: error at the end, motor torque and power, contacts.
 
-    Effort is no part of it: it is a property of rates, and any gear that lets the disks turn less
-    has less of it, whatever the motor must give.
+    Effort is left out because it depends on rates only: a gear that turns the disks less has less
+    effort, whatever torque the motor needs.
     """
     end = "compensated_end_deg" if compensated else "end_deg"
     return [end, "motor_torque_nm", "motor_power_w", CONTACT_LOAD]
 
 
 def figures_of(methods: Sequence[str], compensated: bool) -> tuple[Figure, ...]:
-    """The figures of a study by these methods, as written."""
+    """Return the figures of a study with these methods, as written."""
     figures = [f for f in FIGURES if compensated or not f.key.startswith("compensated_")]
     solved = [
         Figure(f"solved {method}", f"solved, {method}", "", 1, share=True, reduction="part")
@@ -115,16 +115,16 @@ def figures_of(methods: Sequence[str], compensated: bool) -> tuple[Figure, ...]:
 def outcome(
     design: Design, window: TravelWindow | None, cases: Mapping[str, Mapping[str, Any]]
 ) -> Outcome:
-    """What a task says of a design.
+    """Return the results of one task on one design.
 
     Args:
         design: The design.
-        window: Travels of the task's one-way motions; None where nothing is known of them.
-        cases: Of each method, as written, its case: see `planner.sweep.case.RESULTS`. The plan of
-            the first gives the figures, that of the last those after "compensated_".
+        window: Travels of the task's one-way motions; None if unknown.
+        cases: The case of each method, as written; see `planner.sweep.case.RESULTS`. The first
+            method gives the figures, the last one those that begin with "compensated_".
 
     Returns:
-        Results of cases with a plan, and `one_way`, `window`, `least_link`, "solved METHOD".
+        Results of the solved cases, and `one_way`, `window`, `least_link`, "solved METHOD".
     """
     out: dict[str, Any] = {f"solved {method}": case["solved"] for method, case in cases.items()}
     results = [*cases.values()]
@@ -137,9 +137,9 @@ def outcome(
 
 
 def _width(window: TravelWindow) -> float:
-    """Of a travel window over its middle: the scale of φ does not matter; 0 if empty.
+    """Return the width of a travel window over its middle, a ratio independent of φ's scale.
 
-    One without an upper end (two joints) has 2, to which the ratio tends.
+    An empty window has 0. One without an upper end (two joints) has 2, the limit of the ratio.
     """
     if window.empty:
         return 0.0
@@ -154,10 +154,10 @@ class DesignRow:
 
     Attributes:
         design: The mechanism.
-        figures: Each figure's value by its key; none where it cannot be built, NaN where a figure
-            is not defined.
-        on_front: Whether no other design that can be recommended beats it in the figures traded.
-        why: Why most of the tasks are refused that the first method does not solve; or "".
+        figures: Values of the figures by key; empty if the design cannot be built, NaN if a figure
+            is undefined.
+        on_front: Whether the design is on the Pareto front of the figures to trade off.
+        why: The most frequent reason for a refusal; or "".
     """
 
     design: Design
@@ -178,28 +178,31 @@ class DesignRow:
 
     @property
     def holds(self) -> bool:
-        """Whether its contacts hold, on `CONTACT_PERCENTILE` % of the machines."""
+        """Whether no contact slips, on `CONTACT_PERCENTILE` % of the machines."""
         return not self.figures[CONTACT_LOAD] > 1
 
 
 def recommend(
     rows: Sequence[DesignRow], front_by: Sequence[Figure], method: str, tasks: int
 ) -> tuple[tuple[DesignRow, ...], DesignRow | None, str]:
-    """The rows with the front marked, the one to take, and why in sentences.
+    """Mark the Pareto front, choose a design, and give the reason in sentences.
 
-    Those may be recommended that can be built, solve as many tasks as any, have contacts that hold,
-    where one has, and a value of every figure traded. The front are those of them that no other
-    beats: none is as good in every figure and better in one.
+    Candidates can be built, solve as many tasks as any design, and have a value of every figure to
+    trade off. If the contacts of some of them hold, only those are candidates. A candidate is on
+    the front if no other is as good in every figure and better in one.
 
-    The one to take has the least sum of relative losses against the best value of each figure. One
-    percent of one figure counts as one percent of another, so that nothing depends on how far the
-    worst designs lie, and what hardly differs hardly counts. It lies on the front.
+    The chosen design has the smallest sum of relative losses, each against the best value of a
+    figure. One percent of one figure counts as much as one percent of another, so the worst designs
+    have no influence, and figures that hardly differ count little. It is on the front.
 
     Args:
         rows: The designs.
-        front_by: Figures traded.
-        method: The method, as written, whose plans reach the tasks.
-        tasks: Their number.
+        front_by: The figures to trade off.
+        method: The method, as written, whose plans count as solving the tasks.
+        tasks: Number of tasks.
+
+    Returns:
+        The rows with `on_front` set, the chosen row or None, and the reason.
     """
     solved = np.array([row.figures.get(f"solved {method}", 0.0) for row in rows])
     values = [[row.figures.get(figure.key, np.nan) for figure in front_by] for row in rows]
@@ -281,7 +284,7 @@ def _values(row: DesignRow, figures: Sequence[Figure]) -> str:
 
 
 def _why(figures: Sequence[Figure]) -> str:
-    """Why one design is recommended, as the end of a sentence."""
+    """Return why a design is recommended, as the end of a sentence."""
     titles = _join_titles(figures)
     if len(figures) > 1:
         return f"its {titles} are, added up, the fewest percent worse than the best of each"

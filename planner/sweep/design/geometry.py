@@ -1,17 +1,17 @@
 """One design of the mechanism: its radii, ratios and links, and whether it can be built.
 
-The parts stand as `planner.report.plot_mechanism` draws them. At joint j the wheel Bⱼ of radius r₁
-stands on link j−1, upright over the contact P₁ on the axis of the joint. The disks Aⱼ and A'ⱼ lie
-on link j, their axles R and r₃ from that axis. All stages are at one height. With lⱼ the length of
-link j, βⱼ the largest bend of joint j and c the clearance, the mechanism can be built where
+The arrangement is that of `planner.report.plot_mechanism`. At joint j the wheel Bⱼ of radius r₁
+stands upright on link j−1, above the contact P₁ on the joint's axis. The disks Aⱼ and A'ⱼ lie on
+link j; their axles are at distances R and r₃ from that axis. All stages are at one height. With lⱼ
+the length of link j, βⱼ the largest bend of joint j and c the clearance, a design can be built if
 
-    lⱼ > R, lⱼ > r₃               P₁, P₂ and P₃ can meet the disks: their axles stand on link j
-    lⱼ > r₁ sin βⱼ + c            wheels Bⱼ and Bⱼ₊₁ stand clear of each other
-    lⱼ > R (1 − cos βⱼ₊₁) + √(4 (R + c)² − R² sin² βⱼ₊₁)   so do disks Aⱼ and Aⱼ₊₁; with r₃: A'
-    R cos βⱼ > c                  the axle of Aⱼ stands clear of wheel Bⱼ
+    lⱼ > R, lⱼ > r₃               P₁, P₂ and P₃ touch the disks: their axles are on link j
+    lⱼ > r₁ sin βⱼ + c            wheels Bⱼ and Bⱼ₊₁ do not collide
+    lⱼ > R (1 − cos βⱼ₊₁) + √(4 (R + c)² − R² sin² βⱼ₊₁)   nor do disks Aⱼ and Aⱼ₊₁; with r₃: A'
+    R cos βⱼ > c                  the axle of Aⱼ does not collide with wheel Bⱼ
 
-The third is from the distance of the two axles, √((l − R)² + R² + 2R(l − R) cos β) > 2(R + c); the
-second and third are for the links between two stages, j ≤ n − 2.
+The third follows from the distance of the two axles, √((l − R)² + R² + 2R(l − R) cos β) > 2(R + c).
+The second and third apply to links between two stages, j ≤ n − 2.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ class Design:
     """One mechanism of a study.
 
     Attributes:
-        name: The values that tell it from others, as text.
-        values: The design variables that vary, and their values; none of the mechanism as it is.
+        name: The values of its variables, as text.
+        values: The varied design variables and their values; empty for the base mechanism.
         joints: Number of joints n.
         gear: Radii and ratios of every stage.
-        link_lengths: Distances of neighbouring joints and of the tip, n of them, in the unit of the
-            radii; None where nothing is said of them, so that links are as long as is needed.
-        least_link: The longest that a link must be for the parts to clear each other, likewise.
-        refused: The inequality that rules it out, in words; empty where it can be built.
+        link_lengths: Distances between neighbouring joints and to the tip, n values in the unit of
+            the radii; None if not given, then links are as long as needed.
+        least_link: Least length of all links such that no parts collide, in the same unit.
+        refused: The violated inequality in words; empty if the design can be built.
     """
 
     name: str
@@ -58,15 +58,15 @@ class Design:
 
 
 def gear_table(gear: Gear) -> dict[str, float]:
-    """Radii and ratios by their names in files."""
+    """Return radii and ratios by their names in files."""
     return {"r1": gear.r1, "R": gear.R, "r3": gear.r3, "lambda": gear.lam, "eta": gear.eta}
 
 
 def gear_of(values: Mapping[str, Any], base: Gear) -> Gear:
-    """The gear with some design variables changed.
+    """Return the gear with some design variables changed.
 
-    `rho` gives r₁ = ρλR and `kappa` gives r₃ = λR/(ηκ): the disks A and the bought gears and belts
-    stay, wheel B and the radius of the last contact change.
+    `rho` sets r₁ = ρλR and `kappa` sets r₃ = λR/(ηκ): disks A and purchased gears and belts stay,
+    wheel B and the radius of the last contact change.
     """
     lam, eta = values.get("lambda", base.lam), values.get("eta", base.eta)
     R = values.get("R", base.R)
@@ -83,15 +83,15 @@ def design(
     link_lengths: Sequence[float] | None = None,
     clearance: float = 0.0,
 ) -> Design:
-    """A design, with the first inequality that rules it out.
+    """Return a design, with the first inequality that it violates.
 
     Args:
-        name: What to call it.
-        values: The design variables that vary.
+        name: Name of the design.
+        values: The varied design variables.
         gear: Radii and ratios.
-        bends: Largest |θ| of joints 1 … n, (n,), rad; 90° where there is no limit.
-        link_lengths: Of n links, in the unit of the radii; None where nothing is said of them.
-        clearance: How much room parts need beyond their radii, likewise.
+        bends: Largest |θ| of joints 1 … n, shape (n,), rad; limited to 90°.
+        link_lengths: Lengths of n links, in the unit of the radii; None if not given.
+        clearance: Clearance that parts need beyond their radii, in the same unit.
     """
     bends = np.minimum(bends, np.pi / 2)
     links = None if link_lengths is None else tuple(map(float, link_lengths))
@@ -107,7 +107,7 @@ def design(
 
 
 def _hidden_axle(gear: Gear, bends: Array, clearance: float) -> str:
-    """Why wheel B stands in the way of the axle of its disk A; empty where it does not."""
+    """Return the message if wheel B and the axle of its disk A collide; else ""."""
     widest = float(np.max(bends[:-1]))
     room, bent = gear.R * float(np.cos(widest)), f"{np.rad2deg(widest):.3g} deg"
     if clearance and not room > clearance:
@@ -120,7 +120,7 @@ def _hidden_axle(gear: Gear, bends: Array, clearance: float) -> str:
 
 
 def _link_needs(gear: Gear, bends: Array, c: float) -> list[tuple[int, float, str]]:
-    """What each link needs: its number, its least length, and the inequality in words."""
+    """Return the requirements on links: link number, least length, and inequality in words."""
     out = []
     stages = len(bends) - 1
     plus = f" + {number(c)}" if c else ""

@@ -45,15 +45,14 @@ class DesignStudy:
     """Designs of the mechanism, compared on a set of tasks; see `design_study`.
 
     Attributes:
-        asked: The design file, read.
-        rows: The designs in the order of the file; first the mechanism as it is, where asked for.
-        figures: The figures that compare them.
-        front_by: Those that are traded.
-        recommended: The row to take; None where no design solves a task.
-        reason: Why that one, in sentences.
-        bugs: Cases that ended in a way this program never should.
-        seconds: How long the cases of each method took, one after another, s; that of compensated
-            plans is what their figures cost.
+        asked: The contents of the design file.
+        rows: The designs in the order of the file; the base mechanism, if included, is first.
+        figures: The figures that compare the designs.
+        front_by: The figures to trade off.
+        recommended: The row of the recommended design; None if no design solves a task.
+        reason: The reason for the recommendation, in sentences.
+        bugs: Number of cases that ended with an unexpected error, a bug of this program.
+        seconds: Total time of the cases of each method, in seconds, without parallelism.
     """
 
     asked: StudyInput
@@ -91,18 +90,18 @@ class DesignStudy:
     def front(self) -> tuple[DesignRow, ...]:
         """The Pareto front: designs that no other beats in the figures to trade off.
 
-        Those alone are compared that may be recommended: they can be built, solve as many tasks as
-        any, and have contacts that hold.
+        Only candidates are compared: designs that can be built, solve as many tasks as any, and
+        have contacts that hold.
         """
         return tuple(row for row in self.rows if row.on_front)
 
     @property
     def columns(self) -> list[Column[DesignRow]]:
-        """What tables show of a row."""
+        """The columns of the tables."""
         return _columns(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready: designs with geometry and figures, the front, the recommendation."""
+        """Return JSON-ready data: designs with geometry and figures, front, recommendation."""
         data = {
             "format": FORMAT,
             "version": VERSION,
@@ -125,9 +124,9 @@ class DesignStudy:
         return dict(jsonable(data))
 
     def to_frame(self) -> pandas.DataFrame:
-        """One row a design: the variables that vary, geometry, figures, `on_front`, `refused`.
+        """Return one row per design: variables, geometry, figures, `on_front`, `refused`.
 
-        Index: the design's name. Shares are 0 … 1.
+        The index is the name of the design. Shares are from 0 to 1.
 
         Raises:
             InputError: If pandas is not installed.
@@ -137,7 +136,7 @@ class DesignStudy:
         return frame.set_index("design")
 
     def table(self) -> Table:
-        """For a terminal: `rich.print(study.table())`."""
+        """Return a table for `rich.print(study.table())`."""
         narrow = {"design", "front", *(figure.title for figure in self.front_by), *TERMINAL_COLUMNS}
         narrow.add(f"solved, {self.asked.reaching}")
         return terminal_table(
@@ -149,7 +148,7 @@ class DesignStudy:
         )
 
     def markdown(self) -> str:
-        """The table and the recommendation as Markdown text."""
+        """Return the table and the recommendation as Markdown."""
         built = [row for row in self.rows if not row.design.refused]
         lines = [f"# {markdown(self.title)}", "", self.reason, ""]
         lines.append(markdown_table(self.columns, built))
@@ -160,7 +159,7 @@ class DesignStudy:
         return "\n".join([*lines, "", self._caption]) + "\n"
 
     def _repr_html_(self) -> str:
-        """The table, as a notebook shows it."""
+        """Return the table for a notebook."""
         table = html_table(self.columns, self.rows, self.title)
         return f"{table}<p>{escape(self.reason)}</p><p><small>{escape(self._caption)}</small></p>"
 
@@ -182,7 +181,7 @@ class DesignStudy:
 
     @property
     def _price(self) -> str:
-        """What the compensated figures cost, in words; empty where there are none."""
+        """The computing time, and the part of compensated plans; "" without compensation."""
         if not self.asked.table.compensated:
             return ""
         most = sum(self.seconds.values())
@@ -193,14 +192,15 @@ class DesignStudy:
         )
 
     def plot(self, *, axes: Any = None) -> tuple[Picture, Any]:
-        """One picture for a designer; see `planner.report.plot_design`."""
+        """Draw the study; see `planner.report.plot_design`."""
         draw = import_function("planner.report.figures.design.plot_design")
         return cast("tuple[Picture, Any]", draw(self, axes=axes))
 
     def save(self, folder: str | Path) -> Path:
-        """Write design.md, design.csv, design.json and design.png to a folder, made when missing.
+        """Write design.md, design.csv, design.json and design.png to a folder.
 
-        Each file is written whole or not at all; those of an earlier study are replaced.
+        The folder is created if missing. Each file is written completely or not at all; files of an
+        earlier study are replaced.
 
         Raises:
             InputError: If the folder or a file cannot be written.
@@ -219,7 +219,7 @@ class DesignStudy:
 
 
 TERMINAL_COLUMNS = ("contacts", "error at the end")
-"""Columns that a terminal has room for, beside those of the figures traded."""
+"""Columns shown on a terminal, in addition to those of the figures to trade off."""
 
 
 def _columns(study: DesignStudy) -> list[Column[DesignRow]]:

@@ -1,4 +1,4 @@
-"""A design study: plans every task on every mechanism, on the sweep engine, and compares them."""
+"""Run a design study: a sweep that plans every task on every mechanism, then a comparison."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ def design_study(
 ) -> DesignStudy:
     """Compare designs of the mechanism on a set of tasks.
 
-    Every task is planned on every design, verified, replayed on emulated machines and, where asked
-    for, compensated for them. Each finished case is saved in the folder at once, so the same
-    call continues a study that ended early for any reason.
+    Every task is planned on every design, verified, replayed on emulated machines and, if
+    requested, compensated for them. Each finished case is saved in the folder at once, so the same
+    call continues an interrupted study.
 
     Args:
         design: A design file (TOML), or its tables; `problem` may be a `Problem`. See
             `planner.sweep.design.design_file.DesignFile` for the keys.
-        folder: Where finished cases are kept; nowhere when left out. `DesignStudy.save` writes
+        folder: Folder for finished cases. By default they are not kept. `DesignStudy.save` writes
             the results.
-        workers: Processes of this computer, as many as it has cores when left out; 0 plans in this
+        workers: Number of processes on this computer. By default one per core; 0 plans in this
             process.
         cluster: Address of a Dask scheduler to use instead.
         progress: Called with the current step and the completed share.
 
     Returns:
-        All designs; those that cannot be built carry the inequality that they violate.
+        All designs; those that cannot be built have the violated inequality.
 
     Raises:
         InputError: If the file is wrong, no design can be built, or the folder cannot be used.
@@ -59,7 +59,7 @@ def design_study(
     tell = progress or (lambda _, __: None)
     tell("reading", 0.0)
     study = read_design(design)
-    # An impossible task is refused before anything is planned.
+    # This refuses an impossible task before anything is planned.
     windows = iter([travel_window(study.problem_of(*pair)) for pair in study.pairs])
     place = tempfile.TemporaryDirectory() if folder is None else nullcontext(make_folder(folder))
     with place as kept_folder:

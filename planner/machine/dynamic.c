@@ -1,6 +1,6 @@
-/* One step of the dynamic manipulator: what `March.step` of march.py and `Stage` of
- * bodies.py compute, one sample after another. They say what is computed and why; the names here
- * are theirs. Arrays of Python are (rows, samples), so that a row is `samples` numbers apart.
+/* One step of the dynamic manipulator, as `March.step` of march.py and `StageLaws` of bodies.py
+ * compute it, one sample after another. These explain the computation; the names here are theirs.
+ * Arrays of Python are (rows, samples), so the rows of a sample are `samples` numbers apart.
  *
  * Plain C99 without Python, part of the same library as kernel.c.
  */
@@ -19,8 +19,8 @@ static const double NEAR_END = 1e-6;
 
 #define LINKS (1 + JOINTS)
 
-/* Mass matrices and what comes of them are n x n for n links, row after row; coupled: whether they
- * have more than a diagonal. */
+/* Mass matrices and matrices derived from them are n x n for n links, row after row; coupled: whether
+ * they are not diagonal. */
 typedef struct {
     double first[JOINTS], second[JOINTS], slope[2 * JOINTS], limit[2 * JOINTS];
     double drag[1 + JOINTS];
@@ -70,7 +70,7 @@ static void torques(const Rows *r, const Stage *s, const double *w, double *torq
     }
 }
 
-/* The piece of one law at a value; the one before where it holds to within rounding. */
+/* The piece of one law at a value; `before` if that is valid within rounding. */
 static double piece(double value, double edge, double room, double before, int limited)
 {
     int inside = fabs(value) <= edge + room;
@@ -82,7 +82,7 @@ static double piece(double value, double edge, double room, double before, int l
     return limited && before * now < 0 ? 0.0 : now;
 }
 
-/* Pieces at these speeds; whether any changed. */
+/* Compute the pieces at these speeds; return whether any changed. */
 static int pieces_at(const Rows *r, const Stage *s, const double *v, double *pieces)
 {
     double w[LAWS];
@@ -129,7 +129,7 @@ static Line drawn(Line law, double drag, double push)
     return out;
 }
 
-/* Speeds without coupling, for laws on lines; `all_push` and reference as of the stage. */
+/* Speeds without coupling, for linear laws; for `all_push` and `reference` see the stage. */
 static void tree(const Rows *r, const Stage *s, const Line *law, const double *all_push,
                  const double *reference, double *v)
 {
@@ -173,7 +173,7 @@ static void tree(const Rows *r, const Stage *s, const Line *law, const double *a
     }
 }
 
-/* Solve n equations a x = b, by Gauss with partial pivots; x is b before and the answer after. */
+/* Solve n equations a x = b by Gaussian elimination with partial pivoting; x holds b on entry. */
 static void eliminate(int n, double a[LINKS][LINKS], double *x)
 {
     for (int k = 0; k < n; k++) {
@@ -258,7 +258,7 @@ static double slope_along(const Rows *r, const Stage *s, const double *v, const 
     return sum;
 }
 
-/* `end` becomes the lowest point of the convex function on the way from `start` to it. */
+/* Move `end` to the minimum of the convex function on the segment from `start` to `end`. */
 static void search(const Rows *r, const Stage *s, const double *start, double *end)
 {
     double way[BODIES], at[BODIES], low = 0.0, high = 1.0;
@@ -295,8 +295,9 @@ static void solve(const Rows *r, const Stage *s, double *pieces, double *v)
 
 /* -- the step ------------------------------------------------------------------------------ */
 
-/* C cos psi at P1, P2, P3 of each stage under the loads of `chain_loads` in contacts.py, and the part
- * of the rate that each passes on. Returns the contact that slips grossly, the first from motor 1 on, or -1. */
+/* C cos psi at P1, P2, P3 of each stage under the loads of `chain_loads` in contacts.py, and the
+ * fraction of the rate that each transmits. Return the number of the first contact from motor 1 on
+ * that slips grossly, or -1. */
 static int friction_left(const Rows *r, const Masses *p, const double *y, const double *cosine,
                          const double *sideways, const double *disk, double hold[JOINTS][3],
                          double part[JOINTS][3])
@@ -328,7 +329,7 @@ static int friction_left(const Rows *r, const Masses *p, const double *y, const 
     return slipping;
 }
 
-/* Mass matrix of the links, see `chain_inertia`, and what turning takes from their pull. */
+/* Mass matrix of the links (see `chain_inertia`), and the reduction of `pull` by their rotation. */
 static void reaction(const Rows *r, const Masses *p, const double *y, const double *gained, double h,
                      double lead, Gears *g)
 {
@@ -412,7 +413,7 @@ static int gears(const Rows *r, const Masses *p, const double *y, const double *
     return slipping;
 }
 
-/* The state y + h f(new state) by the implicit Euler method; power[0] of motors, [1] lost. */
+/* The state y + h f(new state) by the implicit Euler method; power[0]: motors, power[1]: losses. */
 static void stage(const Rows *r, const Masses *p, const Gears *g, const double *y,
                   const double *reference, double h, double k_g, double *pieces, double *new,
                   double *power)
@@ -550,8 +551,8 @@ static void put(const double *from, double *to, int count, int64_t samples)
         to[i * samples] = from[i];
 }
 
-/* Advance all samples by a step. Arrays are (rows, samples), those of y as many as given. Returns -1
- * if there are too many joints, or Python counts the rows of the state differently. */
+/* Advance all samples by a step. Arrays are (rows, samples); y has `rows` rows. Return -1 if there
+ * are too many joints, or if Python counts the rows of the state differently. */
 EXPORT int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, double h, double lead,
                                  double gamma, double k_g, const double *masses,
                                  const double *mean, const double *swing, double *y,

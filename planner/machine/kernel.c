@@ -1,6 +1,6 @@
 /* The quasi-static manipulator of servos.py and disk_chain.py, one sample after
- * another. The Python modules say what is computed and why; the names here are theirs. Both give
- * the same numbers to rounding, which tests/machine/test_kernel.py shows.
+ * another. The Python modules explain the computation; the names here are theirs. Both give the
+ * same numbers to within rounding (tests/machine/test_kernel.py).
  *
  * Plain C99 without Python: built as an optional extension, loaded by compiled.py through ctypes.
  */
@@ -13,29 +13,29 @@
 #include "layout.h"
 
 #define MOST_TRIES 60
-#define KEPT 8    /* lengths of steps whose exponentials are kept */
+#define KEPT 8    /* number of step lengths whose factors are kept */
 #define MOTORS 2
-#define POINTS 3 /* at most, of a step */
+#define POINTS 3 /* largest number of points in a step */
 
 static const double SPEED_TOLERANCE_RAD_S = 1e-12, TOUCH_TOLERANCE_RAD = 1e-9;
 static const double LEAST_TORQUE_NM = 1e-30, LEAST_COSINE = 1e-9, MOST_SHARE = 0.99;
 static const double SLIP_SPEED_RAD_S = 1e-3, RATE_TOLERANCE = 1e-12;
 
-/* Of dynamic.c. */
+/* Defined in dynamic.c. */
 int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, double h, double lead,
                           double gamma, double k_g, const double *masses, const double *mean,
                           const double *swing, double *y, double *pieces, double *gained,
                           double *energy, double *slipping);
 
-/* What depends on the length of a step alone: (2 x 4) of the servos, (2 each) of joints 2 ... n. */
+/* Factors that depend only on the length of a step: (2 x 4) of the servos, 2 for each joint from 2. */
 typedef struct {
     double length;
     double servo[MOTORS][4];
     double *weight; /* (joints - 1, 2) */
 } Factors;
 
-/* What the contacts pass on: (joints - 1) each. Load on the joints, and how far their axes may be
- * ahead of them at rest: (joints) each. */
+/* Fractions that the contacts transmit: (joints - 1) each. Loads of the joints, and least and largest
+ * lead of their axes at rest: (joints) each. */
 typedef struct {
     double *cosine, *stage, *branch, *steady, *rising;
     double *load, *least, *most;
@@ -121,7 +121,7 @@ INLINE double second_order(const Factors *f, int i, double b, double z, double r
     return r1 - twice * rate + left;
 }
 
-/* Advance motor i by h for a reference from r0 to r1; returns the travel. */
+/* Advance motor i by h for a reference from r0 to r1; return the travel. */
 INLINE double motor(const Model *m, const Own *o, const Held *x, const Factors *f, int i,
                     double r0, double r1, double h)
 {
@@ -147,7 +147,7 @@ INLINE double motor(const Model *m, const Own *o, const Held *x, const Factors *
     return travel;
 }
 
-/* Integrals from a step's start to each later point; see quadrature.py. */
+/* Integrals from a step's start to each later point; see `integrals` of servos.py. */
 INLINE void integrals(int64_t points, const double *f, double h, double *out)
 {
     if (points == 2) {
@@ -158,7 +158,7 @@ INLINE void integrals(int64_t points, const double *f, double h, double *out)
     out[1] = (h / 6) * (f[0] + f[2]) + (4 * h / 6) * f[1];
 }
 
-/* Motor i through a step: its speed at the points, its travel to each later point. */
+/* Advance motor i by a step: its speed at the points, its travel to each later point. */
 INLINE void servo(const Model *m, const Own *o, const Held *x, const Factors *f, int i,
                   const double *command, int64_t stride, int running, double h, double *speed,
                   double *travel)
@@ -232,21 +232,21 @@ INLINE double part(const Grip *g, double load)
     return left > 0 ? left : 0.0;
 }
 
-/* By how much that falls for each N m more. */
+/* Minus the derivative of `part` by the load, 1/(N m). */
 INLINE double part_slope(const Grip *g, double load)
 {
     double x = carried(g, load), left = hold(g, x);
     return x == load ? g->sideways * g->capacity * g->capacity / (g->cosine * left * left * left) : 0.0;
 }
 
-/* `_share` of contacts.py: the part of the rate; the load that it brings goes to `load`. */
+/* `_share` of contacts.py: return the fraction transmitted, and write the load to `load`. */
 static double share(const Grip *g, double steady, double whole, double *load)
 {
     double full = part(g, whole), low = 0.0, high = 1.0, rising = whole - steady;
     *load = whole;
     if (full >= 1)
         return full;
-    if (part(g, steady) <= 0) { /* whatever the rate */
+    if (part(g, steady) <= 0) { /* at any rate */
         *load = steady;
         return 0.0;
     }
@@ -270,8 +270,8 @@ static double share(const Grip *g, double steady, double whole, double *load)
     return rate;
 }
 
-/* What is passed on under load; `speed` is that of the first disk. Returns the contact that slips
- * grossly, the first from motor 1 on; -1 for none. */
+/* Fractions transmitted under load; `speed` is that of the first disk. Return the number of the first
+ * contact from motor 1 on that slips grossly, or -1. */
 INLINE int64_t passed(const Model *m, const Own *o, const Held *x, double speed, Contacts *c)
 {
     int64_t count = m->joints - 1, slipping = -1;
@@ -324,13 +324,13 @@ INLINE int64_t passed(const Model *m, const Own *o, const Held *x, double speed,
 
 /* -- joints -------------------------------------------------------------------------------- */
 
-/* The play operator: the axis is so far ahead at least and at most. */
+/* The play operator: the lead of the axis stays between least and most. */
 INLINE double taken(double theta, double axis, double least, double most)
 {
     return between(theta, axis - most, axis - least);
 }
 
-/* See `resting` of disk_chain.py. */
+/* See `rest_range` of disk_chain.py. */
 INLINE void rest(const Contacts *c, int64_t i, double half_gap, double coulomb, double stiffness)
 {
     double least = -coulomb - c->load[i], most = coulomb - c->load[i];
@@ -338,7 +338,7 @@ INLINE void rest(const Contacts *c, int64_t i, double half_gap, double coulomb, 
     c->most[i] = most / stiffness + (most < 0 ? -half_gap : half_gap);
 }
 
-/* Load all joints with gravity where they are. */
+/* Load all joints with gravity at their present angles. */
 INLINE void bear(const Model *m, const Own *o, const Held *x, const Contacts *c)
 {
     double angle = 0, load = 0;
@@ -353,7 +353,7 @@ INLINE void bear(const Model *m, const Own *o, const Held *x, const Contacts *c)
         rest(c, j + 1, o->half_gap[j], o->coulomb_friction_nm[j], o->shaft_stiffness_nm_per_rad[j]);
 }
 
-/* Turn joint i by `travel`; returns its angle. Joint 0 has the gearhead of motor 2 alone. */
+/* Turn the axis of joint i by `travel`; return the joint's angle. Joint 0 has only motor 2's gearhead. */
 INLINE double turn(const Model *m, const Held *x, const Factors *f, const Contacts *c, int64_t i,
                    double travel)
 {
@@ -371,7 +371,7 @@ INLINE double turn(const Model *m, const Held *x, const Factors *f, const Contac
     return x->theta[i] = moved;
 }
 
-/* Speed of the first disk at the points, in place: less what the gearhead's play takes up. */
+/* Reduce the speed of the first disk at the points, in place, by the gearhead's play. */
 INLINE void geared(const Model *m, const Own *o, const Held *x, double *speed, double travel)
 {
     if (!m->geared_1)
@@ -386,7 +386,7 @@ INLINE void geared(const Model *m, const Own *o, const Held *x, double *speed, d
         speed[p] *= turned;
 }
 
-/* One step of the chain under motor speeds and travels; returns the contact that slips grossly. */
+/* One step of the chain under motor speeds and travels; return the contact that slips grossly, or -1. */
 INLINE int64_t chain(const Model *m, const Own *o, const Held *x, const Factors *f, double h,
                   double *disk, double disk_travel, double *ways, Contacts *c)
 {
@@ -426,7 +426,7 @@ INLINE int64_t chain(const Model *m, const Own *o, const Held *x, const Factors 
 
 /* -- with inertia -------------------------------------------------------------------------- */
 
-/* One step of the dynamic manipulator; the servos say what its motors aim at. */
+/* One step of the dynamic manipulator; its motors follow the servos' speeds. */
 INLINE int64_t dynamic(const Model *m, const Held *x, int64_t sample, double h,
                        double speed[MOTORS][POINTS], double ways[MOTORS][POINTS - 1])
 {
@@ -519,10 +519,10 @@ INLINE void run(const Model *m, const Commands *u, int64_t sample, int64_t first
 
 EXPORT int64_t planner_kernel_version(void) { return VERSION; }
 
-/* Of kernel.c, dynamic.c and layout.h, by setup.py: an older one may have the same layout. */
+/* Checksum of kernel.c, dynamic.c and layout.h by setup.py: an old kernel may have the same layout. */
 EXPORT int64_t planner_kernel_source(void) { return SOURCE; }
 
-/* For the paper's arm under held commands: with these numbers known, the loops unroll. */
+/* For the paper's arm under held commands: with constant counts the compiler unrolls the loops. */
 static void run_three(const Model *m, const Commands *u, int64_t sample, int64_t first,
                       int64_t last, Factors *kept_, Contacts *c)
 {
@@ -538,7 +538,7 @@ static void run_any(const Model *m, const Commands *u, int64_t sample, int64_t f
     run(m, u, sample, first, last, kept_, c);
 }
 
-/* Advance samples begin ... end - 1 by the steps first ... last - 1; -1 when memory is short. */
+/* Advance samples begin ... end - 1 by the steps first ... last - 1; return -1 if out of memory. */
 EXPORT int planner_advance(const Model *m, const Commands *u, int64_t begin, int64_t end,
                            int64_t first, int64_t last)
 {

@@ -1,7 +1,4 @@
-"""The reference motion of the tracker: a plan, after a preparatory motion if there is one.
-
-Also the tracker's clock.
-"""
+"""The tracker's reference motion (a preparatory motion, if any, then the plan) and its clock."""
 
 from __future__ import annotations
 
@@ -25,8 +22,8 @@ class RunUp:
 
     Attributes:
         t: Increasing times (m+1,), s; the last is 0, where the motion starts.
-        q: Coordinates then, (m+1, N).
-        u: Inputs between them, (m, 2).
+        q: Coordinates at these times, (m+1, N).
+        u: Inputs between these times, (m, 2).
     """
 
     t: Array
@@ -35,7 +32,7 @@ class RunUp:
 
 
 class Course:
-    """Coordinates to follow, and how far the motors should have turned, at any time.
+    """Coordinates to follow and commanded motor angles, at any time.
 
     For a compensated plan whose drive reverses, this is the predicted motion. For other compensated
     plans it is the path of the original plan, since the tracker removes the remaining errors.
@@ -43,21 +40,21 @@ class Course:
     Args:
         plan: The plan.
         run_up: Its preparatory motion, if any.
-        shift: From each motor's command to its effect, (2,), s.
+        shift: Time from each motor's command to its effect, (2,), s.
         play: Full backlash of each motor's gearhead, (2,), rad.
 
     Attributes:
         plan: The plan.
         is_predicted: Whether the course is the predicted motion, which includes lost motion.
-        begin: When the course begins, s, in the plan's time; at most 0.
-        start: When the motion starts whose errors are measured, s.
-        end: When that motion ends, s.
+        begin: Time at which the course begins, s, in the plan's time; at most 0.
+        start: Time at which the motion whose errors are measured starts, s.
+        end: Time at which that motion ends, s.
     """
 
     def __init__(self, plan: Plan, run_up: RunUp | None, shift: Array, play: Array) -> None:
         self.plan, self._run_up = plan, run_up
         self.start, self.end = plan.lead_s, plan.duration - plan.tail_s
-        if turns_back(plan):  # what is predicted goes on until the end
+        if turns_back(plan):  # the predicted motion continues until the plan's end
             self.end = plan.duration
         self.begin = 0.0 if run_up is None else min(0.0, float(self.start + run_up.t[0]))
         self.is_predicted = plan.compensates is not None and (run_up is None or turns_back(plan))
@@ -71,7 +68,7 @@ class Course:
             angles = np.stack([through_play(*motor) for motor in motors], axis=1)
         self._commanded: list[tuple[Array, Array]] = []
         for i in range(2):
-            # A compensated plan's commands are early already.
+            # The commands of a compensated plan already allow for the shift.
             when = times if self.is_predicted else times - shift[i]
             kept = when <= self.end - shift[i]
             when, angle = when[kept], angles[kept, i]
@@ -96,14 +93,14 @@ class Course:
         return np.where((when < 0)[..., None], before, out)
 
     def commanded_angles(self, t: Array) -> Array:
-        """Angles (…, 2) by which the motors should be told to have turned by times t (…)."""
+        """Motor angles (…, 2) to have commanded by times t (…), rad."""
         return np.stack([np.interp(t, when, angle) for when, angle in self._commanded], axis=-1)
 
 
 def first_motion(plan: Plan) -> Array:
-    """Signs of both inputs where they first act, (2,); 0 where one never does.
+    """Signs of the first motion of both inputs, (2,); 0 for an input that never acts.
 
-    Of a compensated plan those of the plan that it compensates.
+    For a compensated plan they are those of its original plan.
     """
     plan = plan.compensates or plan
     u = plan.u(np.linspace(0.0, plan.duration, 501))
@@ -120,11 +117,11 @@ def turns_back(plan: Plan) -> bool:
 
 
 PARTS_A_TICK = 16
-"""Parts of a tick over which a plan's inputs are summed up: they may jump inside one."""
+"""Parts of a tick for integrating a plan's inputs, which may jump inside a tick."""
 
 
 def turn_angles(plan: Plan, tick: float) -> tuple[Array, Array]:
-    """Times and the angles (M, 2) by which the plan has turned the motors until then."""
+    """Times (M,), s, and the angles (M, 2) by which the plan has then turned the motors, rad."""
     count = PARTS_A_TICK * int(np.ceil(plan.duration / tick))
     times = np.unique(np.concatenate([plan.t, np.linspace(0.0, plan.duration, count + 1)]))
     speeds = plan.u((times[:-1] + times[1:]) / 2)
@@ -133,7 +130,7 @@ def turn_angles(plan: Plan, tick: float) -> tuple[Array, Array]:
 
 
 def through_play(angles: Array, half: float) -> Array:
-    """What follows angles (M,) behind play of ± `half`; it begins at the first."""
+    """Output angles behind play of ± `half` for input angles (M,); both begin at the same angle."""
     room = zip((angles[1:] - half).tolist(), (angles[1:] + half).tolist(), strict=True)
     follow = accumulate(
         room, lambda last, ends: min(max(last, ends[0]), ends[1]), initial=float(angles[0])
@@ -142,20 +139,20 @@ def through_play(angles: Array, half: float) -> Array:
 
 
 DEFAULT_TICK_S = 0.01
-"""How long a command is held when the machine does not say, s."""
+"""Time for which a command is held if the machine has no control period, s."""
 
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """When the tracker reads and commands, and when that acts.
+    """Times of the tracker's readings and commands, and of their effects.
 
     Attributes:
-        begin: Time of its first reading, s; 0 is where the plan's time begins.
-        tick: How long a command is held, s.
-        ticks: Ticks a period, M.
-        latency: Ticks from a reading to the first command that follows from it.
-        shift: From each motor's command to its effect, (2,), s: the machine's mean delay, the lag
-            of the servo and, for the drive, that of the joints' viscous friction.
+        begin: Time of the first reading, s; 0 is the beginning of the plan.
+        tick: Time for which a command is held, s.
+        ticks: Number of ticks per period, M.
+        latency: Ticks from a reading to the first command that depends on it.
+        shift: Time from each motor's command to its effect, (2,), s: the machine's mean delay, the
+            lag of the servo and, for the drive, that of the joints' viscous friction.
     """
 
     begin: float
@@ -171,14 +168,14 @@ class Timing:
 
     @property
     def wait(self) -> float:
-        """From a reading to the first command that follows from it, s."""
+        """Time from a reading to the first command that depends on it, s."""
         return self.latency * self.tick
 
 
 def timing(
     options: FeedbackTable, system: TriangularSystem, machine: Machine, begin: float, start: float
 ) -> Timing:
-    """The clock for a machine: it begins at `begin` or before, whole periods before `start`.
+    """The clock for a machine: it begins at or before `begin`, whole periods before `start`.
 
     Raises:
         InputError: If the period is shorter than the machine's control period, or no longer than

@@ -3,15 +3,15 @@
 A passive joint follows its axis a at the distance of its lost motion w (backlash and the twist of
 its shaft): θ = a − w while the axis pushes it up, θ = a + w while it pushes it down, and it rests
 in between. The axis moves (1 + ε) times as far as forecast; ε is the error of its ratio, caused by
-gears and by contacts that lose more or less than the mean machine's. A Kalman filter (B. D. O.
+gears and by contacts that slip more or less than the mean machine's. A Kalman filter (B. D. O.
 Anderson, J. B. Moore, *Optimal Filtering*, 1979, section 3.1) with the states a, w and ε estimates
 all three: a moving joint gives a ∓ w; a joint that rests although its axis should have reached it
 shows a larger lost motion. After a joint has been pushed in both directions, its lost motion is
 known.
 
-An angle is known to one step of its encoder, so the estimate is moved into the interval that a
-reading leaves, and not further (F. C. Schweppe, *Recursive state estimation: unknown but bounded
-errors and system inputs*, IEEE Transactions on Automatic Control 13, 1968): an angle in motion is
+A reading gives an interval of one encoder step for the angle, so the estimate is moved into that
+interval and not further (F. C. Schweppe, *Recursive state estimation: unknown but bounded errors
+and system inputs*, IEEE Transactions on Automatic Control 13, 1968). Thus an angle in motion is
 known better than its encoder's resolution.
 
 The module also predicts the effect of commands already sent, on the nominal machine. Commands act
@@ -31,38 +31,38 @@ from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
 RATE_SPREAD = 0.01
-"""Standard deviation expected of ε."""
+"""Expected standard deviation of ε."""
 
 LOST_SPREAD = 0.2
-"""Standard deviation expected of lost motion, and of where in it an axis starts, as a part of its
-mean: what 20 % each of backlash and friction and 10 % of stiffness make of it."""
+"""Expected standard deviation of lost motion, and of an axis's start position in it, as a fraction
+of its mean. It results from 20 % each of backlash and friction and 10 % of stiffness."""
 
 ROUNDING_VARIANCE_FACTOR = 2.0
-"""By how much the variance of rounding is taken larger: slow joints stay in one step for long."""
+"""Factor on the variance of rounding, since slow joints stay in one encoder step for long."""
 
 UNMODELLED_SPREAD_RAD = float(np.deg2rad(0.003))
-"""Standard deviation of what moves an axis besides, rad a period."""
+"""Standard deviation of an axis's unmodelled motion per period, rad."""
 
 EXACT_READING_SPREAD = 1e-9
 """Standard deviation of a reading without resolution, in the coordinate's unit."""
 
 SETTLING_SHARE = 0.04
-"""Part of the change of an axis's way from one period to the next by which a reading may be off:
-while servos settle they are not just late. Without it swings of θ₁ teach a wrong play of its
-gearhead (0.1 degrees), and E is 0.24 degrees instead of 0.21 (95 %)."""
+"""Error of a reading while servos settle, as a fraction of the change of an axis's travel from one
+period to the next; the model knows only their lag. Without it swings of θ₁ give a wrong estimate of
+its gearhead's play (by 0.1 degrees), and E is 0.24 degrees instead of 0.21 (95 %)."""
 
 FITTING_SPREADS = 3.0
-"""Standard deviations within which a reading fits."""
+"""Largest error of a plausible reading, in standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Where S samples are.
+    """Positions of S samples.
 
     Attributes:
         q: Coordinates, (N, S).
         axis: Angles of the joints' axes, (N−1, S), on the same scale; that of joint 1 is motor 2's.
-        side: Where in its gearhead's play motor 1 stands, (S,), rad.
+        side: Position of motor 1 in its gearhead's play, (S,), rad.
     """
 
     q: Array
@@ -71,16 +71,16 @@ class Pose:
 
 
 SWING_SPREAD_RAD = float(np.deg2rad(0.3))
-"""Standard deviation by which a reading is off its axis where links have inertia, rad: they swing
-on their shafts. Without it swings are taken for lost motion and errors of ratios, and the end is
-0.59 degrees instead of 0.29 (95 %)."""
+"""Standard deviation of the swing of links with inertia on their shafts, rad. Without it the filter
+takes swings for lost motion and errors of ratios, and the error at the end is 0.59 degrees instead
+of 0.29 (95 %)."""
 
 
 def reading_variance(resolution: Array, swings: bool) -> Array:
     """Variance of joints' readings, (N−1, 1).
 
     Args:
-        resolution: Smallest steps of all readings, (N, 1).
+        resolution: Resolution of all readings, (N, 1).
         swings: Whether links swing on their shafts.
     """
     rounding = ROUNDING_VARIANCE_FACTOR * resolution[1:] ** 2 / 12 + EXACT_READING_SPREAD**2
@@ -88,14 +88,14 @@ def reading_variance(resolution: Array, swings: bool) -> Array:
 
 
 class Estimate:
-    """What is known of S samples.
+    """The estimated state of S samples.
 
     Args:
         q: Coordinates expected at the start, (N, S).
-        resolution: Smallest step of each reading, (N, 1), in the coordinates' units; 0 is exact,
-            infinite is not measured.
+        resolution: Resolution of each reading, (N, 1), in the coordinates' units; 0 means exact,
+            infinite means not measured.
         lost_motion: Mean lost motion of each joint, (N−1, 1).
-        variance: Of each joint's reading, (N−1, 1).
+        variance: Variance of each joint's reading, (N−1, 1).
 
     Attributes:
         pose: The estimate.
@@ -121,7 +121,7 @@ class Estimate:
         self._settling = np.zeros((joints, count))
 
     def take_forecast(self, pose: Pose) -> None:
-        """Take over a forecast from the estimate."""
+        """Advance the estimate to a forecast of it."""
         moved = pose.axis - self.pose.axis
         way = np.where(moved == 0, self._way, np.sign(moved))
         self._settling = (SETTLING_SHARE * (moved - self._last_turn)) ** 2
@@ -134,7 +134,7 @@ class Estimate:
         self._cov[0, 0] += UNMODELLED_SPREAD_RAD**2
 
     def read(self, measured: Array) -> None:
-        """Take in a reading (N, S), NaN where it is lost."""
+        """Update the estimate with a reading (N, S), NaN where it is lost."""
         seen, lost = measured[1:], np.isnan(measured[1:])
         moved = self._way * (seen - self._last_reading) > self._half[1:] + EXACT_READING_SPREAD
         self._last_reading = np.where(lost, self._last_reading, seen)
@@ -151,10 +151,10 @@ class Estimate:
         self.pose = Pose(inside, axis, self.pose.side)
 
     def _filter(self, surprise: Array, pushed: NDArray[np.bool_], late: NDArray[np.bool_]) -> None:
-        """Correct axis, lost motion and ε by how far joints are from where they are pushed to.
+        """Correct axis, lost motion and ε by the innovation, joint minus the pushed position.
 
-        A joint that should be pushed by now and rests, or is where no deviation expected takes it,
-        says where it is, not how well that is known.
+        A joint that should be pushed by now but rests, or whose reading is implausible, corrects
+        the estimate but not its covariance.
         """
         row = np.stack([np.ones_like(self._way), -self._way, np.zeros_like(self._way)])
         along = np.einsum("abjs,bjs->ajs", self._cov, row)
@@ -173,11 +173,11 @@ class Estimate:
 
 
 class History:
-    """What S samples have been told, tick by tick, from the first reading on until forgotten.
+    """Commands of S samples by ticks, from the first reading on; old ones can be dropped.
 
     Args:
         tick: Length of a tick, s.
-        first: Commands of the first ticks, (m, 2), the same for all.
+        first: Commands of the first ticks, (m, 2), the same for all samples.
         count: Number of samples S.
     """
 
@@ -199,20 +199,20 @@ class History:
             self._travel.append(self._travel[-1] + self._tick * value)
 
     def ticks(self, first: int, count: int) -> Array:
-        """Commands of some ticks, (count, 2, S); zero after the last one told."""
+        """Commands of `count` ticks from `first` on, (count, 2, S); zero after the last one."""
         none = np.zeros_like(self._travel[0])
         first -= self._first
         known = self._values[first : first + count]
         return np.stack(known + [none] * (count - len(known)))
 
     def forget(self, time: float) -> None:
-        """Forget the ticks before a time, s, of which nobody will ask again."""
+        """Drop the ticks before a time, s, which are no longer needed."""
         count = max(0, int(time // self._tick) - 1 - self._first)
         del self._values[:count], self._travel[:count]
         self._first += count
 
     def travel(self, times: Array) -> Array:
-        """How far each motor has been told to turn until its own time (2,), (2, S)."""
+        """Commanded travel of each motor until its own time (2,), (2, S), rad."""
         if not self._values:
             return self._travel[0]
         end = self._first + len(self._values)
@@ -227,7 +227,7 @@ class History:
 
 
 class Forecast:
-    """Predicts S samples.
+    """Predicts the positions of S samples.
 
     Args:
         system: The system.
@@ -241,15 +241,14 @@ class Forecast:
     def __call__(
         self, known: Estimate, done: Array, until: Array, history: History, passing: Array
     ) -> Pose:
-        """Where S samples will be.
+        """Predict the positions of S samples.
 
         Args:
-            known: Where they are when each motor has carried out what it was told until `done`
-                (2,), s.
-            done: Times since the first reading, (2,), s.
-            until: Times until which the motors' commands are carried out, (2,), s.
+            known: The estimate once each motor has executed its commands until `done`.
+            done: Time of each motor since the first reading, (2,), s.
+            until: Times until which the motors' commands will be executed, (2,), s.
             history: The commands.
-            passing: Part of the ideal rates that the mean arm's contacts pass on, (N−1, 1).
+            passing: Fraction of the ideal rates that the mean arm's contacts transmit, (N−1, 1).
         """
         pose = known.pose
         count = max(1, int(np.ceil(np.max(until - done) / self._tick - 1e-9)))
@@ -261,11 +260,11 @@ class Forecast:
         return pose
 
     def predict(self, pose: Pose, travel: Array, lost: Array, rate: Array) -> Pose:
-        """After both motors have turned by `travel` (2, S), rad.
+        """Predict the positions after both motors have turned.
 
         Args:
-            pose: Before.
-            travel: Of the motors.
+            pose: Positions before.
+            travel: Travel of the motors, (2, S), rad.
             lost: Lost motion of each joint, (N−1, S).
             rate: 1 + ε of each joint, (N−1, S).
         """

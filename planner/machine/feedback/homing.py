@@ -1,7 +1,8 @@
-"""Homing by the encoders: the slow turn of the drive ends once every passive joint has risen.
+"""Homing with the encoders: the slow turn of the drive ends once every passive joint has risen.
 
-The plan of `planner.homing` says between which times a controller may leave that turn, and the rise
-that proves every axis to be ahead of its joint. Nothing of the machine need be known.
+The plan of `planner.homing` gives the times between which a controller may end that turn, and the
+rise which proves that every axis is ahead of its joint. The controller needs no model of the
+machine.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ class HomingRule:
         """A controller of the samples `numbers` (S,).
 
         Raises:
-            InputError: If the plan is none of `planner.homing`.
+            InputError: If the plan was not made by `planner.homing`.
         """
         return HomingController(plan, machine, len(numbers))
 
@@ -32,7 +33,7 @@ class HomingController:
     """Commands S samples; see `planner.machine.closed_loop.Controller`.
 
     Attributes:
-        done_s: When each sample left the slow turn, (S,), s; infinite before it does.
+        done_s: Time at which each sample ended the slow turn, (S,), s; infinite until then.
     """
 
     def __init__(self, plan: Plan, machine: Machine, count: int) -> None:

@@ -1,7 +1,7 @@
-"""What the tracker and compensated plans know of a machine: its means, and no single machine.
+"""Mean properties of a machine, the only ones that the tracker and compensated plans may use.
 
-When commands act, what gearheads and joints lose in their play, how fast the motors may turn, and
-what the encoders read.
+They are the time at which commands act, the lost motion of gearheads and joints, the speed limits
+of the motors, and the resolution of the encoders.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from planner.systems.triangular_system import TriangularSystem
 
 
 def shift_of(system: TriangularSystem, machine: Machine) -> Array:
-    """Delay, lag 1/b of each servo (2ζ/b of second order), and the joints' lag d/k, (2,), s."""
+    """Sum of delay, servo lag (1/b, or 2ζ/b for second order) and joints' lag d/k, (2,), s."""
     out = np.full(2, float(np.mean(machine.mean("delay_s"))))
     lag = 1 / machine.mean("servo_bandwidth_rad_s")
     if "servo_damping" in machine.effects:
@@ -32,14 +32,14 @@ def shift_of(system: TriangularSystem, machine: Machine) -> Array:
 
 
 def gearhead_play(system: TriangularSystem, machine: Machine) -> Array:
-    """Whole play of each motor's gearhead, (2,), rad; only the arm has gearheads."""
+    """Whole play of each motor's gearhead, (2,), rad; 0 for systems without gearheads."""
     if not isinstance(system, Manipulator):
         return np.zeros(2)
     return np.deg2rad(np.broadcast_to(machine.mean("gearhead_backlash_deg"), 2))
 
 
 def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
-    """Mean angle that each passive axis turns before its joint follows, either way, (N−2,), rad."""
+    """Mean angle by which each passive axis leads its joint, in either direction, (N−2,), rad."""
     if not isinstance(system, Manipulator):
         return np.zeros(system.size - 2)
     play, friction, stiffness = (
@@ -50,7 +50,7 @@ def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
 
 
 def lost_spread(machine: Machine, joints: int) -> Array:
-    """Standard deviation of an arm's lost motion, to first order, one for all joints or each."""
+    """Standard deviation of an arm's lost motion to first order, one for all joints or one each."""
     names = ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
     _, friction, stiffness = (machine.mean(name, joints) for name in names)
     play, rough, soft = (machine.spread(name, joints) for name in names)
@@ -64,17 +64,17 @@ def lost_spread(machine: Machine, joints: int) -> Array:
 
 
 def mean_passing(system: TriangularSystem, machine: Machine, q: Array) -> Array:
-    """What the contacts of the mean arm pass on under its joints' friction.
+    """Fraction of the rates that the contacts of the mean arm transmit under its joints' friction.
 
-    They lose by creep, and sideways where joints turn them; see `friction.contacts`.
+    They lose some by creep, and some sideways where joints turn them; see `friction.contacts`.
 
     Args:
-        system: The system; contacts of others than arms pass on all.
-        machine: Its mean is taken.
+        system: The system; for other systems than arms the result is 1.
+        machine: The machine; only its means are used.
         q: Coordinates, (K, N).
 
     Returns:
-        Part of the ideal rate of each coordinate after the first, (K, N−1).
+        Fraction of the ideal rate of each coordinate after the first, (K, N−1).
     """
     out = np.ones_like(q[:, 1:])
     if isinstance(system, Manipulator):
@@ -90,21 +90,21 @@ def mean_passing(system: TriangularSystem, machine: Machine, q: Array) -> Array:
 
 
 def input_limit(plan: Plan, machine: Machine) -> Array:
-    """Largest |u| that is commanded, (2,): the problem's limit, or the motors' if that is less."""
+    """Largest |u| to command, (2,): the problem's limit or the motors', whichever is less."""
     return np.asarray(np.minimum(plan.problem.limits.input, machine.mean("velocity_limit_rad_s")))
 
 
 def input_scale(plan: Plan, machine: Machine) -> Array:
-    """A speed to measure corrections by, (2,): the limit; without one the plan's peak, or 1."""
+    """Speeds for scaling corrections, (2,): the limit; without one the plan's peak, or else 1."""
     limit, peak = input_limit(plan, machine), peak_inputs(plan.trajectory)
     return np.where(np.isfinite(limit), limit, np.where(peak > 0, peak, 1.0))
 
 
 def resolution_of(system: TriangularSystem, machine: Machine) -> Array:
-    """Smallest step of each reading, (N, 1).
+    """Resolution of each reading, (N, 1).
 
-    Of the angles' encoders; infinite for the disk's angle, which has none; 0 for the rest, which is
-    read exactly.
+    It is the encoders' for angles, infinite for the disk's angle, which has no encoder, and 0 for
+    all others, which are read exactly.
     """
     steps = np.broadcast_to(machine.mean("encoder_resolution_deg"), system.size - 1)
     out = np.zeros((system.size, 1))

@@ -8,8 +8,8 @@ to the end of the course is then a constant plus |c|²:
     min ½ |c|²   subject to   low − M ξ ≤ T c ≤ high − M ξ
 
 with rows for corrections, for their changes where input rates are limited, and for state limits.
-If c = 0 satisfies all limits, it is the solution; otherwise OSQP computes it. Rows of states are
-added only if the solution without them violates one; otherwise it is the solution with them too.
+If c = 0 satisfies all limits, it is the solution; otherwise OSQP computes it. Rows for states are
+added only if the solution without them violates one.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from planner.support.arrays import Array
 from planner.support.interrupts import osqp_result
 
 LIMIT_ROUNDING = 1e-9
-"""Excess over a limit (rad/s or rad) that counts as rounding."""
+"""Excess over a limit that counts as rounding, rad/s or rad."""
 
 STATE_TOLERANCE_RAD = 1e-6
-"""Excess over a state limit (rad) that OSQP's tolerance may leave."""
+"""Excess over a state limit that OSQP's tolerance may leave, rad."""
 
 KEPT_STEPS = 2000
-"""Programmes that are kept for the next samples, some 50 kB each."""
+"""Largest number of programmes kept for later samples, some 50 kB each."""
 
 Rows = tuple[Array, Array, Array, Array]
 """M (r, n), T (r, 2H), least and greatest values (r,)."""
@@ -42,14 +42,14 @@ Rows = tuple[Array, Array, Array, Array]
 
 @dataclass(frozen=True, eq=False)
 class ControlStep:
-    """The programme of one instant; m rows, the first 2H of which are the corrections.
+    """The programme of one instant, with m rows; the first 2H are the corrections.
 
     Attributes:
-        M: Rows' values for c = 0 by state, (m, n).
-        T: Their change with c, (m, 2H).
+        M: Derivative of the rows by the state ξ, (m, n).
+        T: Derivative of the rows by c, (m, 2H).
         low: Least values, (m,).
         high: Greatest values, (m,).
-        driven: T without the rows of states.
+        driven: T without the rows for states.
     """
 
     M: Array
@@ -61,12 +61,12 @@ class ControlStep:
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """What one control step decides for S samples.
+    """The result of one control step for S samples.
 
     Attributes:
-        corrections: Of the next H periods, (H, 2, S).
-        c: Their deviations from the regulator, (2H, S): where OSQP starts next time.
-        fallback: Where they are cruder than they should be, (S,).
+        corrections: Corrections of the next H periods, (H, 2, S).
+        c: Their deviations from the regulator, (2H, S), with which OSQP starts next time.
+        fallback: Whether they are a fallback, not the optimum, (S,).
     """
 
     corrections: Array
@@ -80,8 +80,8 @@ class TrackingProgramme:
     Args:
         ref: The course.
         law: Its regulator.
-        horizon: Periods H that limits are looked at.
-        iterations: OSQP's iterations after which an answer counts as late.
+        horizon: Number of periods H over which limits are kept.
+        iterations: Number of OSQP's iterations after which an answer counts as late.
     """
 
     def __init__(self, ref: Reference, law: Regulator, horizon: int, iterations: int) -> None:
@@ -98,21 +98,21 @@ class TrackingProgramme:
 
     @property
     def solve_count(self) -> int:
-        """How many programmes OSQP has solved."""
+        """Number of programmes that OSQP has solved."""
         return self._inner.solve_count + self._whole.solve_count
 
     def empty_decision(self, count: int) -> Decision:
-        """What S samples have decided before their first step: nothing."""
+        """The decision of S samples before their first step: no correction."""
         H, fell = self.horizon, np.zeros(count, dtype=bool)
         return Decision(np.zeros((H, 2, count)), np.zeros((2 * H, count)), fell)
 
     def __call__(self, k: int, state: Array, last: Decision) -> Decision:
-        """Decide.
+        """Compute the corrections of one control step.
 
         Args:
-            k: The instant, 0 … K−1.
+            k: Number of the instant, 0 … K−1.
             state: ξ, (n, S).
-            last: What was decided one period ago.
+            last: The decision one period ago.
         """
         step, size = self._step(k), 2 * self.horizon
         values = step.M @ state
@@ -132,7 +132,8 @@ class TrackingProgramme:
         return Decision(v.reshape(self.horizon, 2, -1), c, fell)
 
     def _assembled(self, k: int) -> ControlStep:
-        """Roll the regulator out from instant k; after the course's end nothing moves."""
+        """Assemble the programme of instant k by propagating the regulator; nothing moves after the
+        course's end."""
         ref, law, H = self._ref, self._law, self.horizon
         count, size, n = len(ref.feed), ref.q.shape[1], law.F.shape[-1]
         Z, Y = np.eye(n), np.zeros((n, 2 * H))
@@ -157,10 +158,10 @@ class TrackingProgramme:
         return ControlStep(M, T, low, high, T[: self._driven])
 
     def _solve(self, step: ControlStep, values: Array, guess: Array) -> tuple[Array | None, bool]:
-        """c, and whether it is a fallback; None when there is no answer in time.
+        """Solve for c, and return whether it is a fallback; c is None without an answer in time.
 
-        State limits that cannot be kept are widened to what the regulator, clipped to the inputs'
-        limits, makes of them: never more, and never at the cost of an input limit.
+        State limits that cannot be kept are widened just enough for the regulator, clipped to the
+        input limits, to keep them. Input limits are always kept.
         """
         low, high, d = step.low - values, step.high - values, self._driven
         first = self._inner(step.driven, low[:d], high[:d], guess)
@@ -182,7 +183,7 @@ class TrackingProgramme:
         return (clipped if result.c is None else result.c), True
 
     def _clip(self, step: ControlStep, values: Array) -> Array:
-        """The c of the regulator with each correction clipped to its limits in turn."""
+        """The c of the regulator whose corrections are clipped to their limits, one by one."""
         c = np.zeros(step.T.shape[1])
         for j in range(0, len(c), 2):
             columns = slice(j, j + 2)
@@ -194,9 +195,9 @@ class TrackingProgramme:
 
 
 def change_range(ref: Reference, i: int) -> tuple[Array, Array]:
-    """Least and greatest v − w of period i: what the input rates' limit leaves beside the course.
+    """Least and greatest change v − w of period i that the limit of input rates allows.
 
-    The course's own change is that of its steepest tick.
+    The change of the course itself is subtracted, that of its steepest tick.
     """
     ramps = np.zeros((1, 2))
     if ref.timing.ticks > 1:
@@ -207,30 +208,31 @@ def change_range(ref: Reference, i: int) -> tuple[Array, Array]:
 
 
 def _free_rows(rows: int, n: int, width: int) -> Rows:
-    """Rows of a period after the course's end, where nothing moves: free."""
+    """Rows without limits, for a period after the course's end, where nothing moves."""
     wide = np.full(rows, np.inf)
     return np.zeros((rows, n)), np.zeros((rows, width)), -wide, wide
 
 
 OSQP_TOLERANCE = 1e-5
-"""OSQP's absolute and relative tolerance, on unit rows and c, before it polishes its answer: from
-the active rows it then solves exactly. Left at this tolerance, small errors of each step drive the
-arm to where limits of the next cannot be kept: with limited input rates on 18 of 50 machines."""
+"""OSQP's absolute and relative tolerance, on unit rows and c, before polishing, which solves the
+active rows exactly. Without polishing the small errors of each step add up until the limits of a
+later step cannot be kept: with limited input rates on 18 of 50 machines."""
 
 OSQP_STEP = 1.0
 """OSQP's first step size rho, the same for every programme."""
 
 SOLVED_STATUS, INFEASIBLE_STATUSES = 1, (3, 4)
-"""OSQP's status of a solution within tolerance, and those that say there is none."""
+"""OSQP's status for a solution within tolerance, and those for infeasible programmes."""
 
 
 @dataclass(frozen=True, eq=False)
 class ProgrammeResult:
-    """What OSQP found.
+    """The result of OSQP.
 
     Attributes:
-        c: The solution; None when there is none.
-        infeasible: Whether no point keeps all limits; otherwise, without a solution, it was late.
+        c: The solution, or None.
+        infeasible: Whether no point keeps all limits. If this is false and c is None, OSQP was too
+            late.
     """
 
     c: Array | None
@@ -238,17 +240,17 @@ class ProgrammeResult:
 
 
 class Solver:
-    """Set up once; rows are updated in place.
+    """OSQP, set up once; rows are updated in place.
 
-    An answer depends on its programme and guess alone, not on those solved before: a replay is the
-    same again, and a sample the same whichever others run with it.
+    An answer depends only on its programme and guess, not on earlier ones. So replays are
+    repeatable, and a sample does not depend on the others that run with it.
 
     Args:
-        mask: Which entries of T can differ from zero, (m, p).
-        iterations: After how many an answer is late.
+        mask: Entries of T that can differ from zero, (m, p).
+        iterations: Number of iterations after which an answer is late.
 
     Attributes:
-        solve_count: How many programmes it has solved.
+        solve_count: Number of programmes solved.
     """
 
     def __init__(self, mask: NDArray[np.bool_], iterations: int) -> None:
@@ -282,10 +284,10 @@ class Solver:
         """Solve.
 
         Args:
-            T: Rows (m, p); the same object as last time is not read again.
+            T: Rows (m, p); not read again if it is the same object as last time.
             low: Least values, (m,).
             high: Greatest values, (m,).
-            guess: Where to start, (p,).
+            guess: First guess, (p,).
         """
         if T is not self._loaded:
             length = np.linalg.norm(T, axis=1)

@@ -1,23 +1,22 @@
 """The course on the tracker's clock: feedforward, linear model and limits of each control period.
 
-A motor's command issued at time t acts as if at t + shift (shift: the machine's delay and lags,
-which are known; each motor has its own). Reading k is taken at tₖ, and commands that follow from it
-are issued from tₖ + wait on. When all earlier ones are carried out, at sₖ = tₖ + wait + shift, the
+A motor's command issued at time t acts as if at t + shift (the sum of the machine's known delay and
+lags, one for each motor). Reading k is taken at tₖ, and the commands that depend on it are issued
+from tₖ + wait on. When all earlier commands have been executed, at sₖ = tₖ + wait + shift, the
 motion deviates from the course by δqₖ, and a period later by
 
     δqₖ₊₁ = Aₖ δqₖ + Bₖ vₖ₋₁→ₖ + Eₖ ε
 
-with v the correction, held over a period (or, where input rates are limited, going straight from
-the one before to the new one), and ε the relative errors of the passive coordinates' rates. A
-passive joint is represented by the position to which its axis a will push it, a ∓ w with the lost
-motion w. So a reversal of the drive moves it by 2w at once, and by 2δw more on a machine with δw
-more lost motion: E has columns for δw, and the regulator prepares for a reversal once δw is known.
+with v the correction, held over a period (or, where input rates are limited, linear from the
+previous to the new one), and ε the relative errors of the passive coordinates' rates. A passive
+joint is represented by the position to which its axis a will push it, a ∓ w with the lost motion w.
+So a reversal of the drive moves it by 2w at once, and by 2δw more on a machine with δw more lost
+motion: E has columns for δw, and the regulator prepares for a reversal once δw is known.
 
-Also the linear-quadratic regulator along the course: the tracker's law where no limit is active.
-
-The state is ξ = (δq, w, ε, δw): deviation from the course, the correction of the period before, and
-the rates' relative errors and the lost motion, which stay as they are. The cost of a correction v
-over periods k … K−1 is
+The file also has the linear-quadratic regulator along the course, the tracker's law where no limit
+is active. The state is ξ = (δq, w, ε, δw): the deviation from the course, the correction of the
+previous period, and, both constant, the rates' relative errors and the deviation of the lost
+motion. The cost of a correction v over periods k … K−1 is
 
     Σ (δqᵀ Q δq + vᵀ R v) τ + (v − w)ᵀ S (v − w)  +  δq_Kᵀ G δq_K
 
@@ -43,43 +42,46 @@ from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 
 LEFT_JOINT_RAD = float(np.deg2rad(0.05))
-"""How far from its joint an axis counts as having left it, rad."""
+"""An axis farther from its joint than this has left it, rad."""
 
 RESTING_SHARE = 1e-3
-"""Part of the limit within which the drive counts as resting: less than its resolution."""
+"""A drive slower than this fraction of its limit is at rest; it is less than the resolution."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The course by periods; N coordinates, K periods of M ticks.
+    """The course by periods, with N coordinates and K periods of M ticks.
 
     Attributes:
         timing: The clock.
         limit: Largest |u| of the tracker's commands, (2,).
-        rate: Largest |du/dt|, (2,); infinite where there is none.
+        rate: Largest |du/dt|, (2,); infinite without a limit.
         start: The course at the first reading, (N,).
-        s: When each period's effect on the path begins, and the last one's ends, (K+1,), s.
-        is_counted: Whether that is after the start of the motion that counts, (K,).
-        rests: Periods before it in which the drive rests while θ₁ swings, (K,).
-        q: The course then, (K+1, N); of passive joints where their axes would push them to.
-        joints: Passive joints then, (K+1, N−2).
-        feed: Its mean input in each tick, within the limit, (K, M, 2).
-        last_ticks: Tick from the first reading on at whose start each motor is told to end, (2,).
+        s: Times at which each period's effect on the path begins, then the end of the last, (K+1,),
+            s.
+        is_counted: Whether the period's effect begins after the start of the motion whose errors
+            are measured, (K,).
+        rests: Earlier periods in which the drive rests while θ₁ swings, (K,).
+        q: The course at times s, (K+1, N); passive joints where their axes would push them to.
+        joints: Passive joints at times s, (K+1, N−2).
+        feed: Mean input of the course in each tick, within the limit, (K, M, 2).
+        last_ticks: Number of the tick, from the first reading on, at whose start the command of
+            each motor ends, (2,).
         first_inputs: Mean inputs of the ticks before the first correction can act, (latency, 2).
         A: ∂δqₖ₊₁/∂δqₖ, (K, N, N).
-        B_before: ∂δqₖ₊₁/∂v of the period before, (K, N, 2); zero for held corrections.
+        B_before: ∂δqₖ₊₁/∂v of the previous period, (K, N, 2); zero for held corrections.
         B: ∂δqₖ₊₁/∂v, (K, N, 2).
         E: ∂δqₖ₊₁/∂(ε, δw), (K, N, 2(N−2)).
-        way: Which way each passive axis pushes its joint next, 1 or −1, (K+1, N−2).
-        push: How far it pushes it before it turns back, (K+1, N−2); negative where it never reaches
-            it: by how much not.
-        next_push: The same of the push that comes next, (K+1, N−2).
+        way: Direction in which each passive axis pushes its joint next, 1 or −1, (K+1, N−2).
+        push: Distance by which it pushes it before it turns back, (K+1, N−2); negative if it does
+            not reach it: the remaining gap.
+        next_push: The same for the following push, (K+1, N−2).
         lost_motion: Lost motion that the course allows for, (N−2, 1).
         low: Least correction, (K, 2).
         high: Greatest correction, (K, 2).
-        rows: Unit rows (K, c, N): c distances in δqₖ₊₁ that have limits.
-        floor: Their least values, (K, c).
-        ceiling: Their greatest values, (K, c).
+        rows: Unit rows (K, c, N) that give c limited distances in δqₖ₊₁.
+        floor: Least values of the rows, (K, c).
+        ceiling: Greatest values of the rows, (K, c).
     """
 
     timing: Timing
@@ -118,16 +120,16 @@ def reference(
     count: int,
     least_speed: float,
 ) -> Reference:
-    """Put a course on a clock.
+    """Sample a course on the tracker's clock.
 
     Args:
-        course: What is followed.
+        course: The course.
         timing: The clock.
-        forecast: How the nominal machine moves.
+        forecast: The model of the nominal machine.
         lost: Lost motion of each passive joint that the course allows for, (N−2, 1).
         limit: Largest |u|, (2,).
         count: Number of periods K.
-        least_speed: Least speed along the path, as a part of the course's.
+        least_speed: Least speed along the path, as a fraction of the course's.
     """
     problem = course.plan.problem
     system, tick, ticks = problem.system, timing.tick, timing.ticks
@@ -186,16 +188,16 @@ def reference(
 
 
 def _pushes(forecast: Forecast, q: Array, travel: Array, lost: Array) -> tuple[Array, ...]:
-    """Which way each axis pushes its joint next, how far off that is, and how far it pushes then.
+    """Direction, gap and distance of each axis's next push of its joint, and of the push after it.
 
     Args:
-        forecast: How the nominal machine moves.
+        forecast: The model of the nominal machine.
         q: The course at the edges of ticks, (m+1, N).
-        travel: Of the motors in each tick, (m, 2), rad.
+        travel: Travel of the motors in each tick, (m, 2), rad.
         lost: Lost motion of each axis, (N−2, 1).
 
     Returns:
-        Way, gap, `push` and `next_push` of `Reference` at the edges, (m+1, N−2).
+        Direction, gap, `push` and `next_push` of `Reference` at the edges, (m+1, N−2).
     """
     change = forecast.rates((q[:-1] + q[1:]) / 2, travel)[:, 2:]
     place, pushed = np.zeros((len(q), change.shape[1])), np.zeros_like(change)
@@ -226,7 +228,7 @@ def _pushes(forecast: Forecast, q: Array, travel: Array, lost: Array) -> tuple[A
 
 @lru_cache(maxsize=32)
 def _derivatives(system: TriangularSystem) -> Pointwise:
-    """(q, u) → [∂q̇/∂q, ∂q̇/∂u, q̇ of each passive coordinate by itself], (N, N + 2 + N − 2)."""
+    """(q, u) → [∂q̇/∂q, ∂q̇/∂u, diagonal of the passive coordinates' q̇], (N, N + 2 + N − 2)."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     f = ca.vertcat(*system.rates_expr(q, u))
     diagonal = ca.diag(f)[:, 2:]
@@ -238,7 +240,7 @@ def _derivatives(system: TriangularSystem) -> Pointwise:
 def _model(
     system: TriangularSystem, q: Array, u: Array, tick: float, ramp: bool
 ) -> tuple[Array, Array, Array, Array]:
-    """A, before, B and E by the midpoint rule over each tick, from q and u (K, M, ·) at middles."""
+    """A, B_before, B and E by the midpoint rule, from q and u (K, M, ·) at the middle of ticks."""
     size, (count, ticks) = system.size, q.shape[:2]
     slopes = _derivatives(system)(q, u)
     effects = slopes.shape[-1] - size
@@ -258,8 +260,8 @@ def _model(
 def _bounds(feed: Array, limit: Array, least_speed: Array) -> tuple[Array, Array]:
     """Least and greatest corrections (K, 2).
 
-    The drive of the path coordinate keeps the course's direction and the least speed; where the
-    course stands it may push on in that direction, but not turn back.
+    The drive of the path coordinate keeps the course's direction and at least the least speed.
+    Where the course stands, the drive may continue in that direction but not turn back.
     """
     low, high = -limit - feed.min(axis=1), limit - feed.max(axis=1)
     drive = feed[:, :, 0]
@@ -273,8 +275,8 @@ def _bounds(feed: Array, limit: Array, least_speed: Array) -> tuple[Array, Array
 def _direction(least: Array, most: Array) -> Array:
     """1 forward, -1 backward, 0 free (K,), from the least and greatest drive of each period.
 
-    A period that stands takes the direction of those before and after it, if they agree; at the
-    end that of those before.
+    A period at rest takes the direction of its neighbours if they agree. At the end it takes that
+    of the previous motion.
     """
     way = np.where(least >= 0, 1.0, 0.0) - np.where(most <= 0, 1.0, 0.0)
     still = (least >= 0) & (most <= 0)
@@ -290,7 +292,7 @@ def _direction(least: Array, most: Array) -> Array:
 
 @lru_cache(maxsize=32)
 def _second(system: TriangularSystem) -> Pointwise:
-    """Coordinates to z₂ and its gradient, (N + 1,)."""
+    """Function from coordinates to z₂ and its gradient, (N + 1,)."""
     q = ca.SX.sym("q", system.size)
     z2 = chained_form(system).z_expr(q)[1]
     return Pointwise("second", [q], ca.vertcat(z2, ca.jacobian(z2, q).T))
@@ -301,8 +303,8 @@ def _state_limits(
 ) -> tuple[Array, Array, Array]:
     """Unit rows (K, c, N) with least and greatest values (K, c) at the course's q (K, N).
 
-    One row for each coordinate with a limit; one for z₂, along its gradient, where it has a margin
-    (linearised, and not before the plan's start).
+    There is one row for each coordinate with a limit and, if z₂ has a margin, one along the
+    gradient of z₂ (linearised, and not before the plan's start).
     """
     limits, count = problem.limits, len(q)
     chosen = np.nonzero(np.isfinite(limits.joint))[0]
@@ -322,7 +324,7 @@ def _state_limits(
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """The cost.
+    """Weights of the cost.
 
     Attributes:
         path: Diagonal of Q for each period's start, (K, N).
@@ -339,13 +341,14 @@ class Weights:
 
 @dataclass(frozen=True, eq=False)
 class Regulator:
-    """The optimal law without limits, v = −gain ξ, and what deviating from it costs.
+    """The optimal law without limits, v = −gain ξ, and the cost of deviating from it.
 
     Attributes:
-        F: ξₖ₊₁ = Fₖ ξₖ + Gₖ v, (K, n, n) with n = N + 2 + 2(N − 2).
-        G: The same, (K, n, 2).
-        gain: (K, 2, n).
-        root: (K, 2, 2): correcting by −gain ξ + root c costs |c|² more than the optimum.
+        F: State matrix of ξₖ₊₁ = Fₖ ξₖ + Gₖ v, (K, n, n) with n = N + 2 + 2(N − 2).
+        G: Input matrix, (K, n, 2).
+        gain: Feedback gain, (K, 2, n).
+        root: Scaling of deviations, (K, 2, 2): v = −gain ξ + root c costs |c|² more than the
+            optimum.
     """
 
     F: Array

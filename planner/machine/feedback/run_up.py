@@ -3,8 +3,8 @@
 A joint behind backlash and a soft shaft rests until its axis has taken them up, some degrees later.
 The preparatory motion (run-up) moves back and returns. Every joint then stands at the plan's start,
 its backlash is taken up in the direction of the plan, and its lost motion and ratio are known. With
-θ₁ between 0 and 90 degrees the axes of joints 2 and 3 turn as K₂ cos²θ₁ to K₃ cos³θ₂; so one drive
-brings both to their start, in three stages that follow each other while θ₁ swings (`LEGS`):
+θ₁ between 0 and 90 degrees the ratio of the speeds of axes 2 and 3 is K₂ cos²θ₁ to K₃ cos³θ₂. So
+one drive brings both joints to their start, in stages between which θ₁ swings (`LEGS`):
 
     back, at a middle θ₁                joint 3 goes further back than joint 2
     forward, at a small θ₁              joint 2 comes closer, joint 3 still lags
@@ -19,7 +19,7 @@ one by one, since their backlash and their positions in it differ by more than �
 Even if both were known, the best motion that only goes forward would start with an error of
 0.7 degrees (95 %).
 
-The limits that hold for this motion hold for the tracker's commands too (`input_limit`).
+This motion and the tracker's commands have the same limits (`input_limit`).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 STEP_S = 0.02
-"""Step of the run-up's table, s."""
+"""Time step of the run-up, s."""
 
 LEGS = np.array(
     [
@@ -58,38 +58,38 @@ LEGS = np.array(
         [0.0, 0.0, 0.0, 0.0, 1.0],
     ]
 )
-"""Legs of the run-up: |θ₁| at its end, degrees, and parts of the drives back, at small θ₁, at large
-θ₁, and at last. Where joint 2 lags, θ₁ = 0 drives it fastest; beyond 62 degrees the swing takes
-longer than it gains, below 60 joint 3 moves joint 2 too much (E 0.27 degrees instead of 0.23, 95 %;
-the paper's problem, where all takes 8 s)."""
+"""Legs of the run-up: |θ₁| at the end, degrees, and fractions of the four drives: back, at small
+θ₁, at large θ₁, and the last. θ₁ = 0 drives joint 2 fastest. Beyond 62 degrees the swing costs more
+time than it gains; below 60 degrees the drive of joint 3 moves joint 2 too much (E 0.27 degrees
+instead of 0.23, 95 %; on the paper's problem, where the run-up takes 8 s)."""
 
 BACK_DEG, BACK_SPREADS, FINAL_BACK_DEG = 8.0, 10.0, 4.0
-"""How far the last joint goes back: degrees, for learning, and at least so many standard deviations
-of its lost motion w. Both joints lose 2w on the way back and forth; the difference of that between
-two joints has the deviation 2√2, so there is room for 3.5 of it. With half of it E is 2.1 degrees
-instead of 0.4 (95 %, spreads of twice the prototype's, whose own need 8 degrees).
-How far joint 2 is driven at last: as much as the tracker may leave out, should it arrive before."""
+"""Least distance that the last joint goes back, degrees, so that its lost motion w is measured; the
+same in standard deviations of w; and the last drive of joint 2, degrees, which the tracker can
+leave out if that joint arrives early. Each joint loses 2w on the way back and forth; the difference
+between two joints has the standard deviation 2√2, so ten of them leave room for 3.5 of that. With
+half of it E is 2.1 degrees instead of 0.4 (95 %, with twice the prototype's spreads)."""
 
 APPROACH_DEG, APPROACH_S, REST_S = 1.5, 0.4, 0.2
-"""From how far away θ₁ approaches its start, degrees, in what time, and the rest after it, s: ten
-time constants of the servos and of the joints' friction."""
+"""Last approach of θ₁ to its start: distance, degrees; time, s; and rest afterwards, s, of ten time
+constants of the servos and of the joints' friction."""
 
 SWING_SHARE, DRIVE_SHARE = 0.95, 0.9
-"""Speeds of both motors, as parts of their limits; the drive's rest is for corrections."""
+"""Speeds of θ₁'s motor and the drive, as fractions of their limits; the rest is for corrections."""
 
 COAST_DEG, LEAST_SPEED_SHARE = 0.25, 0.2
-"""How far a joint with inertia may coast until friction stops it, degrees: it rests ahead of its
-axis by that, and the plan starts as far off. At full speed the prototype's coast by up to 4
-degrees, and E is 1.2 instead of 0.3 (50 %). But speeds stay at least this part of what they would
-be without inertia, lest preparation take more than five times as long.
+"""Largest distance that a joint with inertia may coast until friction stops it, degrees, since the
+plan starts with that error. At full speed the prototype's joints coast by up to 4 degrees, and E is
+1.2 instead of 0.3 degrees (50 %). And the least speed, as a fraction of the speed without inertia,
+so that the preparation takes at most five times as long.
 """
 
 
 def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None:
-    """The run-up of a plan on a machine; None where it is not wanted or would be of no use.
+    """The run-up of a plan on a machine; None if it is not wanted or would not help.
 
     Raises:
-        InputError: If it is asked for and the arm has more than three joints.
+        InputError: If it is requested and the arm has more than three joints.
     """
     system = plan.problem.system
     if not options.run_up or not isinstance(system, Manipulator):
@@ -114,8 +114,8 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
 def _coasting_speed(machine: Machine) -> Array:
     """Speeds (2,), rad/s, at which joints coast by `COAST_DEG`; infinite without inertia.
 
-    A link that θ₁ swings goes on at its speed when it stops; one that its axis meets at the end of
-    its play leaves it at up to twice the axis's. Friction takes its energy, I v²/2.
+    A link that θ₁ swings keeps its speed when θ₁ stops. A link that its axis hits at the end of the
+    play leaves at up to twice the axis's speed. Friction absorbs its energy, I v²/2.
     """
     if machine.fidelity != "dynamic":
         return np.full(2, np.inf)
@@ -127,7 +127,7 @@ def _coasting_speed(machine: Machine) -> Array:
 
 
 def hindrance(plan: Plan, machine: Machine) -> str:
-    """Why play cannot be taken up before the start, in words; empty where it can or is none."""
+    """Why play cannot be taken up before the start, in words; "" if it can, or there is none."""
     system = plan.problem.system
     if not isinstance(system, Manipulator) or not lost_motion(system, machine).any():
         return ""
@@ -139,19 +139,19 @@ def hindrance(plan: Plan, machine: Machine) -> str:
 
 
 class _Approach:
-    """The run-up's inputs and nominal motion as functions of what both stages drive.
+    """The run-up's inputs and nominal motion as functions of the drive's travel in each stage.
 
     Args:
         plan: The plan.
-        lost: Lost motion of each coordinate, (N,), rad: of the first that of motor 1's gearhead.
+        lost: Lost motion of each coordinate, (N,), rad; for the first, that of motor 1's gearhead.
         way: Signs of the plan's first inputs, (2,).
-        speed: Of the drive and of swings of θ₁, (2,), rad/s.
-        behind: How far the last joint goes back, rad.
+        speed: Speeds of the drive and of the swings of θ₁, (2,), rad/s.
+        behind: Distance that the last joint goes back, rad.
     """
 
     def __init__(self, plan: Plan, lost: Array, way: Array, speed: Array, behind: float) -> None:
         self._rates, self._lost = plan.problem.system.rates, lost
-        begins = plan.q if turns_back(plan) else plan.wanted  # as the course does
+        begins = plan.q if turns_back(plan) else plan.wanted  # as in `Course`
         self._start, self._way, self._speed = begins(plan.lead_s), way, speed
         self._rate = plan.problem.limits.input_rate
         self._most = plan.problem.limits.joint[1] - np.deg2rad(APPROACH_DEG)
@@ -172,13 +172,13 @@ class _Approach:
         return RunUp(STEP_S * np.arange(-len(u), 1.0), q, u)
 
     def _drive(self, theta1_deg: float, joint: int, angle: float) -> float:
-        """How far the drive turns while the axis of a joint turns by an angle, rad."""
+        """Travel of the drive while the axis of a joint turns by `angle`, rad."""
         q = self._start.copy()
         q[1] = np.deg2rad(theta1_deg) if len(self._lost) > 3 else q[1]
         return float(angle / self._rates(q, np.array([1.0, 0.0]))[joint])
 
     def _inputs(self, drives: Array) -> Array:
-        """Inputs of each step, (m, 2), for the travels of the stages forward, (n−1,)."""
+        """Inputs of each step, (m, 2), for the drive's travels in the forward stages, (n−1,)."""
         start = self._start[1]
         before = start - self._way[1] * np.deg2rad(APPROACH_DEG)
         if len(self._lost) > 3:
@@ -193,7 +193,7 @@ class _Approach:
         return np.concatenate([*moves, np.zeros((round(REST_S / STEP_S), 2))])
 
     def _leg(self, swing: float, drive: float, least_s: float = 0.0) -> Array:
-        """Inputs (m, 2) that turn both motors from rest to rest, within their speeds and rates."""
+        """Inputs (m, 2) that turn both motors from rest to rest within their limits."""
         travel = np.array([self._way[0] * drive, swing])
         ramp = np.where(np.isfinite(self._rate), np.ceil(self._speed / (self._rate * STEP_S)), 0.0)
         steps = np.ceil(np.abs(travel) / (self._speed * STEP_S)) + ramp * (travel != 0)
@@ -203,10 +203,10 @@ class _Approach:
         return np.asarray(travel * shape / (shape.sum(axis=0) * STEP_S))
 
     def _motion(self, u: Array) -> Array:
-        """Coordinates before, between and after the steps, (m+1, N), of the nominal machine.
+        """Coordinates of the nominal machine at the ends of all steps, (m+1, N).
 
-        One coordinate after the other: each rate depends on those before it alone, and on the
-        drive, whose coordinate is the last.
+        They are integrated one after the other, since each rate depends only on the coordinates
+        before it and on the drive, whose coordinate comes last.
         """
         turns = STEP_S * u
         motor = np.cumsum([0.0, *turns[:, 0]])
@@ -221,14 +221,14 @@ class _Approach:
 
 
 EXCESS_TRAVEL_SHARE = 0.05
-"""Part of an input's travel that may lie above its limit: what the tracker can still catch up."""
+"""Largest fraction of an input's travel above its limit; the tracker can make up for so much."""
 
 
 def refuse_excess(plan: Plan, machine: Machine) -> None:
-    """Refuse a plan whose inputs cannot be commanded for a good part of its motion.
+    """Refuse a plan whose inputs exceed what can be commanded for a large part of its motion.
 
     Raises:
-        UntrackableError: Naming the input, its peak, the limit and where that comes from.
+        UntrackableError: With the input, its peak, the limit and the source of that limit.
     """
     limit = input_limit(plan, machine)
     share = excess_share(plan.trajectory, limit)

@@ -1,7 +1,7 @@
 """Feedback for replays: `planner.replay(plan, machine, feedback=True)`.
 
-`TrackerControl` controls some samples: read, estimate, predict, optimise, command. `TrackerDesign`
-holds what all samples of a replay share: reference, regulator, programmes.
+`TrackerControl` controls S samples: it reads, estimates, predicts, optimises and commands.
+`TrackerDesign` has what all samples of a replay share: reference, regulator, programmes.
 """
 
 from __future__ import annotations
@@ -44,18 +44,18 @@ from planner.support.user_tables import parse
 class Tracker:
     """A receding-horizon tracker: one small quadratic programme every control period.
 
-    Every 0.1 s it reads the joint encoders, predicts where the commands already on their way will
-    take the arm, and corrects the plan's inputs so that a cost over the whole rest of the motion is
-    least, within the limits on inputs, their rates, joints and z₂. It knows only mean values of
-    the machine: control period, delay, servo bandwidth, gearhead backlash, lost motion of the
-    joints, encoder resolution, velocity limit. The preparatory motion also uses the spread of lost
-    motion and, with dynamic fidelity, the inertia.
+    Every 0.1 s it reads the joint encoders, predicts the effect of the commands already sent, and
+    corrects the plan's inputs so as to minimise a cost over the remaining motion, within the limits
+    of inputs, their rates, joints and z₂. It knows only mean values of the machine: control period,
+    delay, servo bandwidth, gearhead backlash, lost motion of the joints, encoder resolution,
+    velocity limit. The preparatory motion also uses the spread of lost motion and, with dynamic
+    fidelity, the inertia.
 
     The tracker follows the path of the plan. For a compensated plan whose drive reverses, it
     follows the predicted motion to the same goal, which includes the lost motion of each reversal.
 
-    When a programme has no solution, its state limits are widened to the motion of the regulator,
-    clipped to the input limits; when OSQP is late, the earlier corrections continue as planned.
+    If a programme has no solution, its state limits are widened to the motion of the regulator
+    clipped to the input limits. If OSQP is late, the earlier corrections continue as planned.
     `Replay.fallbacks` counts both.
 
     Args:
@@ -80,12 +80,12 @@ class Tracker:
 
         Raises:
             InputError: If the options do not fit the machine.
-            UntrackableError: If the plan's inputs are far beyond what may be commanded.
+            UntrackableError: If the plan's inputs far exceed what may be commanded.
         """
         return TrackerControl(self.design(plan, machine), len(numbers))
 
     def design(self, plan: Plan, machine: Machine) -> TrackerDesign:
-        """What the samples share; kept for the next run of the same plan on the same machine."""
+        """The design that all samples share, cached for later runs of the plan on the machine."""
         key = (id(plan), machine)
         if key not in self._designs:
             self._designs[key] = (plan, design(plan, machine, self.options))
@@ -95,17 +95,17 @@ class Tracker:
 
 
 CROSSING_PERIODS = 5
-"""Periods in which a reversal must be worth crossing the play."""
+"""Number of periods whose travel must justify crossing the play at a reversal."""
 
 PLAY_SPREAD_SHARE = 0.1
-"""How well the play of a gearhead is known in the end: to this part of its mean."""
+"""Uncertainty of the estimated play of a gearhead, as a fraction of its mean."""
 
 
 class TrackerControl:
     """One controller of S samples; see `planner.machine.closed_loop.Controller`.
 
     Args:
-        design: What all samples share.
+        design: The design that all samples share.
         count: Number of samples S.
     """
 
@@ -127,8 +127,8 @@ class TrackerControl:
         """Commands of the ticks from t to the next reading, (M, 2, S), rad/s.
 
         Args:
-            t: Time of the reading, s; readings come in order, one a period.
-            measured: What the encoders read, (N, S); NaN where a reading is lost.
+            t: Time of the reading, s; readings come in order, one per period.
+            measured: Encoder readings, (N, S); NaN where a reading is lost.
         """
         clock, k = self._clock, self._k
         now, estimate = k * clock.period - clock.shift, self._estimate
@@ -146,13 +146,13 @@ class TrackerControl:
 
     @property
     def _passing(self) -> Array:
-        """What the mean arm's contacts pass on where the course is, (N−1, 1)."""
+        """Fraction that the mean arm's contacts transmit at the course's position, (N−1, 1)."""
         last = len(self._ref.feed) - 1
         passing: Array = self._design.passing[min(self._k, last)][:, None]
         return passing
 
     def _decide(self, k: int, now: Array) -> None:
-        """Add the commands of one period, from when they can act."""
+        """Compute the commands of period k and add them to the history."""
         clock, ref = self._clock, self._ref
         until = np.full(2, k * clock.period + clock.wait)
         pose = self._forecast(self._estimate, now, until, self._history, self._passing)
@@ -171,8 +171,8 @@ class TrackerControl:
         """Deviation, last corrections, rate errors and lost motion, (n, S); see `Regulator`.
 
         A joint ends where its axis pushes it to, or stays where it is if the axis does not reach
-        it: the course pushes it by `more`, or stays off by −`more`. More or less lost motion is
-        felt as far as it changes the push that comes `then`.
+        it: the course pushes it by `more`, or keeps away by −`more` if that is negative. A
+        deviation of the lost motion counts only as far as it changes the following push, `then`.
         """
         ref, known = self._ref, self._estimate
         off, way = pose.q - ref.q[k][:, None], ref.way[k][:, None]
@@ -187,10 +187,10 @@ class TrackerControl:
         return np.concatenate([off, self._answer.corrections[0], known.rate_error[1:], lost])
 
     def _crossing(self, k: int, commands: Array, pose: Pose) -> Array:
-        """What must be added to reverse a motor through its play, (M, 2, S).
+        """Commands to add so that a reversing motor crosses its play, (M, 2, S).
 
-        The crossing is spread over the period. It is not begun for less travel than the play is
-        uncertain by: the motor stands until the next periods ask for more.
+        The crossing is spread over the period. It begins only if the travel exceeds the uncertainty
+        of the play; until then the motor stands.
         """
         clock, play = self._clock, self._design.play
         if not np.any(play):
@@ -209,9 +209,9 @@ class TrackerControl:
         return np.where(stand, -commands, added)
 
     def _clip_commands(self, k: int, commands: Array) -> Array:
-        """Within the limits of speed and of its change from tick to tick.
+        """Clip commands to the limits of speed and of its change from tick to tick.
 
-        Where the course ends with a speed it may stop at once, as the plan does.
+        If the course ends with a speed, the motor may stop at once there, as the plan does.
         """
         limit, rate = self._ref.limit[:, None], self._ref.rate[:, None]
         commands = np.clip(commands, -limit, limit)
@@ -227,21 +227,21 @@ class TrackerControl:
 
 
 RUN_UP_ERROR_DEG, RUN_UP_STEP = 5.0, 0.05
-"""During the run-up: the error that weighs as much as one unit of correction, degrees; and what a
-change of corrections weighs, as a part of that on the way. Only the rest at its end counts, and
-that no more than any instant of the way: what is learnt of the ratios of joints 2 and 3 lets the
-tracker begin with small errors that the way takes off. Pinned to its start as to its goal, E and
-the end would be 0.26 and 0.09 degrees (95 %) instead of 0.24 and 0.07."""
+"""Weights of the run-up: the error that weighs as much as one unit of correction, degrees; and the
+weight of a change of corrections, as a fraction of that during the plan. Only the rest at the end
+of the run-up is weighted, and no more than any instant of the plan, which can reduce small initial
+errors since the tracker has learnt the ratios of joints 2 and 3. With the weight of the goal there,
+E and the end would be 0.26 and 0.09 degrees (95 %) instead of 0.24 and 0.07."""
 
 LIGHT_LINK_KGM2 = 0.003
-"""Inertia of a link up to which it follows its axis. A heavier one is kicked by a jump of speed
-through its inertia times the jump, and swings at about 1 Hz with little damping; corrections that
-answer each swing at once keep it up. So the unit of their change is less by as much as the link is
-heavier. The prototype's links have 0.032: with the whole unit E is 2.9 degrees instead of 0.9, the
-end 0.85 instead of 0.29 (95 %)."""
+"""Largest inertia of a link that follows its axis. A jump of speed excites a heavier link, which
+then swings at about 1 Hz with little damping; corrections that respond to each swing sustain it.
+So the unit of a change of corrections is divided by the ratio of the link's inertia to this one.
+The prototype's links have 0.032; without the division E is 2.9 degrees instead of 0.9, and the end
+0.85 instead of 0.29 (95 %)."""
 
 RESTING_WEIGHT = 1e4
-"""Weight of a correction where the drive rests, as a part of that elsewhere."""
+"""Weight of a correction while the drive rests, relative to the weight at other times."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,14 +250,14 @@ class TrackerDesign:
 
     Attributes:
         ref: The course on the tracker's clock.
-        law: The regulator where no limit is active.
+        law: The regulator, the law where no limit is active.
         programme: The control steps.
-        forecast: The nominal machine.
-        passing: Part of the ideal rates that the mean arm's contacts pass on, (K, N−1).
+        forecast: The model of the nominal machine.
+        passing: Fraction of the ideal rates that the mean arm's contacts transmit, (K, N−1).
         lost_motion: Mean lost motion of each joint, (N−1, 1), rad.
         play: Whole play of each motor's gearhead, (2,), rad; zero when it is not crossed.
-        resolution: Of each reading, (N, 1).
-        variance: Of each joint's reading, (N−1, 1).
+        resolution: Resolution of each reading, (N, 1).
+        variance: Variance of each joint's reading, (N−1, 1).
     """
 
     ref: Reference
@@ -272,16 +272,16 @@ class TrackerDesign:
 
     @property
     def ramp(self) -> bool:
-        """Whether corrections change steadily over a period, for the limit of the input rates."""
+        """Whether corrections change linearly over a period, because input rates are limited."""
         return bool(np.any(np.isfinite(self.ref.rate)))
 
 
 def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesign:
-    """Prepare the tracker of a plan on a kind of machine; what differs between samples is not used.
+    """Prepare the tracker of a plan for a machine, of which it uses no sample's parameters.
 
     Raises:
         InputError: If the options do not fit the machine.
-        UntrackableError: If the plan's inputs are far beyond what may be commanded.
+        UntrackableError: If the plan's inputs far exceed what may be commanded.
     """
     refuse_excess(plan, machine)
     system = plan.problem.system
@@ -311,7 +311,7 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
 
 
 def _weights(plan: Plan, machine: Machine, ref: Reference, options: FeedbackTable) -> Weights:
-    """The cost, from the options' units; a length in metres counts as an angle in radians."""
+    """Weights of the cost from the units in the options; 1 m counts as 1 rad."""
     tracked = np.ones(ref.q.shape[1])
     if plan.problem.system.coordinates[0].unit == "rad":
         tracked[0] = 0.0

@@ -1,6 +1,6 @@
 """Commands that allow for the machine: `legs`, `shaping`, `prediction`, `variants`, `correction`,
 `follow`, `advice`.
 
-The counterpart of `planner.machine.feedback` without sensors. Nothing here plans: what goes in is a
-plan and a machine, what comes out are commands, and the motion that they make.
+It is the counterpart of `planner.machine.feedback` without sensors. It does not plan: from a plan
+and a machine it computes commands and the motion that they produce.
 """

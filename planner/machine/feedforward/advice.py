@@ -1,4 +1,4 @@
-"""What would help a compensated plan that breaks a requirement, or follows its path no better."""
+"""Advice for a compensated plan that breaks a requirement or follows its path no better."""
 
 from __future__ import annotations
 
@@ -18,23 +18,24 @@ NO_COMPENSATION = "no compensation (compensation.on = false)"
 LARGER_INPUTS = "larger limits.input_rad_s, which shorten both"
 
 LEAST_UNEVEN_DEG = 1.0
-"""What an axis may lack after a take-up before that is named: half of what spreads leave."""
+"""Largest angle that an axis may lack after a take-up without being reported, half of the error
+that spreads leave."""
 
 Settings = dict[str, bool | str]
 """Dotted keys of a problem file to values."""
 
 
 def meets_before_start(plan: Plan, violations: Sequence[Violation]) -> bool:
-    """Whether all that is broken is met by the preparation, before the plan starts."""
+    """Whether all violations happen during the preparation, before the plan starts."""
     times = [v.time_s for v in violations]
     return bool(times) and all(t is not None and t < plan.lead_s for t in times)
 
 
 def settings_to_try(plan: Plan, violations: Sequence[Violation]) -> list[Settings]:
-    """What is worth another compensation of the same plan, the best first.
+    """Settings with which to compensate the same plan again, the best first.
 
-    Homing takes up forward what the drive's first motion would. Without the preparation nothing is
-    met before the plan.
+    A homed arm needs no preparation if the drive starts forward. Without the preparation nothing
+    can be hit before the plan.
     """
     if not any(v.time_s is not None and v.time_s < plan.lead_s for v in violations):
         return []
@@ -48,14 +49,15 @@ def settings_to_try(plan: Plan, violations: Sequence[Violation]) -> list[Setting
 def compensation_changes(
     plan: Plan, violations: Sequence[Violation], options: CompensationTable
 ) -> list[str]:
-    """What would help, in words, beside `settings_to_try`: what stands in the way, what was left
-    out, and time. Nothing that the problem leaves free, and nothing that `follow` tried."""
+    """Changes that would help, in words, beside `settings_to_try`: obstacles that are in the way,
+    steps that are switched off, and time. It names nothing that the problem leaves free or that
+    `follow` tried."""
     problem = plan.problem
     asking = [problem.asking(v.label) for v in violations]
     met = [pair[0].number for pair in asking if pair and isinstance(pair[0], Obstacle)]
     out = [f"obstacle {number} elsewhere" for number in dict.fromkeys(met)]
     if meets_before_start(plan, violations):
-        return out  # which neither another motion nor more time changes
+        return out  # neither another motion nor more time would help
     if options.preparation != "forward":
         out.append("compensation.preparation = 'forward'")
     helpful = ("take_up", "correction")
@@ -72,7 +74,7 @@ def compensation_changes(
             why = f"at t = {worst['t_s']:.3g} s the drive turns back, and {worst['joint']} is left"
             why += f" {worst['deg']:.2g} deg short"
         out.append(f"{other}, so that the drive turns back elsewhere or not at all ({why})")
-    if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # as much as spreads leave
+    if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # the error that spreads leave
         less = (
             "larger limits.input_rad_s" if problem.duration is None else "a shorter goal.duration"
         )
@@ -89,7 +91,7 @@ def compensation_changes(
 
 
 def _drift_deg(plan: Plan) -> float:
-    """By how much the bias of a motor has turned it at the end: twice the standard deviation."""
+    """Angle by which a motor's bias has turned it at the end (two standard deviations), degrees."""
     assert plan.compensation is not None
     bias = Machine.from_table(plan.compensation.machine).effects.get("input_bias_rad_s")
     return float(np.rad2deg(2 * max(bias.spread) * plan.duration)) if bias else 0.0

@@ -1,12 +1,12 @@
 """Small changes of the motors' angles, so that the nominal machine stays near the plan's path.
 
-Gauss and Newton's method, on motions of the nominal machine: the changes are straight between knots
-(J. Nocedal, S. J. Wright, Numerical Optimization, 2006, p. 254). The errors of all joints over time
-are weighed so that the largest count most; the goal and waypoints are pinned. What must not be
-exceeded bounds the quadratic programmes: the inputs, and everything that the problem requires of
-coordinates at all times. Where a programme leads is tried with several step sizes at once, as
-variants of the commands in one simulation. At last the goal alone is brought to where it should be,
-on the machine with its own step and the motors' resolution.
+It is the Gauss-Newton method on motions of the nominal machine (J. Nocedal, S. J. Wright, Numerical
+Optimization, 2006, p. 254); the changes are linear between knots. The largest errors of the joints
+over time have the largest weights; goal and waypoints ("pins") have weights of their own. The
+quadratic programmes are bounded by the limits of the inputs and by all that the problem requires of
+coordinates at all times. Each step is tried with several lengths at once, as variants of the
+commands in one simulation. Finally only the goal is corrected, on the machine with its own time
+step and the motors' resolution.
 """
 
 from __future__ import annotations
@@ -27,64 +27,65 @@ from planner.support.arrays import Array
 from planner.support.interrupts import osqp_result
 
 PROBES_RAD = np.deg2rad([0.3, 0.05])
-"""Changes of one knot by which derivatives are taken: a fifteenth of the joints' lost motion, to
-see beyond what the next steps meet; and less where that leads no farther."""
+"""Changes of one knot for finite differences: first a fifteenth of the joints' lost motion, to see
+beyond the next few steps; then a smaller one, when the first gains no more."""
 
 PIN_PRICES = {2: 4.0, 8: 1.5, 32: 4.0}
-"""Powers of the norm of the errors, in turn: first their mean square, which leads from afar, then
-near the largest, which is what is judged. And what a degree that goal and waypoints are missed by
-costs against each: less in the middle, so that the way that their mean square left to reach the
-goal is found again."""
+"""Powers of the norm of the errors in turn, and the cost of missing a pin by 1 degree with each.
+First comes the mean square, which converges from far away; the last is near the maximum, by which
+plans are judged. The lower cost in between lets the motion leave the path that the mean square
+chose to reach the goal."""
 
 MOST_ROUNDS, LEAST_GAIN = 8, 0.02
-"""Rounds for each of them at most, and what one must gain for another, as a part of the measure;
-or the step of a single knot, of what is missed."""
+"""Largest number of rounds for each power, and the least gain of a round that justifies another, as
+a fraction of the measure. Also the least gain of a step of a single knot, as a fraction of the
+miss."""
 
 RIDGE = 0.05
-"""Weight of a correction's changes from knot to knot, against as large an error of every joint."""
+"""Weight of a correction's change between knots, relative to an equal error of every joint."""
 
 STEPS = (0.01, 0.1, 1.0, 10.0)
-"""Levenberg's weights that are tried in a round, times that of the round before."""
+"""Levenberg weights tried in a round, as multiples of that of the previous round."""
 
 PARTS = (1.0, 0.5, 0.2)
-"""Parts of a step that are tried."""
+"""Fractions of a step that are tried."""
 
 GOOD_DEG = 0.4
-"""Largest error of the motion that is good enough: a fifth of the median that spreads leave.
-And how near the goal must be for single knots to be tried."""
+"""Largest error of a motion that is good enough, a fifth of the median error that spreads leave.
+Also the largest miss of a pin at which steps of single knots are tried."""
 
 PIN_WEIGHT = 30.0
-"""Weight of goal and waypoints, against one error."""
+"""Weight of goal and waypoints, relative to one error."""
 
 PIN_TOLERANCE_RAD = np.deg2rad(0.01)
-"""Error of goal and waypoints that is good enough: a fifth of what the judge grants."""
+"""Largest miss of a pin that is good enough, a fifth of what the judge allows."""
 
 NEAR = 0.05
-"""Margin of a requirement, in its scale, below which it bounds the programmes."""
+"""A requirement bounds the programmes if its margin, in its scale, is less than this."""
 
 PIN_SLACK_RAD = np.deg2rad(0.03)
-"""Error of goal and waypoints that costs nothing yet."""
+"""Largest miss of a pin without a cost."""
 
 PIN_PRICE = 4.0
-"""What a degree of it costs at last, against the largest error."""
+"""Cost of missing a pin by 1 degree in the final rounds, relative to the largest error."""
 
 DAMPINGS = (1e-4, 1e3)
-"""Least and largest weight of the Levenberg kind that a round begins with."""
+"""Least and largest Levenberg weight at the beginning of a round."""
 
 PINNED_DEG = 0.05
-"""Miss of the goal or a waypoint that the judge grants."""
+"""Largest miss of the goal or a waypoint that the judge allows."""
 
 END_ROUNDS, PIN_GAIN = 10, 0.75
-"""Rounds for the goal alone at most, and what one leaves of the miss for what changes the motion
-least to be preferred; else they take what leaves least."""
+"""Largest number of final rounds. Of the steps that leave at most this fraction of the miss, a
+round takes the one that changes the motion least; if there is none, the one that leaves least."""
 
 KNOT_STEP, KNOT_GAIN, LAST_KNOTS = 2.0, 0.8, 5
-"""Where those cost the motion more than the goal gains: turn of one motor alone, times what is
-missed, for a joint follows by half of it; what it leaves at most to be preferred; and in which part
-of the knots, the last fifth."""
+"""Steps of one motor alone, tried if the other steps cost the motion more than they gain at the
+goal: their size as a multiple of the miss (a joint follows by half of it); the fraction of the miss
+that they may leave; and the knots at which they start, the last fifth."""
 
 SPANS = ((0, 4), (0, 2), (2, 4), (0, 1), (1, 2), (2, 3), (3, 4))
-"""Quarters of the knots, from and to, that are changed for the goal alone."""
+"""Ranges of knots, in quarters, that the final rounds change."""
 
 
 class Correction:
@@ -92,14 +93,14 @@ class Correction:
 
     Args:
         plan: The plan whose motion is wanted.
-        machine: The machine that is allowed for.
-        shape: Its commands without a correction.
+        machine: The machine to compensate for.
+        shape: The plan's commands without a correction.
 
     Attributes:
-        knots: Times of the knots, (m,), s; nothing is corrected at the first.
-        values: Corrections there, (m, 2), rad.
-        rounds: Rounds that gained something.
-        keeps_all: Whether what was found ends at the goal and breaks no requirement.
+        knots: Times of the knots, (m,), s; the correction is zero at the first.
+        values: Corrections at the knots, (m, 2), rad.
+        rounds: Number of rounds that reduced the errors.
+        keeps_all: Whether the corrected motion ends at the goal and breaks no requirement.
     """
 
     def __init__(self, plan: Plan, machine: Machine, shape: Shape) -> None:
@@ -109,7 +110,7 @@ class Correction:
         self.rounds, self.keeps_all = 0, False
 
     def _measure(self, runs: Runs, values: Array, power: int) -> float:
-        """What is to be least: a norm of the errors of the motion, degrees."""
+        """The objective: a norm of the errors, and costs of missed pins and limits, degrees."""
         size = np.abs(runs.errors)
         largest = max(float(size.max()), 1e-9)
         norm = largest * float(np.mean((size / largest) ** power)) ** (1 / power)
@@ -122,14 +123,14 @@ class Correction:
 
     @property
     def commands(self) -> Array:
-        """The commands with the correction, as they are sent, (K, 2), rad/s."""
+        """The corrected commands as sent to the motors, (K, 2), rad/s."""
         return self._shape.commands(self.values[:, :, None], self.knots)[:, :, 0]
 
     def search(self) -> None:
         """Find the correction.
 
         Raises:
-            TimeUpError: If there is no time left; what was found till then is kept.
+            TimeUpError: If time is up; the best correction so far is kept.
         """
         now = self._variants.run(self.values[:, :, None])[0]
         for power in PIN_PRICES:
@@ -139,9 +140,9 @@ class Correction:
         self.keeps_all = bool(missed < PINNED_DEG and np.min(now.margins, initial=0.0) >= -SAFE)
 
     def _go_on(self, now: Runs, power: int) -> Runs:
-        """The rounds for one norm; what they lead to."""
+        """Run the rounds for one norm; return the resulting motion."""
         best, damping, probes = self._measure(now, self.values, power), 1.0, list(PROBES_RAD)
-        if not self.rounds:  # a motor that rests crosses its play for any correction, however small
+        if not self.rounds:  # even a tiny correction makes a resting motor cross its play
             best = np.inf
         for _ in range(MOST_ROUNDS):
             deadline.check()
@@ -167,7 +168,7 @@ class Correction:
         return now
 
     def _is_good(self, runs: Runs) -> bool:
-        """Whether the rest is little beside what the machines' spreads leave."""
+        """Whether the remaining errors are small compared with those that spreads cause."""
         missed = np.max(np.abs(runs.pins))
         largest = np.max(np.abs(runs.errors))
         kept = np.min(runs.margins, initial=0.0) >= 0
@@ -176,7 +177,7 @@ class Correction:
     def _candidates(
         self, now: Runs, damping: float, power: int, probe: float
     ) -> list[tuple[float, Array]]:
-        """Corrections to try, each with the weight of its programme."""
+        """Corrections to try, each with the Levenberg weight of its programme."""
         slopes, out = self._variants.slopes(self.values, now, probe), []
         weights = [damping * step for step in STEPS]
         for weight, step in zip(weights, self._steps(now, slopes, weights, power), strict=True):
@@ -187,8 +188,8 @@ class Correction:
     def _steps(
         self, now: Runs, slopes: Runs, weights: list[float], power: int
     ) -> list[Array | None]:
-        """Changes of the correction, (m, 2), rad, for Levenberg's weights; None where the programme
-        has no solution."""
+        """Changes of the correction, (m, 2), rad, one for each Levenberg weight; None if the
+        programme has no solution."""
         size = np.abs(now.errors)
         weight = np.maximum(size / max(float(size.max()), 1e-9), 0.1) ** (power / 2 - 1)
         weight = weight / np.sqrt(np.sum(weight**2))
@@ -228,8 +229,8 @@ class Correction:
         return out
 
     def _input_room(self) -> tuple[Array, Array]:
-        """How much the correction may change between knots, (2(m−1),) each, degrees: the inputs'
-        limits leave that beside the commands as they are."""
+        """Least and largest change of the correction between knots, (2(m−1),) each, degrees, that
+        keeps the inputs within their limits."""
         shape = self._shape
         u = shape.commands(self.values[:, :, None], self.knots, is_rounded=False)[:, :, 0]
         begins = np.searchsorted(shape.t[:-1], self.knots)
@@ -237,14 +238,14 @@ class Correction:
         low, high = np.empty((len(spans), 2)), np.empty((len(spans), 2))
         for k, (a, b) in enumerate(pairwise(begins)):
             part = u[a : max(b, a + 1)]
-            # A tick or two at the limit is the play of a gearhead that is crossed.
+            # Ignore a tick or two at the limit, in which a gearhead crosses its play.
             low[k], high[k] = np.percentile(part, [10, 90], axis=0)
         least = np.minimum(-(shape.limit + low), 0.0) * spans
         most = np.maximum(shape.limit - high, 0.0) * spans
         return np.rad2deg(least).ravel(), np.rad2deg(most).ravel()
 
     def _pin(self) -> Runs:
-        """Bring goal and waypoints alone to where they should be; the motion."""
+        """Correct only the misses of goal and waypoints; return the resulting motion."""
         now = self._variants.run(self.values[:, :, None], is_sent=True)[0]
         for _ in range(END_ROUNDS):
             missed = float(np.max(np.abs(now.pins)))
@@ -258,7 +259,7 @@ class Correction:
             if is_dear and missed <= GOOD_DEG:
                 more = self._best_of(self._knot_steps(missed), now, KNOT_GAIN)
                 if more and np.max(np.abs(more[2].pins)) > (1 - LEAST_GAIN) * missed:
-                    more = None  # else it is tried again and again
+                    more = None  # its gain is too small; it would be repeated in every round
                 both = [each for each in (found, more) if each]
                 found = min(both, default=None, key=itemgetter(0))
             if not found:
@@ -267,16 +268,16 @@ class Correction:
         return now
 
     def _best_of(self, steps: Array, now: Runs, gain: float) -> tuple[float, Array, Runs] | None:
-        """The step (m, 2, S) that costs least of those that leave little of a miss.
+        """Find the step that costs least among those that reduce the miss enough.
 
         Args:
-            steps: What is tried, and parts of it.
-            now: What there is.
-            gain: What is little, as a part of it; where none leaves that, the least.
+            steps: The steps (m, 2, S); fractions of them are tried too.
+            now: The present motion.
+            gain: Largest fraction of the miss that a step may leave; if every step leaves more,
+                the one that leaves least is taken.
 
         Returns:
-            By how much it is worse, degrees, the correction and its motion; None where none leaves
-            less.
+            Increase of the cost, degrees, correction and motion; None if no step reduces the miss.
         """
         missed = float(np.max(np.abs(now.pins)))
         tried = self.values[:, :, None] + np.concatenate([p * steps for p in PARTS], axis=2)
@@ -293,9 +294,10 @@ class Correction:
         return worse, tried[:, :, k], runs[k]
 
     def _knot_steps(self, missed: float) -> Array:
-        """Changes of one motor from a knot on, as large as a miss asks for, (m, 2, S), rad.
+        """Constant changes of one motor from a knot on, sized by the miss, (m, 2, S), rad.
 
-        They need no derivative: where a joint comes to rest, both directions may move it one way.
+        They need no derivative, which may have the wrong sign: where a joint comes to rest, both
+        directions of the change may move it the same way.
         """
         m, out = len(self.knots), []
         for k in range(m - m // LAST_KNOTS, m):
@@ -306,10 +308,11 @@ class Correction:
         return np.stack(out, axis=2)
 
     def _pin_steps(self, now: Runs) -> Array:
-        """Changes that take off what is missed and change the motion least, (m, 2, S), rad.
+        """Changes that remove the misses and change the motion least, (m, 2, S), rad.
 
-        By all knots, and by those of a half or a quarter of the time alone, for each of the probes:
-        where motors turn back or are at their limits, a change is not what one derivative says.
+        There is one for all knots, and one for each half and quarter of them, with each probe. The
+        variety helps where motors reverse or are at their limits, since one derivative is not
+        reliable there.
         """
         usual, m, out = self._variants.run(self.values[:, :, None])[0], len(self.knots), []
         cuts = np.linspace(0, 2 * (m - 1), 5).astype(int)

@@ -1,6 +1,6 @@
-"""A plan whose inputs lead the nominal machine along its path, and to its goal.
+"""Compensate a plan: commands that lead the nominal machine along its path and to its goal.
 
-On the nominal machine every spread is off and every systematic effect on.
+The nominal machine has every systematic effect and no spread.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from planner.support.deadline import TimeUpError, time_limit
 from planner.systems.manipulator import Manipulator
 
 CUT_SHORT_WORDS = "ended the compensation; these are the best commands so far"
-"""What a plan says for which there was too little time."""
+"""Note of a plan whose compensation ran out of time."""
 
 
 def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
-    """The compensated plan, not verified.
+    """Compensate a plan; the result is not verified.
 
-    Where time is up before it is corrected, it is the best that there was time for, and says so.
+    If time is up before the correction is finished, the result is the best so far and says so.
 
     Args:
         plan: An executable plan.
-        machine: The machine; its spreads count for nothing.
-        options: What is done.
+        machine: The machine; its spreads are ignored.
+        options: Which steps of the compensation are on.
 
     Raises:
-        InputError: If the system is no arm with friction disks.
+        InputError: If the system is not an arm with friction disks.
         TimeUpError: If there is no time for a first prediction.
     """
     problem, system = plan.problem, plan.problem.system
@@ -66,7 +66,7 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
             made, prediction = plan_with_commands(compensation, commands)
             error_deg = prediction.error_deg
             is_better = correction.keeps_all and error_deg < plain_E_deg
-            # Unless it helps, what is told is of the plan with what was asked for.
+            # If it does not help, report the plan compensated as requested.
             in_vain = done is without and not is_better
             rank = (in_vain or not correction.keeps_all, in_vain, error_deg)
             tried.append((rank, correction, shape, made, error_deg))
@@ -87,7 +87,7 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
 
 
 def _uneven(shape: Shape, system: Manipulator) -> list[dict[str, Any]]:
-    """When each leg begins, s, which joint it serves least, and what that one lacks, degrees."""
+    """For each leg: its start, s, the joint with the largest error, and that error, degrees."""
     out, earlier = list[dict[str, Any]](), 0.0
     for leg in shape.legs:
         if leg.uneven_rad > 0:
@@ -104,8 +104,8 @@ def plan_with_commands(
     """The compensated plan with these commands, and its prediction; not verified.
 
     Args:
-        compensation: The plan whose motion is wanted, and the machine that is allowed for.
-        commands: What the motors are told.
+        compensation: The plan whose motion is wanted, and the machine to compensate for.
+        commands: Commands of the motors.
 
     Raises:
         TimeUpError: If it takes too long.
@@ -128,12 +128,12 @@ def plan_with_commands(
 
 
 RANKED_MACHINES = 100
-"""Machines on which paths are compared: enough to tell a degree."""
+"""Number of machines for comparing paths, enough to distinguish one degree."""
 
 
 def compensated_error_deg(plan: Plan) -> float:
-    """E on 95 % of the problem's machines, of the plan compensated for them, degrees; infinite
-    where there is no time for it."""
+    """95th percentile of E over the problem's machines, for the plan compensated for them, degrees;
+    infinite if time is up."""
     machine = Machine.from_table(plan.problem.machine)
     try:
         made = follow(plan, machine, plan.problem.compensation)

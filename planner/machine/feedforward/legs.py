@@ -1,17 +1,18 @@
-"""Where lost motion is taken up, and how far the motors turn for it: one list of legs.
+"""Take up lost motion: a list of legs, each with its place in the plan and the motors' motion.
 
-A passive joint rests until its axis has turned through its lost motion w, half of the backlash and
-the twist at which the shaft overcomes friction: w from the middle of its play, 2w where the drive
-turns back. A path in angles does not mind a stop. So the plan's clock is held, the drive turns by
-what the axes need while the joints stand, and the plan goes on with each joint at its axis.
+A passive joint rests until its axis has turned through its lost motion: w, half of the backlash
+plus the twist at which the shaft overcomes friction, from the middle of its play; 2w when the drive
+reverses. A stop does not change the path in angles. So the plan's clock is held while the drive
+turns the axes through their lost motion, the joints rest, and the plan then continues with each
+axis in contact with its joint.
 
-How fast the axes turn under one drive depends on θ₁ alone while the joints stand, and only at a
-certain θ₁ do all of them use up their lost motion together. Before the plan, joint 1 goes there and
-comes back, for the passive joints do not move meanwhile. On the way it is the plan that moves joint
-1, fast where the drive turns back, and the passive joints hardly move there; so the leg comes a
-little before or after, where the needs are most even.
+While the joints rest, the ratio of the axes' speeds depends only on θ₁, and only at a certain θ₁ do
+all axes take up their lost motion together. Before the plan, joint 1 moves there and back; the
+passive joints do not move meanwhile. During the plan joint 1 cannot be chosen: it follows the plan,
+fast near a reversal of the drive, where the passive joints hardly move. So the leg is placed
+shortly before or after the reversal, where the axes' needs are most even.
 
-After the plan the drive turns back, as far as no joint of the nominal machine follows.
+After the plan the drive turns back as far as no joint of the nominal machine follows.
 """
 
 from __future__ import annotations
@@ -35,48 +36,49 @@ from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
 MOST_THETA1_DEG = 75.0
-"""Largest |θ₁| of the preparation: beyond it the axes turn ten times slower than the drive asks."""
+"""Largest |θ₁| of the preparation; beyond it the drive turns the axes ten times slower."""
 
 PRICE_DEG_S = 0.05
-"""What a second of preparation is worth, in degrees of a joint that starts late: the prototype's
-input bias turns joint 1 by 0.03 degrees a second (one standard deviation)."""
+"""Cost of a second of preparation, in degrees of a joint's error: the prototype's input bias turns
+joint 1 by 0.03 degrees per second (one standard deviation)."""
 
 LEAST_TURN_RAD = 0.02
-"""Drive back and forth that is no reversal: it moves a joint by a degree at most, a fifth of what
-is lost."""
+"""A drive that turns back by less does not count as reversing: it moves a joint by at most one
+degree, a fifth of the lost motion."""
 
 MOST_AWAYS_DEG, AWAY_SHARE = (2.0, 6.0), 0.2
-"""How far passive joints may be from where the drive turns back when the leg comes: the second is
-tried where the first leads elsewhere or too close to something. And how much of that counts as an
-error: joints wait for so long, and the correction takes off some of it."""
+"""Largest distance of the passive joints from their position at the reversal when the leg begins;
+the second is tried if the first misses the goal or a requirement. And the fraction of that distance
+that counts as an error: the joints wait for that long, and the correction removes a part."""
 
 WAY_BACK_SHARE = 0.95
-"""Part of the way back at which a joint of the nominal machine would follow: creep and the pose
-that the machine has indeed may make it come a little sooner."""
+"""Fraction of the way back after which a joint of the nominal machine would follow. Creep and the
+machine's true pose may make it follow a little earlier."""
 
 END_S = 1.0
-"""Rest after a plan whose drive turns back: what is corrected till its end needs time to arrive."""
+"""Rest after a plan whose drive reverses, so that corrections up to the end take effect, s."""
 
 STOPS = 1 + math.sqrt(2)
-"""Of the time from a limit to zero: a motor stops, and goes back by as much as it went too far."""
+"""Time to stop at the right place, in times from the speed limit to zero: a motor stops, and turns
+back by as much as it went too far."""
 
 PLACES = 401
-"""Instants that are compared near a reversal, and angles of joint 1."""
+"""Number of instants compared near a reversal, and of angles of joint 1."""
 
 
 def compensable(system: TriangularSystem) -> bool:
-    """Whether a machine of that kind has systematic errors that commands can allow for."""
+    """Whether machines of this system have systematic errors that commands can allow for."""
     return isinstance(system, Manipulator)
 
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """What the motors do while the plan's clock is held.
+    """Motion of the motors while the plan's clock is held.
 
     Attributes:
-        place_s: What the clock reads meanwhile, s.
-        angles: Angles of both motors at the ticks from its begin, shape (m+1, 2), from 0, rad.
-        misses: By how much each passive axis is left short of its lost motion, or beyond it,
+        place_s: Reading of the clock meanwhile, s.
+        angles: Angles of both motors at the ticks, from 0 at the leg's start, shape (m+1, 2), rad.
+        misses: Amount by which each passive axis falls short of its lost motion or exceeds it,
             shape (N−2,), rad ≥ 0; or empty.
     """
 
@@ -90,13 +92,13 @@ class Leg:
         return float(np.max(self.misses, initial=0.0))
 
     def seconds(self, tick: float) -> float:
-        """How long it takes."""
+        """Duration of the leg, s."""
         return tick * (len(self.angles) - 1)
 
 
 def start_shares(machine: Machine, system: Manipulator) -> Array:
-    """Where gears stand before the start, as `Draws.start`, (1+n,); in the middle, 0, where that is
-    unwound or unknown."""
+    """Positions of the gears before the start, as in `Draws.start`, (1+n,); the middle, 0, if they
+    are unwound or unknown."""
     first = np.zeros(1, dtype=np.int64)
     return np.nan_to_num(draw_start(machine.nominal(), system.n, first, 0))[:, 0]
 
@@ -114,8 +116,8 @@ def legs_of(
     Args:
         plan: The plan.
         system: Its arm.
-        machine: Mean backlash, friction and stiffness, and how it stands before.
-        options: Which of them are wanted.
+        machine: Gives mean backlash, friction and stiffness, and the state before the start.
+        options: Which legs are on.
         tick: Length of a tick, s.
         most_away: One of `MOST_AWAYS_DEG`.
     """
@@ -138,12 +140,12 @@ def legs_of(
 
 
 def stopping_s(plan: Plan, machine: Machine) -> float:
-    """How long motors take from their limits to rest where they should; 0 for any rate."""
+    """Time for motors at their limits to stop at the right place, s; 0 without limits on rates."""
     return float(np.max(STOPS * input_limit(plan, machine) / plan.problem.limits.input_rate))
 
 
 def reversals(plan: Plan) -> tuple[float, list[float]]:
-    """The direction of the drive's first motion, 0 for none, and when it turns back, s."""
+    """Direction of the drive's first motion (0 for none), and the times at which it reverses, s."""
     times, angles = turn_angles(plan, plan.duration / 500)
     drive = angles[:, 0]
     moved = np.flatnonzero(np.abs(drive) > LEAST_TURN_RAD)
@@ -161,20 +163,20 @@ def reversals(plan: Plan) -> tuple[float, list[float]]:
 
 
 def axis_rates(system: Manipulator, q: Array) -> Array:
-    """How far the passive axes turn at q (…, N) as the drive turns by one, (…, N−2)."""
+    """Turn of the passive axes per turn of the drive at q (…, N), (…, N−2)."""
     return np.asarray(np.abs(system.rates(q, np.array([1.0, 0.0]))[..., 2:]))
 
 
 def evenest_drive(rates: Array, needs: Array) -> tuple[Array, Array]:
-    """How far the drive turns for axes to miss what they need by as little as possible.
+    """Travel of the drive that minimises the largest error of the axes' turns.
 
     Args:
-        rates: Of the axes, shape (…, m).
-        needs: What each must turn, shape (m,), rad, ≥ 0.
+        rates: Turn of the axes per turn of the drive, shape (…, m).
+        needs: Turn that each axis needs, shape (m,), rad, ≥ 0.
 
     Returns:
-        The drive (…) and the largest miss of an axis (…), rad. It is least where one axis has too
-        little by as much as another has too much; or one alone has what it needs.
+        The travel (…) and the largest error of an axis (…), rad. At the minimum one axis falls
+        short by as much as another turns too far, or a single axis turns exactly as needed.
     """
     sums = rates[..., :, None] + rates[..., None, :]
     tried = (needs[:, None] + needs) / np.maximum(sums, 1e-12)
@@ -187,9 +189,9 @@ def evenest_drive(rates: Array, needs: Array) -> tuple[Array, Array]:
 def preparation(
     plan: Plan, system: Manipulator, machine: Machine, way: float, needs: Array, tick: float
 ) -> Leg:
-    """Joint 1 to where the axes need the same drive, that drive, and back.
+    """Move joint 1 to where all axes need the same travel, turn the drive, and move joint 1 back.
 
-    Of two angles the one is taken that starts joints better, by more than its time is worth.
+    The angle of joint 1 minimises the largest error of the axes plus the cost of the time.
     """
     start, limits = plan.q(0.0), plan.problem.limits
     if not np.any(needs > 0):
@@ -210,7 +212,7 @@ def preparation(
 
 
 def _reachable(problem: Problem, q: Array, start: float) -> Array:
-    """Whether joint 1 can go to each q (M, N) from the start without meeting anything, (M,)."""
+    """Whether joint 1 can move from the start to each q (M, N) and keep all requirements, (M,)."""
     kept = np.ones(len(q), dtype=bool)
     for required in problem.requirements:
         if required.reads == {"q"} and not required.final:
@@ -233,7 +235,7 @@ def take_ups(
     tick: float,
     most_away: float,
 ) -> list[Leg]:
-    """A leg for each of the drive's reversals, which begins in the direction `way`."""
+    """A leg for each reversal of the drive, whose first motion has the direction `way`."""
     edges = [0.0, *((a + b) / 2 for a, b in pairwise(turns)), plan.duration]
     out = []
     for turn, low, high in zip(turns, edges, edges[1:], strict=False):
@@ -253,14 +255,14 @@ def take_ups(
 
 
 def return_leg(plan: Plan, system: Manipulator, machine: Machine, needs: Array, tick: float) -> Leg:
-    """The drive turns back through just less than twice the lost motion of the fastest axis.
+    """Turn the drive back through just less than twice the lost motion of the fastest axis.
 
-    On the nominal machine no joint follows. On one that loses less motion than the mean joints have
-    gone too far, and are taken back; so half of the spread of lost motion is folded onto the other
-    half. Not where the drive turns back on its way: what a joint loses there has either sign at the
-    end (crossing and four joints would end 0.1 degrees worse at 95 %). Nor where an axis stood at
-    its end before the plan: its joint goes too far on no machine (of 37 homed arms of two joints 11
-    would leave the path farther than their plans as they are, and none does).
+    On the nominal machine no joint follows. On a machine with less lost motion the joints have gone
+    too far and are moved back, so errors of that sign become smaller. There is no such leg if the
+    drive reverses during the plan, since the joints' errors then have either sign (the problem
+    "crossing" and four joints would end 0.1 degrees worse at 95 %). Nor is there one if an axis was
+    in contact before the plan, since its joint then goes too far on no machine (of 37 homed arms of
+    two joints, 11 would have larger errors than without compensation; without this leg none has).
     """
     lost, way = lost_motion(system, machine), float(first_motion(plan)[0])
     if way == 0 or turns_back(plan) or np.any(needs <= 0):
@@ -271,8 +273,8 @@ def return_leg(plan: Plan, system: Manipulator, machine: Machine, needs: Array, 
 
 
 def _seconds(plan: Plan, machine: Machine, motor: int, angle: Array) -> Array:
-    """How long a motor takes from rest to rest: a cubic, whose speed has its peak at 3/2 and whose
-    acceleration at 6 of what it is in the mean."""
+    """Time of a motor from rest to rest, s, for a cubic: with T that time, its peak speed is
+    3/2 · angle/T and its peak acceleration 6 · angle/T²."""
     speed, rate = input_scale(plan, machine)[motor], plan.problem.limits.input_rate[motor]
     return np.asarray(np.maximum(1.5 * np.abs(angle) / speed, np.sqrt(6 * np.abs(angle) / rate)))
 
@@ -284,7 +286,7 @@ def _motion(
     tick: float,
     rest: float = REST_S,
 ) -> Array:
-    """Motors that turn one after the other, and then rest: angles (m+1, 2) at the ticks, rad."""
+    """Angles (m+1, 2), rad, at the ticks of motors that turn one after the other and then rest."""
     out = [np.zeros((1, 2))]
     for motor, angle in moves:
         if angle == 0:

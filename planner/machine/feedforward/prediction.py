@@ -1,4 +1,4 @@
-"""What the nominal machine makes of commands: a simulation with every spread off."""
+"""Motion of the nominal machine under commands: a simulation without spreads."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Prediction:
 
     Attributes:
         t: Times no farther apart than the longest step of a simulation, shape (R,), s.
-        q: Coordinates then, shape (R, N).
-        end: Coordinates once the servos have settled, shape (N,), the first as `end_of` says.
-        deviation: Largest |q − what is wanted| over time of those after the first, (N−1,).
+        q: Coordinates at these times, shape (R, N).
+        end: Coordinates once the servos have settled, shape (N,); for the first see `end_of`.
+        deviation: Largest |q − wanted q| over time of the coordinates after the first, (N−1,).
     """
 
     t: Array
@@ -36,17 +36,17 @@ class Prediction:
         return float(np.rad2deg(self.deviation.max()))
 
     def q_at(self, times: Array) -> Array:
-        """Coordinates (…, N) at times (…), straight from one step to the next."""
+        """Coordinates (…, N) at times (…), interpolated linearly between the steps."""
         return np.stack([np.interp(times, self.t, q) for q in self.q.T], axis=-1)
 
 
 def predict(plan: Plan, machine: Machine, progress: Progress | None = None) -> Prediction:
-    """What the nominal machine makes of a plan's inputs.
+    """Simulate a plan's inputs on the nominal machine.
 
     Args:
-        plan: A plan; only the start of its motion, its inputs and what it wants are read.
-        machine: The machine; its spreads count for nothing.
-        progress: As of `planner.machine.replay.replay`.
+        plan: A plan; only its start, its inputs and the wanted motion are used.
+        machine: The machine; its spreads are ignored.
+        progress: See `planner.machine.replay.replay`.
     """
     nominal = machine.nominal()
     draws = draw(nominal, plan.problem.system.size - 1, np.zeros(1, dtype=np.int64), 0)
@@ -59,8 +59,8 @@ def predict(plan: Plan, machine: Machine, progress: Progress | None = None) -> P
 def end_of(t: Array, q: Array, clock: Clock) -> Array:
     """The ends (S, N) of motions q (S, R, N) at times t (R,).
 
-    The path coordinate is without what it moves while the clock is held before and on the way: that
-    is lost motion, which no joint makes.
+    The travel of the path coordinate while the clock is held, before and during the plan, is left
+    out: it is lost motion and moves no joint.
     """
     end = q[:, -1].copy()
     for begin, until in [(0.0, clock.lead_s), *clock.holds]:

@@ -1,15 +1,15 @@
-"""From a plan to what the motors are told, tick by tick, so that a machine makes the plan's motion.
+"""Compute the commands, tick by tick, with which a machine makes the plan's motion.
 
-All of it is done on the motors' angles as functions of time. Where a motor should be is
+The computation uses the motors' angles as functions of time. The wanted angle of a motor is
 
-    what the plan asks for at its clock, and the legs while that is held,
-    and the correction,
-    read ahead by the lag of hold, delay, servo and viscous friction,
-    and half of the gearhead's backlash ahead in the direction in which it turns.
+    the plan's angle at its clock, or that of a leg while the clock is held,
+    plus the correction,
+    advanced in time by the lag of hold, delay, servo and viscous friction,
+    plus half of the gearhead's backlash in the direction of its motion.
 
-Where that jumps, as at each reversal of a gearhead, a motor cannot follow; it goes there as fast as
-the limits of the plan allow. Commands are held for a tick and at the motors' resolution, and what
-rounding leaves of the angle in one tick is made good in the next.
+This angle jumps at each reversal of a gearhead. A motor cannot follow a jump; it moves to the new
+angle as fast as the limits of the plan allow. Commands are held for a tick and rounded to the
+motors' resolution; the next tick makes up for the rounding error of the angle.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ from planner.systems.triangular_system import TriangularSystem
 
 @dataclass(frozen=True, eq=False)
 class MotorCommands:
-    """What the motors are told.
+    """Commands of the motors.
 
     Attributes:
         t: Ends of the ticks, shape (K+1,), s, from 0.
-        u: What they are told in each tick, shape (K, 2), rad/s.
-        clock: The plan's clock meanwhile.
-        is_linear: Whether inputs go straight from one tick's beginning to the next, as limits on
-            their rates ask for; else they are held.
+        u: Commands in each tick, shape (K, 2), rad/s.
+        clock: The plan's clock.
+        is_linear: Whether inputs are linear from the beginning of one tick to the next, as limits
+            on their rates require; else they are held.
     """
 
     t: Array
@@ -67,16 +67,16 @@ class Shape:
     Args:
         plan: An executable plan.
         system: Its arm.
-        machine: Its means are what is allowed for, and its `start_state`.
-        options: What is done.
-        most_away: As of `legs_of`.
+        machine: The machine to compensate for, by its means and its `start_state`.
+        options: Which steps of the compensation are on.
+        most_away: See `legs_of`.
 
     Attributes:
         tick: Length of a tick, s.
-        legs: What the motors do while the clock is held.
+        legs: Motions of the motors while the clock is held.
         clock: The plan's clock.
         t: Ends of the ticks, shape (K+1,), s.
-        is_linear: As of `MotorCommands`.
+        is_linear: See `MotorCommands`.
         limit: Largest |u|, (2,), rad/s.
     """
 
@@ -101,7 +101,7 @@ class Shape:
         self._rate = plan.problem.limits.input_rate
         self.is_linear = bool(np.any(np.isfinite(self._rate)))
         ahead = shift_of(system, machine) if options.lag else np.zeros(2)
-        if self.is_linear and not hold:  # what goes straight comes half a tick before what is held
+        if self.is_linear and not hold:  # linear inputs act half a tick earlier than held ones
             ahead = ahead - tick / 2
         self._times = tick * np.arange(len(self.t))[:, None] + ahead
         self._angle = self._angles(plan)
@@ -109,7 +109,7 @@ class Shape:
         self._grain = np.broadcast_to(machine.mean("velocity_resolution_rad_s"), 2)
 
     def _angles(self, plan: Plan) -> Array:
-        """Where the motors should be, (K+1, 2), read ahead."""
+        """Wanted angles of the motors, (K+1, 2), rad, advanced by the lag."""
         times, turned = turn_angles(plan, self.tick)
         out = np.empty((len(self.t), 2))
         for i in range(2):
@@ -124,18 +124,18 @@ class Shape:
         return out
 
     def commands(self, corrections: Array, knots: Array, is_rounded: bool = True) -> Array:
-        """What the motors are told in each tick, (K, 2, S), rad/s.
+        """Commands of the motors in each tick, (K, 2, S), rad/s.
 
         Args:
-            corrections: Of the motors' angles at the knots, shape (m, 2, S), rad.
-            knots: Their times, (m,), s.
-            is_rounded: Whether at the motors' resolution, as they are sent.
+            corrections: Corrections of the motors' angles at the knots, shape (m, 2, S), rad.
+            knots: Times of the knots, (m,), s.
+            is_rounded: Whether to round to the motors' resolution, as when they are sent.
         """
         angle = self._angle[:, :, None] + self._added(corrections, knots)
         return self._pursue(angle, self._grain if is_rounded else np.zeros(2))
 
     def _added(self, corrections: Array, knots: Array) -> Array:
-        """What corrections (m, 2, S) add to the angles, (K+1, 2, S): straight between knots."""
+        """Angles (K+1, 2, S) that corrections (m, 2, S) at the knots add, linear between knots."""
         out = np.empty((len(self.t), 2, corrections.shape[2]))
         for i in range(2):
             k = np.clip(np.searchsorted(knots, self._times[:, i], "right"), 1, len(knots) - 1)
@@ -145,11 +145,11 @@ class Shape:
         return out
 
     def _pursue(self, angle: Array, grain: Array) -> Array:
-        """Speeds (K, 2, S) of motors from angle 0 that go after angles (K+1, 2, S) within limits.
+        """Speeds (K, 2, S) of motors that follow wanted angles from 0 within their limits.
 
         Args:
-            angle: Where the gearheads' ends should be at the ends of the ticks, rad.
-            grain: Speeds are multiples of this, (2,), rad/s; 0 for any.
+            angle: Wanted angles at the gearheads' output at ends of ticks, (K+1, 2, S), rad.
+            grain: Resolution of the speeds, (2,), rad/s; 0 for none.
         """
         if np.any(self._half):
             angle = angle + _ahead_of_play(angle, self._half, self._sides)
@@ -163,7 +163,7 @@ class Shape:
         speed = np.zeros_like(place)
         for k, now in enumerate(angle[:-1]):
             behind = now - place
-            far = np.abs(behind)  # no faster than it can stop
+            far = np.abs(behind)  # limit the speed so that the motor can stop in time
             catch = np.minimum(far / tick, _stopping_speed(far, step, room))
             low, high = np.maximum(-limit, speed - step), np.minimum(limit, speed + step)
             speed = (angle[k + 1] - now) / tick + np.copysign(catch, behind)
@@ -175,7 +175,7 @@ class Shape:
         return out
 
     def _pursue_by_speed(self, angle: Array, grain: Array) -> Array:
-        """The same where nothing limits how fast speeds change; grain (2, 1)."""
+        """`_pursue` without a limit on the change of speeds; grain (2, 1)."""
         tick, limit = self.tick, self.limit[:, None]
         place = np.zeros(angle.shape[1:])
         if np.any(grain):
@@ -197,16 +197,16 @@ class Shape:
 
 
 def _stopping_speed(far: Array, step: Array, room: Array) -> Array:
-    """The speed from which motors stop in a distance, in whole ticks; infinite for no limit."""
+    """Speed from which a motor can stop in a distance, in whole ticks; infinite without a limit."""
     finite = np.isfinite(step)
     step, room = np.where(finite, step, 0.0), np.where(finite, room, 0.0)
     return np.where(finite, (np.sqrt(step * step + room * far) - step) / 2, math.inf)
 
 
 def _ahead_of_play(angle: Array, half: Array, side: Array) -> Array:
-    """What to add to angles (K+1, 2, S) of motors behind which lies backlash of ± `half` (2,).
+    """Angles to add to motor angles (K+1, 2, S) to allow for backlash of ± `half` (2,).
 
-    Each begins at `side` (2,) of its play, −1 … 1, and holds its side while at rest.
+    Each motor begins at the position `side` (2,) of its play, −1 … 1, and keeps it while at rest.
     """
     moves = np.concatenate([angle[:1], np.diff(angle, axis=0)])
     still = np.abs(moves) < STILL_RAD
@@ -217,11 +217,11 @@ def _ahead_of_play(angle: Array, half: Array, side: Array) -> Array:
 
 
 STILL_RAD = 1e-9
-"""Turn in a tick that is rounding and no motion."""
+"""Largest turn in a tick that counts as rounding, not motion, rad."""
 
 
 def _on_grid(value: Array, low: Array, high: Array, grain: Array) -> Array:
-    """The multiples of `grain` next to values that lie between low and high; else the values."""
+    """Round values to multiples of `grain` between low and high; keep a value if there is none."""
     safe = np.where(grain > 0, grain, 1.0)
     nearest, slack = safe * np.round(value / safe), 1e-9 * safe
     nearest = np.where(nearest > high + slack, nearest - safe, nearest)

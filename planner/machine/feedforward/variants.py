@@ -1,7 +1,7 @@
-"""What corrections of the motors' angles at knots lead to on the nominal machine.
+"""Motions of the nominal machine under corrections of the motors' angles at knots.
 
-Corrections are straight between knots, and variants of them run in one simulation. Read of each are
-errors of joints over time, misses of goal and waypoints, and the room to what is required.
+Corrections are linear between knots. Variants of them run in one simulation, which gives for each
+the errors of joints over time, the misses of goal and waypoints, and the margins of requirements.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from planner.problem.requirements.requirement import MotionPoint
 from planner.support.arrays import Array
 
 KNOTS, HOLD_KNOT_S = 20, 0.4
-"""Parts of the plan that a correction is straight on, and how long one is at most in a hold, s."""
+"""Number of linear parts of a correction over the plan, and their largest length in a hold, s."""
 
 ROWS = 150
-"""Instants at which errors count, over the plan and its holds."""
+"""Number of instants at which errors count, over the plan and its holds."""
 
 SAFE = 0.01
-"""Margin of a requirement, in its scale, that must be left: it is looked at a few times a second
-only, and the nearest place lies between."""
+"""Least margin of a requirement, in its scale. It allows for lower values between the sampling
+times, which are only a few per second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +39,9 @@ class Runs:
     """Motions of S variants.
 
     Attributes:
-        errors: Of the joints, shape (S, E), degrees.
-        pins: By how much goal and waypoints are missed, (S, P), degrees.
-        margins: Of requirements on coordinates beyond what is safe, (S, B), in their scales.
+        errors: Errors of the joints, shape (S, E), degrees.
+        pins: Misses of goal and waypoints, (S, P), degrees.
+        margins: Margins of requirements on coordinates minus `SAFE`, (S, B), in their scales.
     """
 
     errors: Array
@@ -57,12 +57,12 @@ class Variants:
 
     Args:
         plan: The plan whose motion is wanted.
-        machine: The machine that is allowed for.
-        shape: Its commands without a correction.
+        machine: The machine to compensate for.
+        shape: The plan's commands without a correction.
 
     Attributes:
-        shape: As given.
-        knots: Times of the knots, (m,), s; nothing is corrected at the first.
+        shape: The given shape.
+        knots: Times of the knots, (m,), s; the correction is zero at the first.
     """
 
     def __init__(self, plan: Plan, machine: Machine, shape: Shape) -> None:
@@ -74,7 +74,7 @@ class Variants:
         clock = shape.clock
         self._begin, self._end = clock.lead_s, clock.t[-1] - stopping_s(plan, machine)
         if any(np.any(leg.angles) for leg in shape.legs if leg.place_s == plan.duration):
-            self._end = clock.when(plan.duration)  # the drive turns back after it as it should
+            self._end = clock.when(plan.duration)  # ignore the drive's intended way back after it
         self.knots = self._place_knots()
         marks = [0.0, self._begin, self._end, *np.ravel(clock.holds), clock.t[-1] + SETTLE_S]
         marks += [clock.when(time_s) for _, time_s in self._pinned]
@@ -85,7 +85,7 @@ class Variants:
         self._wanted = wanted[self._counted, 1:]
 
     def _place_knots(self) -> Array:
-        """Even on the plan, closer in the holds."""
+        """Place knots evenly over the plan, and more densely in the holds."""
         clock, spacing = self.shape.clock, self._plan.duration / KNOTS
         held = set(clock.holds)
         held |= {(clock.when(clock.seconds), self._end)}
@@ -99,7 +99,7 @@ class Variants:
 
     @cached_property
     def _pinned(self) -> list[tuple[Array, float]]:
-        """Coordinates (N,), NaN where free, that are to be passed through, and the plan's time."""
+        """Coordinates (N,) of goal and waypoints, NaN where free, with their times in the plan."""
         problem, out = self._plan.problem, []
         for point in problem.waypoints:
             when = point.time_s
@@ -110,16 +110,16 @@ class Variants:
         return out
 
     def run(self, corrections: Array, is_sent: bool = False) -> Runs:
-        """What variants of the correction lead to.
+        """Simulate variants of the correction.
 
         Args:
-            corrections: At the knots, (m, 2, S).
-            is_sent: Whether their commands are simulated as they will be sent, and on the machine
-                as it is; else smoother ones on a quicker one serve.
+            corrections: Corrections at the knots, (m, 2, S), rad.
+            is_sent: Whether to simulate the rounded commands on the machine itself; else smoother
+                commands on a model with larger time steps.
         """
         shape, machine = self.shape, self._machine if is_sent else self._coarse
         values = shape.commands(corrections, self.knots, is_rounded=is_sent)
-        is_linear = shape.is_linear and not machine.effects.get("control_period_s")  # else held
+        is_linear = shape.is_linear and not machine.effects.get("control_period_s")  # or held
         q = simulate_variants(self._plan, machine, shape.t, values, is_linear, self._times)
         return self._judge(q)
 
@@ -149,17 +149,17 @@ class Variants:
 
     @cached_property
     def _goal(self) -> Array:
-        """q(T), shape (N,): the goal, and where it leaves coordinates free what the plan chose."""
+        """q(T), shape (N,): the goal, with the plan's values for free coordinates."""
         goal = self._plan.problem.target
         return np.where(np.isnan(goal), self._plan.trajectory.q(self._plan.duration), goal)
 
     def slopes(self, values: Array, now: Runs, probe: float) -> Runs:
-        """Derivatives by the corrections at the knots after the first: (2(m−1), …), by degrees.
+        """Derivatives by the corrections at the knots after the first, (2(m−1), …), per degree.
 
         Args:
             values: The corrections, (m, 2), rad.
-            now: What they lead to.
-            probe: The change of one knot, rad.
+            now: Their motion.
+            probe: Change of one knot for the finite difference, rad.
         """
         m = len(self.knots)
         probes = np.repeat(values[:, :, None], 2 * (m - 1), axis=2)

@@ -1,7 +1,7 @@
-"""A machine from recorded runs.
+"""Identify a machine from recorded runs.
 
-In this order: `parameters` (what is looked for, and which machine they make), `model` (a log's
-commands on many machines at once), `fit` (least squares, and how sure it is), `diagnosis` (which
-mistake in a run explains that it is not of this arm), `identify` (which others call), `emulated`
-(logs of an arm that there is not).
+Read the files in this order: `parameters` (the fitted parameters and the machine they describe),
+`model` (simulates a log's commands on many machines at once), `fit` (least squares with
+uncertainty), `diagnosis` (finds the mistake in a run that does not fit the arm), `identify` (which
+other rooms call), `emulated` (logs of emulated arms).
 """

@@ -1,8 +1,8 @@
-"""What is wrong with a recorded run whose motion the arm's gears cannot have made.
+"""Find the mistake in a recorded run whose motion does not fit the arm's gears.
 
-K and k_g are known, so that commands and angles tell each joint's rate. Play, twist and errors of
-gears leave the turned angles alike; a wrong sign, unit, order or clock does not. What is wrong is
-looked for among such mistakes, one at a time, and named if the run then fits.
+K and k_g are known, so commands and angles determine each joint's rate. Play, twist and errors of
+gears change the turned angles little; a wrong sign, unit, order or clock changes them much. Such
+mistakes are undone one at a time; if the run then fits, the message names the mistake.
 """
 
 from __future__ import annotations
@@ -19,24 +19,25 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 FIT_SHARE = 0.25
-"""Root mean square of what is left, as a part of the motion's. An emulated arm leaves 0.07, one
-whose servos lag by 0.1 s 0.18; the mildest mistake, joints 2 and 3 exchanged, 0.4."""
+"""Largest ratio of the residual's root mean square to the motion's in a run that fits. It is 0.07
+for an emulated arm, 0.18 for one whose servos lag by 0.1 s, and 0.4 for the mildest mistake, joints
+2 and 3 exchanged."""
 
 MOST_LATE_S = 0.2
-"""A motor that follows later than this is not behind a servo: those of the presets lag by 0.04 s.
-The fit itself allows for 0.3 s."""
+"""Largest plausible lag of a motor, s; in the presets it is 0.04 s. The fit itself allows 0.3 s."""
+
 LATEST_S, LATE_STEP_S = 2.0, 0.02
 LEAST_LIKENESS = 0.99
-"""Correlation of joint 1 with motor 2 at the right delay: only the gearhead is between them."""
+"""Least correlation of joint 1 with motor 2 at the right delay; only a gearhead is between them."""
 
 MOST_REORDERED = 4
-"""Arms of more joints have so many orders that only exchanges of two are tried."""
+"""Largest number of joints for which all orders are tried; for more, only exchanges of two."""
 
 LEAST_SWING_DEG = 4.0
-"""What moves less lies within its lost motion, and says nothing."""
+"""A joint that moves less stays within its lost motion and gives no evidence."""
 
 PLAYS_DEG = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0])
-"""Halves of lost motion that are tried: the presets' are one to four degrees."""
+"""Halves of the lost motion that are tried; in the presets they are one to four degrees."""
 
 FACTORS = {
     np.pi / 180: "degrees/s",
@@ -46,19 +47,19 @@ FACTORS = {
     6.0: "rpm where the header says degrees/s",
     1 / 6: "degrees/s where the header says rpm",
 }
-"""Units that are taken for each other, by what makes the one of the other."""
+"""Units that are often confused, by the factor between them."""
 
 
 def refuse_misfit(log: Log, system: Manipulator) -> None:
-    """Refuse a run that is not of this arm as it was written down.
+    """Refuse a run that does not fit this arm.
 
     Args:
         log: The run.
         system: The arm, with its K and k_g.
 
     Raises:
-        InputError: If another sign, unit or order of columns or another clock makes it fit, which
-            the message names, or nothing does.
+        InputError: If the run does not fit. The message names another sign, unit, order of columns
+            or clock that makes it fit, if there is one.
     """
     late = _delay(log)
     if abs(late) > MOST_LATE_S:
@@ -81,9 +82,9 @@ def refuse_misfit(log: Log, system: Manipulator) -> None:
 
 
 def _left(log: Log, system: Manipulator) -> Array:
-    """Root mean square of read less commanded angles, over that of the larger motion, (n,).
+    """Root mean square of read minus commanded angles, divided by that of the larger motion, (n,).
 
-    Of joints behind contacts with the play that leaves least.
+    For joints behind contacts it uses the play that gives the least.
     """
     q = np.column_stack([np.zeros(len(log.t)), log.theta])
     middle = (q[:-1] + q[1:]) / 2
@@ -103,7 +104,7 @@ def _left(log: Log, system: Manipulator) -> Array:
 
 
 def _mistakes(log: Log) -> Iterator[tuple[str, Log]]:
-    """What may be wrong, in words, and the log without it."""
+    """Possible mistakes, in words, each with the log in which it is undone."""
     for signs in ((-1, 1), (1, -1), (-1, -1)):
         names = " and ".join(f"u{i + 1}" for i, sign in enumerate(signs) if sign < 0)
         yield (
@@ -137,8 +138,7 @@ def _mistakes(log: Log) -> Iterator[tuple[str, Log]]:
 
 
 def _delay(log: Log) -> float:
-    """How long after its commands joint 1 turns, s, by which both are most alike; 0 if it hardly
-    turns."""
+    """Delay of joint 1 behind its commands at which the two agree best, s; 0 if it hardly turns."""
     turned = np.concatenate([[0.0], np.cumsum(log.u[:-1, 1] * np.diff(log.t))])
     read = log.theta[:, 0]
     if min(np.ptp(turned), np.ptp(read)) < np.deg2rad(LEAST_SWING_DEG):

@@ -1,4 +1,4 @@
-"""Logs of an arm that there is not: what the encoders of an emulated machine would have told."""
+"""Logs of emulated arms: the readings that the encoders of an emulated machine would give."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def emulate_log(
     seed: int = 0,
     noise_deg: float = NOISE_DEG,
 ) -> Log:
-    """What would be recorded of a plan on one emulated machine, to rehearse without an arm.
+    """Emulate the log of a plan on one machine, to practise identification without an arm.
 
     Args:
         plan: An executable plan.
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
-        sample: Number of the sample; its effects are those of `planner.replay`.
-        seed: Random seed of the samples; of the noise, together with `sample`.
+        sample: Number of the sample; its effects are the same as in `planner.replay`.
+        seed: Random seed of the samples and, together with `sample`, of the noise.
         noise_deg: Standard deviation of a reading's noise before it is rounded to the encoder's
             resolution, degrees.
 
@@ -38,7 +38,7 @@ def emulate_log(
         Commands and readings at each period of the controller, until half a second after the end.
 
     Raises:
-        InputError: As `planner.replay`.
+        InputError: See `planner.replay`.
     """
     expect_plan(plan)
     used = machine_for(plan.problem.machine, machine)

@@ -1,17 +1,17 @@
-"""The machine that recorded runs tell of: least squares with a prior, and how sure it is.
+"""Fit the machine to recorded runs: least squares with a prior, and the uncertainty.
 
 With x the parameters in units of their priors, δ the offsets of each log (`LogModel`) and r the
 differences between angles and readings in units of the readings' noise, the fit minimises
 
     Σ ρ(r²) + |x|² + |δ / OFFSET|²,   ρ(s) = 18 (√(1 + s/9) − 1)
 
-(soft L1 beyond three deviations: a reading that is wrong, or an effect that the model lacks for a
-moment, pulls little). Derivatives are central differences, with all machines that one step needs in
-one call of the simulation.
+(soft L1 beyond three standard deviations, so that a wrong reading or a short unmodelled effect has
+little influence). Derivatives are central differences; one call of the simulation runs all machines
+of a step.
 
-How sure x is comes from a bootstrap: of the residuals in blocks, since what the model lacks lasts
-longer than a reading, and of the priors, since a direction in which the logs tell nothing is as
-unsure as its prior. Each replicate is one linear step from the minimum.
+The uncertainty of x comes from a bootstrap. It resamples the residuals in blocks, since unmodelled
+effects last longer than a reading, and the priors, since a direction that the logs do not determine
+is as uncertain as its prior. Each replicate is one linear step from the minimum.
 """
 
 from __future__ import annotations
@@ -27,33 +27,35 @@ from planner.machine.identification.parameters import Parameters
 from planner.support.arrays import Array
 
 OFFSET_RAD = np.deg2rad(5.0)
-"""Prior of an offset at the start of a log: the prototype's lost motion."""
+"""Standard deviation of the prior of a log's offset at its start, as large as the prototype's lost
+motion."""
 
 HALF_STEP = 0.01
-"""Half of a central difference, in deviations of the prior: 0.02 degrees of lost motion, below
-which kinks of the backlash would not be averaged over, and far below what changes the slopes."""
+"""Half step of central differences, in standard deviations of the prior: 0.02 degrees of lost
+motion. A smaller step would not average over kinks of the backlash; a much larger one would change
+the slopes."""
 
 RATE_HZ, INDEPENDENT_HZ = 50.0, 25.0
-"""Readings that are used a second, and how many of them count as independent."""
+"""Readings used per second, and how many of them count as independent."""
 
 SOFT_FROM = 3.0
-"""Deviations from which on a residual counts less than by its square."""
+"""Residuals beyond this many standard deviations count less than by their square."""
 
 MOST_STEPS, TOLERANCE = 30, 1e-5
 
 BLOCK_S, REPLICATES = 1.0, 200
 
 START_SPREAD = 0.3
-"""Starts after the first are drawn this far about the preset, in deviations of the prior."""
+"""Standard deviation of later starts about the preset, in standard deviations of the prior."""
 
 
 Tell = Callable[[str, float], None]
-"""Told what is done, and which share of all, 0 … 1."""
+"""Called with what is done now and the fraction done, 0 … 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A minimum.
+    """A minimum of the fit.
 
     Attributes:
         x: Parameters, (P,).
@@ -73,14 +75,14 @@ def fit(
     seed: int,
     tell: Tell,
 ) -> Fit:
-    """The best of the minima that some starts lead to.
+    """The best of the minima found from several starts.
 
     Args:
         models: The logs.
-        parameters: What is fitted.
-        starts: How many; the first is the preset.
-        seed: Of the others, and of the bootstrap.
-        tell: Told what is done and which share of all, 0 … 1.
+        parameters: The parameters to fit.
+        starts: Number of starts; the first is the preset.
+        seed: Random seed of the other starts and of the bootstrap.
+        tell: Called with what is done now and the fraction done, 0 … 1.
     """
     from scipy.optimize import least_squares  # slow to import
 
@@ -100,7 +102,7 @@ def fit(
             bounds=(problem.low, problem.high),
             loss="soft_l1",
             f_scale=SOFT_FROM,
-            tr_solver="lsmr",  # thousands of rows a column, of which an SVD takes most of the time
+            tr_solver="lsmr",  # an SVD of these tall matrices would take most of the time
             max_nfev=MOST_STEPS,
             xtol=TOLERANCE,
             ftol=TOLERANCE,
@@ -120,18 +122,18 @@ def fit(
 
 
 def _share(tell: Tell, start: int, starts: int, count: int) -> None:
-    """Say how far the searches are, after so many evaluations of one."""
+    """Report the progress of the searches after `count` evaluations of one."""
     tell(f"fitting, start {start + 1} of {starts}", (start + min(1.0, count / MOST_STEPS)) / starts)
 
 
 class _LeastSquares:
-    """Residuals of z, the parameters and then the offsets of each log, scaled by `OFFSET_RAD`."""
+    """Residuals as a function of z: the parameters, then each log's offsets over `OFFSET_RAD`."""
 
     def __init__(self, models: Sequence[LogModel], parameters: Parameters) -> None:
         self._models, self.machine = models, len(parameters.rows)
         self._joints = models[0].log.theta.shape[1]
         self.size = self.machine + len(models) * self._joints
-        room = np.full(self.size - self.machine, 20.0)  # a hundred degrees: none
+        room = np.full(self.size - self.machine, 20.0)  # a hundred degrees: practically no bound
         self.low = np.concatenate([parameters.low, -room])
         self.high = np.concatenate([parameters.high, room])
         self.heard: Callable[[int], None] = lambda count: None
@@ -144,13 +146,13 @@ class _LeastSquares:
         return z[: self.machine], offsets
 
     def with_settled_offsets(self, z: Array) -> Array:
-        """The same with the offsets that the readings ask for."""
+        """z with the offsets that agree with the readings."""
         x = z[: self.machine]
         offsets = [model.settled_offsets(x[None])[0] for model in self._models]
         return np.concatenate([x, np.ravel(offsets) / OFFSET_RAD])
 
     def residuals(self, z: Array) -> Array:
-        """Of readings, then of the priors of z."""
+        """Residuals of the readings, then of the priors of z."""
         return self._evaluate(z)[0]
 
     def slopes(self, z: Array) -> Array:
@@ -158,7 +160,7 @@ class _LeastSquares:
         return self._evaluate(z)[1]
 
     def _evaluate(self, z: Array) -> tuple[Array, Array]:
-        """Both, since they come of one call of the simulation."""
+        """Residuals and derivatives, from one call of the simulation."""
         if self._kept is None or not np.array_equal(self._kept[0], z):
             self.count += 1
             self.heard(self.count)
@@ -182,7 +184,7 @@ class _LeastSquares:
     def _of_log(
         self, model: LogModel, x: Array, offsets: Array, columns: Sequence[int], z: Array
     ) -> tuple[Array, Array]:
-        """Residuals of a log, (m,), and their derivatives by some of z, (m, columns)."""
+        """Residuals of a log, (m,), and their derivatives by some entries of z, (m, columns)."""
         count = len(columns)
         step = HALF_STEP * np.eye(count)
         moved = np.concatenate([np.zeros((1, count)), step, -step])

@@ -1,4 +1,4 @@
-"""The machine of an arm from its logs: `identify`."""
+"""Identify the machine of an arm from its logs: `identify`."""
 
 from __future__ import annotations
 
@@ -31,33 +31,34 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 Progress = Callable[[str, float], None]
-"""Told what is done now, and which share of all is done, 0 … 1."""
+"""Called with what is done now and the fraction done, 0 … 1."""
 
 STARTS = 2
-"""Searches: the second, from elsewhere, shows where the first ended in a local minimum."""
+"""Default number of searches; the second, from another start, can reveal a local minimum."""
 
 NOISE_RATIO = 1.5
-"""Residuals above so many times the encoder's noise are no noise: on emulated arms inertia gives 7,
-an encoder that is eccentric by 0.1 degrees hardly more than 1."""
+"""Residuals above this multiple of the encoder's noise are reported. On emulated arms inertia gives
+7, an encoder that is eccentric by 0.1 degrees hardly more than 1."""
 
 COARSE_DEG = 0.3
-"""An encoder of coarser steps leaves more of a run than anything that the model lacks; 12 bits are
-0.088 degrees."""
+"""Above this resolution the encoder's steps exceed all unmodelled effects; 12 bits are 0.088
+degrees."""
 
 UNTOLD_SHARE = 0.9
-"""A parameter that the logs leave this part of its prior's deviation is not told by them."""
+"""The logs do not determine a parameter that keeps this fraction of its prior's deviation."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What was found of one parameter; in `parameter.unit`.
+    """The estimate of one parameter, in `parameter.unit`.
 
     Attributes:
         parameter: The parameter.
-        preset, value: Before and after.
-        spread: Standard deviation of the value by the bootstrap, from the readings alone: what the
-            model merges or lacks is not in it.
-        told: What the logs tell, 0 … 1: 1 minus the part that is left of the prior's deviation.
+        preset, value: Its value before and after the fit.
+        spread: Standard deviation of the value by the bootstrap, from the readings only; it leaves
+            out errors of effects that the model merges or lacks.
+        told: How much the logs determine it, 0 … 1: 1 minus the remaining fraction of the prior's
+            standard deviation.
         at_edge: Whether it ended at an end of its range.
     """
 
@@ -82,15 +83,16 @@ class Identification:
     """The result of `identify`.
 
     Attributes:
-        machine: The machine found: without spreads, but for how the arm stands when a run begins.
-        preset: The machine that the search began with.
-        problem: The problem that gave the arm.
-        logs: The logs that it was fitted to.
-        kept_out: The log that it was not fitted to; None if there was one log only.
-        estimates: What was found of each parameter.
-        residual_deg: Root mean square of what is left, by log and joint, (L, n), degrees.
+        machine: The identified machine, without spreads except those of the state at the start of a
+            run.
+        preset: The machine with which the search began.
+        problem: The problem that defines the arm.
+        logs: The logs that were fitted.
+        kept_out: The log that was kept for testing; None if there was only one log.
+        estimates: The estimate of each parameter.
+        residual_deg: Root mean square of the residuals, by log and joint, (L, n), degrees.
         noise_deg: Noise of each log's readings, (L, n), degrees.
-        warnings: What is doubtful, in sentences.
+        warnings: Doubts about the result, in sentences.
     """
 
     machine: Machine
@@ -112,12 +114,12 @@ class Identification:
         )
 
     def __getitem__(self, key: str) -> Estimate:
-        """What was found of the parameter with this key, such as "w2"."""
+        """The estimate of the parameter with this key, such as "w2"."""
         return next(each for each in self.estimates if each.parameter.key == key)
 
     @property
     def merged(self) -> tuple[str, ...]:
-        """Parameters that stand for several effects, which no log of joint angles tells apart."""
+        """Parameters that stand for several effects, since logs of angles cannot separate them."""
         rows = [each.parameter for each in self.estimates if each.parameter.merged]
         names = (row.name.rstrip("0123456789 ").removesuffix(" joint") for row in rows)
         kinds = (name.removesuffix(" of") for name in names)
@@ -127,19 +129,19 @@ class Identification:
 
     @property
     def untold(self) -> tuple[str, ...]:
-        """Names of parameters of which the logs tell nothing; they stay as in the preset."""
+        """Names of parameters that the logs do not determine; they keep the preset's values."""
         return tuple(e.parameter.name for e in self.estimates if e.told < 1 - UNTOLD_SHARE)
 
     def predict(self, log: Log, machine: Machine | None = None) -> Log:
-        """What the machine makes of a log's commands.
+        """Predict the angles of a log from its commands.
 
         Args:
             log: Any log of the arm.
-            machine: Another machine, such as `preset`, in place of that found.
+            machine: Another machine, such as `preset`, in place of the identified one.
 
         Returns:
-            The log with predicted angles in place of the readings. Until every joint has moved by a
-            degree they are the readings: till then the arm's state is not known.
+            The log with predicted angles in place of the readings. The readings stay until every
+            joint has moved by a degree, since the arm's state is unknown until then.
 
         Raises:
             InputError: If the log is of another arm, or a joint does not move in it.
@@ -147,7 +149,7 @@ class Identification:
         return predict_run(log, self.problem, self.machine if machine is None else machine)
 
     def error(self, log: Log, machine: Machine | None = None) -> PredictionError:
-        """How far the prediction is off, from when the arm's state is known; as `predict`."""
+        """Error of the prediction once the arm's state is known; arguments as for `predict`."""
         gap = np.abs(self.predict(log, machine).theta_deg - log.theta_deg)
         known = int(np.flatnonzero(gap.any(axis=1))[0]) if gap.any() else 0
         rms = np.sqrt(np.mean(gap[known:] ** 2, axis=0))
@@ -155,7 +157,7 @@ class Identification:
 
     @cached_property
     def errors(self) -> dict[str, PredictionError]:
-        """Errors of predicting the run that was kept out, of this machine and of the preset."""
+        """Errors of this machine and of the preset in predicting the run that was kept out."""
         if self.kept_out is None:
             return {}
         return {
@@ -168,7 +170,7 @@ class Identification:
         return terminal_table(COLUMNS, self.estimates)
 
     def plot(self) -> Figure:
-        """What is left of each run, beside what the preset leaves; and how sure each number is."""
+        """Plot each run's residuals, those of the preset, and the uncertainty of each number."""
         figure: Figure = import_function("planner.report.figures.recorded.identification_figure")(
             self
         )
@@ -200,7 +202,7 @@ class Identification:
         }
 
     def to_toml(self) -> str:
-        """The `[machine]` table of a problem file, with where it comes from."""
+        """The `[machine]` table of a problem file, with comments on its origin."""
         settings = {k: v for k, v in self.machine.to_dict().items() if v is not False}
         head = [f"# Identified from {len(self.logs)} run{'s' * (len(self.logs) > 1)}."]
         head += [f"# One number stands for several. {text}." for text in self.merged]
@@ -242,27 +244,27 @@ def identify(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Identification:
-    """The machine of an arm, from recorded runs.
+    """Identify the machine of an arm from recorded runs.
 
     Lost motion, ratios, lags, gains, biases and the gearheads' backlash are fitted to the runs,
-    with a prior about the preset (see `planner.machine.identification.parameters` and `fit`); what
-    is merged with others or not told by the runs is named. Of several runs the last is kept out, to
-    show how well the machine predicts what it was not fitted to.
+    with a prior about the preset (see `planner.machine.identification.parameters` and `fit`). The
+    result names parameters that stand for several effects or that the runs do not determine. If
+    there are several runs, the last is kept out, to test how well the machine predicts it.
 
     Args:
-        logs: One run or several; see `planner.read_log`. The motion of `planner.excitation` tells
-            most.
-        problem: Gives the arm: number of joints and gear constants.
-        machine: Where the search begins, and what stays that is not looked for: a machine, the name
-            of a preset, or None for the problem's own. With fidelity "dynamic" the model has
-            inertia, tells friction, backlash and twist apart, and a fit takes two minutes.
-        starts: Searches from different starts, of which the best is taken.
-        seed: Of these starts and of the bootstrap.
-        progress: Called with what is done and the share of all.
+        logs: One run or several; see `planner.read_log`. The motion of `planner.excitation`
+            determines most parameters.
+        problem: Defines the arm: number of joints and gear constants.
+        machine: Start of the search, and the values that are not fitted: a machine, the name of a
+            preset, or None for the problem's own. With fidelity "dynamic" the model has inertia,
+            separates friction, backlash and twist, and a fit takes two minutes.
+        starts: Number of searches from different starts, of which the best counts.
+        seed: Random seed of these starts and of the bootstrap.
+        progress: Called with what is done now and the fraction done, 0 … 1.
 
     Raises:
-        InputError: If there is no log or one is given twice, the system is no arm with friction
-            disks, a log has another number of joints, does not move one of them by a degree, or
+        InputError: If there is no log or one is given twice, the system is not an arm with friction
+            disks, or a log has another number of joints, does not move one of them by a degree, or
             fits the arm only with another sign, unit, order of columns or clock.
     """
     expect_problem(problem)
@@ -284,8 +286,8 @@ def identify(
     parameters = Parameters(preset, system)
     _refuse_twice(every)
     for log in every:
-        log.plan(problem)  # or it has another number of joints
-        known_row(log)  # or a joint does not move
+        log.plan(problem)  # raises if the number of joints differs
+        known_row(log)  # raises if a joint does not move
         refuse_misfit(log, system)
     kept_out = every.pop() if len(every) > 1 else None
     models = [LogModel(log, problem, parameters) for log in every]
@@ -330,7 +332,7 @@ def _estimates(parameters: Parameters, result: Fit) -> Iterator[Estimate]:
 
 
 EDGE_SHARE = 1e-3
-"""A parameter so near to an end of its range, in deviations of its prior, is at it."""
+"""A parameter is at the end of its range if it is this near, in deviations of its prior."""
 
 
 def _warnings(
@@ -370,13 +372,13 @@ def _warnings(
 
 
 def _encoder_step_deg(log: Log, joint: int) -> float:
-    """The least difference of two readings of a joint, degrees: tiny where an encoder is fine."""
+    """Resolution of a joint's encoder: the least difference between two readings, degrees."""
     steps = np.diff(np.unique(np.round(log.theta_deg[:, joint], 4)))
     return float(np.min(steps, initial=np.inf)) if steps.size else 0.0
 
 
 def _turns(log: Log, joint: int) -> bool:
-    """Whether a joint both rises and falls by as much as shows that its axis pushes it."""
+    """Whether a joint both rises and falls so far that its axis must have pushed it."""
     theta = log.theta_deg[:, joint]
     risen = np.max(theta - np.minimum.accumulate(theta))
     fallen = np.max(np.maximum.accumulate(theta) - theta)
@@ -384,7 +386,7 @@ def _turns(log: Log, joint: int) -> bool:
 
 
 def predict_run(log: Log, problem: Problem, machine: Machine | str | None) -> Log:
-    """What a machine makes of a log's commands; see `Identification.predict`."""
+    """Predict the angles of a log from its commands; see `Identification.predict`."""
     system = problem.system
     assert isinstance(system, Manipulator)
     parameters = Parameters(machine_for(problem.machine, machine), system)

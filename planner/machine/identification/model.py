@@ -1,10 +1,10 @@
-"""What many machines make of one log's commands, at once.
+"""Simulate one log's commands on many machines at once.
 
-How the arm stood in its backlash when a log begins is not known. It need not be: once each joint
-has moved by `KNOWN_DEG` its axis lies against the side that it was pushed to, and nothing is left
-of the start but an offset of each angle. So angles count from then on, and the offsets at the start
-are numbers of the log's own. A link with inertia was hit by its axis and swings for seconds, until
-friction holds it where the drive turns back; its angles count once it has been pushed both ways.
+The position of the arm in its backlash is unknown when a log begins. Once each joint has moved by
+`KNOWN_DEG`, its axis touches the side towards which it pushes, and the unknown start remains only
+as an offset of each angle. So angles count from then on, and each log has its own offsets as
+parameters. A link with inertia that its axis has hit swings for seconds, until friction stops it
+where the drive reverses; so its angles count only after it has been pushed in both directions.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from planner.problem.problem import Problem
 from planner.support.arrays import Array
 
 KNOWN_DEG = 1.0
-"""A joint that has moved so far is pushed: it is ten times what an encoder is off."""
+"""A joint that has moved by this is pushed by its axis; it is ten times an encoder's error."""
 
 STEP_S = 0.0025
-"""Step of the simulation: its error, 0.001 degrees, is a thirtieth of an encoder's."""
+"""Time step of the simulation; its error, 0.001 degrees, is a thirtieth of an encoder's."""
 
 NOISE_BLOCK_S = 1.0
-"""Length of the parts of a log that its noise is read from, s."""
+"""Length of the blocks of a log from which its noise is estimated, s."""
 
 LEAST_NOISE_DEG = 0.005
-"""A reading is hardly better, whatever its file says."""
+"""Least noise of a reading that is assumed, whatever the log shows."""
 
 
 class LogModel:
@@ -37,12 +37,12 @@ class LogModel:
 
     Args:
         log: The log.
-        problem: Gives the arm.
-        parameters: What the machines differ in.
+        problem: Defines the arm.
+        parameters: The parameters in which the machines differ.
 
     Attributes:
         log: The log.
-        known: Index of the row from which on the state of the arm is known.
+        known: Index of the first row at which the state of the arm is known.
         noise: Standard deviation of a reading of each joint, (n,), rad.
 
     Raises:
@@ -63,7 +63,8 @@ class LogModel:
         self._rows = np.searchsorted(self._command.t, log.t)
 
     def angles(self, x: Array, offsets: Array) -> Array:
-        """Angles of machines x (S, P) that start off the first reading by (S, n) rad, (S, R, n)."""
+        """Angles (S, R, n), rad, of machines x (S, P) that start at the first reading plus offsets
+        (S, n)."""
         start = np.repeat(self._plan.q(0.0)[:, None], len(x), axis=1)
         start[1:] += offsets.T
         draws = self._parameters.draws(x)
@@ -74,7 +75,8 @@ class LogModel:
         return np.asarray(motion.q[:, :, 1:])
 
     def settled_offsets(self, x: Array) -> Array:
-        """Offsets (S, n) with which the machines x (S, P) stand as read once the state is known."""
+        """Offsets (S, n) with which machines x (S, P) agree with the readings once the state is
+        known."""
         rows = slice(self.known, self.known + READINGS)
         offsets = np.zeros((len(x), self.log.theta.shape[1]))
         for _ in range(OFFSET_ROUNDS):
@@ -84,18 +86,18 @@ class LogModel:
 
 
 READINGS, OFFSET_ROUNDS = 100, 3
-"""Readings whose mean tells where a joint is, a second in which a link with inertia swings to and
-fro; rounds after which an offset, which acts on the joints behind by cosines, no longer changes
-(the second changes it by 0.01 degrees)."""
+"""Number of readings whose mean gives the position of a joint: a second, in which a link with
+inertia swings to and fro. And the rounds until the offsets, which depend on each other through
+cosines, no longer change (the second round changes them by 0.01 degrees)."""
 
 
 def known_row(log: Log, has_inertia: bool = False) -> int:
-    """Index of the row from which on every joint has been pushed by its axis.
+    """Index of the first row at which every joint has been pushed by its axis.
 
     Args:
         log: The log.
-        has_inertia: Whether joints must have been pushed both ways; those that the log does not
-            push both ways need not.
+        has_inertia: Whether joints must have been pushed in both directions, except joints that the
+            log pushes in only one.
 
     Raises:
         InputError: If a joint does not move.
@@ -120,8 +122,8 @@ def known_row(log: Log, has_inertia: bool = False) -> int:
 def reading_noise(log: Log) -> Array:
     """Standard deviation of a log's readings, (n,), rad: noise and resolution together.
 
-    From second differences, in which the motion of an arm hardly shows at a controller's rate;
-    where it does, as where the drive reverses, it does in few blocks, and the median block counts.
+    It is the median over blocks of the second differences. At a controller's rate the motion of an
+    arm hardly affects these, except in a few blocks, as where the drive reverses.
     """
     second = np.diff(log.theta, 2, axis=0)
     blocks = np.array_split(second, max(1, round(log.t[-1] / NOISE_BLOCK_S)))

@@ -1,22 +1,25 @@
-"""What recorded runs can tell of a machine, and the machine that such numbers make.
+"""The parameters that recorded runs determine, and the machine that they describe.
 
-A log of commands and joint angles does not tell every effect apart. Merged are
+A log of commands and joint angles cannot separate all effects. These are merged:
+
 
 - backlash, friction and stiffness of a joint, as its lost motion
-  w = backlash/2 + friction/stiffness: w shows to some 0.01 degrees, its parts to a degree. Both
-  parts keep their share of w,
-- delay and servo bandwidth, as the time delay + 1/bandwidth by which a motor comes late,
+  w = backlash/2 + friction/stiffness: a log determines w to about 0.01 degrees, but its parts only
+  to a degree. Both parts keep their share of w,
+- delay and servo bandwidth, as a motor's lag, delay + 1/bandwidth,
 - viscous friction and stiffness of a joint, as its lag friction/stiffness,
 - the gain of motor 1, as a common part of the joints' ratios.
 
-Friction also loads the contacts, which pass on less under load. So it is a parameter of its own,
-though one log tells little of it: held at the preset's value, which is another than the arm's, it
-made everything else look surer than it was (lost motion off by 1.6 of its deviations, rms, and by
-1.1 with it). With inertia the parts of w show, too: friction decides how far a link coasts, and
-backlash, unlike twist, lets it fly. A dynamic machine has twist's share in w besides.
+Friction also loads the contacts, which transmit less under load. So it is a parameter of its own,
+although one log hardly determines it. If it is fixed at the preset's value, which is not the arm's,
+all other parameters seem more certain than they are (the error of lost motion is 1.6 of its
+standard deviations, rms, instead of 1.1). With inertia the parts of w can be separated: friction
+decides how far a link coasts, and a link moves freely in backlash but not in twist. So a dynamic
+machine also has the share of twist in w as a parameter.
 
-Every parameter has a prior, about the preset: three times the preset's spread from machine to
-machine, since an arm on the bench may be no prototype; where that has none, a usual uncertainty.
+Every parameter has a prior about the preset. Its standard deviation is three times the preset's
+spread between machines, since an arm on the bench may differ from the prototype; without a spread
+it is a usual uncertainty.
 """
 
 from __future__ import annotations
@@ -39,34 +42,35 @@ PRIOR_SPREADS = 3.0
 DEG = np.pi / 180
 
 DIGITS = 6
-"""Significant digits of a machine that is written down; the least uncertainty is some 0.1 %."""
+"""Significant digits of a machine that is saved; the least uncertainty is some 0.1 %."""
 
 OF_A_RUN = ("initial_angle_error_deg", "initial_play")
-"""Effects that are of a run: how the arm stood when it began."""
+"""Effects that belong to a run, not to the machine: the state of the arm when it began."""
 
 SHARE_SPREAD = 0.06
-"""Spread of twist's share of the lost motion, with a tenth in backlash, friction and stiffness."""
+"""Spread of the share of twist in the lost motion, for 10 % spread of backlash, friction and
+stiffness."""
 
 LOADED = {"lateral_friction", "friction_capacity_nm"}
-"""Effects by which the joints' friction shows: contacts that it loads pass on less."""
+"""Effects through which the joints' friction can be seen: loaded contacts transmit less."""
 
 LEAST_LAG_S = 0.001
-"""A servo that follows sooner is as good as direct; the steps of the simulation are longer."""
+"""A servo with less lag counts as having none; the steps of the simulation are longer."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number that is fitted.
+    """One fitted number.
 
     Attributes:
-        key: Its name in results, as in "w2".
-        name: What it is, in words.
+        key: Its name in results, such as "w2".
+        name: Its name in words.
         unit: Unit in which it is shown.
-        scale: One such unit in that of `value`.
-        value: The preset's.
-        prior: Standard deviation about it.
+        scale: Size of this unit in the unit of `value`.
+        value: The preset's value.
+        prior: Standard deviation of the prior.
         low, high: Its range.
-        merged: What else it stands for, in words; or "".
+        merged: The effects that it stands for, in words; "" if only one.
     """
 
     key: str
@@ -82,18 +86,18 @@ class Parameter:
 
 @dataclass(frozen=True)
 class _Direct:
-    """Parameters that are values of one effect, as they stand in the `[machine]` table.
+    """Parameters that are the values of one effect in the `[machine]` table.
 
     Attributes:
         effect: The effect.
-        key, name: Of a parameter; "{}" is the number of its motor or joint.
-        unit, scale: As of `Parameter`.
-        usual: Standard deviation from machine to machine where the preset has none.
+        key, name: Key and name of a parameter; "{}" is the number of its motor or joint.
+        unit, scale: See `Parameter`.
+        usual: Standard deviation between machines if the preset has none.
         low, high: Range.
         first: Number of the motor or joint that the effect's first value belongs to.
-        fitted: Which of its values are looked for, from this place on.
-        merged: As of `Parameter`.
-        always: Whether it is looked for where it is off in the preset, too.
+        fitted: Index of the first value that is fitted.
+        merged: See `Parameter`.
+        always: Whether it is fitted even if the effect is off in the preset.
     """
 
     effect: str
@@ -126,16 +130,16 @@ DIRECT = (
 
 
 class Parameters:
-    """The parameters of a machine, as a vector x: 0 is the preset, 1 a prior's deviation more.
+    """The parameters of a machine as a vector x: preset plus x standard deviations of the prior.
 
     Args:
-        machine: The preset: where the search begins, what its priors come from, and what stays that
-            is not looked for.
+        machine: The preset: start of the search, source of the priors, and values of all effects
+            that are not fitted.
         system: The arm.
 
     Attributes:
         system: The arm.
-        preset: The machine without spreads, and without what belongs to a run and no machine.
+        preset: The machine without spreads and without the effects of a run (`OF_A_RUN`).
         rows: The parameters, in the order of x.
         low, high: Ranges of x, (P,).
     """
@@ -156,7 +160,7 @@ class Parameters:
         self.high = (np.array([row.high for row in self.rows]) - self._value) / self._prior
 
     def _each(self, effect: str) -> Array:
-        """Values of an effect in the preset, one for each that can have one of its own, (c,)."""
+        """Values of an effect in the preset, one for each motor or joint that has its own, (c,)."""
         return np.array(
             np.broadcast_to(self._base[effect][:, 0], EFFECTS[effect].count(self.system.n))
         )
@@ -208,14 +212,14 @@ class Parameters:
                 words, prior = (f"twist{j}", f"twist in w{j}", "%"), PRIOR_SPREADS * SHARE_SPREAD
                 yield Parameter(*words, 0.01, share, prior, 0.05, 0.95)
 
-    # -- what they make ------------------------------------------------------------------------
+    # -- machines ------------------------------------------------------------------------------
 
     def values(self, x: Array) -> Array:
         """Parameters (…, P) in their units, from x (…, P)."""
         return np.asarray(self._value + self._prior * x)
 
     def effects(self, x: Array) -> dict[str, Array]:
-        """The effects that machines x (S, P) have in place of the preset's, each (c, S)."""
+        """The effects in which machines x (S, P) differ from the preset, each (c, S)."""
         found = dict(zip((row.key for row in self.rows), self.values(x).T, strict=True))
         numbers = range(2, self.system.n + 1)
         lost = np.stack([found[f"w{j}"] for j in numbers])
@@ -260,7 +264,7 @@ class Parameters:
         return Draws(np.arange(count), values, start)
 
     def machine(self, x: Array) -> Machine:
-        """The machine with these parameters (P,), without spreads but of how a run begins."""
+        """The machine with these parameters (P,), without spreads except of a run's start state."""
         run = {name: q for name, q in self._machine.effects.items() if name in OF_A_RUN}
         settings: dict[str, Any] = {name: q.to_setting() for name, q in run.items()}
         settings["start_state"] = list(self._machine.start_state)

@@ -1,11 +1,11 @@
-"""One plan as a file for another program.
+"""Write one plan as a file for another program.
 
-The motion of both motors as the ROS 2 message trajectory_msgs/JointTrajectory.
+For ROS 2, the motion of both motors becomes a message trajectory_msgs/JointTrajectory.
 
 The message definition (ROS 2 `common_interfaces`, trajectory_msgs/msg/JointTrajectory.msg and
-JointTrajectoryPoint.msg) asks for as many positions, velocities and accelerations as there are
-joint names, and for points in increasing order of `time_from_start`. The joint trajectory
-controller of ros2_control besides refuses a last point that moves.
+JointTrajectoryPoint.msg) requires as many positions, velocities and accelerations as joint names,
+and points in increasing order of `time_from_start`. The joint trajectory controller of ros2_control
+also refuses a last point that moves.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ Real = Literal["double", "float"]
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """What some formats have a choice of; see `export`."""
+    """Options that only some formats have; see `export`."""
 
     rate_hz: float = field(default=RATE_HZ, metadata={"words": "samples per second"})
     joint_names: Sequence[str] | None = field(default=None, metadata={"words": "joint names"})
@@ -55,17 +55,17 @@ class ExportOptions:
 
 @dataclass(frozen=True)
 class Format:
-    """One kind of file, or of folder.
+    """One kind of file or folder.
 
     Attributes:
-        holds: What it holds, for the command's completion and its documentation.
-        endings: Of file names that mean it, and no other format; a folder has none.
-        content: The whole file, text or bytes; of a folder its files by their names.
-        reader: What reads it in Python, or "".
-        options: Which of `ExportOptions` it has.
-        commanded: Whether motors are to carry it out as it is.
-        held: Whether motors hold each row of it until the next.
-        sent: Names of the columns that the motors are sent, where it is a table of named columns.
+        holds: Its content in words, for the command's completion and the documentation.
+        endings: File name endings that select it, and no other format; a folder has none.
+        content: Builds the whole file (text or bytes), or a folder's files by name.
+        reader: The Python function that reads it, or "".
+        options: Names of the `ExportOptions` it has.
+        commanded: Whether motors are to execute it directly.
+        held: Whether motors hold each row until the next.
+        sent: Names of the columns that are sent to the motors, for a table with named columns.
     """
 
     holds: str
@@ -122,11 +122,11 @@ FORMATS: dict[str, Format] = {
         options=("real", "machine"),
     ),
 }
-"""Every format by name: the command, messages and the documentation read this table."""
+"""Every format by name; the command, messages and the documentation use this table."""
 
 
 def fitting(option: str) -> str:
-    """Names of the formats that have an option, in one text."""
+    """Names of the formats that have an option, as one text."""
     return ", ".join(name for name, one in FORMATS.items() if option in one.options)
 
 
@@ -143,23 +143,23 @@ def export(
     """Write a plan as a file or a folder for another program, all or nothing.
 
     Commands end with zeros. In tables they are means from each row to the next, so that motors that
-    hold each row turn as far as the plan asks for; `planner.plan.samples.held_miss` is how far off
-    the arm then ends. If the plan does not start at rest, an `InputWarning` says so.
+    hold each row turn as far as the plan asks for; `planner.plan.samples.held_miss` gives the error
+    at the arm's end. If the plan does not start at rest, an `InputWarning` says so.
 
     Args:
-        plan: The plan. Of a refused plan the samples are NaN (in CSV: empty) where no real angles
-            or inputs exist; a robot is sent none.
+        plan: The plan. For a refused plan the samples are NaN (in CSV: empty) where no real angles
+            or inputs exist; formats for a robot refuse it.
         path: The file, or the folder if the format is one. An existing file is replaced, a folder
             only if it is from an earlier export.
         format: One of `FORMATS`; by default from the ending of `path`.
-        rate_hz: Samples per second, where it holds samples; see `sample`.
-        joint_names: Where it has joint names; see `joint_trajectory`.
+        rate_hz: Samples per second, if the format has samples; see `sample`.
+        joint_names: Joint names, if the format has them; see `joint_trajectory`.
         real: Type of the numbers in C: "double" or "float".
-        machine: Whose means the tracker in C knows; by default the problem's `[machine]` table.
+        machine: Machine whose mean values the tracker in C knows; by default the `[machine]` table.
 
     Raises:
-        InputError: If the format is unknown or has no such option, the plan cannot be written in
-            it, or the file cannot be written.
+        InputError: If the format is unknown or lacks an option, it cannot hold the plan, or the
+            file cannot be written.
     """
     expect_plan(plan)
     name = find_format(path, format)
@@ -185,10 +185,10 @@ def export(
 
 
 def refuse_target(path: str | Path, format: str) -> None:
-    """Refuse a file, or a folder where the format is one, that cannot be written.
+    """Refuse a target that cannot be written: a file, or a folder if the format is one.
 
     Raises:
-        InputError: If it cannot.
+        InputError: If it cannot be written.
     """
     (refuse_unwritable if FORMATS[format].endings else refuse_unwritable_folder)(path)
 
@@ -205,7 +205,7 @@ def _refuse_options(name: str, asked: ExportOptions) -> None:
 
 
 def find_format(path: str | Path, format: str | None) -> str:
-    """The format asked for, or that of the path's ending.
+    """Return the given format, or that of the path's ending.
 
     Raises:
         InputError: If there is no such format.
@@ -224,7 +224,7 @@ def find_format(path: str | Path, format: str | None) -> str:
 
 
 def _c(plan: Plan, asked: ExportOptions) -> dict[str, str]:
-    from planner.report.controller.controller import controller_files  # with OSQP
+    from planner.report.controller.controller import controller_files  # imports OSQP
 
     return controller_files(plan, asked.machine, asked.real)
 
@@ -276,27 +276,27 @@ REST_SHARE = 1e-6
 """Largest |u| at an end that counts as rest, relative to the input's peak."""
 
 DIFFERENCE_SHARE = 1e-6
-"""Half width of the differences for accelerations, relative to the smooth piece."""
+"""Half width of the difference quotients for accelerations, relative to the smooth piece."""
 
 
 def joint_trajectory(
     plan: Plan, rate_hz: float = RATE_HZ, joint_names: Sequence[str] | None = None
 ) -> dict[str, Any]:
-    """The message as nested dictionaries and lists.
+    """Build the message as nested dictionaries and lists.
 
     Positions are those of the two motors' axes (`planner.plan.samples.motor_angles`). Velocities
-    are the inputs, accelerations their slopes (the one after it at a corner). With the names of the
-    joints they are those of the joints, as RViz shows them with the format `urdf`.
+    are the inputs, accelerations their slopes (at a corner, the slope after it). With the names of
+    the joints all are those of the joints, as RViz shows them with the format `urdf`.
 
     Args:
         plan: A plan that starts and ends at rest and passes `verify`.
         rate_hz: Points per second.
-        joint_names: Two names, as the robot's controller knows the motors; by default "phi1" and
-            the name of the second coordinate for arms, the inputs' names elsewhere. Or the names of
-            all joints of an arm: "theta1", "theta2" …
+        joint_names: Two names, as the robot's controller calls the motors; by default "phi1" and
+            the name of the second coordinate for arms, the inputs' names for other systems. Or the
+            names of all joints of an arm: "theta1", "theta2" …
 
     Raises:
-        InputError: If the plan breaks a requirement, moves at an end, or its inputs jump; the
+        InputError: If the plan violates a requirement, moves at an end, or its inputs jump; the
             message says what to do.
     """
     names = _names(plan, joint_names)
@@ -324,7 +324,7 @@ def joint_trajectory(
 
 
 def yaml_text(message: Mapping[str, Any]) -> str:
-    """The message as YAML, as `ros2 topic pub` and `ros2 action send_goal` take it."""
+    """Format the message as YAML for `ros2 topic pub` and `ros2 action send_goal`."""
     lines = [
         f"header: {_flow(message['header'])}",
         f"joint_names: {_flow(message['joint_names'])}",
@@ -341,9 +341,9 @@ def _joint_rates(plan: Plan, t: Array) -> Array:
 
 
 def time_slopes(plan: Plan, function: Callable[[Array], Array], t: Array) -> Array:
-    """Of a function of a plan's time its slopes at times t (m,); the right-hand one at a corner.
+    """Slopes of a function of a plan's time at times t (m,); at a corner, the right-hand slope.
 
-    Central differences inside the smooth piece that t belongs to.
+    Central differences inside the smooth piece that contains t.
     """
     k = np.clip(np.searchsorted(plan.t, t, side="right") - 1, 0, len(plan.t) - 2)
     left, right = plan.t[k], plan.t[k + 1]
@@ -354,10 +354,10 @@ def time_slopes(plan: Plan, function: Callable[[Array], Array], t: Array) -> Arr
 
 
 def moving_inputs(plan: Plan, time: float) -> list[str]:
-    """The inputs that are not zero then, in words; one without a value counts as moving.
+    """Describe the inputs that are not zero at a time; an undefined input counts as moving.
 
-    A compensated plan holds its commands for a tick: from rest, by a limited rate, the first may
-    differ from zero by what the rate allows in one.
+    A compensated plan holds each command for a tick. Starting from rest with a limited rate, its
+    first command may differ from zero by what the rate allows in one tick.
     """
     u, peaks = np.abs(plan.u(time)), np.maximum(peak_inputs(plan.trajectory), 1e-12)
     rate = plan.problem.limits.input_rate
@@ -400,7 +400,7 @@ def _refuse_unfit(plan: Plan) -> None:
 
 
 def _joints(plan: Plan) -> list[str]:
-    """Names of an arm's joints; a vehicle has none."""
+    """Names of an arm's joints; empty for a vehicle."""
     system = plan.problem.system
     return [c.name for c in system.coordinates[1:]] if hasattr(system, "arm_points") else []
 
@@ -426,7 +426,7 @@ def _stamp(t: float) -> dict[str, int]:
 
 
 def _flow(value: Any) -> str:
-    """JSON is YAML, but for exponents, which YAML 1.1 wants after a decimal point."""
+    """Write a value as YAML: as JSON, but YAML 1.1 needs a decimal point before an exponent."""
     if isinstance(value, float):
         text = repr(value)
         return text if "e" not in text or "." in text else text.replace("e", ".0e")

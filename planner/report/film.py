@@ -1,6 +1,6 @@
-"""The motion itself, as GIF or MP4: the arm (the paper's Fig. 8) or a vehicle.
+"""Films of the motion as GIF or MP4: the arm (the paper's Fig. 8) or a vehicle.
 
-Pictures as a film: GIF by Pillow (which Matplotlib brings), MP4 by ffmpeg.
+Pillow (a dependency of Matplotlib) writes GIF, ffmpeg writes MP4.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Progress = Callable[[int, int], None]
-"""Called with (frames done, frames in all)."""
+"""Called with (frames done, total frames)."""
 
 SUFFIXES = (".gif", ".mp4")
 LAST_FRAME_S = 1.0
-"""How long the last picture stays, seconds."""
+"""Time for which the last frame stays, seconds."""
 
 MAX_FRAMES = 5000
 TRAIL_COLOUR = "#BBBBBB"
@@ -45,14 +45,14 @@ BODY_COLOUR = "#222222"
 
 @dataclass(frozen=True)
 class _Scene:
-    """One plan's panel: what moves in it, and where it is in each frame."""
+    """One plan's panel: its moving parts and their positions in each frame."""
 
     axes: Any
     line: Any
     trail: Any
     points: Array  # (frames, P, 2)
-    path: Array  # (m, 2), of the tip, closely sampled
-    tip_index: NDArray[np.intp]  # how many points of the path lie behind the tip, by frame
+    path: Array  # (m, 2), path of the tip, densely sampled
+    tip_index: NDArray[np.intp]  # number of points of the path behind the tip, for each frame
 
     def move(self, k: int) -> None:
         self.line.set_data(*self.points[k].T)
@@ -68,15 +68,15 @@ def animate(
     speed: float = 1.0,
     progress: Progress | None = None,
 ) -> Path:
-    """Write the motion of one or several plans as a film, side by side with a common clock.
+    """Write a film of one or several plans, side by side with a common clock.
 
     Args:
-        plans: One plan, several, or several by label; those without real angles are left out.
-        path: A name that ends in .gif, or in .mp4, which needs ffmpeg (on the path, or by
-            the extra `video`). An existing file is replaced.
+        plans: One plan, several, or several by label; plans without real angles are left out.
+        path: A file name that ends in .gif, or in .mp4, which needs ffmpeg (on the search path, or
+            from the extra `video`). An existing file is replaced.
         fps: Frames per second, 1 to 60; a GIF stores times in hundredths of a second.
         speed: Seconds of motion per second of film; 2 is twice real time.
-        progress: Called with (frames done, frames in all).
+        progress: Called with (frames done, total frames).
 
     Returns:
         The path.
@@ -103,7 +103,7 @@ def animate(
 
 
 def check_film(path: str | Path, fps: int, speed: float) -> str:
-    """Refuse what `animate` could not write, before the work; the ending of the name.
+    """Refuse arguments that `animate` could not use, before the work; return the file's ending.
 
     Raises:
         InputError: As for `animate`.
@@ -122,7 +122,7 @@ def check_film(path: str | Path, fps: int, speed: float) -> str:
 
 
 def _frames(drawn: Sequence[Curve], times: Array, progress: Progress | None) -> Iterator[Frame]:
-    """The pictures, each (height, width, 3); only what moves is drawn anew."""
+    """Yield the frames, each (height, width, 3); only moving parts are redrawn."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     figure, scenes, clock = _stage(drawn, times)
@@ -191,14 +191,14 @@ GIF_COLOURS = 64
 
 
 def gif(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
-    """A GIF that repeats; the last picture stays for `hold` frames more."""
+    """Encode a GIF that loops; the last frame stays for `hold` more frames."""
     from PIL import Image
 
     pictures = [Image.fromarray(frame) for frame in frames]
-    last = pictures[-1]  # all that is drawn is in it
+    last = pictures[-1]  # it contains everything that is drawn
     palette = last.quantize(GIF_COLOURS, method=Image.Quantize.MAXCOVERAGE)
     small = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
-    period = max(2, round(100 / fps)) * 10  # a GIF counts in 10 ms, and viewers ask for two
+    period = max(2, round(100 / fps)) * 10  # multiples of 10 ms; viewers need at least 20 ms
     times = [period] * (len(small) - 1) + [period * (1 + hold)]
     stream = io.BytesIO()
     small[0].save(
@@ -208,14 +208,14 @@ def gif(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
 
 
 def mp4(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
-    """An H.264 film that every browser plays.
+    """Encode an H.264 film that every browser plays.
 
     Raises:
-        InputError: If ffmpeg is missing or fails; its own words are in the message.
+        InputError: If ffmpeg is missing or fails; the message quotes ffmpeg.
     """
     program = find_ffmpeg()
     first = next(frames)
-    height, width = (n - n % 2 for n in first.shape[:2])  # the codec wants even numbers
+    height, width = (n - n % 2 for n in first.shape[:2])  # the codec requires even numbers
     source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(fps)]
     codec = ["-c:v", "libx264", "-crf", "20", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as log:
@@ -238,7 +238,7 @@ def _feed(
     job: subprocess.Popen[bytes], frames: Iterator[Frame], hold: int, size: tuple[int, int]
 ) -> None:
     assert job.stdin is not None
-    with suppress(BrokenPipeError):  # ffmpeg has stopped; it says why
+    with suppress(BrokenPipeError):  # ffmpeg stopped and reports the reason itself
         for frame in frames:
             picture = frame[: size[0], : size[1]].tobytes()
             job.stdin.write(picture)
@@ -248,7 +248,7 @@ def _feed(
 
 
 def find_ffmpeg() -> str:
-    """The program ffmpeg: on the path, or the one that imageio-ffmpeg brings.
+    """Find the program ffmpeg, on the search path or from imageio-ffmpeg.
 
     Raises:
         InputError: If there is none.

@@ -1,4 +1,4 @@
-"""Comparisons with their figures, and sensitivities, as folders, written whole or not at all."""
+"""Write comparisons with their figures, and sensitivities, as folders, all or nothing."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 FIGURE_KINDS = ("png", "svg")
 MOTION_INSTANTS = 300
-"""Instants kept of the median machine's motion."""
+"""Number of stored instants of the median machine's motion."""
 
 
 def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> Path:
@@ -51,8 +51,8 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
     Plans that were refused are saved as `<label>.refused.json`.
 
     Args:
-        comparison: What to write.
-        path: The folder; an earlier run's is replaced, and only when all is written.
+        comparison: The comparison.
+        path: The folder. An earlier run's folder is replaced after everything is written.
         report: Whether to add the page report.html; see `planner.report.page.page.write_report`.
 
     Raises:
@@ -80,10 +80,10 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
 
 
 def replay_data(comparison: Comparison) -> dict[str, Any]:
-    """What is kept of the replays, by label, JSON-ready.
+    """The stored part of the replays, by label, JSON-ready.
 
-    `E_deg` is the error index of every machine, in the order of their numbers; `median` the motion
-    of the machine whose E is the median: its `number`, times `t` (s) and coordinates `q` (rad, m).
+    `E_deg` is the error index of every machine, in the order of their numbers. `median` is the
+    motion of the machine with the median E: its `number`, times `t` (s), coordinates `q` (rad, m).
     """
     out = {}
     for row in comparison.rows:
@@ -98,7 +98,7 @@ def replay_data(comparison: Comparison) -> dict[str, Any]:
 
 
 def _copy_problem(comparison: Comparison, place: Path) -> None:
-    """The file as it is; changes against it are in the command of comparison.json."""
+    """Copy the problem file unchanged; the command in comparison.json lists changes to it."""
     try:
         text = read_text(comparison.problem.source, TOML_BYTES, "a problem file is TOML")
     except InputError:
@@ -107,7 +107,7 @@ def _copy_problem(comparison: Comparison, place: Path) -> None:
 
 
 def _write_plans(comparison: Comparison, place: Path) -> list[str | None]:
-    """Where each row's plan is, in the folder; None for rows without one."""
+    """Write the plans; return each row's file name in the folder, None for rows without a plan."""
     (place / "plans").mkdir()
     out: list[str | None] = []
     for k, row in enumerate(comparison.rows):
@@ -135,11 +135,11 @@ def _write_figures(comparison: Comparison, place: Path) -> None:
 
 
 def save_figure(figure: Figure, stem: Path) -> None:
-    """Write a figure in every kind of file, `stem` with each ending; the same bytes each time."""
+    """Write a figure as every kind of file, `stem` with each ending; reproducible byte by byte."""
     import matplotlib as mpl
 
     engine = figure.get_layout_engine()
-    if engine is not None:  # place everything once: drawing twice as often is what takes time
+    if engine is not None:  # lay out only once, since each layout draws the figure
         engine.execute(figure)
         figure.set_layout_engine("none")
     for kind in FIGURE_KINDS:
@@ -177,9 +177,9 @@ def save_budget(
 
 
 def figures(comparison: Comparison) -> dict[str, Figure]:
-    """Figures by name; those for which no plan has what they show are left out.
+    """Draw all figures by name, except those for which no plan has the data.
 
-    Names of `FIGURES` must be others than those of the pictures below, such as "effort".
+    Names in `FIGURES` must differ from those of the other pictures here, such as "effort".
     """
     plans, system = comparison.plans, comparison.problem.system
     motions = [plan for plan in plans.values() if plan is not None]
@@ -209,10 +209,10 @@ def save_sensitivity(
     """Write sensitivity.json, matrix.csv, plan.json, heat-map.png, along.png and machine.png.
 
     Args:
-        responses: Of a plan's own parameters.
-        machine: Of the machine's, or None.
+        responses: Sensitivities to a plan's own parameters.
+        machine: Sensitivities to the machine's parameters, or None.
         spread: Standard deviations of the errors.
-        path: The folder; an earlier run's is replaced, and only when all is written.
+        path: The folder. An earlier run's folder is replaced after everything is written.
         extra: Further keys of sensitivity.json.
 
     Raises:
@@ -255,7 +255,7 @@ def save_sensitivities(found: Sensitivities, path: str | Path) -> Path:
 
 
 def _csv(responses: Sensitivity) -> str:
-    """S(T): one row per coordinate, one column a parameter, units beside the names."""
+    """S(T): one row per coordinate, one column per parameter, with units in the heads."""
     columns = zip(responses.parameters, responses.units, strict=True)
     rows = [["coordinate", *(f"{name} ({unit})" for name, unit in columns)]]
     for c, row in zip(responses.plan.problem.system.coordinates, responses.terminal, strict=True):

@@ -1,26 +1,27 @@
-"""Every figure of plans as panels of plain data: pictures, the page and the explorer draw them.
+"""Figures of plans as panels of plain data, which pictures, the page and the explorer draw.
 
-`FIGURES` lists them. A panel is a dictionary with `id`, `kind`, `title`, `unit` and `series`. Its
-title and the names of series are names of coordinates as the problem has them, or words; whoever
-draws sets them. A series belongs to a `plan` (its number); a `name` and a `colour` are there where
-they are not the plan's.
+`FIGURES` lists the figures. A panel is a dictionary with `id`, `kind`, `title`, `unit` and
+`series`. Titles and names of series are the problem's names of coordinates, or words; the code that
+draws formats them. A series belongs to the plan with number `plan`; it has a `name` and a `colour`
+only if these differ from the plan's.
 
-Of kind "time" a series has values `y` at the plan's times or at its own `t`, and a panel may have
+In a panel of kind "time", a series has values `y` at the plan's times or at its own `t`. The panel
+may have
 
-- `band`: `low` and `high` at the times of the first series, with a `name` or without,
-- `limits`: values that lines are drawn at; `floor`: what lies below is shaded; `zero`: in view,
-- `ends`: values at start and end; `stops` and `marks`: points [t, value] on the way, of waypoints
-  and where the domain is left,
+- `band`: `low` and `high` at the times of the first series, optionally with a `name`,
+- `limits`: values of horizontal lines; `floor`: shade below this value; `zero`: show zero,
+- `ends`: values at start and end; `stops` and `marks`: points [t, value] of waypoints, and where
+  the path leaves or enters the domain,
 - `view`: least and greatest value shown; `notes`: peaks beyond it,
 - `note`: a few words beside the title.
 
-Of kind "plane" a series has a path `x`, `y` at the plan's times, and a panel `across`, the `names`
-of both axes, which share its unit; `ends`; `view`, of both axes; `region`: a box, outside of which
-is shaded, or null; `limits`: [axis, value], or none. It may have `poses`, `discs` and `tips`, and a
-`key`: kinds of lines, and words.
+In a panel of kind "plane", a series has a path `x`, `y` at the plan's times. The panel has `across`
+(label of the x axis), `names` of both axes, which share its unit; `ends`; `view` of both axes;
+`region`: a box outside of which is shaded, or null; `limits`: pairs [axis, value]. It may have
+`poses`, `discs`, `tips`, and a `key`: pairs of a kind of line and its meaning.
 
-Panels of one `id` can be drawn as one, see `merge`. Angles are in degrees, times in seconds from
-the plan's beginning, numbers that do not exist are not a number.
+Panels with the same `id` can be drawn as one, see `merge`. Angles are in degrees, times in seconds
+from the plan's beginning; undefined numbers are NaN.
 """
 
 from __future__ import annotations
@@ -44,21 +45,21 @@ from planner.systems.triangular_system import Coordinate, TriangularSystem
 Panel = dict[str, Any]
 
 DRAWN_LIMIT_SHARE = 0.75
-"""Part of a limit from which on it is drawn."""
+"""A limit is drawn if the values reach this share of it."""
 
 OVERSHOOT = 1.6
-"""The view reaches this many times the limit; what goes beyond is named with its peak."""
+"""The view extends to this multiple of the limit; peaks beyond it are named."""
 
 PEAK_RATIO = 5.0
-"""Without a limit peaks are cut off only where they reach so many times what is usual."""
+"""Without a limit, peaks are cut off only above this multiple of the usual values."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlanCurves:
-    """A plan and the times it is drawn at.
+    """A plan and the times at which it is drawn.
 
     Attributes:
-        number: Its place among the plans that are drawn.
+        number: Its index among the drawn plans.
         plan: The plan.
         t: Times (m,), seconds.
     """
@@ -88,7 +89,7 @@ class PlanCurves:
         return self.plan.u(self.t)
 
     def curve(self, values: Array, **more: Any) -> Panel:
-        """A series of a panel over time."""
+        """Build a series of a panel over time."""
         return {"plan": self.number, "y": values, **more}
 
 
@@ -97,16 +98,16 @@ DrawnPlans = Sequence[PlanCurves]
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of plans: panels, and its words.
+    """A figure of plans: its panels and texts.
 
     Attributes:
-        id: Its name: of files, and on the page.
-        panels: Its panels for plans of one problem.
-        title: What it shows.
-        caption: How it is read, on the page.
-        executable: Whether it shows only plans that can be executed.
-        columns: Whether a picture has a column a plan.
-        fits: Which systems have it.
+        id: Name, for files and on the page.
+        panels: Builds its panels for plans of one problem.
+        title: Title.
+        caption: Explanation on the page.
+        executable: Whether it shows only executable plans.
+        columns: Whether a picture has one column per plan.
+        fits: Tells which systems have it.
     """
 
     id: str
@@ -122,7 +123,7 @@ class Figure:
 
 
 def chained_panels(drawn: DrawnPlans) -> list[Panel]:
-    """z₂ with its domain (one panel a plan), the least margin where it says more, z₃ … z_N."""
+    """z₂ with its domain (one panel per plan), the least margin if it adds something, z₃ … z_N."""
     system = drawn[0].plan.problem.system
     panels = []
     if has_band(system):
@@ -156,7 +157,7 @@ def z2_band(plan: Plan, t: Array) -> Array:
         t: Times (m,), seconds.
 
     Returns:
-        Lower and upper edge, shape (2, m); NaN where even the later angles are not real.
+        Lower and upper edge, shape (2, m); NaN if the later angles are not real.
     """
     form = chained_form(plan.problem.system)
     q = plan.q(t)
@@ -168,7 +169,7 @@ def z2_band(plan: Plan, t: Array) -> Array:
 
 
 def _domain(one: PlanCurves) -> Mapping[str, Any]:
-    """Where a real θ₁ exists, and where the path leaves or enters that."""
+    """The band in which a real θ₁ exists, and the points where the path leaves or enters it."""
     plan = one.plan
     low, high = z2_band(plan, one.t)
     out = np.array([] if plan.executable else plan.domain.exits_s)
@@ -182,14 +183,14 @@ def _domain(one: PlanCurves) -> Mapping[str, Any]:
 def shown_coordinates(system: TriangularSystem) -> list[tuple[int, Coordinate]]:
     """The user coordinates that are drawn, with their indices.
 
-    All; where they are the triangular ones, those after the first, which is the path coordinate.
+    All of them; if they are the triangular ones, all but the first, which is the path coordinate.
     """
     every = list(enumerate(system.user_coordinates))
     return every if system.has_user_coordinates else every[1:]
 
 
 def joint_panels(drawn: DrawnPlans) -> list[Panel]:
-    """The user coordinates, with start, goal, waypoints, and limits that are near."""
+    """The user coordinates, with start, goal, waypoints, and limits that are close."""
     problem = drawn[0].plan.problem
     panels, start = [], problem.system.user(problem.start)
     for i, coordinate in shown_coordinates(problem.system):
@@ -209,7 +210,7 @@ def joint_panels(drawn: DrawnPlans) -> list[Panel]:
 
 
 def input_panels(drawn: DrawnPlans) -> list[Panel]:
-    """u₁ and u₂ under their limits; peaks far beyond are cut off and noted."""
+    """u₁ and u₂ with their limits; peaks far beyond are cut off and noted."""
     problem = drawn[0].plan.problem
     panels = []
     for i, coordinate in enumerate(problem.system.inputs):
@@ -231,7 +232,7 @@ def input_panels(drawn: DrawnPlans) -> list[Panel]:
 
 
 def near_limits(values: Array, limit: float) -> list[float]:
-    """±limit, where values come near it; elsewhere its line would only make the curves small."""
+    """±limit if the values come close to it; a distant line would only shrink the curves."""
     reach = [(side, np.nanmax(side * values, initial=-np.inf)) for side in (-1, 1)]
     if not np.isfinite(limit):
         return []
@@ -239,10 +240,10 @@ def near_limits(values: Array, limit: float) -> list[float]:
 
 
 def view_range(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tuple[float, float]:
-    """Lowest and highest value to show of inputs (whose, times, values) under a limit."""
+    """Lowest and highest value to show of inputs (plan, times, values) with a limit."""
     every = np.concatenate([u for _, _, u in values])
     most = float(np.max(np.abs(every)))
-    # Times crowd towards the ends of pieces, so that a quantile over them would follow the peaks.
+    # Times are denser near the ends of pieces, so a quantile over them would follow the peaks.
     evenly = (np.interp(np.linspace(t[0], t[-1], 400), t, u) for _, t, u in values)
     usual = max(float(np.quantile(np.abs(u), 0.9)) for u in evenly)
     bound = OVERSHOOT * max(limit if np.isfinite(limit) else 0.0, 1.5 * usual)
@@ -258,13 +259,13 @@ def view_range(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tupl
 
 
 def map_panels(drawn: DrawnPlans) -> list[Panel]:
-    """Where paths run in (θ₁, θ₂), and where the chart that the start lies in ends."""
+    """Paths in the plane (θ₁, θ₂), and the edges of the chart that contains the start."""
     problem = drawn[0].plan.problem
     limits = np.rad2deg(problem.limits.joint[1:3])
     names = [coordinate.name for coordinate in problem.system.coordinates[1:3]]
     paths = [np.rad2deg(one.q[:, 1:3]) for one in drawn]
     goal = np.rad2deg(problem.goal[1:3])
-    if len(drawn) == 1:  # of free joints the plan's; several plans end at several places
+    if len(drawn) == 1:  # use the plan's end for free joints; several plans may end differently
         goal = np.where(np.isnan(goal), paths[0][-1], goal)
     ends = np.array([np.rad2deg(problem.start[1:3]), *([] if np.isnan(goal).any() else [goal])])
     sides = [_chart_range(problem, i) for i in (1, 2)]
@@ -297,18 +298,18 @@ def map_panels(drawn: DrawnPlans) -> list[Panel]:
 
 
 MAP_MARGIN_DEG, NO_EDGE_DEG = 6.0, 1e4
-"""Degrees that the map reaches beyond what is in it; and where an edge is that there is none."""
+"""Margin of the map around its content, degrees; and the value that stands for no edge."""
 
 
 def _chart_range(problem: Problem, i: int) -> tuple[float, float] | None:
-    """Where coordinate i alone would leave the chart around the start, degrees; None if at once."""
+    """Range of coordinate i alone inside the chart around the start, degrees; None on an edge."""
     system, steps = problem.system, np.arange(0.0, 180.25, 0.5)
     branch = system.branch(problem.start)
     margins = [k for k, (index, _) in enumerate(system.margin_labels) if index == i]
     edges = []
     for side in (-1.0, 1.0):
         angles = np.rad2deg(problem.start[i]) + side * steps
-        angles[1:] = np.round(2 * angles[1:]) / 2  # edges lie at round angles
+        angles[1:] = np.round(2 * angles[1:]) / 2  # edges are at round angles
         q = np.tile(problem.start, (len(angles), 1))
         q[:, i] = np.deg2rad(angles)
         on_edge = np.any(system.chart_margins(q, branch)[:, margins] < 1e-9, axis=1)
@@ -356,17 +357,17 @@ FIGURES = {
         ),
     )
 }
-"""Each figure of plans by its name, in order: what is listed here is drawn everywhere."""
+"""All figures of plans by name, in order; pictures, page and explorer draw every entry."""
 
 
 def time_panel(id: str, title: str, unit: str, series: Sequence[Panel], **more: Any) -> Panel:
-    """A panel over time; see above."""
+    """Build a panel over time; see the module's docstring."""
     values = {"kind": "time", "title": title, "unit": unit, "series": list(series)}
     return {"id": id, **values, **more}
 
 
 def merge(panels: Sequence[Panel]) -> Iterator[Panel]:
-    """Panels of one plan with those of the same id and unit as one, a colour a curve."""
+    """Merge panels of one plan with the same id and unit into one, with one colour per curve."""
     groups: dict[tuple[str, str], list[Panel]] = {}
     for panel in panels:
         groups.setdefault((panel["id"], panel["unit"]), []).append(panel)
@@ -393,9 +394,9 @@ def merge(panels: Sequence[Panel]) -> Iterator[Panel]:
 
 
 def span(plan: Plan) -> dict[str, Any]:
-    """When a plan begins and ends on a screen's axis of time, whose 0 is where its path starts.
+    """Times at which a plan begins and ends on an axis whose 0 is the start of its path.
 
-    And when the clock of a compensated plan is held, while its commands take up lost motion.
+    Also the times at which the clock of a compensated plan is held to take up lost motion.
     """
     lead = plan.lead_s
     holds = [[begin - lead, end - lead] for begin, end in plan.clock.holds]
@@ -405,14 +406,14 @@ def span(plan: Plan) -> dict[str, Any]:
 # -- for a browser ------------------------------------------------------------------------------
 
 ROUNDING = 1e-12
-"""What is smaller is rounding, and would be read as a number with an exponent."""
+"""Smaller numbers are rounding and would be shown with an exponent."""
 
 SCREEN_DIGITS = 5
-"""More significant digits than a screen shows."""
+"""Significant digits for the browser, more than a screen shows."""
 
 
 def screen_data(panel: Mapping[str, Any]) -> Panel:
-    """A panel as JSON holds it, with names to be read; arrays have a screen's digits."""
+    """Convert a panel to JSON data with readable names; arrays are rounded for the screen."""
     out: Panel = {key: _screen_value(value) for key, value in panel.items()}
     out["title"] = readable_name(panel["title"])
     if "names" in panel:
@@ -433,7 +434,7 @@ def _screen_value(value: Any) -> Any:
 
 
 def to_screen_digits(values: Array) -> list[Any]:
-    """Numbers to so many significant digits as a screen can show; None for those there are not."""
+    """Round numbers to the significant digits of a screen; None for numbers that are not finite."""
     values = np.asarray(values, dtype=float)
     finite, size = np.isfinite(values), np.abs(values)
     visible = finite & (size >= ROUNDING)

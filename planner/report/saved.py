@@ -1,4 +1,4 @@
-"""A comparison read back from its folder."""
+"""Read a comparison back from its folder."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ from planner.verification.load_plan import load_plan
 
 
 def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
-    """Read the folder that `Comparison.save` wrote, and judge its plans again.
+    """Read the folder that `Comparison.save` wrote, and verify its plans again.
 
-    Rows and plans come back; replays do not, since the folder keeps their errors only (see
-    `load_replays`). A row that says it is solved, and whose plan is none of this problem, comes
-    back unsolved: its `why` says what is wrong, and its numbers, those of another motion, are gone.
+    Rows and plans are restored, replays are not, since the folder keeps only their errors (see
+    `load_replays`). A row that is marked as solved but has no valid plan of this problem becomes
+    unsolved: its `why` says what is wrong, and its numbers, which belong to another motion, are
+    dropped.
 
     Args:
         folder: The folder.
@@ -30,7 +31,7 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
 
     Raises:
         InputError: If the folder is missing, not that of a comparison, or damaged; or, if `strict`,
-            a row says it is solved and is not.
+            a row is wrongly marked as solved.
     """
     place = expect_path(folder)
     try:
@@ -64,9 +65,9 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
 
 
 def load_replays(folder: str | Path) -> dict[str, Any]:
-    """What the folder keeps of the replays, by label: see `planner.report.folders.replay_data`.
+    """Read the stored part of the replays, by label: see `planner.report.folders.replay_data`.
 
-    Empty if the folder holds nothing of the kind.
+    Empty if the folder has none.
 
     Raises:
         InputError: If the file is damaged.
@@ -76,7 +77,7 @@ def load_replays(folder: str | Path) -> dict[str, Any]:
 
 
 def _task_tables(problem: Problem) -> dict[str, Any]:
-    """What a problem asks for, whatever it is called."""
+    """The problem's tables without its title."""
     return {key: value for key, value in problem.to_dict().items() if key != "title"}
 
 
@@ -99,7 +100,7 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem) -> Row:
 
 
 def _read_back(value: Any) -> Any:
-    """Null is a number that is not defined; a list is a tuple."""
+    """Convert null to NaN, lists to tuples, and clean texts."""
     if isinstance(value, list):
         return tuple(_read_back(item) for item in value)
     if isinstance(value, str):

@@ -1,6 +1,6 @@
-"""An arm as URDF, the robot description of ROS: `urdf_text`.
+"""Write an arm as URDF, the robot description of ROS: `urdf_text`.
 
-The joints have the names of the arm's coordinates, so that RViz moves them by a trajectory of
+The joints have the names of the arm's coordinates, so RViz can move them by a trajectory of
 `joint_trajectory` with these names. See https://wiki.ros.org/urdf/XML.
 """
 
@@ -15,18 +15,18 @@ from planner.plan.plan import Plan
 from planner.systems.triangular_system import PlanarArm
 
 THICKNESS = 0.08
-"""Width of a drawn link, as a part of the mean link length."""
+"""Width of a drawn link, relative to the mean link length."""
 
 
 def urdf_text(plan: Plan) -> str:
-    """The arm of a plan: a base, and for each joint a link that turns about the vertical.
+    """Describe the arm of a plan: a base, and for each joint a link that turns about the vertical.
 
     Lengths are those of `link_lengths`, in m. A joint's range is its limit in the problem, or one
-    turn each way. URDF wants a greatest speed, too: that of the plan; it knows no torques, so that
-    `effort` is 0.
+    turn each way. URDF also requires a maximum speed, which is the plan's, and a maximum torque
+    (`effort`), which is 0 because it is unknown.
 
     Raises:
-        InputError: If the plan's system is no planar arm.
+        InputError: If the plan's system is not a planar arm.
     """
     system = plan.problem.system
     if not isinstance(system, PlanarArm):
@@ -59,7 +59,7 @@ def urdf_text(plan: Plan) -> str:
 
 
 def _add_link(robot: ET.Element, name: str, length: float, width: float, middle: float) -> None:
-    """A box along x, whose middle lies so far from the link's joint."""
+    """Add a box along x whose centre has the given distance from the link's joint."""
     visual = ET.SubElement(ET.SubElement(robot, "link", name=name), "visual")
     ET.SubElement(visual, "origin", xyz=f"{middle!r} 0 0", rpy="0 0 0")
     box = ET.SubElement(visual, "geometry")

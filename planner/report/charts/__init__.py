@@ -1,5 +1,5 @@
-"""Charts in a browser, drawn by the page and the explorer alike from `planner.report.panels`.
+"""Charts in a browser, which the page and the explorer draw from `planner.report.panels`.
 
-In this order: `scripts` (joins them), `scale.js`, `chart.js`, `over_time.js`, `plane.js`,
+In this order: `scripts` (joins the files), `scale.js`, `chart.js`, `over_time.js`, `plane.js`,
 `charts.css`.
 """

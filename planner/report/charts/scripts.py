@@ -1,4 +1,4 @@
-"""The scripts and the style of charts in a browser, for whoever joins them with its own."""
+"""Join the charts' scripts and style sheet with those of another package."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ STYLE = "charts.css"
 
 
 def script(room: str, names: Sequence[str]) -> str:
-    """The charts' scripts, and after them those of a package, as one."""
+    """The charts' scripts, followed by those of a package, as one text."""
     charts = [source(CHARTS, name) for name in SCRIPTS]
     return "\n".join(charts + [source(room, name) for name in names])
 
 
 def stylesheet(room: str, name: str) -> str:
-    """The charts' style, and after it that of a package; both with the colours of plans."""
+    """The charts' style sheet, followed by that of a package, with the colours of plans."""
     text = Template(source(CHARTS, STYLE) + source(room, name))
     each = range(len(PALETTE))
     return text.substitute(
@@ -31,5 +31,5 @@ def stylesheet(room: str, name: str) -> str:
 
 
 def source(package: str, name: str) -> str:
-    """What a file that lies in a package says."""
+    """Read a file of a package."""
     return files(package).joinpath(name).read_text(encoding="utf-8")

@@ -1,1 +1,1 @@
-"""A plan's tracker in C: `controller` fills the files beside it with one plan on one machine."""
+"""The tracker of one plan in C: `controller` fills the source files beside it for one machine."""

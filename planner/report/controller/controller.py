@@ -1,9 +1,9 @@
-"""The tracker of one plan as a folder of C for the controller of a real machine.
+"""Write the tracker of one plan as a folder of C code for the controller of a real machine.
 
-tracker.h, tracker.c and selftest.c are the same for every plan. What differs comes from the design
-of the tracker in Python, so that both follow the same reference: sizes.h (types and sizes),
-tables.h (its numbers, and the nominal rates of the system as C), recording.h (readings of one
-emulated machine, and the commands that must come out).
+tracker.h, tracker.c and selftest.c are the same for every plan. The rest comes from the tracker's
+design in Python, so that both follow the same reference: sizes.h (types and sizes), tables.h
+(numbers, and the system's nominal rates as C code), recording.h (readings of one emulated machine
+and the expected commands).
 """
 
 from __future__ import annotations
@@ -33,39 +33,39 @@ PACKAGE = "planner.report.controller"
 SOURCES = ("tracker.h", "tracker.c", "selftest.c")
 
 FREE = 1e30
-"""What stands for infinity: it fits into a float."""
+"""Stands for infinity; it fits into a float."""
 
 ROUNDING: dict[str, dict[str, float]] = {
     "double": {"TOLERANCE": 1e-9, "DEPENDENT": 1e-12, "ROUNDING_TICKS": 1e-9},
     "float": {"TOLERANCE": 1e-5, "DEPENDENT": 1e-6, "ROUNDING_TICKS": 1e-4},
 }
-"""By what rounding leaves in each type: how far a row may be broken (in c), from which square on a
-unit vector has a part of its own, and what belongs to the next tick."""
+"""Tolerances for rounding by type: violation of a constraint (in c), squared norm above which a
+unit vector counts as independent, and ticks by which a time may belong to the next one."""
 
 ALLOWED_SHARE: dict[str, float] = {"double": 5e-4, "float": 0.02}
-"""Of the greatest command, by how much those of the self-test may be off. In double the rest is
-what OSQP leaves in Python."""
+"""Tolerance of commands in the self-test, relative to the greatest command. In double it covers the
+inaccuracy of OSQP in Python."""
 
 ODD_SHARE: dict[str, float] = {"double": 0.0, "float": 0.02}
-"""Part of the periods of the self-test in which commands may be off by more: where rounding decides
-whether a joint has moved, the next readings bring both together again."""
+"""Share of the self-test's periods in which commands may differ by more. Rounding can decide
+whether a joint has moved; the next readings then bring both versions together again."""
 
 MAX_STEPS = 400
-"""Of the active-set method; the worst of 200 arms takes a tenth of that."""
+"""Maximum steps of the active-set method; the worst of 200 arms needs a tenth of it."""
 
 
 def controller_files(plan: Plan, machine: Machine | None, real: str) -> dict[str, str]:
-    """Every file of the folder by its name.
+    """Build every file of the folder, by name.
 
     Args:
-        plan: The plan; also a compensated one.
-        machine: What the tracker knows the means of; by default the problem's `[machine]` table.
+        plan: The plan; may be compensated.
+        machine: The machine whose mean values the tracker knows; by default the `[machine]` table.
         real: Type of the numbers in C, "double" or "float".
 
     Raises:
         InputError: If the plan cannot be executed, the options of `[feedback]` do not fit the
-            machine, or the system's rates hold a function that C has not.
-        UntrackableError: If the plan's inputs are far beyond what may be commanded.
+            machine, or the system's rates contain a function that C lacks.
+        UntrackableError: If the plan's inputs are far beyond the limits of the commands.
     """
     refuse_inexecutable(plan)
     machine = machine_for(plan.problem.machine, machine)
@@ -80,12 +80,12 @@ def controller_files(plan: Plan, machine: Machine | None, real: str) -> dict[str
     }
 
 
-# -- what the tracker works with ------------------------------------------------------------------
+# -- data of the tracker ---------------------------------------------------------------------------
 
 
 def _sizes(design: TrackerDesign, real: str) -> str:
     clock, ref = design.ref.timing, design.ref
-    # From the oldest tick that a forecast looks back at to the last that is decided.
+    # From the oldest tick that a forecast needs to the last that is decided.
     ring = 2 * clock.ticks + clock.latency + int(np.ceil(np.max(clock.shift) / clock.tick)) + 2
     sizes = {
         "COORDINATES": ref.q.shape[1],
@@ -135,7 +135,7 @@ def _tables(design: TrackerDesign, system: TriangularSystem, real: str) -> str:
 
 
 def _arrays(design: TrackerDesign) -> dict[str, Array]:
-    """The tables of numbers by name."""
+    """The tables of numbers, by name."""
     ref, law, clock = design.ref, design.law, design.ref.timing
     count = len(ref.feed)
     arrays = {
@@ -177,7 +177,7 @@ def _arrays(design: TrackerDesign) -> dict[str, Array]:
 
 
 def _recording(plan: Plan, machine: Machine, follower: Tracker, real: str) -> str:
-    """One emulated machine: what its encoders read, with some readings lost, and the commands."""
+    """One emulated machine: its encoder readings, some of them lost, and the commands."""
     recorder = Recorder(follower, _lose)
     replay(plan, machine, samples=1, seed=0, feedback=recorder, record_s=None)
     write = _writer(real)
@@ -197,7 +197,7 @@ def _recording(plan: Plan, machine: Machine, follower: Tracker, real: str) -> st
 
 
 LOST_EVERY = 23
-"""Every so many periods of the recording a reading is lost: that of one joint, then of all."""
+"""Period of lost readings in the recording; alternately one joint's and all."""
 
 
 def _lose(k: int, measured: Array) -> Array:
@@ -208,11 +208,11 @@ def _lose(k: int, measured: Array) -> Array:
 
 
 class Recorder:
-    """Feedback whose readings and commands are kept.
+    """Feedback that records its readings and commands.
 
     Args:
-        feedback: What commands.
-        tamper: From the number of a reading and the reading (N, S) to what it gets.
+        feedback: The feedback that computes the commands.
+        tamper: Maps the number of a reading and the reading (N, S) to the reading it receives.
 
     Attributes:
         log: Time, reading and commands (M, 2, S) of each period.
@@ -245,7 +245,7 @@ class Recorder:
 
 
 def _writer(real: str) -> Callable[[float], str]:
-    """A number as C's constant of the type."""
+    """Return a function that writes a number as a C constant of the type."""
 
     def write(value: float) -> str:
         value = float(np.clip(value, -FREE, FREE))  # NaN stays
@@ -253,14 +253,14 @@ def _writer(real: str) -> Callable[[float], str]:
             return "NAN"
         if real == "double":
             return repr(value)
-        text = f"{value:.9g}"  # nine digits tell every float from its neighbours
+        text = f"{value:.9g}"  # nine digits identify every float
         return f"{text}f" if set(text) & set(".e") else f"{text}.0f"
 
     return write
 
 
 def _array(head: str, values: Any, write: Callable[[Any], str]) -> str:
-    """A table of any dimension; C has none without entries, so one stands there for them."""
+    """Write a table of any dimension; an empty one gets one entry, since C has no empty arrays."""
     values = np.asarray(values)
     values = values if values.size else np.zeros([max(1, n) for n in values.shape])
 
@@ -273,7 +273,7 @@ def _array(head: str, values: Any, write: Callable[[Any], str]) -> str:
 
 
 def _rates_in_c(system: TriangularSystem, write: Callable[[float], str]) -> list[str]:
-    """The system's rates as a function in C, one operation a line."""
+    """Write the system's rates as a C function, one operation per line."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = ca.Function("rates", [q, u], [ca.cse(ca.densify(ca.vertcat(*system.rates_expr(q, u))))])
     own = {ca.OP_POW: "pow({}, {})", ca.OP_CONSTPOW: "pow({}, {})", ca.OP_SQ: "({0} * {0})"}
@@ -314,7 +314,7 @@ def _guarded(name: str, lines: list[str]) -> str:
 
 
 def _readme(plan: Plan, machine: Machine, design: TrackerDesign, real: str) -> str:
-    """README.md: what to call when, with this plan's numbers."""
+    """README.md: which function to call when, with this plan's numbers."""
     ref, clock, system = design.ref, design.ref.timing, plan.problem.system
     size, horizon = 8 if real == "double" else 4, 2 * design.programme.horizon
     rows = horizon * (2 if design.ramp else 1) + horizon // 2 * ref.rows.shape[1]

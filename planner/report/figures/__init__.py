@@ -1,6 +1,6 @@
-"""Pictures of plans and of the mechanism; every `plot_*` draws into axes of yours or a new figure.
+"""Pictures of plans and of the mechanism; every `plot_*` draws into your axes or a new figure.
 
-In this order: `style`, `notebook_figure` (shown by itself); `over_time` (inputs, joints, z), `arm`
+In this order: `style`, `notebook_figure` (displays itself); `over_time` (inputs, joints, z), `arm`
 (in the plane), `mechanism_layout` and `mechanism` (motors, disks, gears and belts),
 `on_the_machine` (replays, errors), `recorded` (runs of an arm), `robustness`, `sensitivities` (of
 several plans), `design` (studies of mechanisms), `sweep` (many cases).

@@ -1,4 +1,4 @@
-"""The motion in the plane: the arm's poses and the path of its tip, or a vehicle's."""
+"""The motion in the plane: poses of the arm and the path of its tip, or those of a vehicle."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
     """Draw the arm at equal time steps, coloured by time, and the path of its tip; one panel per
     plan.
 
-    Vehicles are drawn by their axles, other systems with coordinates x and y by that point.
+    Vehicles are drawn by their axles, other systems with coordinates x and y as a point.
 
     Args:
-        plans: One plan, several, or several by label; those without real angles are left out.
+        plans: One plan, several, or several by label; plans without real angles are left out.
         axes: Axes to draw into, one per executable plan.
         poses: Number of poses.
 
@@ -45,8 +45,8 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
         The figure and its axes, shape (1, plans), or (plans, 1) for motions wider than high.
 
     Raises:
-        InputError: If no plan is executable, `axes` do not fit, or the system has no place in the
-            plane (see `can_draw`).
+        InputError: If no plan is executable, `axes` do not fit, or the system has no position in
+            the plane (see `can_draw`).
     """
     drawn, ours = drawable(plans), axes is None
     problem = drawn[0].plan.problem
@@ -62,10 +62,10 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
 
 
 def drawable(plans: Plans) -> list[Curve]:
-    """The executable ones among plans.
+    """Select the executable plans.
 
     Raises:
-        InputError: If there is none, or the system has no place in the plane.
+        InputError: If there is none, or the system has no position in the plane.
     """
     drawn = curves(plans, executable=True)
     system = drawn[0].plan.problem.system
@@ -97,9 +97,9 @@ def _position(system: TriangularSystem, w: Array) -> Array:
 
 
 def draw_places(ax: Any, problem: Problem) -> None:
-    """Obstacles as discs, waypoints as dotted poses where every joint is given, the tip's goal.
+    """Draw obstacles as discs, waypoints as dotted poses if every joint is given, the tip's goal.
 
-    A waypoint that gives x and y alone is a point.
+    A waypoint that gives only x and y is drawn as a point.
     """
     from matplotlib.patches import Circle
 
@@ -119,7 +119,7 @@ def draw_places(ax: Any, problem: Problem) -> None:
 
 
 def _pose_to_pass(problem: Problem, point: Waypoint) -> Array:
-    """Points of the body at a waypoint, shape (P, 2); NaN where it does not fix them."""
+    """Points of the body at a waypoint, shape (P, 2); NaN where the waypoint does not fix them."""
     system = problem.system
     if system.has_user_coordinates and np.any(np.isnan(point.q)):
         return _position(system, point.user)[None]
@@ -127,7 +127,7 @@ def _pose_to_pass(problem: Problem, point: Waypoint) -> Array:
 
 
 def tips_to_pass(problem: Problem) -> Array:
-    """Where the tip is at waypoints that fix it, and is to end, shape (m, 2)."""
+    """Positions of the tip at waypoints that fix it, and at its goal, shape (m, 2)."""
     tips = [_pose_to_pass(problem, point)[-1] for point in problem.waypoints]
     if problem.tip is not None and problem.tip.place is not None:
         tips.append(problem.tip.place)
@@ -135,7 +135,7 @@ def tips_to_pass(problem: Problem) -> Array:
 
 
 def plane_axes(drawn: Sequence[Curve], axes: Any = None) -> tuple[Figure, Any]:
-    """A figure with axes in the plane, one a plan: wide motions one below the other."""
+    """A figure with axes in the plane, one per plan; wide motions are stacked vertically."""
     extents = [
         body_points(c.plan.problem, c.plan.q(times(c.plan, 200))).reshape(-1, 2) for c in drawn
     ]
@@ -172,7 +172,7 @@ def _draw(ax: Any, curve: Curve, scale: Any, poses: int) -> None:
 
 
 def _draw_closest(ax: Any, plan: Plan) -> None:
-    """Where two links that are to keep apart are nearest to each other: the pose, and how near."""
+    """Draw the pose in which two links are closest to each other, and their distance."""
     required = plan.problem.self_collision
     if required is None:
         return

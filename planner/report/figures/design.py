@@ -1,4 +1,4 @@
-"""A study of designs as one picture: what is traded, and how each figure depends on the design."""
+"""A study of designs as one picture: the trade-off, and each figure of merit over the designs."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
 
 COLOUR_MAP = "Blues"
-"""Dark for large values."""
+"""Colour map; dark for large values."""
 
 TAKEN_COLOUR, PRESENT_COLOUR = COLOURS[1], COLOURS[2]
 SLIP_COLOUR, OTHER_COLOUR = "#B00020", "#9A9A9A"
 
 LOG_RATIO = 5.0
-"""A figure whose values are so many times apart is shown by its logarithm."""
+"""A figure of merit is shown by its logarithm if its values differ by a larger factor."""
 
 MAX_LABELS = 8
-"""Of points of the front; more would cover each other."""
+"""Maximum number of labelled points of the front; more would overlap."""
 
 
 def plot_design(study: DesignStudy, *, axes: Any = None) -> tuple[Picture, Any]:
-    """The front of the figures traded, and maps or bars of what decides.
+    """Draw the front of the traded figures, and maps or bars of the decisive figures.
 
-    With two design variables that are numbers the figures are maps over both, otherwise bars. The
-    ring or box marks the design recommended, a cross contacts that would slip, hatching what cannot
-    be built.
+    With two numeric design variables the figures are maps over both, otherwise bars. A ring or box
+    marks the recommended design, a cross contacts that would slip, hatching a design that cannot be
+    built.
 
     Args:
         study: The study.
@@ -72,7 +72,7 @@ def plot_design(study: DesignStudy, *, axes: Any = None) -> tuple[Picture, Any]:
 
 
 def _decisive_figures(study: DesignStudy) -> list[Figure]:
-    """Five figures: those traded, contacts, one-way tasks, tasks that another method solves."""
+    """Choose up to five figures: traded ones, contacts, one-way tasks, another method's tasks."""
     by_key = {figure.key: figure for figure in study.figures}
     solved = [key for key in by_key if key.startswith("solved ")]
     after = [key for key in ("compensated_end_deg", "end_deg") if key in by_key]
@@ -81,7 +81,7 @@ def _decisive_figures(study: DesignStudy) -> list[Figure]:
 
 
 def _front(ax: Any, study: DesignStudy) -> None:
-    """The first two figures traded; of a single one, against the contacts' load."""
+    """Draw the first two traded figures; a single one against the contacts' load."""
     x, *rest = study.front_by
     load = next(figure for figure in study.figures if figure.key == CONTACT_LOAD)
     y = rest[0] if rest else load
@@ -118,21 +118,21 @@ def _front(ax: Any, study: DesignStudy) -> None:
             ax.scatter(row[x.key], row[y.key], edgecolor=colour, label=label, **ring)
     for row in _thin_out(front):
         words = ", ".join(number(v) for v in row.design.values.values() if not isinstance(v, list))
-        if not row.design.values:  # it has its ring
+        if not row.design.values:  # marked by its ring already
             continue
         name = escape_math(words or row.design.name)
         write_beside(ax, name, (row[x.key], row[y.key]), (5, 5), fontsize=7, zorder=2)
 
 
 def _thin_out(front: Sequence[DesignRow]) -> list[DesignRow]:
-    """Some of the front, its ends among them."""
+    """Select some designs of the front, including both ends."""
     if len(front) <= MAX_LABELS:
         return list(front)
     return [front[k] for k in np.linspace(0, len(front) - 1, MAX_LABELS).round().astype(int)]
 
 
 def _scale_axis(axis: Any, values: Sequence[float]) -> tuple[float, float]:
-    """Set the ends of an axis, logarithmic where values are far apart, and return them."""
+    """Set and return the ends of an axis; logarithmic if values are far apart."""
     numbers = [v for v in values if np.isfinite(v)] or [0.0, 1.0]
     low, high = min(numbers), max(numbers)
     if low > 0 and high > LOG_RATIO * low:
@@ -164,7 +164,7 @@ def _figure_title(study: DesignStudy, figure: Figure) -> str:
 
 
 def _value(study: DesignStudy, figure: Figure, row: DesignRow) -> tuple[float, str]:
-    """The value and how it is written."""
+    """The value as a number and as text."""
     value = row.figures.get(figure.key, np.nan)
     if figure.reduction == "part":
         return value * study.tasks, number(value * study.tasks, 4)
@@ -172,7 +172,7 @@ def _value(study: DesignStudy, figure: Figure, row: DesignRow) -> tuple[float, s
 
 
 def _variables(study: DesignStudy) -> tuple[str, str] | None:
-    """The two variables of a map; None where a map would show nothing."""
+    """The two variables of a map; None if a map would show nothing."""
     rows = [row.design.values for row in study.rows if row.design.values]
     keys = list(rows[0]) if rows else []
     if len(keys) != 2 or any(values.keys() != rows[0].keys() for values in rows):
@@ -184,7 +184,7 @@ def _variables(study: DesignStudy) -> tuple[str, str] | None:
 
 
 def _map(ax: Any, study: DesignStudy, figure: Figure) -> None:
-    """One figure over two design variables, a cell a design."""
+    """Draw one figure of merit over two design variables, one cell per design."""
     from matplotlib.patches import Rectangle
 
     variables = _variables(study)
@@ -234,7 +234,7 @@ def _map(ax: Any, study: DesignStudy, figure: Figure) -> None:
 
 
 def _bars(ax: Any, study: DesignStudy, figure: Figure) -> None:
-    """One figure, a bar a design."""
+    """Draw one figure of merit, one bar per design."""
     values = [_value(study, figure, row) for row in study.rows]
     most = max((v for v, _ in values if np.isfinite(v)), default=1.0)
     for k, (row, (value, text)) in enumerate(zip(study.rows, values, strict=True)):

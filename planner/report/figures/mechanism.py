@@ -1,16 +1,17 @@
 """The manipulator's mechanism: motors, friction disks, bevel gears, belts, contacts.
 
-The parts, contacts and radii are those of the paper (section 3.1, Figs 2 and 3). Which link carries
-which part is our reading: the one in which eq. (6) follows contact by contact. Each joint
-i = 1 … n−1 has a *stage*, a stack of three contacts on the axis of the joint, from the side:
+The parts, contacts and radii are those of the paper (section 3.1, Figs 2 and 3). The paper does not
+say which link carries which part; we assume the assignment for which eq. (6) follows contact by
+contact. Each joint i = 1 … n−1 has a *stage*, a stack of three contacts on the joint's axis, here
+from the side:
 
     wheel B    turned by motor 1 or by the stage before; its axle lies along link i−1
-      P₁       on the face of disk A, R from the axle of A, which stands on link i
-    wheel B'   below A, carried by link i−1;  P₂ is R from the axle of A too
-      P₃       on the face of disk A', r₃ from its axle, which stands on link i
+      P₁       on the face of disk A, at distance R from the axle of A, which stands on link i
+    wheel B'   below A, carried by link i−1;  P₂ is also at distance R from the axle of A
+      P₃       on the face of disk A', at distance r₃ from its axle, which stands on link i
 
 Bevel gears and a shaft along link i lead from A to B of the next joint, a belt from A' to the
-joint. Wheels turn against faces by θᵢ, so that each contact hands on cosθᵢ of the speed:
+joint. Wheels are turned against faces by θᵢ, so each contact transmits cosθᵢ of the speed:
 
     φ̇ᵢ₊₁ = r₁/(λR) cosθᵢ φ̇ᵢ  (P₁)        θ̇ᵢ₊₁ = r₁/(ηr₃) cos³θᵢ φ̇ᵢ  (P₁, P₂ and P₃)
 """
@@ -52,10 +53,10 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
     """Draw the chain of friction disks, bevel gears and belts of a manipulator.
 
     The upper part is a side view of all stages with the arm stretched out. The lower part shows the
-    first contact from above with joint 1 bent, which explains the factor cosθ. Link lengths are not
-    to scale; radii are where they are known. An arm given by K and k_g has no geometry, and one
-    whose stages differ does not fit the drawing: a geometry with the same joint rates and λ = η = R
-    = 1 is inferred, and the figure says that it is not to scale.
+    first contact from above with joint 1 bent, which explains the factor cosθ. Radii are to scale
+    if they are known; link lengths are not. An arm given by K and k_g has no geometry, and one with
+    different stages does not fit the drawing. Then a geometry with the same joint rates and
+    λ = η = R = 1 is inferred, and the figure says that it is not to scale.
 
     Args:
         system: A `Manipulator`.
@@ -93,7 +94,7 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
     return axes.figure, axes
 
 
-@lru_cache(maxsize=8)  # drawing takes a second, and a slider seldom changes the mechanism
+@lru_cache(maxsize=8)  # drawing takes a second, and few sliders change the mechanism
 def mechanism_svg(system: TriangularSystem) -> str:
     """The drawing of `plot_mechanism` as one SVG picture; empty for other systems."""
     if not isinstance(system, Manipulator):
@@ -108,7 +109,7 @@ def mechanism_svg(system: TriangularSystem) -> str:
 
 
 class _Drawing:
-    """Draws parts into axes; each has a name (gid), by which it is found again."""
+    """Draws parts into axes; each part has a name (gid) for tests and scripts."""
 
     def __init__(self, ax: Any) -> None:
         self.ax = ax
@@ -163,11 +164,11 @@ class _Drawing:
 
 
 AXIS_DASHES = (0, (8, 3, 1, 3))
-"""Dashes of axes of rotation, as on drawings."""
+"""Dashes of axes of rotation, as on technical drawings."""
 
 
 def _bands(pen: _Drawing, plan: MechanismLayout) -> None:
-    """What stands between two joints is carried by the link between them."""
+    """Shade the regions between joints; each is carried by the link between them."""
     low = plan.link - 0.75
     for k, (a, b) in enumerate(pairwise([plan.left, *plan.joints.tolist(), plan.right])):
         middle, height = ((a + b) / 2, (plan.top + low) / 2), plan.top - low
@@ -194,7 +195,7 @@ def _base(pen: _Drawing, plan: MechanismLayout) -> None:
 
 
 def _stage(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
-    """The stack of joint i, and what leads from it to joint i + 1."""
+    """Draw the stack of joint i, and the parts that lead to joint i + 1."""
     gear, (x, next_x) = plan.gears[i - 1], plan.joints[i - 1 : i + 1].tolist()
     wheel_z, r1 = -THICKNESS - plan.r2, gear.r1
     pen.axle((x - 0.5, wheel_z), (x, wheel_z), BRANCH_COLOUR)
@@ -230,7 +231,7 @@ def _stage(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
 
 
 def _write_names(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
-    """Names of the parts of stage i and what it hands on; with the first one distances too."""
+    """Write names of the parts of stage i and its output speeds; for stage 1 also distances."""
     gear, (x, next_x) = plan.gears[i - 1], plan.joints[i - 1 : i + 1].tolist()
     first, wheel_z = i == 1, -THICKNESS - plan.r2
     pen.write((x + 0.1, 2 * gear.r1), f"$B_{i}$" + (", a wheel" if first else ""))
@@ -263,7 +264,7 @@ def _write_names(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
 
 
 def _link(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
-    """The bar of link i, the axis of its joint, and the angle's name."""
+    """Draw the bar of link i and the axis of its joint, and name its angle."""
     x = float(plan.joints[i - 1])
     end = float(plan.joints[i]) if i < len(plan.joints) else x + 1.5
     low, top = plan.link - 0.14 * (i % 2), 2 * plan.r1
@@ -275,7 +276,7 @@ def _link(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
 
 
 def _top_view(pen: _Drawing, plan: MechanismLayout) -> None:
-    """Contact P₁ of joint 1 from above, to the same scale, with the joint bent."""
+    """Draw contact P₁ of joint 1 from above, to the same scale, with the joint bent."""
     from matplotlib.patches import Arc
 
     gear, here = plan.gears[0], plan.contact
@@ -321,7 +322,7 @@ disk, and three times on the way to the next joint: cos$^3\theta_1$."""
 
 
 def _write_notes(pen: _Drawing, plan: MechanismLayout) -> None:
-    """Why cosθ appears, what the colours mean, and what the picture is drawn from."""
+    """Write why cosθ appears, what the colours mean, and which geometry is drawn."""
     gear, unit = plan.gears[0], plan.unit
     lengths = {"$r_1$": gear.r1 * unit, "$R$": gear.R * unit, "$r_3$": gear.r3 * unit}
     values = lengths | {r"$\lambda$": gear.lam, r"$\eta$": gear.eta}

@@ -1,4 +1,4 @@
-"""Where the parts of the mechanism stand on paper, and the geometry that K and k_g stand for."""
+"""Positions of the mechanism's parts in the drawing."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Gear, Manipulator, stage_gears
 
 RADII_PER_INCH = 1 / 1.3
-"""Of paper, in largest radii: labels of 9 points then stand clear of each other."""
+"""Largest radii per inch of paper; labels of 9 points then do not overlap."""
 
 NOTE_LETTERS = 62
-"""Of a line of the words beside the view from above, 5 inches wide."""
+"""Letters per line of the text beside the view from above, 5 inches wide."""
 
 RIM_RATIO = 1.12
-"""Radius of a drawn disk over the distance of its contact: the contact lies inside the rim."""
+"""Radius of a drawn disk over the distance of its contact, which lies inside the rim."""
 
 THICKNESS = 0.07
-"""Of disks and wheels."""
+"""Thickness of disks and wheels, in largest radii."""
 
 BEND_ANGLE = np.deg2rad(35.0)
 """Angle of joint 1 in the view from above."""
@@ -28,12 +28,12 @@ BEND_ANGLE = np.deg2rad(35.0)
 
 @dataclass(frozen=True)
 class MechanismLayout:
-    """Where everything is. All lengths are over the largest radius of the geometry.
+    """Positions of all parts, in units of the largest radius of the geometry.
 
     Attributes:
         gears: Geometry of the stages 1 … n−1.
         unit: The largest radius.
-        inferred: What was assumed; empty where the geometry was given.
+        inferred: Assumptions about the geometry; empty if it was given.
         joints: x of the joints' axes, shape (n,).
     """
 
@@ -44,12 +44,12 @@ class MechanismLayout:
 
     @property
     def r1(self) -> float:
-        """Radius of the wheels B, and how high the shafts lie above P₁."""
+        """Radius of the wheels B, and height of the shafts above P₁."""
         return self.gears[0].r1
 
     @property
     def r2(self) -> float:
-        """Radius of the wheels B'. It cancels, and is not part of the geometry."""
+        """Radius of the wheels B'. It cancels out and is not part of the geometry."""
         return 0.6 * self.r1
 
     @property
@@ -69,23 +69,23 @@ class MechanismLayout:
 
     @property
     def top_view_z(self) -> float:
-        """Where the view from above and the words begin."""
+        """Height at which the view from above and the notes begin."""
         return self.link - 1.05
 
     @property
     def contact(self) -> Array:
-        """P₁ of joint 1 in the view from above."""
+        """Position of P₁ of joint 1 in the view from above."""
         over = max(1.25 + 0.25 * RADII_PER_INCH, (RIM_RATIO + np.sin(BEND_ANGLE)) * self.gears[0].R)
         return np.array([-0.2, self.top_view_z - 0.25 * RADII_PER_INCH - over])
 
     notes_x = 2.7
-    """Where the words begin, right of disk and link in the view from above."""
+    """x at which the notes begin, to the right of disk and link in the view from above."""
 
     left = -2.6
 
     @property
     def right(self) -> float:
-        """End of the picture."""
+        """Right end of the picture."""
         return max(float(self.joints[-1]) + 2.0, self.notes_x + 5.2 * RADII_PER_INCH)
 
     @property
@@ -103,7 +103,7 @@ class MechanismLayout:
 
 
 def layout(system: Manipulator) -> MechanismLayout:
-    """The geometry of a manipulator, given or inferred, and the places of its stages."""
+    """The geometry of a manipulator, given or inferred, and the positions of its stages."""
     stages, inferred = stage_gears(system)
     unit = max(max(g.r1, g.R, g.r3) for g in stages)
     gears = tuple(Gear(g.r1 / unit, g.R / unit, g.r3 / unit, g.lam, g.eta) for g in stages)

@@ -1,4 +1,4 @@
-"""The figure that a notebook shows by itself; apart, since matplotlib is slow to import."""
+"""A figure that notebooks display by itself; a separate file, since matplotlib imports slowly."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 
 
 class NotebookFigure(Figure):
-    """A figure that is drawn as a picture where it is the last expression of a notebook's cell."""
+    """A figure that is displayed as a picture if it is the last expression of a notebook cell."""
 
     def _repr_png_(self) -> bytes:
-        """What IPython asks a value for."""
+        """The PNG that IPython displays."""
         content = BytesIO()
         self.savefig(content, format="png", bbox_inches="tight")
         return content.getvalue()

@@ -1,8 +1,5 @@
-"""The motion on the machine against the plan.
-
-Effort against error on the machine: what a plan costs and what it is worth.
-
-How large the error on the machine is, over many sampled machines.
+"""Plans on emulated machines: motion against the plan, effort against error, and the distribution
+of the error over many machines.
 """
 
 from __future__ import annotations
@@ -44,8 +41,8 @@ def plot_replays(
 ) -> tuple[Figure, Any]:
     """Plot angles on the machine and in the plan over time; one row per plan, one column per angle.
 
-    At each time the line is the median of the samples and the shaded band contains 90 % of them,
-    of those whose motions are kept (by default all; of a comparison the first thousand).
+    At each time the line is the median of the samples and the shaded band contains 90 % of them.
+    Only samples with stored motions count (by default all; the first thousand in a comparison).
 
     Args:
         replays: One replay, or several by label; None for a plan that was not replayed.
@@ -83,7 +80,7 @@ def plot_replays(
 
 
 def median_sample(run: Replay) -> int:
-    """Place in the replay of the sample whose E is the (lower) median."""
+    """Index of the sample in the replay whose E is the (lower) median."""
     order = np.argsort(run.index_E_deg, kind="stable")
     return int(order[(len(order) - 1) // 2])
 
@@ -149,13 +146,13 @@ def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, A
 
 
 def needs_log_axis(values: ArrayLike) -> bool:
-    """Whether values get a logarithmic axis, in a picture and on the page: over ten times apart."""
+    """Whether values span over a factor of ten and get a logarithmic axis, also on the page."""
     every = np.asarray(values, dtype=float)
     return bool(np.min(every) > 0 and np.max(every) > 10 * np.min(every))
 
 
 def _scale(axis: Any, log: bool) -> None:
-    """Logarithmic, with plain numbers on it and a word that says so; or from zero on."""
+    """Make an axis logarithmic, with plain numbers and a note in its label; or start it at zero."""
     if not log:
         axis.axes.set(**{f"{axis.axis_name}lim": (0, None)})
         return
@@ -204,7 +201,7 @@ def plot_errors(
     Args:
         errors: For each plan its error index E on every sampled machine, shape (samples,), degrees;
             None for a plan that was not replayed (it keeps its colour).
-        refused: Labels of plans that are refused, and were replayed for study.
+        refused: Labels of refused plans that were replayed for study.
         axes: Axes to draw into.
 
     Returns:
@@ -244,6 +241,6 @@ def _distribution(ax: Any, label: str, error: Array, colour: str, refused: bool)
 
 
 def error_range(errors: list[Array]) -> tuple[float, float]:
-    """Least error but for one machine in a hundred, and the largest."""
+    """The first percentile of all errors, and the largest error."""
     every = np.concatenate(errors)
     return float(np.percentile(every, 1)), float(np.max(every))

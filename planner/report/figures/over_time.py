@@ -1,6 +1,6 @@
-"""Figures of plans as pictures: each panel of `planner.report.panels` on axes of its own.
+"""Figures of plans as pictures: each panel of `planner.report.panels` on its own axes.
 
-Inputs against their limits, joint angles, chained coordinates with the domain in which they map to
+Inputs with their limits, joint angles, chained coordinates with the domain in which they map to
 real angles, and the map of the first two joints.
 """
 
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 EXIT_STYLE = {"marker": "x", "color": "#B00020", "markersize": 8, "linestyle": "none"}
 DOT_STYLE = {"marker": "o", "color": "black", "markersize": 4, "linestyle": "none"}
 PANEL_SIZES = {"inputs": (4.8, 3.4), "map": (6.4, 4.6)}
-"""Width and height of one panel, inches, where it is not the usual."""
+"""Width and height of one panel, inches, if not the usual size."""
 
 
 def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
@@ -54,7 +54,7 @@ def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
     named above the panel, so that the rest stays readable.
 
     Args:
-        plans: One plan, several, or several by label; those without real inputs are left out.
+        plans: One plan, several, or several by label; plans without real inputs are left out.
         axes: Two axes to draw into.
 
     Returns:
@@ -69,11 +69,11 @@ def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
 def plot_joints(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
     """Plot θ₁ … θₙ over time in degrees (lengths in metres); one panel per coordinate.
 
-    Start and goal are dots, waypoints with a time diamonds; limits are drawn where the motion comes
-    near them.
+    Start and goal are dots, waypoints with a time diamonds. Limits are drawn if the motion comes
+    close to them.
 
     Args:
-        plans: One plan, several, or several by label; those without real angles are left out.
+        plans: One plan, several, or several by label; plans without real angles are left out.
         axes: Axes to draw into, one per coordinate after the first.
 
     Returns:
@@ -86,20 +86,20 @@ def plot_joints(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
 
 
 def plot_map(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot paths in the plane of θ₁ and θ₂, degrees, with the chart that the start lies in.
+    """Plot paths in the plane of θ₁ and θ₂, degrees, with the chart that contains the start.
 
     Outside the chart the plane is shaded; start and goal are dots, joint limits dotted lines.
 
     Args:
-        plans: One plan, several, or several by label; those without real angles are left out.
+        plans: One plan, several, or several by label; plans without real angles are left out.
         axes: Axes to draw into.
 
     Returns:
         The figure and its axes, shape (1, 1).
 
     Raises:
-        InputError: If no plan is executable, the system is no arm of two joints or more, or `axes`
-            do not fit.
+        InputError: If no plan is executable, the system is not an arm of two or more joints, or
+            `axes` do not fit.
     """
     return plot("map", plans, axes)
 
@@ -125,11 +125,11 @@ def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
 
 
 def plot(name: str, plans: Plans, axes: Any = None) -> tuple[Figure, Any]:
-    """Draw a figure of `FIGURES`: all plans in each panel, or a column a plan.
+    """Draw a figure of `FIGURES`: all plans in each panel, or one column per plan.
 
     Args:
         name: Name of the figure.
-        plans: One plan, several, or several by label; those it cannot show are left out.
+        plans: One plan, several, or several by label; plans that it cannot show are left out.
         axes: Axes to draw into, one per panel.
 
     Returns:
@@ -153,7 +153,7 @@ def plot(name: str, plans: Plans, axes: Any = None) -> tuple[Figure, Any]:
 
 
 def _panels(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
-    """All plans in each panel."""
+    """Draw all plans in each panel."""
     plan_panels = kind.panels(_plan_curves(drawn))
     over_time = plan_panels[0]["kind"] == "time"
     share: tuple[Sharing, Sharing] = ("all" if over_time else "none", "none")
@@ -167,14 +167,14 @@ def _panels(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Fig
         ax.set_visible(False)
     if over_time:
         first = max(0, len(plan_panels) - axes.shape[1])
-        for ax in every[first : len(plan_panels)]:  # with nothing below
+        for ax in every[first : len(plan_panels)]:  # panels with none below
             ax.tick_params(labelbottom=True)
             ax.set_xlabel(time_label(curve.plan for curve in drawn))
     return figure, axes
 
 
 def _columns(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
-    """A column a plan, its panels of one id on the same axes."""
+    """Draw one column per plan; its panels with the same id share axes."""
     plan_panels = [kind.panels([one]) for one in _plan_curves(drawn)]
     columns = [
         [list(same) for _, same in groupby(each, key=itemgetter("id"))] for each in plan_panels
@@ -191,7 +191,7 @@ def _columns(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Fi
 
 
 def grid_shape(count: int) -> tuple[int, int]:
-    """Rows and columns for `count` panels, at most four abreast."""
+    """Rows and columns for `count` panels, at most four per row."""
     rows = -(-count // 4)
     return rows, -(-count // rows)
 
@@ -204,7 +204,7 @@ def _plan_curves(drawn: Sequence[Curve]) -> list[PlanCurves]:
 
 
 def _draw(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
-    """A panel with a curve a plan."""
+    """Draw a panel with one curve per plan."""
     {"time": _frame, "plane": _plane}[panel["kind"]](ax, panel, drawn)
     for series in panel["series"]:
         curve = drawn[series["plan"]]
@@ -215,7 +215,7 @@ def _draw(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
 
 
 def _draw_same(ax: Any, same: Sequence[Panel], drawn: Sequence[Curve]) -> None:
-    """Panels of one plan on the same axes: each curve thinner, and named where it is largest."""
+    """Draw panels of one plan on the same axes; each curve is thinner, and named at its peak."""
     _frame(ax, same[0], drawn)
     names = [symbol(panel["title"]) for panel in same]
     ax.set_ylabel(names[0] if len(same) == 1 else f"{names[0]} … {names[-1]}")
@@ -231,7 +231,7 @@ def _draw_same(ax: Any, same: Sequence[Panel], drawn: Sequence[Curve]) -> None:
 
 
 def _name(ax: Any, name: str, t: Array, y: Array) -> None:
-    """A curve's name where it is largest."""
+    """Write a curve's name at its maximum."""
     top = int(np.argmax(np.abs(y)))
     late = t[top] > (t[0] + t[-1]) / 2
     ax.margins(y=0.15)
@@ -240,12 +240,12 @@ def _name(ax: Any, name: str, t: Array, y: Array) -> None:
 
 
 def _times(curve: Curve) -> Array:
-    """Times of a plan, from where its plan starts; preparations lie before."""
+    """Times of a plan, shifted so that 0 is its start; preparatory motions have negative times."""
     return np.asarray(times(curve.plan) - curve.plan.lead_s)
 
 
 def _frame(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
-    """What a panel over time has besides its curves."""
+    """Draw everything in a panel over time except its curves."""
     for plan in (curve.plan for curve in drawn):
         shade_holds(ax, plan)
     unit = escape_math(panel["unit"])
@@ -279,7 +279,7 @@ def _frame(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
 
 
 def _view(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
-    """A view that stays readable, the word on its limit, and a note on each peak outside it."""
+    """Set a readable view, label its limit, and note each peak outside it."""
     ax.set_ylim(*panel["view"])
     if panel["limits"]:
         ax.text(0.995, max(panel["limits"]), "limit", transform=ax.get_yaxis_transform(),
@@ -291,7 +291,7 @@ def _view(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
 
 
 def _note(ax: Any, curve: Curve, time: float, value: float, above: int) -> None:
-    """Name a peak that lies outside the view over the axes, and mark where it leaves."""
+    """Write a peak outside the view above the axes, and mark its time at their edge."""
     up = value > 0
     mark = {"color": curve.colour, "markersize": 7, "clip_on": False, "zorder": 5}
     place = ax.get_xaxis_transform()
@@ -309,7 +309,7 @@ def _note(ax: Any, curve: Curve, time: float, value: float, above: int) -> None:
 
 
 def _plane(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
-    """What a panel in a plane has besides its paths."""
+    """Draw everything in a panel in the plane except its paths."""
     from matplotlib.patches import Rectangle
 
     across, up = (f"{symbol(name)} ({escape_math(panel['unit'])})" for name in panel["names"])
@@ -329,7 +329,7 @@ def _plane(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
 
 
 def _entries(axes: Any) -> list[Any]:
-    """One legend entry for each label that any of the axes holds."""
+    """One legend entry for each label that appears in any of the axes."""
     entries: dict[str, Any] = {}
     for ax in axes.flat:
         handles, labels = ax.get_legend_handles_labels()

@@ -1,4 +1,4 @@
-"""A recorded run beside the plan and the prediction; what is left of runs after identification."""
+"""Recorded runs with their plan and prediction, and the residuals after identification."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RECORDED_STYLE = {"color": COLOURS[0], "linewidth": 1.0}
 PLAN_STYLE = {"color": "black", "linewidth": 1.1, "linestyle": "--", "zorder": 3}
 PREDICTION_STYLE = {"color": COLOURS[1], "linewidth": 1.2}
 MEAN_S = 0.3
-"""Steps of encoders hide a difference of two runs; its mean over so many seconds shows it."""
+"""Window of the running mean, s; it shows differences that steps of the encoders hide."""
 
 
 def plot_run(
@@ -28,22 +28,22 @@ def plot_run(
 ) -> tuple[Figure, Any]:
     """Plot the angles of a recorded run, of its plan and of a machine's prediction over time.
 
-    Below each angle: the reading minus the plan, and minus the prediction, pale, with their means
-    over 0.3 s. Of a compensated plan this is the motion that it expects of its machine, not the
-    path it was made for.
+    Below each angle, the reading minus the plan and the reading minus the prediction are shown
+    pale, with their running means over 0.3 s. The plan of a compensated plan is the motion expected
+    of its machine, not the original path.
 
     Args:
-        log: The run; its first command is taken for the plan's (`Log.part` cuts off what was
+        log: The run; its first command is taken as the plan's first (`Log.part` cuts off what came
             before).
-        plan: What was executed.
-        prediction: What a machine makes of the log's commands: `Identification.predict(log)`.
+        plan: The executed plan.
+        prediction: A machine's motion under the log's commands: `Identification.predict(log)`.
         axes: Axes to draw into: two rows, one column for each joint.
 
     Returns:
         The figure and its axes, shape (2, n).
 
     Raises:
-        InputError: If `log` or `plan` is none, or `axes` do not fit.
+        InputError: If `log` or `plan` has the wrong type, or `axes` do not fit.
     """
     expect_log(log)
     expect_plan(plan)
@@ -73,7 +73,7 @@ def plot_run(
 
 
 def _differences(ax: Any, t: Array, values: Array, style: dict[str, Any]) -> None:
-    """Draw values at even times t as they are, pale, and their running mean."""
+    """Draw values at even times t in a pale colour, and their running mean."""
     window = np.ones(min(len(t), 1 + 2 * round(MEAN_S / 2 * (len(t) - 1) / float(t[-1] - t[0]))))
     mean = np.convolve(values, window, "same") / np.convolve(np.ones_like(values), window, "same")
     ax.plot(t, values, color=style["color"], linewidth=0.5, alpha=0.25, zorder=1)
@@ -81,25 +81,26 @@ def _differences(ax: Any, t: Array, values: Array, style: dict[str, Any]) -> Non
 
 
 def start_of(log: Log, plan: Plan) -> float:
-    """When the plan began in the log, s: their first commands coincide."""
+    """Time in the log at which the plan began, s; the first commands of both coincide."""
     first = log.t[np.argmax(moving(log.u))]
     t = np.linspace(0.0, plan.duration, 1 + round(plan.duration / log.interval_s))
     return float(first - t[np.argmax(moving(plan.trajectory.u(t)))])
 
 
 def moving(u: Array) -> Array:
-    """Where commands (m, 2) are more than the noise of a zero, (m,)."""
+    """Whether commands (m, 2) exceed the noise of zero commands, (m,)."""
     return np.asarray(np.max(np.abs(u), axis=1) > 1e-3)
 
 
 def identification_figure(found: Identification) -> Figure:
-    """Plot readings minus prediction of every run, and what the runs tell of each parameter.
+    """Plot readings minus prediction of every run, and what the runs say about each parameter.
 
-    One row a run, the one kept out last: of the machine found and, paler, of the preset. Then the
-    parameters: how far each went from the preset, in deviations of its prior, with its spread.
+    One row per run, the run kept out of the fit last: for the identified machine and, paler, for
+    the preset. Then each parameter's shift from the preset and its spread, in standard deviations
+    of its prior.
 
     Args:
-        found: What `planner.identify` returned.
+        found: The result of `planner.identify`.
 
     Raises:
         InputError: If it is something else.

@@ -1,8 +1,5 @@
-"""Heat maps of what errors do to the end of a plan, and how the response grows along it.
-
-Error budgets: as tables, as bars, and as a folder, written whole or not at all.
-
-A trade-off curve as one picture: what is bought, what the machine makes of it, by which path.
+"""Figures of robustness: heat maps of the effect of errors at the end of a plan, the response along
+the plan, error budgets as bars, and a trade-off curve.
 """
 
 from __future__ import annotations
@@ -29,19 +26,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOUR_MAP = "Blues"
-"""Light for no response, dark for the largest."""
+"""Colour map; light for no response, dark for the largest."""
 
 
 def plot_sensitivity(
     found: Sensitivity, spread: Mapping[str, float] = PAPER_SPREAD, *, axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Degrees of each angle at the end for one reference error of each parameter.
+    """Draw the error of each angle at the end, degrees, for one reference error of each parameter.
 
-    Boxes mark the passive block, dots what start and goal alone decide (irreducible).
+    Boxes mark the passive block, dots the entries that depend only on start and goal (irreducible).
 
     Args:
         found: The sensitivities.
-        spread: Standard deviations; where there is none the usual size is taken.
+        spread: Standard deviations; parameters without one get their usual size.
         axes: Axes to draw into.
 
     Returns:
@@ -73,11 +70,11 @@ def plot_sensitivity(
 def plot_machine_sensitivity(
     found: MachineSensitivity, *, most: int = 24, axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Degrees of each angle at the end for one spread (or step) of each parameter of the machine.
+    """Draw the error of each angle at the end, degrees, for one spread (or step) of each parameter.
 
     Args:
         found: The sensitivities.
-        most: Parameters shown: those of the largest response.
+        most: Number of parameters shown, those with the largest response.
         axes: Axes to draw into.
 
     Returns:
@@ -98,7 +95,7 @@ def plot_machine_sensitivity(
 def plot_responses(
     found: Sensitivity, spread: Mapping[str, float] = PAPER_SPREAD, *, axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Standard deviation of each angle along the plan, degrees.
+    """Plot the standard deviation of each angle along the plan, degrees.
 
     Args:
         found: The sensitivities.
@@ -159,18 +156,18 @@ def _box_passive(ax: Any, responses: Sensitivity, columns: Sequence[int]) -> Non
 
 
 def entry_name(entry: MachineEntry) -> str:
-    """A machine's parameter in words."""
+    """Name of a machine's parameter in words."""
     return f"{effect_words(entry.effect)} {entry.element}".strip()
 
 
 def parameter_symbol(parameter: str) -> str:
-    """An error by its name, as mathematics."""
+    """Name of an error, with mathematical symbols."""
     word, _, which = parameter.partition(" ")
     return f"{word} {symbol(which)}" if which else symbol(f"k{word[1:]}").replace("k", "K")
 
 
 def size_of(value: float, unit: str) -> str:
-    """The size of an error with its unit, angles in degrees."""
+    """Size of an error with its unit; angles in degrees."""
     if unit == "1":
         return f"{100 * value:.3g} %"
     if unit == "rad":
@@ -179,7 +176,7 @@ def size_of(value: float, unit: str) -> str:
 
 
 def plot_budget(budget: Budget, *, axes: Any = None) -> tuple[Figure, Any]:
-    """What each effect costs, and its shares of the variance, as bars with 95 % intervals.
+    """Draw the cost of each effect and its share of the variance, as bars with 95 % intervals.
 
     Args:
         budget: The budget.
@@ -221,7 +218,7 @@ def _bars(ax: Any, places: Any, values: Any, reach: Any, colour: int, label: str
 
 
 def _reach(costs: tuple[Cost, ...], kind: str) -> Any:
-    """How far the interval reaches to either side, (2, effects); nothing where it is unknown."""
+    """Half widths of the interval on both sides, (2, effects); zero if unknown."""
     middle = np.array([getattr(c, f"{kind}_deg") for c in costs])
     ends = np.array([getattr(c, f"{kind}_interval_deg") for c in costs]).reshape(-1, 2)
     return np.nan_to_num(np.maximum([middle - ends[:, 0], ends[:, 1] - middle], 0.0))
@@ -236,7 +233,7 @@ KNEE_STYLE = {"marker": "o", "markersize": 11, "fillstyle": "none", "markeredgew
 
 
 def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Response against cost, errors on machines against cost, and the paths of three points.
+    """Plot response against cost, errors on machines against cost, and the paths of three points.
 
     Args:
         curve: The curve.
@@ -259,12 +256,12 @@ def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
 
 
 PASSIVE_SHARE = 0.99
-"""The passive block at the knee tells what was bought if it is below this part of the first
-point's: less does not show on the curve, and the total tells it."""
+"""The sentence on the knee names the passive block if it fell below this share of the first
+point's; otherwise the change is not visible, and the sentence names the total."""
 
 
 def knee_sentence(curve: TradeOff) -> str:
-    """What the knee of a curve has for its cost, in one sentence without its full stop."""
+    """Describe what the knee of a curve gains for its cost, in one sentence without full stop."""
     first, knee = curve.points[0], curve.knee
     unit = {"effort": f" {effort_unit(curve.problem.system)}", "duration": " s", "peak": ""}
     cost = f"{curve.kind} {number(_cost(curve, knee))}{unit[curve.kind]}"
@@ -278,7 +275,7 @@ def knee_sentence(curve: TradeOff) -> str:
 
 
 def distinct_texts(*angles: float) -> list[str]:
-    """Angles in degrees with the fewest digits, two at least, that tell different ones apart."""
+    """Format angles in degrees with the fewest digits, at least two, that distinguish them."""
     for digits in range(2, 8):
         texts = [_degrees(angle, digits) for angle in angles]
         if len(set(texts)) == len(set(angles)):
@@ -287,7 +284,7 @@ def distinct_texts(*angles: float) -> list[str]:
 
 
 def _degrees(angle: float, digits: int) -> str:
-    """Never 0: what is less than the last digit that an encoder could tell is said to be less."""
+    """Format an angle; below an encoder's resolution write "less than", never 0."""
     if abs(angle) < ENCODER_DEG:
         return f"less than {ENCODER_DEG:g} deg"
     places = max(digits - 1 - int(np.floor(np.log10(abs(angle)))), 0)
@@ -350,7 +347,7 @@ def _paths(ax: Any, curve: TradeOff) -> None:
 
 
 def reversals(count: int) -> str:
-    """How often a drive turns back, in words."""
+    """Number of reversals of the drive, in words."""
     return {0: "one way", 1: "1 reversal"}.get(count, f"{count} reversals")
 
 

@@ -1,5 +1,5 @@
-"""Sensitivities of several plans as one picture: which part a plan decides, and which error costs
-what."""
+"""Sensitivities of several plans as one picture: the part that a plan decides, and the response to
+each error."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PALE = 0.35
-"""Opacity of the totals, behind which the passive blocks stand out."""
+"""Opacity of the totals, so that the passive blocks stand out."""
 
 BAR_SPAN = 0.8
-"""Width of the bars that stand side by side over one error, of the distance between two."""
+"""Width of the group of bars over one error, relative to the distance between groups."""
 
 
 def plot_sensitivities(found: Sensitivities, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Passive block and total of each plan, and its response to each error.
+    """Draw passive block and total of each plan, and its response to each error.
 
     Args:
         found: The sensitivities.
@@ -46,7 +46,7 @@ def plot_sensitivities(found: Sensitivities, *, axes: Any = None) -> tuple[Figur
 
 
 def _sums(ax: Any, found: Sensitivities) -> None:
-    """Bars of each plan's passive block and total; a line where the irreducible part ends."""
+    """Draw bars of each plan's passive block and total, and a line at the irreducible part."""
     from matplotlib.patches import Patch  # slow to import
 
     labels, spread = list(found.found), found.spread
@@ -71,7 +71,7 @@ def _sums(ax: Any, found: Sensitivities) -> None:
 
 
 def _errors(ax: Any, found: Sensitivities) -> None:
-    """Bars side by side: each plan's response to one standard deviation of each error."""
+    """Draw bars side by side: each plan's response to one standard deviation of each error."""
     names, responses = found.responses
     sizes = found.sizes
     colour, width = colours(list(responses)), BAR_SPAN / len(responses)

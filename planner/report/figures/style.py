@@ -1,7 +1,7 @@
-"""What all figures share: one colour per plan, names with units, grids of axes.
+"""Common style of all figures: one colour per plan, names with units, grids of axes.
 
-Figures are made with `matplotlib.figure.Figure` itself, never through pyplot, so that they need no
-display and leave no global state; a notebook shows the figure that a function returns.
+Figures are made with `matplotlib.figure.Figure` itself, not with pyplot, so they need no display
+and leave no global state. A notebook shows the figure that a function returns.
 """
 
 from __future__ import annotations
@@ -39,9 +39,10 @@ PALETTE = (
     ("#332288", "#332288", "#a79be8"),
     ("#117733", "#0f6a2e", "#a9e5a0"),
 )
-"""Each colour in pictures, and as text of a browser on a light and on a dark ground.
+"""Each colour in pictures, and as text in a browser on a light and on a dark background.
 
-Distinct in every common kind of colour vision (M. Okabe, K. Ito, 2008; P. Tol, 2021)."""
+The colours are distinct for all common kinds of colour vision (M. Okabe, K. Ito, 2008; P. Tol,
+2021)."""
 
 COLOURS = tuple(picture for picture, _, _ in PALETTE)
 
@@ -58,35 +59,35 @@ METHOD_COLOURS = {
     "desensitised": 7,
     "sinusoid_steps": 8,
 }
-"""The colour that a method has wherever its plans are drawn. A further plan of a method in the same
-picture, and what is none of these, takes one that no method there has."""
+"""Index in `PALETTE` of each method's colour in all figures. A second plan of the same method, and
+a method that is missing here, take a colour that no method in the picture has."""
 
 DOMAIN_COLOUR = "#DCEBF5"
 OUTSIDE_COLOUR = "#F3D9D0"
 LIMIT_COLOUR = "#555555"
 LABEL_BOX = {"boxstyle": "square,pad=0.1", "color": "white", "alpha": 0.7}
-"""Behind words that stand on curves."""
+"""Background of text on curves."""
 
 GRID_STYLE = {"color": "#DDDDDD", "linewidth": 0.6}
 
 REFUSED_SUFFIX = " (refused)"
-"""Behind the label of a refused plan, in legends and titles."""
+"""Suffix of a refused plan's label, in legends and titles."""
 
 Sharing = Literal["none", "all", "row", "col"]
 
 Plans = Plan | Sequence[Plan] | Mapping[str, Plan | None]
-"""One plan, several, or several by label; a label without a plan only takes up its colour."""
+"""One plan, several, or several by label; a label without a plan only reserves its colour."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """How one plan is drawn.
+    """A plan and how it is drawn.
 
     Attributes:
-        label: Its name in legends and titles.
+        label: Name in legends and titles.
         plan: The plan.
-        colour: The same in all figures.
-        followed: Whether its compensated plan is drawn too, on the same path.
+        colour: Colour, the same in all figures.
+        followed: Whether its compensated plan, which has the same path, is drawn too.
     """
 
     label: str
@@ -96,42 +97,42 @@ class Curve:
 
     @property
     def look(self) -> dict[str, Any]:
-        """Colour, dashes and width: one that its compensated plan covers is wide and pale."""
+        """Colour, dashes and width; wide and pale if its compensated plan is drawn over it."""
         wide = {"linewidth": 4.5, "alpha": 0.45} if self.followed else {"linewidth": 1.6}
         return {"color": self.colour, "linestyle": self.dashes, **wide}
 
     @property
     def refused(self) -> bool:
-        """Whether it is drawn for study only."""
+        """Whether the plan is refused and drawn only for study."""
         fine = self.plan.verified or self.plan.status in ("solved", RECORDED)
         return not fine or not self.plan.executable
 
     @property
     def dashes(self) -> str:
-        """Line style: refused plans are dashed."""
+        """Line style; refused plans are dashed."""
         return "--" if self.refused else "-"
 
     @property
     def name(self) -> str:
-        """The label, with a word on a refusal."""
+        """The label, with a suffix if the plan is refused."""
         return f"{self.label}{REFUSED_SUFFIX}" if self.refused else self.label
 
     @property
     def title(self) -> str:
-        """The name, broken where a narrow panel needs it."""
+        """The name, wrapped for narrow panels."""
         label = self.label.replace(":", ":\n", 1) if len(self.label) > 24 else self.label
         return f"{label}\nrefused" if self.refused else label
 
 
 def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
-    """Label and colour plans; each keeps its colour when others are left out.
+    """Assign labels and colours to plans; each keeps its colour if others are left out.
 
     Args:
         plans: See `Plans`.
-        executable: Leave out those that have no real coordinates.
+        executable: Whether to leave out plans without real coordinates.
 
     Raises:
-        InputError: If one is no plan, or nothing is left to draw.
+        InputError: If one is not a plan, or nothing is left to draw.
     """
     if isinstance(plans, str) or not isinstance(plans, Iterable):
         expect_plan(plans)
@@ -156,18 +157,18 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
 
 
 def followed(labels: Iterable[str]) -> set[str]:
-    """The labels of plans whose compensated plan is among them too: both run along one path."""
+    """Labels of plans whose compensated plan is also present; both have the same path."""
     known = {label for label in labels if not label.endswith(FEEDBACK)}
     return {plain_label(label) for label in known if plain_label(label) != label} & known
 
 
 def colours(labels: Sequence[str]) -> dict[str, str]:
-    """The colour of each plan, by its label; with feedback it keeps its colour."""
+    """Colour of each plan, by label; with feedback a plan keeps its colour."""
     return {label: COLOURS[k] for label, k in colour_numbers(labels).items()}
 
 
 def colour_numbers(labels: Sequence[str]) -> dict[str, int]:
-    """The place in `PALETTE` of each plan's colour: its method's, as far as its label names one."""
+    """Index in `PALETTE` of each plan's colour: its method's, if the label names a method."""
     plans = list(dict.fromkeys(label.removesuffix(FEEDBACK) for label in labels))
     usual = {plan: METHOD_COLOURS.get(plan, METHOD_COLOURS.get(_method(plan))) for plan in plans}
     spare = [k for k in range(len(PALETTE)) if k not in usual.values()]
@@ -180,32 +181,32 @@ def colour_numbers(labels: Sequence[str]) -> dict[str, int]:
 
 
 def colour_of(method: str) -> str:
-    """The colour of a method's plans in pictures."""
+    """Colour of a method's plans in pictures."""
     return COLOURS[METHOD_COLOURS[method]]
 
 
 def _method(label: str) -> str:
-    """The method that a label begins with, perhaps after a number."""
+    """The method at the beginning of a label, after an optional number."""
     return re.sub(r"^\d+: ", "", label).partition(":")[0]
 
 
 def times(plan: Plan, count: int = 1500) -> Array:
-    """Times that show a plan, crowded towards its breaks; shape (m,), seconds."""
+    """Times at which to draw a plan, denser near its breaks; shape (m,), seconds."""
     return sample_times(plan.t, max(count, 12 * (len(plan.t) - 1)))
 
 
 def shade_holds(ax: Any, plan: Plan) -> None:
-    """Where a compensated plan's clock is held, on an axis whose 0 is the plan's start."""
+    """Shade the times at which a compensated plan's clock is held; 0 is the plan's start."""
     for begin, end in plan.clock.holds:
         ax.axvspan(begin - plan.lead_s, end - plan.lead_s, color=HOLD_COLOUR, linewidth=0, zorder=0)
 
 
 HOLD_COLOUR = "#EEEEEE"
-"""Where the plan's clock stands."""
+"""Shade of times at which the plan's clock is held."""
 
 
 def time_label(plans: Iterable[Plan]) -> str:
-    """The label of a time axis, on which 0 is where the plan starts: preparations lie before it."""
+    """Label of a time axis on which 0 is the plan's start; preparatory motions come before."""
     return "time since the plan's start (s)" if any(p.lead_s for p in plans) else "time (s)"
 
 
@@ -217,17 +218,17 @@ def grid(
     size: tuple[float, float] = (3.4, 2.6),
     share: tuple[Sharing, Sharing] = ("none", "none"),
 ) -> tuple[Figure, Any]:
-    """Axes (rows, columns) in a new figure, or those given.
+    """Return axes (rows, columns) in a new figure, or check the given ones.
 
     Args:
         rows: Number of rows.
         columns: Number of columns.
-        axes: Axes to draw into, rows × columns of them in reading order, or None.
+        axes: Axes to draw into, rows × columns of them in reading order; None for a new figure.
         size: Width and height of one panel, inches.
         share: Sharing of x and of y, as in `matplotlib.figure.Figure.subplots`.
 
     Raises:
-        InputError: If `axes` are not as many as needed.
+        InputError: If the number of `axes` is wrong.
     """
     if axes is not None:
         array = np.array(axes, dtype=object, ndmin=1)
@@ -262,7 +263,7 @@ def make_logarithmic(axis: Any) -> None:
 
 
 def symbol(name: str) -> str:
-    """A coordinate's name as mathematics where it has a number: theta1 becomes θ₁."""
+    """Write a coordinate's name as mathematics if it has a number: theta1 becomes θ₁."""
     match = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
     if not match:
         return escape_math(name.replace("_", " "))
@@ -275,7 +276,7 @@ _DIGITS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 
 def readable_name(name: str) -> str:
-    """theta1 becomes θ₁, u2 u₂; other names lose their underscores."""
+    """theta1 becomes θ₁, u2 becomes u₂; other names lose their underscores."""
     match = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
     if not match:
         return name.replace("_", " ")
@@ -284,33 +285,33 @@ def readable_name(name: str) -> str:
 
 
 def escape_math(text: str) -> str:
-    """Foreign text as Matplotlib draws it letter by letter; between two $ it reads mathematics."""
+    """Escape foreign text for Matplotlib, which reads text between two $ as mathematics."""
     return clean_text(text).replace("$", r"\$")
 
 
 def axis_label(coordinate: Coordinate) -> str:
-    """Name and unit; angles are drawn in degrees."""
+    """Name and unit of a coordinate; angles are drawn in degrees."""
     return f"{symbol(coordinate.name)} ({escape_math(unit_of(coordinate))})"
 
 
 def unit_of(coordinate: Coordinate) -> str:
-    """The unit a coordinate is shown in."""
+    """The unit in which a coordinate is shown."""
     return "deg" if coordinate.unit == "rad" else coordinate.unit
 
 
 def length_unit(system: TriangularSystem) -> str:
-    """Of places in the plane: metres, but for an arm whose links are given no lengths."""
+    """Unit of positions in the plane: metres, or link lengths if an arm has none given."""
     lengths = getattr(system, "link_lengths", None)
     return "m" if lengths is None or np.any(lengths != 1) else "link lengths"
 
 
 def to_display(values: Array, unit: str) -> Array:
-    """Values in the unit they are drawn in: degrees for angles."""
+    """Convert values to the unit in which they are drawn: degrees for angles."""
     return np.rad2deg(values) if unit == "rad" else values
 
 
 def write_beside(ax: Any, text: str, place: Any, shift: tuple[int, int], **look: Any) -> None:
-    """Words beside a place, shifted by so many points, on a ground of their own."""
+    """Draw a label next to a point, offset in points, on a white background."""
     look = {"textcoords": "offset points", "fontsize": 8, "bbox": LABEL_BOX} | look
     ax.annotate(text, place, shift, **look)
 
@@ -325,7 +326,7 @@ def line(curve: Curve) -> Any:
 def legend(
     figure: Figure, axes: Any, handles: Sequence[Any], *, ours: bool, abreast: int = 3
 ) -> None:
-    """One legend: below the axes of a figure of ours, inside the first axes of another's."""
+    """Draw one legend: below the axes of our own figure, inside the first of the caller's axes."""
     if ours:
         columns = min(abreast, len(handles))
         figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
@@ -334,7 +335,7 @@ def legend(
 
 
 def heading(figure: Figure, text: str, *, ours: bool) -> None:
-    """Set a title above a figure that we made."""
+    """Set a title above the figure if we made it."""
     if ours:
         letters = int(11 * figure.get_figwidth())
         figure.suptitle(escape_math(textwrap.fill(text, letters)), fontsize=11)

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
-    """Solved cases of each method, and effort of each solved case (E of replays below).
+    """Draw the solved cases of each method, and the effort of each solved case (or E of replays).
 
-    A refused case has no mark. Cases lie over the key that varies, where that is one number, else
-    over the numbers of the points in the order of the sweep.
+    Refused cases have no mark. Cases are drawn over the varied key if it is one number, else over
+    the number of the point in the order of the sweep.
 
     Args:
-        columns: Names of columns, of which those before `method` are the varied keys.
+        columns: Names of the columns; those before `method` are the varied keys.
         records: The finished cases; `planner.sweep.results.read` gives both.
     """
     counts = solved_by_method(records)
@@ -59,14 +59,14 @@ def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
 
 
 _PAPER = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
-"""Behind the counts, so that they can be read on every colour."""
+"""Background of the counts, so that they are readable on every colour."""
 
 
 POINT = "point of the sweep"
 
 
 def _places(keys: Sequence[str], records: Sequence[Record]) -> tuple[list[float], str]:
-    """Where each case lies along the figure, and what that is."""
+    """Position of each case along the axis, and the axis label."""
     if len(keys) == 1 and all(type(r[keys[0]]) in (int, float) for r in records):
         return [float(r[keys[0]]) for r in records], keys[0]
     points: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""The page that opens from disk.
+"""A comparison as a web page that opens from disk.
 
-`page` puts it together, `series` is what its scripts draw, `words` what it says.
+`page` assembles it, `series` holds the data for its scripts, `words` writes its text.
 """

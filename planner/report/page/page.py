@@ -1,4 +1,4 @@
-"""A comparison as one page that opens from disk: no network, no other files."""
+"""Write a comparison as one page that opens from disk, without network or other files."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from planner.support.tables import Column, Markup, R, html_table, number
 PACKAGE = "planner.report.page"
 
 SCRIPTS = ("machines.js", "motion.js", "main.js")
-"""Read in this order, after those of the charts, into one script."""
+"""Scripts in order; they follow those of the charts in one script."""
 
 
 def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
@@ -36,14 +36,14 @@ def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
 
     Args:
         folder: A folder that `Comparison.save` (or `planner compare --out`) wrote.
-        out: The page; report.html in the folder when left out.
+        out: The page; by default report.html in the folder.
 
     Returns:
         The page's path.
 
     Raises:
-        InputError: If the folder is not that of a comparison, a plan in it is none any more, or the
-            page cannot be written.
+        InputError: If the folder is not that of a comparison, a plan in it is no longer valid, or
+            the page cannot be written.
     """
     place = expect_path(folder)
     comparison, replays = load_comparison(place, strict=True), load_replays(place)
@@ -57,11 +57,11 @@ def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
 
 
 def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mapping[str, Any]) -> str:
-    """The page.
+    """Build the page as HTML.
 
     Args:
-        comparison: With its plans.
-        replays: What `load_replays` gives.
+        comparison: The comparison with its plans.
+        replays: The result of `load_replays`.
         data: `command` and `versions`, as in comparison.json.
     """
     page = json.dumps(page_data(comparison, replays), separators=(",", ":"), ensure_ascii=False)
@@ -90,7 +90,7 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mappin
 
 
 def _mechanism(comparison: Comparison) -> str:
-    """The arm's mechanism as a section with one figure; nothing for other systems."""
+    """The arm's mechanism as a section with one figure; empty for other systems."""
     drawing = mechanism_svg(comparison.problem.system)
     if not drawing:
         return ""
@@ -132,7 +132,7 @@ def _definitions(pairs: Sequence[tuple[str, str]]) -> str:
 
 
 def _figures() -> str:
-    """A place for each figure of plans, with its words; the page shows those that are filled."""
+    """An empty place with a caption for each figure of plans; the page shows those it fills."""
     return "\n".join(
         f'<figure id="fig-{one.id}" hidden>\n<figcaption><b>{html.escape(one.title)}.</b>'
         f' {html.escape(one.caption)}</figcaption>\n<div class="panels"></div>\n</figure>'
@@ -154,12 +154,12 @@ def _table(comparison: Comparison) -> str:
 
 
 def _typeset(column: Column[R], title: str) -> Column[R]:
-    """A column with another title, and with minus signs."""
+    """A column with another title, and with typographic minus signs."""
     return Column(title, column.unit, lambda row: column.text(row).replace("-", "−"))
 
 
 def _symbols(title: str) -> str:
-    """|u1| becomes |u₁|; a percent sign stays with its number."""
+    """|u1| becomes |u₁|; a percent sign stays on the line of its number."""
     text = "|".join(readable_name(part) for part in title.split("|"))
     return text.replace(" %", "\N{NO-BREAK SPACE}%")
 
@@ -204,7 +204,7 @@ PAIR_COLUMNS: list[Column[Pair]] = [
 
 
 def _differences(pairs: Sequence[Pair]) -> str:
-    """Every two plans on the same machines, as a table in a fold; nothing for less than two."""
+    """Every pair of plans on the same machines, as a folded table; empty without a pair."""
     if not pairs:
         return ""
     name, *numbers = PAIR_COLUMNS
@@ -221,7 +221,7 @@ on the same machine. p: sign test, corrected for all pairs.</p></details>"""
 
 
 def _worst(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Commands that replay each plan's worst machine alone, in a fold."""
+    """Commands that replay each plan's worst machine alone, folded."""
     known = [
         f"# {row['label']}: machine {row['worst']}\n{row['worst_command']}"
         for row in rows

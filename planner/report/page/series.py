@@ -1,4 +1,4 @@
-"""What the page's scripts draw: curves of every plan, panels, motions; JSON-ready."""
+"""Data for the page's scripts: curves of every plan, panels, motions; JSON-ready."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ from planner.report.panels import (
 from planner.support.arrays import Array, jsonable
 
 CURVE_POINTS = 500
-"""About how many times a curve is drawn at."""
+"""Approximate number of times at which a curve is drawn."""
 
 MOTION_PICTURES = 240
-"""Pictures of a motion; the page moves evenly between them."""
+"""Frames of a motion; the page interpolates between them."""
 
 
 def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, Any]:
-    """Plans with their times and motions, and figures with their panels.
+    """Build the plans with their times and motions, and the figures with their panels.
 
     Args:
-        comparison: With its plans.
-        replays: What `load_replays` gives.
+        comparison: The comparison with its plans.
+        replays: The result of `load_replays`.
     """
     plans = {row.label: row.plan for row in comparison.rows if row.plan is not None}
     if not plans:
@@ -69,7 +69,7 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
 
 
 def _opening(comparison: Comparison) -> list[str]:
-    """Labels of plans that the motion opens on, the most wanted first."""
+    """Labels of plans in the order in which the page prefers to show their motion."""
     take = comparison.recommended
     wanted = [] if take is None else [take.label]
     wanted += ["collocation", *(row.label for row in comparison.rows if row.solved)]
@@ -97,7 +97,7 @@ def _plan(drawn: Curve, replay: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def _motion(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
-    """Points of the body, and each angle in words' units, over time since the plan's start."""
+    """Points of the body, and each shown coordinate in its display unit, over time."""
     problem = plan.problem
     shown, w = shown_coordinates(problem.system), problem.system.user(q)
     values = np.column_stack([to_display(w[:, i], c.unit) for i, c in shown])
@@ -116,7 +116,7 @@ def _motion(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
 def _figures(
     drawn: Sequence[Curve], closed: Collection[str], replays: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
-    """Every figure of `FIGURES`; those with feedback follow the plans that are drawn already."""
+    """Yield every figure of `FIGURES`; plans with feedback are left out, their path is the same."""
     system = drawn[0].plan.problem.system
     every = [
         PlanCurves(k, one.plan, _times(one.plan))
@@ -137,7 +137,7 @@ def _figures(
 def _median_machine(
     drawn: Sequence[Curve], replays: Mapping[str, Any], i: int
 ) -> Iterator[dict[str, Any]]:
-    """User coordinate i of the machine of median error, a series a plan that was replayed."""
+    """Yield user coordinate i of the machine with median error, for each replayed plan."""
     for k, one in enumerate(drawn):
         if one.label in replays:
             q = np.asarray(replays[one.label]["median"]["q"], dtype=float)
@@ -173,7 +173,7 @@ def _spreads(
 
 
 def _times(plan: Plan) -> Array:
-    """Times that show a plan: many where it has corners, and not too many in all."""
+    """Times at which to draw a plan: dense near corners, limited in number."""
     every = times(plan, CURVE_POINTS)
     if len(every) <= 2 * CURVE_POINTS:
         return every

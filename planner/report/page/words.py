@@ -1,4 +1,4 @@
-"""A comparison in words for the page: the question, the answer, names and numbers."""
+"""Text of the page on a comparison: the question, the answer, names and numbers."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from planner.systems.triangular_system import Coordinate
 
 
 def colour_places(comparison: Comparison) -> dict[str, int]:
-    """Number of each row's colour; a row with feedback has that of the plan it follows."""
+    """Colour number of each row; a row with feedback has that of its plan without feedback."""
     return colour_numbers([row.label for row in comparison.rows])
 
 
 def question(problem: Problem) -> str:
-    """What is asked, one sentence of HTML."""
+    """The question of the comparison, one sentence of HTML."""
     arm = hasattr(problem.system, "arm_points")
     duration = "a free duration" if problem.duration is None else f"{problem.duration:g} s"
     if arm:
@@ -40,7 +40,7 @@ def question(problem: Problem) -> str:
 
 
 def answer(comparison: Comparison, row: Row) -> str:
-    """One sentence of HTML: solved or not, at what effort, with what error."""
+    """The answer for one row, one sentence of HTML: solved or not, effort, error."""
     if not row.solved:
         tried = "; replayed for study" if np.isfinite(row.E_median_deg) else ""
         advice = comparison.advice.get(row.label, "")
@@ -58,7 +58,7 @@ def answer(comparison: Comparison, row: Row) -> str:
 
 
 def verdict_html(comparison: Comparison) -> str:
-    """The answer in a few sentences of HTML."""
+    """The overall answer in a few sentences of HTML."""
     rows = [row for row in comparison.rows if not row.feedback]
     solved = sum(row.solved for row in rows)
     text = html.escape(comparison.headline.replace(" deg", "°"))
@@ -73,7 +73,7 @@ def verdict_html(comparison: Comparison) -> str:
 
 
 def task_facts(comparison: Comparison) -> list[tuple[str, str]]:
-    """Names and values (plain text) of what was asked for."""
+    """Names and values (plain text) that describe the task."""
     problem = comparison.problem
     system, limits = problem.system, problem.limits
     first = system.coordinates[0]
@@ -143,7 +143,7 @@ def _plain(value: object) -> str:
 
 
 def _arm_goal(problem: Problem) -> str:
-    """The joints' angles; or the tip, and those that are given."""
+    """The joint angles; or the tip's goal, with the joints that are given."""
     goal, tip = problem.goal[1:], "" if problem.tip is None else str(problem.tip)
     if np.all(np.isnan(goal)):
         return tip
@@ -156,7 +156,7 @@ def _angles(radians: Sequence[float] | np.ndarray) -> str:
 
 
 def _places(problem: Problem, w: np.ndarray) -> str:
-    """Values of the user coordinates; the first, if it is the path coordinate, from the travel."""
+    """Values of the user coordinates; a path coordinate comes from the travel."""
     parts, no_travel = [], problem.travel is None or problem.system.has_user_coordinates
     for c, value in zip(problem.system.user_coordinates, w, strict=True):
         if not np.isfinite(value):
@@ -169,6 +169,6 @@ def _places(problem: Problem, w: np.ndarray) -> str:
 
 
 def _amount(coordinate: Coordinate, value: float, style: str) -> str:
-    """A value with its unit, angles in degrees."""
+    """Format a value with its unit; angles in degrees."""
     unit = "°" if coordinate.unit == "rad" else f" {coordinate.unit}"
     return f"{float(to_display(np.array([value]), coordinate.unit)[0]):{style}}{unit}"

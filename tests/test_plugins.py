@@ -153,6 +153,22 @@ def test_its_limit_is_kept_between_the_nodes_and_proven(
     assert plan.certificate[PRODUCT].status == "proven"
 
 
+@pytest.mark.parametrize("time", [1e-6, 1e6])
+def test_its_limit_is_kept_on_any_scale_of_time(problem_file: Path, time: float) -> None:
+    del problem_file  # by which it is registered
+    one, other = (
+        planner.solve(
+            planner.Problem.manipulator(
+                [1, 1, 1], [30, 30, 30], duration=10.0 * unit, changes={KEY: 0.01 / unit**2}
+            )
+        )
+        for unit in (1.0, time)
+    )
+    assert product(one) == pytest.approx(0.01, rel=0.02)
+    assert product(other) * time**2 == pytest.approx(product(one), rel=1e-9)
+    assert other.objective * time == pytest.approx(one.objective, rel=1e-9)
+
+
 def test_its_limit_slows_what_is_timed(problem_file: Path) -> None:
     del problem_file  # by which it is registered
     paper = planner.load_problem(ROOT / "problems/paper.toml")

@@ -16,8 +16,8 @@ from planner.support.calculus.bernstein import Bernstein
 from planner.verification.verify import GOAL_TOLERANCE, verify
 
 SHORTEST_S = 1e-3
-"""Duration of a plan that stays where the problem leaves the duration free, seconds: the least that
-collocation plans with, too."""
+"""Duration of a plan that stays where the problem leaves the duration free, seconds; in its natural
+units the least that collocation plans with, too."""
 
 SAME_PLACE = GOAL_TOLERANCE / 20 * (1 + 1e-6)
 """Largest distance of a goal from the start, in radians or metres, that asks for no motion: the

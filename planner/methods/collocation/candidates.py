@@ -116,8 +116,10 @@ def guess(
     q = _states(problem, mesh, seed, s, about)
     rates = np.gradient(q[:, :2], s, axis=0)
     drive = problem.system.drive(q)
-    rates[:, 0] /= np.where(np.abs(drive) < 0.05, 0.05, drive)
-    duration = problem.duration or _duration(problem, rates)
+    units = made.form.units
+    least = 0.05 / (units.inputs[0] * units.time_s)
+    rates[:, 0] /= np.where(np.abs(drive) < least, least, drive)
+    duration = problem.duration or _duration(problem, rates) + 0.01 * units.time_s
     where = made.form.input_places(mesh)
     return Iterate(
         duration=duration,
@@ -209,7 +211,7 @@ def lines_through_waypoints(problem: Problem, knots: Array, travel: float, s: Ar
 
 def _duration(problem: Problem, rates: Array) -> float:
     slowest = np.max(np.mean(np.abs(rates), axis=0) / problem.limits.input_scale)
-    return 1.5 * float(slowest) + 0.01
+    return 1.5 * float(slowest)
 
 
 def _interpolate(where: Array, s: Array, values: Array) -> Array:

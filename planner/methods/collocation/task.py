@@ -13,7 +13,14 @@ import numpy as np
 from planner.errors import lacks_memory
 from planner.methods.collocation.solvers import Settings, SolverAnswer, backend, names
 from planner.methods.collocation.transcription.bounds import Bounds, InputDemands, bounds
-from planner.methods.collocation.transcription.form import Form, Mesh, Objective, kept_between_nodes
+from planner.methods.collocation.transcription.form import (
+    Form,
+    Mesh,
+    Objective,
+    Units,
+    kept_between_nodes,
+    natural_units,
+)
 from planner.methods.collocation.transcription.transcription import Transcription, transcription
 from planner.methods.collocation.transcription.unknowns import (
     STEPS,
@@ -43,7 +50,8 @@ class Solution:
     Attributes:
         iterate: The unknowns by name.
         objective: Value of the objective.
-        residual: Largest excess of a row or unknown over its bounds, evaluated anew.
+        residual: Largest excess of a row or unknown over its bounds, evaluated anew, in natural
+            units.
         ok: Whether the solver finished and the residual is small enough.
         status: What the solver says of itself.
         iterations: How many it made.
@@ -101,7 +109,8 @@ class Task:
                 start, settings = found.iterate, replace(settings, near=True)
             deadline.check()
             progress.count_solve()
-            packed = made.layout.pack(start, data.widths).clip(data.lower, data.upper)
+            packed = made.layout.pack(start, data.widths) / data.units
+            packed = packed.clip(data.lower, data.upper)
             answer = _ask(made, replace(settings, solver=name), packed, data)
             answer = replace(answer, vector=answer.vector.clip(data.lower, data.upper))
             iterations += answer.iterations
@@ -120,7 +129,7 @@ class Task:
     def judge(self, iterate: Iterate) -> Solution:
         """An iterate that no solver has touched; ok if it keeps the task's rows and bounds."""
         data = self.bounds
-        vector = self.made.layout.pack(iterate, data.widths)
+        vector = self.made.layout.pack(iterate, data.widths) / data.units
         answer = SolverAnswer(vector, True, "a motion, not the best", 0)
         return _check(self.made, data, answer, FEASIBLE_RESIDUAL)
 
@@ -165,12 +174,16 @@ def task(
 ) -> Task:
     """Prepare a task: transcription and solver are made now unless they were made before.
 
-    Whether the duration is an unknown of the form, and what it keeps, is for the problem to say.
+    Whether the duration is an unknown of the form, what it keeps, and the units in which it is
+    solved, is for the problem to say; of desensitised plans, whose states respond to errors in the
+    units of these, the units are the problem's.
     """
     requirements = kept_between_nodes(problem)
     at_edges = [each for each in (*problem.final, problem.on_the_way) if each.parts]
     kept, final = (tuple(each.template for each in of) for of in (requirements, at_edges))
-    form = replace(form, free_duration=problem.duration is None, kept=kept, final=final)
+    units = Units() if form.augmented else natural_units(problem, objective, demands.timeless)
+    free = problem.duration is None
+    form = replace(form, free_duration=free, kept=kept, final=final, units=units)
     built, began = transcription.cache_info().misses, time.perf_counter()
     made = transcription(problem.system, form)
     wanted = replace(settings, solver=names(made, settings)[0])
@@ -190,6 +203,7 @@ def _check(made: Transcription, data: Bounds, answer: SolverAnswer, accepted: fl
     over = np.maximum(np.maximum(lower - values, values - upper), 0.0)
     residual = float(np.where(np.isnan(values), np.inf, over).max())
     ok = answer.finished and residual <= accepted
+    objective *= made.form.units.objective
     return Solution(iterate, objective, residual, ok, answer.status, answer.iterations)
 
 

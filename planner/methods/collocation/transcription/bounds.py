@@ -40,7 +40,7 @@ class InputDemands:
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """What the solver is given beside the functions.
+    """What the solver is given beside the functions, in natural units.
 
     Attributes:
         lower: Of the unknowns, shape (size,).
@@ -49,6 +49,7 @@ class Bounds:
         row_upper: Of the rows.
         parameters: Numbers of the form (`Form.parameters`) and mesh widths.
         widths: The mesh widths, shape (K,).
+        units: Of the unknowns, shape (size,).
     """
 
     lower: Array
@@ -57,6 +58,7 @@ class Bounds:
     row_upper: Array
     parameters: Array
     widths: Array
+    units: Array
 
     @property
     def pattern(self) -> bytes:
@@ -95,6 +97,8 @@ def bounds(
     lower, upper = _limits(problem, made, mesh, demands, inside, edges)
     _fix(lower, upper, problem, made, mesh, demands)
     reads = [required.reads for required in requirements for _ in required.parts]
+    speeds = [required.speed for required in requirements for _ in required.parts]
+    units, of_unknowns = made.form.units, made.layout.units(made.form.units)
     row_lower, row_upper = np.zeros((2, made.form.intervals, made.height))
     ends = [part for required in problem.final for part in required.parts]
     for rows in made.labels:
@@ -119,13 +123,17 @@ def bounds(
             amounts[0, edge] = -np.inf  # where the problem itself has been checked
         elif demands.timeless:
             amounts[:] = -np.inf
-        row_lower[:, where], row_upper[:, where] = low[r] + amounts, high[r] - amounts
+        unit = units.time_s ** speeds[r]
+        row_lower[:, where] = (low[r] + amounts) * unit
+        row_upper[:, where] = (high[r] - amounts) * unit
     numbers: list[float] = []
     for required in (*requirements, *problem.final):
         numbers += required.number_values
-    known = [] if made.form.free_duration else [problem.duration]
-    parameters = np.concatenate([objective.weights, numbers, known, mesh.widths])
-    return Bounds(lower, upper, row_lower.ravel(), row_upper.ravel(), parameters, mesh.widths)
+    known = [] if problem.duration is None else [problem.duration / units.time_s]
+    weights = units.weights(objective.weights)
+    parameters = np.concatenate([weights, numbers, known, mesh.widths])
+    sides = lower / of_unknowns, upper / of_unknowns, row_lower.ravel(), row_upper.ravel()
+    return Bounds(*sides, parameters, mesh.widths, of_unknowns)
 
 
 def _limits(
@@ -163,7 +171,7 @@ def _limits(
     if problem.free:
         end, most = places.nodes[-1, list(problem.free)], problem.free_within
         within(end, (-most, most))
-    lower[places.durations[:1]] = SHORTEST_S
+    lower[places.durations[:1]] = SHORTEST_S * made.form.units.time_s
     if demands.first_sign:
         turned = np.searchsorted(demands.turns, made.form.input_places(mesh))
         forward = demands.first_sign * (-1.0) ** turned > 0

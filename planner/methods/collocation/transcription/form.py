@@ -12,7 +12,7 @@ Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section I
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Literal
 
@@ -81,6 +81,63 @@ def kept_between_nodes(problem: Problem) -> list[Requirement]:
     return [each for each in problem.requirements if not (each.is_direct and each.reads & drives)]
 
 
+REFERENCE_S, REFERENCE_LIMITED_S = 15.0, 3.0
+"""Durations whose unit of time is the second: one given, and the longest of the times that limits
+and objective alone give a rad or m. Both are in the middle of those of ordinary problems."""
+
+
+@dataclass(frozen=True)
+class Units:
+    """Natural units, in which unknowns of any problem are near one. All are powers of ten.
+
+    So problems of ordinary size are solved as they are written, to the last bit.
+
+    Attributes:
+        time_s: Of time, seconds.
+        inputs: Of the inputs, in their units.
+        objective: Of the objective.
+    """
+
+    time_s: float = 1.0
+    inputs: tuple[float, float] = (1.0, 1.0)
+    objective: float = 1.0
+
+    def weights(self, weights: Array) -> Array:
+        """Weights of the terms of an objective, shape (6,), in these units."""
+        T, squares = self.time_s, np.square(self.inputs)
+        units = np.array([T, *(squares * T), *(squares / T), 1.0])
+        return np.asarray(weights * units / self.objective)
+
+
+def natural_units(problem: Problem, objective: Objective, timeless: bool) -> Units:
+    """Units for a problem's size: of its drive constant, its duration or limits, its objective.
+
+    Args:
+        problem: What is solved.
+        objective: What is made least.
+        timeless: Whether only the path counts, whose duration is a matter of the search.
+    """
+    ends = np.array([problem.start, problem.likely.goal])
+    drive = np.abs(problem.system.drive(np.where(np.isnan(ends), problem.start, ends))).max()
+    reach = np.array([drive if 0 < drive < np.inf else 1.0, 1.0])
+    seconds = 1.0
+    if problem.duration is not None and not timeless:
+        seconds = problem.duration / REFERENCE_S
+    elif problem.duration is None:
+        limits, effort = problem.limits, objective.weights[1:3]
+        rates = 2 / np.sqrt(reach * limits.input_rate)
+        slowest = np.max([1 / (reach * limits.input), rates, np.sqrt(effort) / reach])
+        seconds = float(slowest) / REFERENCE_LIMITED_S
+    time_s = _decade(seconds)
+    first, second = (_decade(1 / (each * time_s)) for each in reach)
+    units = Units(time_s, (first, second))
+    return replace(units, objective=_decade(np.max(units.weights(objective.weights))))
+
+
+def _decade(value: float) -> float:
+    return float(10.0 ** np.round(np.log10(value)))
+
+
 @dataclass(frozen=True)
 class Form:
     """The shape of a transcription; with the system, the key under which it is kept.
@@ -97,6 +154,7 @@ class Form:
         inner: Whether what is kept holds at the collocation points too, not only at the mesh's
             edges.
         augmented: What moves, where that is more than the system: its response to errors too.
+        units: Of the unknowns, and of rows that read inputs.
     """
 
     intervals: int
@@ -109,6 +167,7 @@ class Form:
     final: tuple[Requirement, ...] = ()
     edge: bool = False
     augmented: Augmented | None = None
+    units: Units = Units()
 
     @property
     def parameters(self) -> int:

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from planner.methods.collocation.transcription.augmented import Augmented, MovingSystem, backs_off
-from planner.methods.collocation.transcription.form import TERMS, Form
+from planner.methods.collocation.transcription.form import TERMS, Form, Units
 from planner.problem.requirements.requirement import MotionPoint
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
@@ -86,7 +86,7 @@ class Stage:
 
 
 class _Symbols:
-    """The interval's unknowns by name; u(τ) is linear from u_left to u_right."""
+    """The interval's unknowns by name, in natural units; u(τ) is linear from u_left to u_right."""
 
     def __init__(self, system: MovingSystem, form: Form, lifted: tuple[int, ...]) -> None:
         self.X, self.width = ca.SX.sym("X", system.size), ca.SX.sym("h")
@@ -172,7 +172,7 @@ def _collocation(
             points[j][i] = x.lifted[row, j]
     rates: dict[int, list[Any]] = {}
     defects = {}
-    for i, rate in zip(order.sequence, _rates(system, order.sequence), strict=True):
+    for i, rate in zip(order.sequence, _rates(system, order.sequence, form.units), strict=True):
         columns = [ca.vertcat(*column) for column in points]
         r = ca.SX.sym(f"r{i}", form.degree)
         meant = [rate(q, u) for q, u in zip(columns, inputs, strict=True)]
@@ -186,11 +186,11 @@ def _collocation(
     return points, rates, defects, inside
 
 
-def _rates(system: MovingSystem, coordinates: tuple[int, ...]) -> list[Any]:
-    """Functions (q, u) to the rate of each coordinate."""
+def _rates(system: MovingSystem, coordinates: tuple[int, ...], units: Units) -> list[Any]:
+    """Functions (q, u) to the rate of each coordinate, in natural units."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
-    rates = system.rates_expr(q, u)
-    return [ca.Function("rate", [q, u], [rates[i]]) for i in coordinates]
+    rates = system.rates_expr(q, u * ca.DM(units.inputs))
+    return [ca.Function("rate", [q, u], [units.time_s * rates[i]]) for i in coordinates]
 
 
 def _motion(
@@ -231,6 +231,7 @@ def _limit_rows(
     """
     at_points = form.scheme.points.tolist() if form.inner else []
     state = {0.0: x.X, 1.0: after, **dict(zip(form.scheme.points.tolist(), points, strict=True))}
+    units, seconds = ca.DM(form.units.inputs), form.units.time_s
     part, first = 0, TERMS
     for blank in form.kept:
         last = first + len(blank.numbers)
@@ -245,14 +246,15 @@ def _limit_rows(
                 MotionPoint(
                     system,
                     state.get(tau, x.X)[: system.size],
-                    x.input_at(tau),
-                    (x.u_right - x.u_left) / x.seconds,
+                    units * x.input_at(tau),
+                    units / seconds * ((x.u_right - x.u_left) / x.seconds),
                 )
             )
             for tau in places
         ]
         for k in range(len(blank.parts)):
-            rows.add("kept", part, np.array(places), [values[k] for values in found])
+            own = [seconds**blank.speed * values[k] for values in found]
+            rows.add("kept", part, np.array(places), own)
             part += 1
     part = 0
     for blank in form.final:

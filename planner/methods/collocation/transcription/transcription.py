@@ -193,16 +193,18 @@ class Transcription:
         return np.append(problem.start, np.zeros(self.moved.size - self.system.size))
 
     def outcome(self, vector: Array, parameters: Array) -> tuple[float, Array, Iterate]:
-        """What the unknowns lead to.
+        """What the unknowns, in natural units, lead to.
 
         Returns:
-            The objective, the values of all rows, and the unknowns by name, with the collocation
-            values that follow from them.
+            The objective and the values of all rows in natural units, and the unknowns by name in
+            the problem's, with the collocation values that follow from them.
         """
-        at, known = self.layout, parameters[self.form.parameters - 1]
+        at, units = self.layout, self.form.units
+        known = units.time_s * parameters[self.form.parameters - 1]
         found = self.program.outcome(vector, parameters)
         end = 1 + at.intervals * self.height
         rows, points = found[1:end], found[end:]
+        vector = vector * at.units(units)
         iterate = Iterate(
             duration=float(vector[at.durations[0]] if self.form.free_duration else known),
             nodes=vector[at.nodes],

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.methods.collocation.transcription.augmented import MovingSystem
-from planner.methods.collocation.transcription.form import Form, Mesh
+from planner.methods.collocation.transcription.form import Form, Mesh, Units
 from planner.plan.trajectory import StateTrajectory
 from planner.support.arrays import Array
 from planner.support.calculus import runge_kutta
@@ -91,8 +91,15 @@ class Layout:
         """Number of unknowns."""
         return self.intervals * (self.state + self.control) + self.state
 
+    def units(self, units: Units) -> Array:
+        """Natural units of the unknowns, shape (size,)."""
+        w = np.ones(self.size)
+        w[self.durations], w[self.inputs] = units.time_s, units.inputs
+        w[self.slopes] = np.array(units.inputs) / units.time_s
+        return w
+
     def pack(self, iterate: Iterate, widths: Array) -> Array:
-        """Names to vector, shape (size,), on a mesh of these widths (K,)."""
+        """Names to vector, shape (size,), on a mesh of these widths (K,), in their own units."""
         w = np.empty(self.size)
         w[self.nodes] = iterate.nodes
         w[self.durations] = iterate.duration

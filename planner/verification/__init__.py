@@ -1,6 +1,6 @@
 """The independent judge, and proofs over whole intervals.
 
-In this order: `verify` (is every requirement kept?), `verdict` (with what is proven), `summary`,
-`load_plan`; then the certificate: `certify`, `evidence`, `place_proofs`, `input_models`,
-`enclosure`, `functions`, `balls`, `models`.
+Read the files in this order: `verify` (checks every requirement), `verdict` (combines the checks
+with the proofs), `summary`, `load_plan`; then the certificate: `certify`, `evidence`,
+`place_proofs`, `input_models`, `enclosure`, `functions`, `balls`, `models`.
 """

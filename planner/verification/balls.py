@@ -7,21 +7,21 @@ On each cell, τ in [−1, 1], a ball stands for every function f with
     |f(z) − c − b z| ≤ r               for every complex z in the Bernstein ellipse of ρ, where f is
                                        analytic; one triple (c, b, r) for each of eight ρ
 
-where all are columns of three arrays, b being zero at points. f is real on the segment, so c and b
-are. Where r is infinite or not a number, nothing is known. The points give f, and the ellipses
-bound what interpolation at the points leaves over (`models`): with |f − c − b z| ≤ r in the
-ellipse it is at most 4 r ρ⁻¹⁵/(ρ − 1), since c + b z is interpolated exactly.
+All triples (c, b, r) are columns of three arrays; b is zero at points. f is real on the segment, so
+c and b are real. If r is infinite or NaN, f is unbounded there. The points give the interpolant of
+f, and the ellipses bound its error (`models`): with |f − c − b z| ≤ r in the ellipse it is at most
+4 r ρ⁻¹⁵/(ρ − 1), since c + b z is interpolated exactly.
 Source: L. N. Trefethen, "Approximation Theory and Approximation Practice", 2013, theorem 8.2.
 
-One formula serves every column. With R the greatest |z| of the column (zero at points), f = c + d
-where |d| ≤ δ = |b| R + r, and a function g has g(f) = g(c) + g'(c) d + rest, so that
+The same formula holds for every column. With R the greatest |z| of the column (zero at points),
+f = c + d where |d| ≤ δ = |b| R + r, and a function g has g(f) = g(c) + g'(c) d + rest, so
 
     c' = g(c),   b' = g'(c) b,   r' = |g'(c)| r + rest(δ) + rounding
 
-Each function states a bound of the rest that holds for all complex |d| ≤ δ. NumPy's elementary
-functions are taken to be right within four units of rounding, which the tests check. δ is rounded
-upwards and every rest grows with it; a difference of such floats is right to one unit, so what its
-digits lose is not lost.
+Each function states a bound of the rest for all complex |d| ≤ δ. We assume that NumPy's elementary
+functions have errors of at most four units of rounding, which the tests check. δ is rounded up, and
+every rest grows with it. A difference of such floats has an error of one unit, so cancellation
+invalidates no bound.
 """
 
 from __future__ import annotations
@@ -46,20 +46,20 @@ from planner.verification.models import (
 )
 
 RHO = np.array([1.0, 1.6, 2.25, 3.15, 4.4, 6.2, 8.7, 12.2, 17.0])
-"""Of the segment and of the ellipses. On 1.6 cells too wide for the others still have a bound; on
-17 what is left over is rounding (17⁻¹⁵ = 4e-19)."""
+"""ρ of the segment and of the ellipses. The smallest ellipse, 1.6, still gives a bound on cells
+that are too wide for the others; at 17 the interpolation error is pure rounding (17⁻¹⁵ = 4e-19)."""
 
 REAL_COLUMNS = np.arange(POINTS + len(RHO)) <= POINTS
 """Columns on which f is real: the points and the segment."""
 
 
 def _column(at_points: float, on_ellipses: Array) -> Array:
-    """A bound for every column, rounded upwards."""
+    """A bound for every column, rounded up."""
     return np.append(np.full(POINTS, at_points), on_ellipses) * (1 + 8 * ROUNDING_UNIT)
 
 
 RADIUS_COLUMN = _column(0.0, (RHO + 1 / RHO) / 2)
-"""R, the greatest |z|."""
+"""R, the greatest |z| of each column."""
 
 SQUARE_COLUMN = _column(0.0, (RHO**2 + RHO**-2) / 4)
 """Bound of |z² − 1/2|: z = (w + 1/w)/2 with |w| ≤ ρ has z² − 1/2 = (w² + w⁻²)/4."""
@@ -68,7 +68,7 @@ HALF_COLUMN = np.append(np.zeros(POINTS), np.full(len(RHO), 0.5))
 
 with np.errstate(divide="ignore"):
     CUT = 4 * RHO ** (1 - POINTS) / (RHO - 1) * (1 + 64 * ROUNDING_UNIT)
-"""What interpolation leaves over, for r = 1; infinite on the segment."""
+"""Interpolation error for r = 1; infinite on the segment."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ class Ball:
         return self.c[:, POINTS:], self.b[:, POINTS:], self.r[:, POINTS:]
 
     def replace_rows(self, rows: Index, fresh: Index, new: Ball) -> Ball:
-        """Some rows, those of a mask `fresh` replaced by other ones."""
+        """Select `rows`, and replace those of the mask `fresh` by the rows of `new`."""
         out = [x[rows] for x in _arrays(self)]
         for part, other in zip(out, _arrays(new), strict=True):
             part[fresh] = other
@@ -110,7 +110,7 @@ class Ball:
 
     @cached_property
     def remainder(self) -> Array:
-        """Bound of what interpolation at the points leaves over, shape (C,)."""
+        """Bound of the interpolation error, shape (C,)."""
         return np.asarray(np.fmin.reduce(self.r[:, POINTS:] * CUT, axis=1))
 
     @cached_property
@@ -120,8 +120,8 @@ class Ball:
 
     @property
     def relative_remainder(self) -> Array:
-        """The same over the greatest value or one, and zero where rounding hides it; infinite
-        where nothing is known."""
+        """`remainder` relative to the greatest value, or to one if that is greater; zero if it is
+        below rounding, infinite if it is unbounded."""
         size = np.maximum(np.max(np.abs(self.c[:, :POINTS]), axis=1), 1.0)
         hidden = self.remainder <= self.points_wrong
         rough = np.where(hidden, 0.0, self.remainder / size)
@@ -153,8 +153,8 @@ class Ball:
     def __mul__(self, other: Ball | float) -> Ball:
         """(c + bz + e)(c' + b'z + e'), where bb'z² = bb'/2 + bb'(z² − 1/2).
 
-        Rounding: three units of |cc'| + |bb'|/2 + R (|cb'| + |bc'|), at most three of the sizes'
-        product as R² ≥ 1/2 off the points.
+        Rounding: three units of |cc'| + |bb'|/2 + R (|cb'| + |bc'|). This is at most the product of
+        the sizes, since R² ≥ 1/2 except at points.
         """
         if not isinstance(other, Ball):
             return self.scaled(np.float64(other))
@@ -168,17 +168,17 @@ class Ball:
     __rmul__ = __mul__
 
     def scaled(self, by: Array | np.float64) -> Ball:
-        """Times a number, or one on each cell (C, 1)."""
+        """The ball times a number, or times one number per cell, (C, 1)."""
         r = self.r + ROUNDING_UNIT * self.size
         return Ball(self.c * by, self.b * by, np.abs(by) * r * ROUNDING_FACTOR)
 
     def widen(self, by: Array) -> Ball:
-        """With greater radii; shape (C, 1) or (C, 25)."""
+        """The ball with radii increased by `by`, shape (C, 1) or (C, 25)."""
         return Ball(self.c, self.b, (self.r + by) * ROUNDING_FACTOR)
 
 
 def _compose(p: Ball, value: Array, slope: Array, rest: Array) -> Ball:
-    """g(p), from g(c), g'(c) and a bound of the rest; both right to 8 units of their sizes."""
+    """g(p) from g(c), g'(c) and a bound of the rest; g(c) and g'(c) have errors of 8 units."""
     steep = np.abs(slope)
     rounding = 8 * ROUNDING_UNIT * (np.abs(value) + steep * p.reach)
     return Ball(value, slope * p.b, (steep * p.r + rest + rounding) * ROUNDING_FACTOR)
@@ -196,7 +196,7 @@ def sine_cosine(p: Ball) -> tuple[Ball, Ball]:
     bow = 2 * np.sinh(reach / 2) ** 2
     third = bow * reach / 3
     size = np.abs(s), np.abs(c)
-    slip = 4 * ROUNDING_UNIT * (1 + reach)  # also where sin or cos is nearly zero
+    slip = 4 * ROUNDING_UNIT * (1 + reach)  # also valid where sin or cos is nearly zero
     of_s = _compose(p, s, c, size[0] * bow + size[1] * third + slip)
     return of_s, _compose(p, c, -s, size[1] * bow + size[0] * third + slip)
 
@@ -209,7 +209,7 @@ def reciprocal(p: Ball) -> Ball:
 
 
 def power(p: Ball, a: float) -> Ball:
-    """p^a: whole 0 ≤ a ≤ 8 by products, others where c > δ.
+    """p^a: for integers 0 ≤ a ≤ 8 by products, otherwise where c > δ.
 
     rest = c^a |a(a − 1)|/2 t² max((1 − t)^{a−2}, (1 + t)^{a−2}) with t = δ/c: Lagrange's bound, as
     |w^{a−2}| = |w|^{a−2} for real a.
@@ -229,8 +229,8 @@ def power(p: Ball, a: float) -> Ball:
 def exponential(p: Ball) -> Ball:
     """e^p: rest = e^c (e^δ − 1 − δ), and e^δ − 1 − δ ≤ δ (e^δ − 1)/2 term by term.
 
-    Where δ is large, e^(c + δ), which stays small far below zero, where e^δ may be no number. What
-    is too small for a float is less than the least normal one.
+    For large δ the bound is e^(c + δ), which stays small for very negative c even if e^δ overflows.
+    A result that underflows is less than the least normal float.
     """
     value, reach = np.exp(p.c), p.reach
     near = value * reach * np.expm1(np.minimum(reach, 2.0)) / 2
@@ -286,10 +286,10 @@ def arctangent2(y: Ball, x: Ball) -> Ball:
 
 
 def polynomial_balls(c: Array, r: Array) -> list[Ball]:
-    """k polynomials with coefficients (k, C, width), wrong by no more than r (k, C) together.
+    """k polynomials with coefficients (k, C, width), whose errors sum to at most r (k, C).
 
-    |Tₖ| ≤ (ρᵏ + ρ⁻ᵏ)/2 on an ellipse. Values at points are sums of width terms whose factors are
-    right to 4 units.
+    On an ellipse |Tₖ| ≤ (ρᵏ + ρ⁻ᵏ)/2. Values at points are sums of `width` terms whose factors have
+    errors of 4 units.
     """
     width = c.shape[2]
     size, most = np.abs(c), _chebyshev_bounds(width)
@@ -314,10 +314,10 @@ def _chebyshev_bounds(width: int) -> Array:
 
 
 def models(balls: Sequence[Ball], cells: int) -> list[Model]:
-    """Interpolants and their remainders; the segment's line where the ellipses say nothing.
+    """Interpolants and their remainders; the segment's c + b τ if the ellipses give no bound.
 
-    Errors of the values grow by Lebesgue's constant at most; a sum of 16 products whose factors are
-    right to 4 units is wrong by less than 28 units of the sum of their sizes.
+    Errors of the values grow at most by Lebesgue's constant. A sum of 16 products whose factors
+    have errors of 4 units has an error below 28 units of the sum of their sizes.
     """
     c, b, r = np.empty((3, len(balls), cells, len(RADIUS_COLUMN)))
     for i, ball in enumerate(balls):
@@ -343,20 +343,20 @@ def _arrays(p: Ball) -> tuple[Array, Array, Array]:
 
 
 def _sign(p: Ball) -> Array:
-    """Of the function on each cell's segment, shape (C, 1); zero where it may change."""
+    """Sign of the function on each cell's segment, shape (C, 1); zero if it may change."""
     c, reach = p.c[:, -len(RHO) :][:, :1], p.reach[:, -len(RHO) :][:, :1]
     return np.asarray(np.where(np.abs(c) > reach, np.sign(c), 0.0))
 
 
 def absolute(p: Ball) -> Ball:
-    """±p where the sign is kept; else, on real columns only, its range [0, |c| + δ]."""
+    """±p if the sign does not change; else, on real columns only, the range [0, |c| + δ]."""
     sign, half = _sign(p), np.where(REAL_COLUMNS, (np.abs(p.c) + p.reach) / 2, np.inf)
     c = np.where(sign == 0, half, p.c * sign)
     return Ball(c, p.b * sign, np.where(sign == 0, half * (1 + 4 * ROUNDING_UNIT), p.r))
 
 
 def signum(p: Ball) -> Ball:
-    """±1 where the sign is kept; else, on real columns only, [−1, 1]."""
+    """±1 if the sign does not change; else, on real columns only, [−1, 1]."""
     sign = _sign(p) + 0.0 * p.c
     doubt = np.where(sign == 0, np.where(REAL_COLUMNS, 1.0, np.inf), 0.0)
     return Ball(sign, np.zeros_like(sign), doubt)

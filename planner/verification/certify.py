@@ -1,8 +1,8 @@
-"""From a plan to its certificate: what is proven of each requirement over whole intervals.
+"""Certify a plan: prove each requirement over whole intervals.
 
-Each kind of requirement becomes functions of time that must not be negative, on what is enclosed of
-the true motion (`prove`, by the kind's class); the least values of all of them are then bounded
-together (`decide`). A kind that nobody has written a proof for is undecided.
+Each kind of requirement is expressed by functions of the enclosed true motion that must not be
+negative (`prove`, dispatched on the kind's class). Then the least values of all of them are bounded
+together (`decide`). A kind without a proof is undecided.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ from planner.verification.place_proofs import (
 from planner.verification.verify import GOAL_TOLERANCE, INTERPOLANT_TOLERANCE, LIMIT_TOLERANCE
 
 DURATION_TOLERANCE = 1e-9
-"""Error of a given duration, relative to it; as in `verify`."""
+"""Largest relative error of a given duration; as in `verify`."""
 
 SUBSTITUTE_GAP = 1e-6
-"""Distance of rows from values, in parts of the scale, from which rows are a substitute: what may
-be exceeded, so that less makes no difference."""
+"""Rows that differ from the values by more than this fraction of the scale are a substitute. A
+smaller difference does not matter, since a limit may be exceeded by as much."""
 
 PLAN_DEVIATION = Part("plan's q(t) against its integrated input", "", -np.inf, 0.0, 1.0)
-"""The distance of the plan's own q(t) from the motion, as `verify` calls it."""
+"""The distance of the plan's own q(t) from the motion, with the label that `verify` uses."""
 
 NO_PROOF_ON_MACHINE = "nothing is proven of the emulated machine, on which the inputs act"
 
@@ -57,18 +57,19 @@ NO_PROOF_ON_MACHINE = "nothing is proven of the emulated machine, on which the i
 def certify(plan: Plan) -> Certificate:
     """Prove, over each whole interval, what `verify` checks.
 
-    Where `verify` integrates and samples, this bounds: the true motion under the plan's input is
-    enclosed on every subinterval (a polynomial and a proven radius), and the limits of inputs and
-    their rates, joints, z₂, the chart's domain, the goal and the distance from the plan's own q(t)
-    are decided from the enclosure, with bounds on rounding included. Of a compensated plan, whose
-    motion is that of an emulated machine, only inputs and duration are.
+    `verify` integrates and samples; this function computes bounds. It encloses the true motion
+    under the plan's input on every subinterval (by a polynomial and a proven radius) and decides
+    from the enclosure, bounds on rounding included, the limits of inputs and their rates, joints,
+    z₂, the chart's domain, the goal and the distance from the plan's own q(t). For a compensated
+    plan, whose motion is that of an emulated machine, it decides only inputs and duration.
 
     Args:
         plan: Any plan, verified or not.
 
     Returns:
         One claim per requirement: proven with a guaranteed margin, violated with a time, or
-        undecided with the reason. It raises no errors: what cannot be bounded is undecided.
+        undecided with the reason. No errors are raised: a claim that cannot be bounded is
+        undecided.
     """
     expect_plan(plan)
     began = time.perf_counter()
@@ -80,9 +81,10 @@ def certify(plan: Plan) -> Certificate:
 
 
 def proof_times(plan: Plan) -> Array:
-    """Ends of all the cells on which `certify` encloses a plan's motion, seconds, in order.
+    """Ends of all cells on which `certify` encloses a plan's motion, s, in order.
 
-    They are closest where its expressions change fast. Empty where the motion is not enclosed.
+    They are closest where the motion's expressions change fast. Empty if the motion is not
+    enclosed.
     """
     with np.errstate(all="ignore"):
         try:
@@ -95,7 +97,7 @@ def proof_times(plan: Plan) -> Array:
 
 
 def _evidence(plan: Plan) -> Evidence:
-    """The enclosed motion. Raises an UnboundedError where nothing bounds it."""
+    """The enclosed motion. Raises an UnboundedError if it cannot be bounded."""
     trajectory = plan.trajectory
     source, motion, plan_q = enclose_trajectory(trajectory, plan.problem.start)
     path = EnclosedMotion(motion, source)
@@ -110,7 +112,7 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     why = trajectory.flaw or (plan.clock.flaw if plan.compensation is not None else "")
     if not why and trajectory.system != problem.system:
         why = "the trajectory belongs to another system than the problem"
-    if not why and not plan.executable:  # one sample outside proves that
+    if not why and not plan.executable:  # proven by one sample outside
         report, (part,) = plan.domain, problem.chart.parts
         broken = Claim(part.label, "violated", -np.inf, report.margin, report.time_s, part.unit)
         why = "the path leaves the chart's domain, where no real coordinates exist"
@@ -136,7 +138,7 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
 
 
 def _claims_on_inputs(plan: Plan, why: str) -> list[Claim]:
-    """Of a motion that nothing bounds: only its inputs, and how long they take."""
+    """Claims on inputs and duration only, for a motion that cannot be bounded."""
     try:
         source = source_of(plan.trajectory)
     except UnboundedError:
@@ -153,7 +155,7 @@ def _claims_on_inputs(plan: Plan, why: str) -> list[Claim]:
 
 
 def _undecided_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = None) -> list[Claim]:
-    """Some requirements, or all, and the plan's own q(t), where nothing is bounded."""
+    """Undecided claims on the given requirements (or all) and on the plan's own q(t)."""
     free, in_coordinates = np.isnan(plan.problem.target), plan.trajectory.in_coordinates
     parts = [
         part
@@ -169,7 +171,7 @@ def _undecided_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = N
 
 @singledispatch
 def prove(demand: Demand, evidence: Evidence) -> Iterable[Proof]:
-    """What to prove of a demand, or claims that are decided already."""
+    """Obligations that prove a demand, or claims that are decided already."""
     return _undecided(demand, "no proof is written for this kind of requirement")
 
 
@@ -179,7 +181,7 @@ def _undecided(demand: Demand, why: str, required: bool = True) -> list[Claim]:
 
 @prove.register
 def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
-    """By its rows: at all times, or at the end alone."""
+    """Prove a requirement by its rows, at all times or only at the end."""
     reads = required.reads
     if "du" in reads and not required.is_direct:
         return _undecided(required, "no proof is written for this kind of requirement")
@@ -219,7 +221,7 @@ def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
 def _row_models(
     required: Requirement, evidence: Evidence, motion: EnclosedMotion
 ) -> tuple[EnclosedMotion, list[Model]]:
-    """Models of its rows; on finer cells where a remainder hides whether a limit is kept."""
+    """Models of the rows, with cells refined where a remainder leaves a limit undecided."""
     rows, names = _rows(evidence.plan.problem.system, required), sorted(required.reads)
 
     def models_of(enclosure: Enclosure) -> list[Model]:
@@ -251,10 +253,10 @@ MarginAt = Callable[[Array, Array], float]
 def _own_margins(
     required: Requirement, system: TriangularSystem, motion: EnclosedMotion, rows: list[Model]
 ) -> dict[str, MarginAt]:
-    """The margins of those parts whose rows are a substitute for their values, by label.
+    """Margins of the parts whose rows are a substitute for their values, by label.
 
-    Rows lie on the same side of a limit as the values that the judge reads, but perhaps elsewhere:
-    u² over most is one for |u|.
+    Rows are on the same side of the limit as the values that the judge uses, but may differ from
+    them: u²/limit can replace |u|.
     """
     out: dict[str, MarginAt] = {}
     if type(required).values is Requirement.values:
@@ -278,7 +280,7 @@ def _own_margins(
 
 @lru_cache(maxsize=64)
 def _rows(system: TriangularSystem, required: Requirement | ChartDomain) -> Expression:
-    """The rows of a requirement, of what it reads in alphabetical order."""
+    """The rows of a requirement as functions of what it reads, in alphabetical order."""
     sizes = {"q": system.size, "u": 2, "du": 2}
     read = {name: ca.SX.sym(name, sizes[name]) for name in sorted(required.reads)}
     rows = required.rows(MotionPoint(system, **read))
@@ -288,9 +290,9 @@ def _rows(system: TriangularSystem, required: Requirement | ChartDomain) -> Expr
 
 
 def _jump(part: Part, motion: EnclosedMotion) -> Claim | None:
-    """The claim on a rate where the input jumps, or may jump, at a break; else None."""
+    """The claim on a rate if the input jumps, or may jump, at a break; else None."""
     cells, u = motion.enclosure.cells, motion.inputs[part.index]
-    breaks = np.flatnonzero(np.diff(cells.piece))  # cells after which another piece begins
+    breaks = np.flatnonzero(np.diff(cells.piece))  # last cells of the pieces
     if not len(breaks):
         return None
     (end, slip), (begin, _) = u.at_end(), u.at_begin()
@@ -309,7 +311,7 @@ def _jump(part: Part, motion: EnclosedMotion) -> Claim | None:
 
 @prove.register
 def _(chart: ChartDomain, evidence: Evidence) -> Iterable[Proof]:
-    """Every margin of the chart is positive; asked only of a plan in chained coordinates."""
+    """Prove that every margin of the chart is positive; required only in chained coordinates."""
     required = not evidence.plan.trajectory.in_coordinates
     try:
         balls = _rows(evidence.plan.problem.system, chart)(evidence.path.enclosure.q)
@@ -324,7 +326,7 @@ def _(chart: ChartDomain, evidence: Evidence) -> Iterable[Proof]:
 
 @prove.register
 def _(start: Start, evidence: Evidence) -> Iterable[Proof]:
-    """The plan's own q(t) begins there, as the true motion does."""
+    """Prove that the plan's own q(t) begins at the start, as the true motion does."""
     (part,) = start.parts
     q, slip = np.array([model.at_begin() for model in evidence.plan_q])[:, :, 0].T
     away = np.abs(q - evidence.plan.problem.start)
@@ -334,7 +336,7 @@ def _(start: Start, evidence: Evidence) -> Iterable[Proof]:
 
 @prove.register
 def _(goal: Goal, evidence: Evidence) -> Iterable[Proof]:
-    """The true motion ends there."""
+    """Prove that the true motion ends at the goal."""
     target = evidence.plan.problem.target
     for part in goal.parts:
         if not np.isnan(target[part.index]):
@@ -369,10 +371,10 @@ def _(disc: Obstacle, evidence: Evidence) -> Iterable[Proof]:
 
 @prove.register
 def _(required: SelfCollision, evidence: Evidence) -> Iterable[Proof]:
-    """Each joint keeps off each link that is not next to it.
+    """Prove that each joint keeps clear of each link that is not adjacent to it.
 
-    While all are proven no two links cross that did not at the start, which the problem has
-    excluded: by continuity an end of one would first touch the other.
+    This implies that no two links cross: the problem excludes crossing at the start, and by
+    continuity an end of one link would first touch the other.
     """
     points = joints(evidence.plan.problem.system, evidence.path.enclosure)
     for part, (place, link) in zip(required.parts, required.joint_link_pairs, strict=True):
@@ -393,7 +395,7 @@ def _clearance_claims(
 
 @prove.register
 def _(point: Waypoint, evidence: Evidence) -> Iterable[Proof]:
-    """It is passed, within `verify`'s tolerance: at its time, or at some time."""
+    """Prove that the waypoint is passed within `verify`'s tolerance, at its time or at any time."""
     (part,), time_s = point.parts, point.time_s
     motion = evidence.path.enclosure
     try:

@@ -1,16 +1,16 @@
-"""The true motion under a plan's input, enclosed, coordinate after coordinate.
+"""Enclose the true motion under a plan's input, one coordinate after the other.
 
-A coordinate whose rate reads earlier coordinates only is an integral of what is known by then: its
-errors add up, no exponential enters. Coordinates that read themselves or each other (trailers, some
-custom systems) are enclosed together, in a tube about a reference p that comes from a few
-Newton–Picard sweeps, of which nothing is proven. With P(t) = x(0) + ∫ f(p, t), of which balls know
-E = p − P, the distance of the true motion x from P obeys, in the greatest of these coordinates,
+A coordinate whose rate depends only on earlier coordinates is an integral of enclosed functions:
+its errors add up and do not grow exponentially. Coordinates that depend on themselves or on each
+other (trailers, some custom systems) are enclosed together, in a tube about a reference p that a
+few Newton–Picard sweeps compute without proof. With P(t) = x(0) + ∫ f(p, t), and E = p − P bounded
+by balls, the distance of the true motion x from P obeys, in the maximum norm of these coordinates,
 
     D⁺‖x − P‖ ≤ μ ‖x − P‖ + ‖J‖ ‖E‖,   μ = maxᵢ (Jᵢᵢ + Σ_{j≠i} |Jᵢⱼ|)
 
-with the Jacobian J bounded over the tube. The tube must contain the result, or nothing is claimed
+with the Jacobian J bounded over the tube. The result is valid only if the tube contains it
 (continuation argument). On ellipses Picard's map X ↦ x(middle) + ∫ f(X, z) dz is applied to balls:
-where it maps a ball into itself, the motion is analytic there and lies in the image (Schauder).
+if it maps a ball into itself, the motion is analytic there and lies in the image (Schauder).
 Source: G. Dahlquist's logarithmic norm, 1958; R. E. Moore, "Interval Analysis", 1966.
 """
 
@@ -42,25 +42,25 @@ from planner.verification.models import (
 )
 
 TUBE_RADII = (1e-6, 1e-3)
-"""Radii of the tube tried, in the coordinates' units."""
+"""Radii of the tube to try, in the coordinates' units."""
 
 MOST_SWEEPS = 12
 SWEEP_TOLERANCE = 1e-15
-"""Change by a sweep, in the coordinates' units, that is rounding."""
+"""Change by a sweep that counts as rounding, in the coordinates' units."""
 
 PICARD_IMAGES = 3
-"""Images of a ball under Picard's map."""
+"""Number of times that Picard's map is applied to a ball."""
 
 
 @dataclass(frozen=True, eq=False)
 class Enclosure:
-    """Where the true motion is.
+    """An enclosure of the true motion.
 
     Attributes:
         cells: C subintervals, in order of time.
-        q: A ball a coordinate.
+        q: One ball per coordinate.
         u: The inputs as balls.
-        rates: Of the coordinates, as far as they are enclosed.
+        rates: Rates of the coordinates, as far as they are enclosed.
     """
 
     cells: Cells
@@ -74,7 +74,7 @@ class Enclosure:
         return self.models(*self.q)
 
     def models(self, *values: Ball) -> list[Model]:
-        """Models of functions of them."""
+        """Models of functions of the motion on the same cells."""
         return models(values, len(self.cells.piece))
 
 
@@ -82,8 +82,8 @@ def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Encl
     """Enclose the motion from a start under given inputs.
 
     Args:
-        path: Its q(t) is near the motion; nothing else of it is used.
-        cells: In order of time, without gaps.
+        path: A trajectory whose q(t) is near the motion; nothing else of it is used.
+        cells: Cells in order of time, without gaps.
         u: The two inputs on the cells.
         start: q(0), shape (N,).
     """
@@ -109,10 +109,11 @@ def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Encl
 def integral(f: Ball, width: Array, start: float) -> Ball:
     """start + ∫ f over all cells.
 
-    On the real line the integral of the interpolant; the errors of f add up. On an ellipse, from
-    the middle, ∫ (c + bz + e) = cz + bz²/2 + ∫ e with z² = 1/2 + (z² − 1/2) and |∫ e| ≤ r R along
-    the straight way. Rounding: an integral is a sum of 16 products whose factors are right to a few
-    units of one, at most 400 units of the greatest value in all, the width's own included.
+    On the real line it is the integral of the interpolant, and the errors of f add up. On an
+    ellipse, from the middle, ∫ (c + bz + e) = cz + bz²/2 + ∫ e with z² = 1/2 + (z² − 1/2) and
+    |∫ e| ≤ r R along the straight line. Rounding: an integral is a sum of 16 products whose factors
+    have errors of a few units of one. In total these are at most 400 units of the greatest value,
+    including the error of the width.
     """
     half, v = width / 2, f.c[:, :POINTS]
     steps = v @ integration().T * half[:, None]
@@ -132,7 +133,7 @@ def integral(f: Ball, width: Array, start: float) -> Ball:
 def _integral_on_ellipses(
     f: Ball, half: Array, middle: Array, doubt: Array
 ) -> tuple[Array, Array, Array]:
-    """middle + ∫ f from the middle, on the segment and the ellipses."""
+    """middle + ∫ f from the middle of each cell, on the segment and the ellipses."""
     slope, bend, r = f.ellipses
     c, b = middle + half * bend / 4, half * slope
     rest = half * (np.abs(bend) * SQUARE_COLUMN[POINTS:] / 2 + r * RADIUS_COLUMN[POINTS:])
@@ -141,7 +142,7 @@ def _integral_on_ellipses(
 
 
 def full_ball(f: Ball, cells: Cells) -> Ball:
-    """The ball with a row for each cell and all columns, also where it is a constant."""
+    """The ball with a row for each cell and all columns, even if it is a constant."""
     shape = (len(cells.piece), len(RADIUS_COLUMN))
     if f.c.shape == shape:
         return f
@@ -150,14 +151,14 @@ def full_ball(f: Ball, cells: Cells) -> Ball:
 
 @lru_cache(maxsize=32)
 def rates_of(system: TriangularSystem) -> Expression:
-    """q̇ of (q, u) on balls."""
+    """q̇ as a function of (q, u) on balls."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     return Expression([q, u], ca.vertcat(*system.rates_expr(q, u)))
 
 
 @lru_cache(maxsize=32)
 def blocks(system: TriangularSystem) -> list[list[int]]:
-    """The coordinates, those first that others read; together those that read each other."""
+    """Coordinates in the order of dependence; those that depend on each other form one block."""
     rates, size = rates_of(system), system.size
     reach = np.eye(size, dtype=bool)
     for i in range(size):
@@ -168,7 +169,7 @@ def blocks(system: TriangularSystem) -> list[list[int]]:
     return [list(g) for g in sorted(groups, key=lambda g: (int(np.sum(reach[g[0]])), g))]
 
 
-# -- coordinates that read themselves ----------------------------------------------------------
+# -- coordinates that depend on themselves -----------------------------------------------------
 
 
 def _tube(
@@ -179,7 +180,7 @@ def _tube(
     guess: Array,
     start: Array,
 ) -> tuple[dict[int, Ball], list[Ball]]:
-    """Balls of a block's coordinates, and of their rates at the reference."""
+    """Balls of a block's coordinates and of their rates at the reference."""
     (known, u), width = given, cells.width
     c = guess.transpose(2, 0, 1)[block] @ interpolation().T
     p = {i: Model(coefficients, 0 * width) for i, coefficients in zip(block, c, strict=True)}
@@ -231,12 +232,12 @@ def _growth(
 
 
 def perturbed_motion(system: TriangularSystem, motion: Enclosure, off: Array) -> Enclosure:
-    """The motion under inputs that differ from the motion's own by no more than `off` (2,), anyhow.
+    """The motion under any inputs that differ from the motion's own by at most `off` (2,).
 
-    With s the difference and J from the widened coordinates, the distance δ obeys, block by block,
-    ‖δ‖' ≤ μ ‖δ‖ + max (|J| |δ of earlier ones| + |rates(q, s)|), as rates are linear in the inputs.
-    At any one time the coordinates are those of the motion and a constant, which balls widened in
-    all columns contain; so what is evaluated on them holds at that time.
+    With s the difference of the inputs and J from the widened coordinates, the distance δ obeys,
+    block by block, ‖δ‖' ≤ μ ‖δ‖ + max (|J| |δ of earlier blocks| + |rates(q, s)|), since rates are
+    linear in the inputs. At any fixed time the coordinates are those of the motion plus a constant.
+    Balls widened in all columns contain them, so functions evaluated on these balls are bounded.
     """
     cells, every = motion.cells, list(range(system.size))
     still = np.zeros((len(cells.piece), len(RADIUS_COLUMN)))
@@ -260,14 +261,14 @@ def perturbed_motion(system: TriangularSystem, motion: Enclosure, off: Array) ->
 
 
 def _logarithmic_norm(size: Array, high: Array, block: list[int]) -> Array:
-    """μ of a block (C,), from |J| (N, N, C) and J's diagonal from above (N, C)."""
+    """μ of a block (C,), from |J| (N, N, C) and upper bounds of J's diagonal (N, C)."""
     off = size[block][:, block].copy()
     off[range(len(block)), range(len(block))] = high[block]
     return np.asarray(np.max(np.sum(off, axis=1), axis=0))
 
 
 def _error_bounds(mu: Array, norm: Array, error: Array, width: Array) -> Array:
-    """Bounds (C,) of ‖x − P‖ anywhere in each cell, by the comparison equation cell after cell."""
+    """Bounds (C,) of ‖x − P‖ in each cell, by the comparison equation, one cell after the other."""
     most = np.exp(np.maximum(mu, 0.0) * width) * (1 + 1e-9)
     across, pushed = np.exp(mu * width) * (1 + 1e-9), norm * error * width * most
     out, now = np.empty(len(mu)), 0.0
@@ -286,7 +287,7 @@ def _on_ellipses(
     core: dict[int, Ball],
     doubt: Array,
 ) -> dict[int, Ball]:
-    """The tube on the real columns, and beside it what Picard's map proves."""
+    """The tube on the real columns, and on the ellipses the balls that Picard's map proves."""
     (known, u), half, signs = given, cells.width[:, None] / 2, (-1.0) ** np.arange(POINTS // 2)
     nowhere = np.where(np.arange(len(RADIUS_COLUMN)) > POINTS, np.inf, doubt)
     out = {i: ball.widen(nowhere) for i, ball in core.items()}
@@ -308,14 +309,14 @@ def _on_ellipses(
 
 
 def _replace_ellipses(ball: Ball, c: Array, b: Array, r: Array) -> Ball:
-    """The ball with other columns off the points."""
+    """The ball with other columns for the segment and the ellipses."""
     points = ball.c[:, :POINTS], ball.b[:, :POINTS], ball.r[:, :POINTS]
     return Ball(*map(np.hstack, zip(points, (c, b, r), strict=True)))
 
 
 @lru_cache(maxsize=32)
 def _jacobian(system: TriangularSystem) -> tuple[Expression, Array, Array, Pointwise]:
-    """∂q̇/∂q: its nonzero entries on balls, their rows and columns, and the whole at points."""
+    """∂q̇/∂q: its nonzero entries on balls, their rows and columns, and the matrix at points."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     matrix: Any = ca.jacobian(ca.vertcat(*system.rates_expr(q, u)), q)
     row, column = (np.array(x, dtype=int) for x in matrix.sparsity().get_triplet())
@@ -330,7 +331,7 @@ def _jacobian(system: TriangularSystem) -> tuple[Expression, Array, Array, Point
 def _reference(
     system: TriangularSystem, cells: Cells, guess: Array, u: list[Ball], start: Array
 ) -> Array:
-    """Values near the motion: Picard's integral in each cell, Newton's step across them."""
+    """Values near the motion, by Picard integrals in each cell and Newton steps across cells."""
     inputs = np.stack([x.c[:, :POINTS] for x in u], axis=-1)
     width, middle = cells.width, POINTS // 2
     flow = _change(_jacobian(system)[3](guess[:, middle], inputs[:, middle]), width)
@@ -349,7 +350,7 @@ def _reference(
 def _sweep(
     system: TriangularSystem, values: Array, inputs: Array, width: Array, flow: Array, start: Array
 ) -> Array:
-    """One sweep; `flow` (C, N, N) is how a change at a cell's left end grows across it."""
+    """One sweep; `flow` (C, N, N) is the growth of a change from a cell's left to its right end."""
     rates = system.rates(values, inputs) * (width[:, None, None] / 2)
     steps = np.einsum("mk,ckn->cmn", integration(), rates)
     signs = np.where(np.arange(POINTS) % 2 == 0, 1.0, -1.0)
@@ -364,7 +365,7 @@ def _sweep(
 
 
 def _change(jacobian: Array, width: Array) -> Array:
-    """About e^A − 1, for A = J w (C, N, N)."""
+    """An approximation of e^A − 1 for A = J w (C, N, N)."""
     term = out = a = jacobian * width[:, None, None]
     for k in range(2, 8):
         term = term @ a / k

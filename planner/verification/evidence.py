@@ -1,4 +1,4 @@
-"""What is known of a motion, and the verdicts on functions of it that must not be negative."""
+"""Enclosed motions of a plan, and verdicts on functions of them that must not be negative."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ STANDSTILL_REASON = (
 
 @dataclass(frozen=True, eq=False)
 class EnclosedMotion:
-    """A motion, enclosed on one clock.
+    """A motion, enclosed over its own time (the plan's time, or the path's time of a retimed plan).
 
     Attributes:
-        enclosure: The inputs, and perhaps the coordinates.
-        source: Whose inputs these are.
-        reads: Which of coordinates "q", inputs "u" and their rates "du" are known.
-        retimed: The trajectory along whose path this is, if the clock is the path's own.
-        why: Why something on it is not bounded.
+        enclosure: Enclosure of the inputs, and perhaps of the coordinates.
+        source: Source of the inputs.
+        reads: Which of coordinates "q", inputs "u" and their rates "du" are enclosed.
+        retimed: The retimed trajectory, if the motion is over the path's time; else None.
+        why: Reason why some quantity is not bounded.
     """
 
     enclosure: Enclosure
@@ -60,22 +60,22 @@ class EnclosedMotion:
 
     @cached_property
     def rates(self) -> list[Model]:
-        """Models of their rates, inside the pieces."""
+        """Models of the inputs' rates, inside the pieces."""
         return self.enclosure.models(*self.source.slopes(self.enclosure.cells))
 
     @property
     def end_s(self) -> float:
-        """Its own time at the end, seconds."""
+        """End in its own time, s."""
         return float(self.enclosure.cells.breaks[-1])
 
     @property
     def edges(self) -> Array:
-        """Where its cells begin, and the end, in the plan's time, seconds."""
+        """Beginnings of the cells, and the end, in the plan's time, s."""
         edges = np.append(self.enclosure.cells.times(np.array([-1.0]))[:, 0], self.end_s)
         return edges if self.retimed is None else self.retimed.time_of(edges)
 
     def at(self, time_s: float) -> tuple[Array, Array]:
-        """Coordinates (N,) and inputs (2,) at its own time, to what the models leave open."""
+        """Coordinates (N,) and inputs (2,) at a time of its own, to the accuracy of the models."""
         ends = self.enclosure.cells.times(np.array([-1.0, 1.0]))
         k = int(np.clip(np.searchsorted(ends[:, 0], time_s, side="right") - 1, 0, len(ends) - 1))
         x = 2 * (time_s - ends[k, 0]) / (ends[k, 1] - ends[k, 0]) - 1
@@ -92,9 +92,10 @@ class EnclosedMotion:
         required: bool = True,
         why: str = "",
     ) -> Claim:
-        """The verdict on a least margin between two bounds; its own time becomes the plan's.
+        """The verdict on a least margin between the bounds `low` and `high`.
 
-        A margin down to −tolerance is kept, as `verify` counts it.
+        A margin down to −tolerance counts as kept, as in `verify`. `when` is in the motion's own
+        time; the claim has the plan's.
         """
         upper = float(high) if np.isfinite(high) else np.nan
         time_s = float(when) if np.isfinite(when) else None
@@ -113,12 +114,12 @@ class EnclosedMotion:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What proofs of a plan rest on.
+    """The enclosed motions on which the proofs of a plan rest.
 
     Attributes:
         plan: The plan.
-        path: The true motion, of a retimed plan in the path's own time and without its inputs.
-        plan_q: The plan's own coordinates there.
+        path: The true motion; for a retimed plan in the path's time and without its inputs.
+        plan_q: Models of the plan's own coordinates on the same cells.
     """
 
     plan: Plan
@@ -126,13 +127,13 @@ class Evidence:
     plan_q: list[Model]
 
     def motion_for(self, reads: frozenset[str]) -> EnclosedMotion:
-        """A motion that encloses all of these."""
+        """A motion that encloses all of these quantities."""
         if self.path.retimed is None or reads <= self.path.reads:
             return self.path
         return self._motion_over_time if "q" in reads else self._inputs_over_time
 
     def refine(self, motion: EnclosedMotion, coarse: CellChoice) -> EnclosedMotion:
-        """The same on cells that are split where they are too coarse."""
+        """The same motion with cells split where `coarse` selects them."""
         plan, source = self.plan, replace(motion.source, halvings=InputSource.halvings)
         start = plan.problem.start if "q" in motion.reads else None
         if motion is self.path and start is not None:
@@ -141,7 +142,7 @@ class Evidence:
 
     @cached_property
     def _inputs_over_time(self) -> EnclosedMotion:
-        """The inputs of a retimed plan in its own time."""
+        """The inputs of a retimed plan over the plan's time."""
         assert self.path.retimed is not None
         source = source_of(self.path.retimed)
         return EnclosedMotion(
@@ -150,7 +151,7 @@ class Evidence:
 
     @cached_property
     def _motion_over_time(self) -> EnclosedMotion:
-        """Its coordinates too in its own time."""
+        """The inputs and coordinates of a retimed plan over the plan's time."""
         plan, inputs = self.plan, self._inputs_over_time
         enclosure = enclose(
             plan.trajectory, inputs.enclosure.cells, inputs.enclosure.u, plan.problem.start
@@ -160,16 +161,16 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class Obligation:
-    """What is still to prove: every one of some functions is ≥ 0 at all times.
+    """A statement still to prove: some functions are ≥ 0 at all times.
 
     Attributes:
-        part: Whose label and unit the claim has.
-        margins: (sign, value, limit) of sign · value + limit.
-        motion: What the values are functions of.
-        tolerance: How far below zero the least may be.
-        required: Whether the problem asks for it.
-        margin_at: Where the functions only have the sign of the margin: the margin itself, of
-            coordinates (N,) and inputs (2,).
+        part: Gives the label and unit of the claim.
+        margins: (sign, value, limit) of each function sign · value + limit.
+        motion: The motion of which the values are functions.
+        tolerance: Largest allowed distance of the least value below zero.
+        required: Whether the problem requires it.
+        margin_at: The margin as a function of coordinates (N,) and inputs (2,), if the functions
+            have only the sign of the margin; else None.
     """
 
     part: Part
@@ -184,7 +185,7 @@ Proof = Obligation | Claim
 
 
 def decide(proofs: list[Proof]) -> list[Claim]:
-    """The claims, in order; what is still to prove on one clock is bounded all at once."""
+    """The claims, in order; all obligations on one motion are bounded together."""
     pending = [each for each in proofs if isinstance(each, Obligation)]
     verdicts: dict[int, Claim] = {}
     for motion in {id(each.motion): each.motion for each in pending}.values():

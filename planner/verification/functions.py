@@ -1,4 +1,4 @@
-"""Known functions as balls: CasADi's, instruction by instruction, and piecewise polynomials."""
+"""Evaluate on balls: CasADi expressions, instruction by instruction, and piecewise polynomials."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ArgumentBalls = Sequence[Sequence[Ball] | Mapping[int, Ball]]
 
 
 class UnboundedError(Exception):
-    """An operation that balls do not know; says which."""
+    """A quantity or an operation has no bound; the text names it."""
 
 
 class Expression:
@@ -30,10 +30,10 @@ class Expression:
 
     Args:
         arguments: CasADi column vectors (SX).
-        value: Expression of them, a column vector (SX).
+        value: Expression of the arguments, a column vector (SX).
 
     Raises:
-        UnboundedError: If it uses an operation that balls do not know.
+        UnboundedError: If it uses an operation that has no formula for balls.
     """
 
     def __init__(self, arguments: Sequence[Any], value: Any) -> None:
@@ -42,7 +42,7 @@ class Expression:
         self.size = value.numel()
         self._steps: list[tuple[int, tuple[int, ...], float]] = []
         self._ends = [-1] * self.size
-        holds: dict[int, int] = {}  # the last step that wrote to each of CasADi's registers
+        holds: dict[int, int] = {}  # the last step that wrote each of CasADi's registers
         for k in range(function.n_instructions()):
             deadline.check_stopped()
             operation, inputs = function.instruction_id(k), function.instruction_input(k)
@@ -59,7 +59,7 @@ class Expression:
         self._needed = [self._steps_to(end) for end in self._ends]
 
     def _steps_to(self, end: int) -> list[int]:
-        """The steps that a step rests on, and itself, in order."""
+        """The steps on which a step depends, and the step itself, in order."""
         steps, left = set(), [end] if end >= 0 else []
         while left:
             k = left.pop()
@@ -70,7 +70,7 @@ class Expression:
         return sorted(steps)
 
     def reads(self, entry: int, argument: int) -> set[int]:
-        """Which entries of an argument an entry of the value reads."""
+        """Indices of the entries of an argument on which an entry of the value depends."""
         steps = [self._steps[k] for k in self._needed[entry]]
         return {read[1] for of, read, _ in steps if of == ca.OP_INPUT and read[0] == argument}
 
@@ -80,7 +80,7 @@ class Expression:
         return [self.entry(i, given, done) for i in range(self.size)]
 
     def entry(self, i: int, given: ArgumentBalls, done: dict[Any, Ball]) -> Ball:
-        """One entry; `done` keeps what was evaluated, for the next with the same arguments."""
+        """One entry; `done` caches steps for further entries with the same arguments."""
         deadline.check_stopped()
         for k in self._needed[i]:
             if k in done:
@@ -101,7 +101,7 @@ class Expression:
 
 
 def _product(a: Ball, b: Ball) -> Ball:
-    """Cheaper where one of them is a number."""
+    """a · b, cheaper if one of them is a number."""
     for one, other in ((a, b), (b, a)):
         if one.c.size == 1 and not one.r[0, 0] and not one.b[0, 0]:
             return other.scaled(one.c[0, 0])
@@ -167,8 +167,8 @@ _SUPPORTED = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_CIRCULAR, *_ARITHMETIC}
 
 
 def polynomials(curve: Bernstein, cells: Cells, order: int = 0) -> list[Model]:
-    """The components of a piecewise polynomial with values (k,), or of a scalar one, or of a
-    derivative of it in time."""
+    """Models of the components of a piecewise polynomial with values (k,) or scalar values, or of
+    its derivative of this order in time."""
     return [Model(*pair) for pair in zip(*_cell_coefficients(curve, cells, order), strict=True)]
 
 
@@ -178,7 +178,7 @@ def balls_on_cells(curve: Bernstein, cells: Cells, order: int = 0) -> list[Ball]
 
 
 def derivative(curve: Bernstein, order: int) -> tuple[Array, Array]:
-    """Bernstein coefficients (d+1, P, k) of a derivative, and what rounding did to them (P, k)."""
+    """Bernstein coefficients (d+1, P, k) of a derivative, and bounds of their rounding (P, k)."""
     c = curve.c.reshape(*curve.c.shape[:2], -1)
     width, size = np.diff(curve.x)[:, None], np.max(np.abs(c), axis=0)
     for _ in range(order):
@@ -189,7 +189,7 @@ def derivative(curve: Bernstein, order: int) -> tuple[Array, Array]:
 
 
 def refine_curve(curve: Bernstein, breaks: Array) -> Bernstein:
-    """The same curve on more pieces, to rounding; every break of the curve is one of `breaks`."""
+    """The same curve (within rounding) on the pieces between `breaks`, which include its breaks."""
     if np.array_equal(curve.x, breaks):
         return curve
     k = np.searchsorted(curve.x, (breaks[:-1] + breaks[1:]) / 2) - 1
@@ -198,7 +198,7 @@ def refine_curve(curve: Bernstein, breaks: Array) -> Bernstein:
 
 
 def _cell_coefficients(curve: Bernstein, cells: Cells, order: int) -> tuple[Array, Array]:
-    """Chebyshev coefficients (k, C, d+1) on the cells, wrong by no more than (k, C) together."""
+    """Chebyshev coefficients (k, C, d+1) on the cells, and bounds (k, C) of their summed errors."""
     c, slip = derivative(curve, order)
     c, degree = c[:, cells.piece], len(c) - 1
     size, slips = np.max(np.abs(c), axis=0).T, slip.T[:, cells.piece]

@@ -1,15 +1,14 @@
-"""A trajectory's inputs as balls on cells fine enough, for each kind of trajectory.
+"""Inputs of a trajectory as balls on sufficiently fine cells, for each kind of trajectory.
 
-Inputs of retimed paths as balls in time: polynomials of polynomials.
-
-With s = clock(t) and σ the path's own time, length(σ) = s. A polynomial g(t) near σ(t) is proven by
-what d = length(g) − clock leaves over: where Re length' ≥ m > 0 on the disc of radius η > |d|/m
-about g, length − clock is one-to-one there and has, by Rouché's theorem, its one root within |d|/m
-of g, on the real line and on every ellipse. Then
+The inputs of a retimed path as functions of time are polynomials of polynomials. With s = clock(t)
+and σ the path's own time, length(σ) = s. The error of a polynomial g(t) near σ(t) is bounded by the
+residual d = length(g) − clock: if Re length' ≥ m > 0 on the disc of radius η > |d|/m about g, then
+length − clock is one-to-one there and, by Rouché's theorem, its only root is within |d|/m of g, on
+the real line and on every ellipse. Then
 
     u = w σ̇,   du/dt = w' σ̇² + w σ̈,   σ̇ = ṡ/length',   σ̈ = (s̈ − length'' σ̇²)/length'
 
-with w the path's inputs at σ. Where the path stands still (length' = 0) nothing is bounded.
+with w the path's inputs at σ. If the path stands still (length' = 0), there is no bound.
 """
 
 from __future__ import annotations
@@ -53,43 +52,45 @@ from planner.verification.models import (
 )
 
 FINE_REMAINDER = 1e-10
-"""Remainder of inputs and rates, relative to their size or one, below which a cell is kept."""
+"""A cell is fine enough if the remainder of inputs and rates, relative to their size or one, is
+below this."""
 
 NOISE_REMAINDER = 1e-3
-"""Remainder below which a cell hardly better than its parent is kept: the rest is rounding."""
+"""A cell with a smaller remainder is kept if it is hardly better than its parent, since the
+remainder is then rounding."""
 
 FEWEST_CELLS = 4
 COARSE_REMAINDER = 1e-4
-"""Remainder above which a cell is divided in four at once."""
+"""A cell with a larger remainder is divided into four at once."""
 
 MOST_CELLS = 1500
 
 REFINEMENT_ROUNDING = 1e-13
-"""What rounding does to a path's inputs written on more pieces, relative to them."""
+"""Relative rounding error of a path's inputs when they are represented on more pieces."""
 
 
 CellChoice = Callable[[Enclosure], Index]
-"""Which cells of an enclosed motion should be split, for what is made of it."""
+"""Selects the cells of an enclosed motion to split for its later use."""
 
 
 def enclose_trajectory(
     trajectory: Trajectory, start: Array, coarse: CellChoice | None = None
 ) -> tuple[InputSource, Enclosure, list[Model]]:
-    """The true motion under a trajectory's inputs.
+    """Enclose the true motion under a trajectory's inputs.
 
-    Of a retimed trajectory that along its path, in the path's own time: no state depends on the
-    timing.
+    For a retimed trajectory it is the motion along its path in the path's own time, since no state
+    depends on the timing.
 
     Args:
-        trajectory: Of a known kind.
+        trajectory: A trajectory of a known kind.
         start: q(0), shape (N,).
-        coarse: Which cells are too coarse for other reasons; left out, none.
+        coarse: Selects cells that are too coarse for other reasons; none by default.
 
     Returns:
-        The inputs, the motion, and the trajectory's own coordinates.
+        The inputs, the motion, and models of the trajectory's own coordinates.
 
     Raises:
-        UnboundedError: If nothing bounds a trajectory of this kind or of this system.
+        UnboundedError: If a trajectory of this kind or of this system cannot be bounded.
     """
     path = _path(trajectory)
     source = source_of(path)
@@ -104,21 +105,22 @@ def enclose_trajectory(
 
 
 def _path(trajectory: Trajectory) -> Trajectory:
-    """What moves: no state depends on its timing. A retimed path comes on the length's pieces."""
+    """The trajectory without its retiming, which no state depends on; a retimed path is refined to
+    the pieces of its length."""
     if type(trajectory) is not RetimedTrajectory:
         return trajectory
     path, breaks = trajectory.path, trajectory.length.x
-    _law(path)  # whose curves are known
+    _law(path)  # raises if the curves are unknown
     names = ("q_curve", "u_curve") if type(path) is StateTrajectory else ("z_curve", "v_curve")
     return replace(path, **{name: refine_curve(getattr(path, name), breaks) for name in names})  # type: ignore[type-var]
 
 
 def _omitted_inputs(trajectory: Trajectory, motion: Enclosure) -> Array:
-    """How much of the path's inputs a retimed motion may leave out, shape (2,).
+    """Bound on the integral of the path's inputs that a retimed motion may skip, shape (2,).
 
-    The clock runs along the length, and so skips any stretch of the path over which the length does
-    not grow. With |u| ≤ M length' + η everywhere, the inputs skipped add up to at most η times the
-    stretch; M may be anything, and η is what the choice of M leaves over.
+    The clock follows the length, so it skips any stretch of the path over which the length does not
+    grow. If |u| ≤ M length' + η everywhere, the skipped inputs add up to at most η times the
+    stretch. M is arbitrary; η is the least value for that M.
     """
     assert isinstance(trajectory, RetimedTrajectory)
     (rate,) = polynomials(trajectory.length, motion.cells, 1)
@@ -131,7 +133,7 @@ def _omitted_inputs(trajectory: Trajectory, motion: Enclosure) -> Array:
         scale = np.full(2, max(float(np.mean(size)), 1e-12))
         both = [(1.0, bound + model, 0.0), (1.0, bound - model, 0.0)]
         bounds = least_values(both, motion.cells, scale)
-        left = np.max([0.0, *(-x.guaranteed for x in bounds)])  # not a number stays one
+        left = np.max([0.0, *(-x.guaranteed for x in bounds)])  # NaN stays NaN
         eta = float(left) + REFINEMENT_ROUNDING * float(np.max(size))
         out.append(eta if eta >= 0 else np.inf)
     return np.array(out)
@@ -142,11 +144,12 @@ class InputSource:
     """Inputs of a trajectory that balls can bound.
 
     Attributes:
-        trajectory: Whose they are.
-        inputs: From cells to balls of u₁ and u₂.
-        slopes: From cells to balls of du₁/dt and du₂/dt.
-        halvings: Times a cell may be halved. Near a singularity halving reaches what can be
-            bounded; near a standstill of a retimed path it only narrows what cannot.
+        trajectory: The trajectory.
+        inputs: Function from cells to balls of u₁ and u₂.
+        slopes: Function from cells to balls of du₁/dt and du₂/dt.
+        halvings: Number of times that a cell may be halved. Near a singularity halving reaches
+            cells that have a bound; near a standstill of a retimed path it only narrows the part
+            without a bound.
     """
 
     trajectory: Trajectory
@@ -156,7 +159,7 @@ class InputSource:
 
 
 def source_of(trajectory: Trajectory) -> InputSource:
-    """The inputs of a trajectory of states or of chained coordinates, or of such a path retimed.
+    """The inputs of a trajectory in coordinates, in chained coordinates, or of a retimed path.
 
     Raises:
         UnboundedError: If the trajectory is of another kind, or its chart has no expression.
@@ -198,9 +201,10 @@ Law = Callable[..., list[Ball]]
 
 
 def _law(path: Trajectory) -> tuple[list[Bernstein], Law, Law]:
-    """Curves of a path; its inputs from their balls, and the inputs' slopes from these and theirs.
+    """Curves of a path, its inputs as a function of them, and the inputs' slopes as a function of
+    them and their derivatives.
 
-    A subclass may evaluate in its own way, of which nothing is known.
+    Subclasses are refused, since they may evaluate differently.
     """
     if type(path) is StateTrajectory:
         return [path.u_curve], lambda u: u, lambda _, du: du
@@ -212,7 +216,7 @@ def _law(path: Trajectory) -> tuple[list[Bernstein], Law, Law]:
 
 
 State = Callable[[list[Ball]], list[Ball]]
-"""q of z, as balls."""
+"""q as a function of z, on balls."""
 
 
 @lru_cache(maxsize=32)
@@ -226,9 +230,9 @@ def _inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> State:
 
 
 def _inverse_by_links(system: TriangularSystem, branch: tuple[float, ...]) -> State:
-    """The inverse of a chart that is solved link by link, from the last coordinate on.
+    """The inverse of a chart that is solved link by link, beginning with the last coordinate.
 
-    zᵢ reads no earlier coordinate than qᵢ and rises or falls with that all over the branch.
+    zᵢ depends on no coordinate before qᵢ, and is monotonic in qᵢ on the whole branch.
     """
     size, form, signs = system.size, chained_form(system), np.array(branch)
     q = ca.SX.sym("q", size)
@@ -255,7 +259,7 @@ def _inverse_by_links(system: TriangularSystem, branch: tuple[float, ...]) -> St
 
 @lru_cache(maxsize=32)
 def _feedback(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[Law, Law]:
-    """u of (z, v), and du/dt of (z, v, ż, v̇), on one branch."""
+    """u as a function of (z, v), and du/dt of (z, v, ż, v̇), on one branch."""
     n = system.size
     z, v, dz, dv = (ca.SX.sym(name, k) for name, k in (("z", n), ("v", 2), ("dz", n), ("dv", 2)))
     u = chained_form(system).inputs_expr(z, v, ca.DM(branch))
@@ -274,12 +278,12 @@ def _feedback(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[Law,
 def root(
     guess: Ball, gap: Ball, steep: Callable[[Ball], Ball], side: Array | float = 1.0
 ) -> tuple[Ball, Ball]:
-    """The root next to a guess, and the function's slope there; unknown where nothing is proven.
+    """The root near a guess, and the function's slope there; unbounded if no root is proven.
 
     Args:
-        guess: A polynomial, without an error of its own.
-        gap: The function there.
-        steep: Its slope.
+        guess: A polynomial, taken as exact.
+        gap: The function at the guess.
+        steep: The function's slope.
         side: Sign of the slope.
     """
     defect, near = (np.abs(gap.c) + gap.reach) * ROUNDING_FACTOR, steep(guess)
@@ -295,12 +299,12 @@ def root(
 def resolve(
     source: InputSource, start: Array | None = None, coarse: CellChoice | None = None
 ) -> Enclosure:
-    """Inputs on cells where they are known to rounding, or as fine as may be.
+    """Enclose inputs on cells that are fine enough for rounding accuracy, or as fine as allowed.
 
     Args:
-        source: Of the inputs.
-        start: With it also the motion from there, whose rates must be known as well.
-        coarse: As for `enclose_trajectory`.
+        source: Source of the inputs.
+        start: If given, also enclose the motion from there, with its rates.
+        coarse: See `enclose_trajectory`.
     """
     cells = Cells.of(source.trajectory.breaks)
     if len(cells.piece) < FEWEST_CELLS:
@@ -329,7 +333,7 @@ def resolve(
 
 
 def _cells_to_divide(balls: list[Ball], before: Array) -> tuple[Index, Array]:
-    """Which cells should be divided, and how rough they are; before is what they were."""
+    """The cells to divide, and the relative remainder of all; `before` is that of their parents."""
     rough = np.max([x.relative_remainder for x in balls], axis=0)
     fine = (rough <= FINE_REMAINDER) | ((rough < NOISE_REMAINDER) & (rough > 0.5 * before))
     return ~fine, rough
@@ -354,7 +358,7 @@ def path_times(trajectory: RetimedTrajectory, cells: Cells) -> tuple[Ball, Ball,
 def derivative_on_balls(
     curve: Bernstein, order: int, trajectory: RetimedTrajectory, cells: Cells, sigma: Ball
 ) -> list[Ball]:
-    """A derivative of a piecewise polynomial of the path's own time, at balls of it.
+    """A derivative of a piecewise polynomial in the path's own time, evaluated at balls `sigma`.
 
     Every cell of the clock lies in one piece of the curve.
     """
@@ -372,10 +376,10 @@ def derivative_on_balls(
 
 
 def _composite(c: Array, slip: Array, x: Ball) -> list[Ball]:
-    """p(x) = Σ cₖ Tₖ(x) for coefficients (k, C, width) that are wrong by slip (k, C, 1) together.
+    """p(x) = Σ cₖ Tₖ(x) for coefficients (k, C, width) whose errors sum to `slip` (k, C, 1).
 
-    rest = δ²/2 max|p''|. What lies within δ of c lies in the ellipse about [−1, 1] whose greater
-    half axis is a = max(|c|, 1) + δ, where |Tₖ| ≤ Tₖ(a). Clenshaw's sums are wrong by no more than
+    rest = δ²/2 max|p''|. All points within δ of c lie in the ellipse about [−1, 1] with the greater
+    half axis a = max(|c|, 1) + δ, where |Tₖ| ≤ Tₖ(a). Clenshaw's sums have errors of at most
     8 width² units of Σ |cₖ| Tₖ(a).
     """
     width, last = c.shape[2], np.zeros(c.shape)

@@ -1,4 +1,4 @@
-"""Plans read from files, which anyone may have changed since: believed only after a judgement."""
+"""Read plans from files. Anyone may have changed a file, so its plan is verified again."""
 
 from __future__ import annotations
 
@@ -20,23 +20,22 @@ from planner.verification.verdict import judge
 def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
     """Read a plan that `Plan.save` wrote, and judge it again if the file calls it verified.
 
-    A plan that was verified comes back with `verified` True only if `verify` still says so and its
-    certificate, proven anew, does not say otherwise; a compensated one only with the plan that it
-    compensates, which solves the same problem. Its objective is computed, if it is one of duration
-    and efforts or of a convex plan; where the file says another, that of the motion is taken, with
-    a warning, and a proof of optimality that is about the other is dropped. All else in `notes`,
-    and the objective of a desensitised plan, is what the file says. What is
-    not a plan any more has `verified` False, the status "verification_failed", no certificate, and
-    says in `why` what it breaks. A file that never claimed to hold a verified plan (a refused one,
-    kept for study) keeps its own status.
+    The result has `verified` True only if `verify` confirms the plan and its certificate, proven
+    again, shows no violation. A compensated plan must also contain a verified original plan of the
+    same problem. An objective of duration and efforts, or of a convex plan, is computed again: if
+    the file has another value, the computed one is used, with a warning, and a proof of optimality
+    for the other value is dropped. The objective of a desensitised plan and all other `notes` are
+    taken from the file. A plan that fails has `verified` False, the status "verification_failed",
+    no certificate, and its violations in `why`. A file that does not claim to contain a verified
+    plan (such as a refused plan, kept for study) keeps its status.
 
     Args:
         path: The file.
-        strict: Whether to refuse a file that claims to hold a verified plan and does not.
+        strict: Whether to refuse a file that wrongly claims to contain a verified plan.
 
     Raises:
         InputError: If the file is missing, is not a plan, or has a newer version; or, if `strict`,
-            its plan fails the judgement.
+            its plan fails the verification.
     """
     said = read_plan(path)
     if not said.verified:
@@ -55,12 +54,12 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
 
 
 OBJECTIVE_TOLERANCE = 1e-5
-"""Difference of an objective, relative to it, that its name leaves: weights of four digits are off
-by up to 5e-4, and what they weigh is a hundredth of it."""
+"""Relative error of an objective due to its name in the file, which gives weights with four digits:
+their errors are up to 5e-4, and the weighted terms are a hundredth of the objective."""
 
 
 def _correct_objective(plan: Plan, path: str | Path) -> Plan:
-    """With the objective of its own motion. That of a compensated plan is its original's."""
+    """The plan with the objective of its motion; for a compensated plan, that of the original."""
     true = objective_of((plan.compensates or plan).trajectory, plan.objective_name)
     if true is None or abs(plan.objective - true) <= OBJECTIVE_TOLERANCE * abs(true):
         return plan
@@ -75,13 +74,13 @@ def _correct_objective(plan: Plan, path: str | Path) -> Plan:
 
 
 def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:
-    """The plan with its verdict, and what it breaks, the worst first and in one line, or ""."""
+    """The plan with its verdict, and its violations in one line, the worst first, or ""."""
     unknown = replace(said, verified=False, certificate=None)
     if said.trajectory.flaw:
         return unknown, said.trajectory.flaw
     if said.compensates is not None and not said.compensates.verified:
         return unknown, "of the plan that it compensates, it is not verified"
-    with np.errstate(all="ignore"):  # what was changed may be anything
+    with np.errstate(all="ignore"):  # a changed file may contain any numbers
         try:
             plan, check = judge(unknown)
         except (ArithmeticError, ValueError) as error:
@@ -93,7 +92,7 @@ def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:
 
 
 def _with_own_figures(plan: Plan, said: Plan, path: str | Path) -> Plan:
-    """A verified plan, and the one that it compensates, with the right objective."""
+    """A verified plan, and its original if it is compensated, with the right objective."""
     assert plan.certificate is not None
     plan = replace(plan, certificate=_with_first_time(said, plan.certificate))
     if plan.compensation is not None and said.compensates is not None:
@@ -103,5 +102,6 @@ def _with_own_figures(plan: Plan, said: Plan, path: str | Path) -> Plan:
 
 
 def _with_first_time(said: Plan, proven: Certificate) -> Certificate:
-    """In the time of the first proof: what is saved again is the same."""
+    """The new certificate with the computing time of the first, so that saving again changes
+    nothing."""
     return proven if said.certificate is None else replace(proven, seconds=said.certificate.seconds)

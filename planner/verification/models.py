@@ -1,19 +1,19 @@
-"""Functions on many cells at once, each held as a polynomial and a proven remainder.
+"""Functions on many cells at once, each given by a polynomial and a proven remainder.
 
 A model stands for every function f with |f(τ) − Σ cₖ Tₖ(τ)| ≤ r on each cell, τ in [−1, 1]. Balls
-become models where their least value is asked for; what is cut off and what rounding may do goes
-into r. Source: M. Joldes, "Rigorous polynomial approximations and applications", 2011 (Chebyshev
-models); K. Makino, M. Berz, "Taylor models and other validated functional inclusion methods", 2003.
+are converted to models to bound their least value; r includes truncation and rounding. Sources:
+M. Joldes, "Rigorous polynomial approximations and applications", 2011 (Chebyshev models);
+K. Makino, M. Berz, "Taylor models and other validated functional inclusion methods", 2003.
 
-Then the matrices of such polynomials on [−1, 1], each made once and kept; and the least value of
-many functions over many cells: bounds from both sides. On a cell whose coefficients show that the
-polynomial p rises, falls or bends downwards all over, the least value is at an end. Where p'' ≥ m
-> 0 all over, a parabola from below says
+The file also has the matrices of such polynomials on [−1, 1], each computed once, and bounds from
+both sides on the least value of many functions over many cells. If the coefficients show that the
+polynomial p is monotonic or concave on a cell, its least value is at an end. If p'' ≥ m > 0 on the
+whole cell, then
 
-    p(x) ≥ p(y) − p'(y)²/(2m)   for any y; Newton's step makes p'(y) all but zero,
+    p(x) ≥ p(y) − p'(y)²/(2m)   for any y; a Newton step makes p'(y) nearly zero,
 
-and a slope that points out of the cell at an end does not count. Cells that may hold the least
-value and are none of these are halved.
+and a slope that points out of the cell at an end does not count. Other cells that may contain the
+least value are halved.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from planner.support import deadline
 from planner.support.arrays import Array
 
 ROUNDING_UNIT = 1.2e-16
-"""Unit of rounding, 2⁻⁵³, a little enlarged for what its own bounds lose by rounding."""
+"""Unit of rounding, 2⁻⁵³, slightly enlarged to cover rounding of the bounds themselves."""
 
 Index = NDArray[Any]
 """Indices, or a mask."""
@@ -47,7 +47,7 @@ class Model:
 
     Attributes:
         c: Chebyshev coefficients, shape (C, width), width ≤ `POINTS`.
-        r: Remainders, shape (C,), ≥ 0; infinite where the function could not be bounded.
+        r: Remainders, shape (C,), ≥ 0; infinite where the function is unbounded.
     """
 
     c: Array
@@ -55,7 +55,7 @@ class Model:
 
     @classmethod
     def truncate(cls, c: Array, r: Array) -> Model:
-        """Of coefficients of any width: those beyond the common degree go to the remainder."""
+        """A model from coefficients of any width; those beyond `POINTS` go to the remainder."""
         tail = np.sum(np.abs(c[:, POINTS:]), axis=1)
         r = np.asarray((r + tail) * ROUNDING_FACTOR)
         bad = ~np.isfinite(r)
@@ -65,7 +65,7 @@ class Model:
 
     @cached_property
     def norm(self) -> Array:
-        """Σ|cₖ|, shape (C,): no value of the polynomial is greater."""
+        """Σ|cₖ|, an upper bound of the polynomial's magnitude, shape (C,)."""
         return np.asarray(np.sum(np.abs(self.c), axis=1))
 
     @cached_property
@@ -110,7 +110,7 @@ class Model:
         return self + (-other)
 
     def scaled(self, by: Array) -> Model:
-        """Times a number on each cell, shape (C,)."""
+        """The model times one number per cell, shape (C,)."""
         c = self.c * by[:, None]
         return Model.truncate(c, np.abs(by) * self.r + ROUNDING_UNIT * np.sum(np.abs(c), axis=1))
 
@@ -130,7 +130,7 @@ POINTS = 16
 
 
 def _cosines(m: NDArray[np.int_]) -> Array:
-    """cos(π m/(2 POINTS)) for whole m: brought to the first quadrant, right to 4 units."""
+    """cos(π m/(2 POINTS)) for integers m, reduced to the first quadrant; errors of 4 units."""
     m = m % (4 * POINTS)
     m = np.minimum(m, 4 * POINTS - m)
     near = np.cos(np.pi / (2 * POINTS) * np.minimum(m, 2 * POINTS - m))
@@ -145,13 +145,13 @@ def nodes() -> Array:
 
 @lru_cache(maxsize=64)
 def evaluation(width: int) -> Array:
-    """Coefficients (width) to values at the nodes, shape (POINTS, width)."""
+    """Matrix from coefficients (width) to values at the nodes, shape (POINTS, width)."""
     return _cosines(np.outer(2 * np.arange(POINTS)[::-1] + 1, np.arange(width)))
 
 
 @lru_cache(maxsize=1)
 def interpolation() -> Array:
-    """Values at the nodes to coefficients, shape (POINTS, POINTS)."""
+    """Matrix from values at the nodes to coefficients, shape (POINTS, POINTS)."""
     out = evaluation(POINTS).T * (2 / POINTS)
     out[0] /= 2
     return out
@@ -159,9 +159,9 @@ def interpolation() -> Array:
 
 @lru_cache(maxsize=1)
 def integration() -> Array:
-    """Values at the nodes to integrals from −1 to each of them, to 0 and to 1: (POINTS+2, POINTS).
+    """Matrix from values at the nodes to integrals from −1 to each node, to 0 and to 1.
 
-    ∫ Tₖ = (Tₖ₊₁/(k+1) − Tₖ₋₁/(k−1))/2.
+    Its shape is (POINTS+2, POINTS), and ∫ Tₖ = (Tₖ₊₁/(k+1) − Tₖ₋₁/(k−1))/2.
     """
     whole = chebyshev.chebint(np.eye(POINTS), lbnd=-1)
     ends = chebyshev.chebvander(np.array([0.0, 1.0]), POINTS)
@@ -170,33 +170,33 @@ def integration() -> Array:
 
 @lru_cache(maxsize=32)
 def slopes(width: int, order: int) -> Array:
-    """Coefficients to those of a derivative, (width, width): whole numbers, the last rows zero."""
+    """Matrix (width, width) of integers, from coefficients to those of a derivative."""
     out = np.zeros((width, width))
     out[: max(width - order, 1)] = chebyshev.chebder(np.eye(width), order)
     return out
 
 
 COEFFICIENT_SUM_BOUND = float(np.sum(np.abs(interpolation()))) * (1 + 1e-12)
-"""No coefficients' sizes together exceed this times the greatest value."""
+"""The sum of the coefficients' magnitudes is at most this times the greatest value at the nodes."""
 
 LEBESGUE_BOUND = (
     float(np.sum(1 / np.tan(np.pi / (4 * POINTS) * (2 * np.arange(POINTS) + 1)))) / POINTS
 )
 LEBESGUE_BOUND *= 1 + 1e-12
-"""No interpolant exceeds this times the greatest value."""
+"""An interpolant is at most this times the greatest value at the nodes (Lebesgue's constant)."""
 
 INTEGRAL_BOUND = float(np.max(np.sum(np.abs(integration()), axis=1))) * (1 + 1e-12)
-"""No integral of an interpolant exceeds this times the greatest value."""
+"""An integral of an interpolant is at most this times the greatest value at the nodes."""
 
 
 # -- the least value -----------------------------------------------------------------------------
 
 MOST_HALVINGS = 40
 BOUND_TOLERANCE = 1e-9
-"""Distance of the two bounds at which halving stops, over the function's scale."""
+"""Halving stops when the two bounds differ by less than this fraction of the function's scale."""
 
 NEWTON_STEPS = 4
-"""Steps from the least of the 16 points: more than enough for rounding where p'' > 0."""
+"""Number of steps from the least of the 16 points; enough for rounding accuracy if p'' > 0."""
 
 Margin = tuple[float, Model, float]
 """(sign, value, limit): the function sign · value + limit."""
@@ -207,9 +207,9 @@ class LeastValue:
     """The least value of one function over all cells.
 
     Attributes:
-        guaranteed: The function is nowhere less.
-        attained: It is no greater than this at `time_s`.
-        time_s: Seconds.
+        guaranteed: Lower bound of the function.
+        attained: Upper bound of the function's value at `time_s`.
+        time_s: A time at which the function is near its least value, s.
     """
 
     guaranteed: float
@@ -221,9 +221,9 @@ def least_values(functions: list[Margin], cells: Cells, scales: Array) -> list[L
     """Bounds on the least value of each function.
 
     Args:
-        functions: Their values are models on the cells.
-        cells: Where.
-        scales: What each function's values are compared with, shape (F,).
+        functions: The functions, whose values are models on the cells.
+        cells: The cells.
+        scales: Scale of each function's values, shape (F,).
     """
     count, number = len(functions), len(cells.piece)
     c: Array = np.zeros((count * number, POINTS))
@@ -240,7 +240,7 @@ def least_values(functions: list[Margin], cells: Cells, scales: Array) -> list[L
     place = np.zeros((count, 2))  # cell and τ of the best
 
     def keep(value: Array, tau: Array, rows: Index) -> None:
-        """Of some rows, what they attain."""
+        """Update the attained values of some rows."""
         order = np.lexsort((value, which[rows]))
         functions_of_rows = which[rows][order]
         new = order[np.append(True, functions_of_rows[1:] != functions_of_rows[:-1])]
@@ -275,10 +275,11 @@ def least_values(functions: list[Margin], cells: Cells, scales: Array) -> list[L
 
 
 def _curved_bounds(c: Array) -> tuple[Index, Array, Array, Array]:
-    """Of each row: whether it is one of the cases above; a value, its place, and a lower bound.
+    """For each row: whether one of the cases above applies; a value, its position, a lower bound.
 
-    All sums are wrong by at most (POINTS + 4) units of the sums of their terms' sizes; those of
-    p'(y) and p(y), with Tₖ(y) = cos kθ, by 6 POINTS units, for p already in the row's remainder.
+    All sums have errors of at most (POINTS + 4) units of the sum of their terms' magnitudes; those
+    of p'(y) and p(y), with Tₖ(y) = cos kθ, of 6 POINTS units, which for p the row's remainder
+    already includes.
     """
     size, k = np.abs(c), np.arange(POINTS)
     d, dd = (c @ slopes(POINTS, n).T for n in (1, 2))
@@ -305,7 +306,7 @@ def _curved_bounds(c: Array) -> tuple[Index, Array, Array, Array]:
 
 
 def halves(c: Array, r: Array) -> tuple[Array, Array]:
-    """Left halves, then right halves."""
+    """Models on the left halves of all cells, then on the right halves."""
     left, right, sums = _halving_matrices()
     r = (r + (POINTS + 8) * ROUNDING_UNIT * (np.abs(c) @ sums)) * ROUNDING_FACTOR
     return np.concatenate([c @ left.T, c @ right.T]), np.tile(r, 2)
@@ -313,7 +314,8 @@ def halves(c: Array, r: Array) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=1)
 def _halving_matrices() -> tuple[Array, Array, Array]:
-    """Coefficients to those on the halves of the cell, and the sums of their columns' sizes."""
+    """Matrices from coefficients to those on each half of the cell, and the magnitude sums of their
+    columns."""
     parts = [interpolation() @ chebyshev.chebvander((nodes() + s) / 2, POINTS - 1) for s in (-1, 1)]
     return parts[0], parts[1], np.max([np.sum(np.abs(m), axis=0) for m in parts], axis=0)
 

@@ -1,12 +1,12 @@
-"""How near the true motion comes to places: links of an arm to points, coordinates to waypoints.
+"""Bounds on the distance of the true motion from points: of an arm's links, or from waypoints.
 
-A link from P in direction e of length l has from a place C the squared distance
+The squared distance of a point C from a link that starts at P with direction e and length l is
 
     |P − C|² + m(a),   a = (P − C)·e,   m(a) = min over t in [0, l] of 2at + t²
 
 where m is 0 for a ≥ 0, −a² for −l ≤ a ≤ 0, and linear below. On a cell within one of these ranges
-the distance is a model. On one across two of them m, being concave, is replaced by its chord, and
-such cells are halved until the chord is as good as m.
+the distance is a model. On a cell across two of them the concave m is replaced by its chord, and
+the cell is halved until the chord is as good as m.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ from planner.verification.models import (
 MOST_HALVINGS = 10
 
 SEARCH_ROUNDS = 7
-"""Rounds that each narrow a dip eight times: to 1e-7 of the distance between samples."""
+"""Number of rounds; each narrows a dip by a factor of eight, in total to 1e-7 of a sample step."""
 
 MOST_CELLS = 20_000
-"""Beyond so many none is halved any more. Plans halve a handful; a motion that turns a thousand
-times past a disc would have millions."""
+"""With more cells than this, none is halved any more. Most plans need a handful; a motion that
+passes a disc a thousand times would need millions."""
 
 
 def clearances(
@@ -57,7 +57,7 @@ def clearances(
     links: list[int],
     radius: float,
 ) -> Iterator[LeastValue]:
-    """How far some links (from 0) are from a place, beyond a distance, in metres."""
+    """Least distances of some links (counted from 0) from a point, minus `radius`, in metres."""
     balls = _links(system)(motion.q, centre)
     lengths = system.link_lengths  # type: ignore[attr-defined]
     values = motion.models(*(balls[3 * link + k] for link in links for k in range(3)))
@@ -74,13 +74,13 @@ def clearances(
 
 
 def joints(system: TriangularSystem, motion: Enclosure) -> list[Ball]:
-    """x and y of the base, the joints and the tip."""
+    """Balls of x and y of the base, the joints and the tip."""
     return _points(system)(motion.q)
 
 
 @lru_cache(maxsize=32)
 def _links(system: TriangularSystem) -> Expression:
-    """|P − C|², a and a² of each link, of (q, C)."""
+    """|P − C|², a and a² of each link as functions of (q, C)."""
     arm: Any = system
     q, centre = ca.SX.sym("q", system.size), ca.SX.sym("C", 2)
     offset, heading, out = -centre, ca.SX(0), []
@@ -95,15 +95,15 @@ def _links(system: TriangularSystem) -> Expression:
 
 @lru_cache(maxsize=32)
 def _points(system: TriangularSystem) -> Expression:
-    """x and y of the base, the joints and the tip, of q."""
+    """x and y of the base, the joints and the tip as functions of q."""
     q, arm = ca.SX.sym("q", system.size), cast("Any", system)
     points = arm_points_expr([q[i] for i in range(1, system.size)], arm.link_lengths)
     return Expression([q], ca.vertcat(*(x for point in points for x in point)))
 
 
 def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple[Model, Cells]:
-    """A model that is nowhere above the squared distance, close to it where it may be least, and
-    its cells."""
+    """A lower bound of the squared distance, as a model that is close to it where it may be least,
+    and its cells."""
     kept: list[tuple[Cells, list[Model]]] = []
     best = np.inf
     for step in range(MOST_HALVINGS + 1):
@@ -125,7 +125,7 @@ def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple
 
 
 def _lower_model(square: Model, along: Model, twice: Model, length: float) -> Model:
-    """|P − C|² + m(a), or with the chord of m on cells across two of its ranges."""
+    """|P − C|² + m(a), with the chord of m on cells across two of its ranges."""
     low, high = np.clip(along.low, -1e6, 1e6), np.clip(along.high, -1e6, 1e6)
     behind, beyond, beside = low >= 0, high <= -length, (high <= 0) & (low >= -length)
     at_low, at_high = _least_quadratic(low, length), _least_quadratic(high, length)
@@ -150,7 +150,7 @@ def user_models(system: TriangularSystem, motion: Enclosure) -> list[Model]:
     """Models of the user coordinates.
 
     Raises:
-        UnboundedError: If the map to them uses an operation that balls do not know.
+        UnboundedError: If the map to them uses an operation without a bound.
     """
     if not system.has_user_coordinates:
         return motion.states
@@ -159,7 +159,7 @@ def user_models(system: TriangularSystem, motion: Enclosure) -> list[Model]:
 
 @lru_cache(maxsize=32)
 def _user(system: TriangularSystem) -> Expression:
-    """The user coordinates, of q."""
+    """The user coordinates as functions of q."""
     q = ca.SX.sym("q", system.size)
     return Expression([q], ca.vertcat(*system.user_expr(q)))
 
@@ -167,17 +167,16 @@ def _user(system: TriangularSystem) -> Expression:
 def nearest_time(
     cells: Cells, states: Sequence[Model], point: Waypoint, tolerance: float
 ) -> tuple[float, bool]:
-    """The time at which the motion is next to a waypoint, and whether it provably never is near.
+    """The time at which the motion is nearest to a waypoint, and whether it provably misses it.
 
-    `states` are models of the user coordinates on the cells.
-
-    Nothing is proven of that time, so the dips between samples are narrowed as they are.
+    `states` are models of the user coordinates on the cells. The time need not be proven, so dips
+    between samples are narrowed without bounds.
     """
     places, fixed = np.array([-1.0, *nodes(), 1.0]), np.flatnonzero(~np.isnan(point.user)).tolist()
     coordinates = [(states[i], float(point.user[i])) for i in fixed]
 
     def distances(cell: Index, x: Array) -> Array:
-        """Distance at places x (R, M) of cells (R,)."""
+        """Distance at positions x (R, M) of cells (R,)."""
         values = [
             chebval(x, p.c[cell].T[..., None], tensor=False) - value for p, value in coordinates
         ]
@@ -204,7 +203,7 @@ def nearest_time(
 def distance_bounds(
     cells: Cells, states: Sequence[Model], point: Waypoint, time: float, slip: float
 ) -> tuple[float, float]:
-    """Bounds of the distance at a time that is known to within `slip`."""
+    """Bounds of the distance at a time with an error of at most `slip`."""
     ends = cells.times(np.array([-1.0, 1.0]))
     k = int(np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1))
     tau = 2 * (time - ends[k, 0]) / (ends[k, 1] - ends[k, 0]) - 1
@@ -220,7 +219,7 @@ def distance_bounds(
 
 
 def path_time(trajectory: Trajectory, time_s: float) -> tuple[float, float]:
-    """The path's own time at a time of the plan, and how far off it may be; infinite beyond it."""
+    """The path's own time at a time of the plan, and a bound on its error; infinite outside."""
     if not 0 <= time_s <= trajectory.duration:
         return time_s, np.inf
     if not isinstance(trajectory, RetimedTrajectory):

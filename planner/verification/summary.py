@@ -1,7 +1,7 @@
-"""The figures of a plan, each named once; the flat table of facts that commands print.
+"""The figures of a plan, each defined once, and the flat summary that commands print.
 
-Whoever tabulates plans reads names, titles, units and digits from the fields of `PlanFigures` (and
-of those who add to them, as the rows of a comparison do): a field more is a column more.
+All tables of plans take names, titles, units and digits from the fields of `PlanFigures` and its
+subclasses (such as the rows of a comparison): one more field is one more column.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from planner.verification.verify import Check, verify
 
 @dataclass(frozen=True)
 class Heading:
-    """What stands over one number of a figure.
+    """The heading of one number of a figure.
 
     Attributes:
         title: A few words.
-        unit: Its unit, or how a system says it.
-        digits: Significant digits in tables; files have them all.
-        key: Its name in files; by default the field's.
+        unit: Its unit, or a function that gives it for a system.
+        digits: Significant digits in tables; files have all digits.
+        key: Its name in files; by default the name of the field.
     """
 
     title: str
@@ -38,21 +38,21 @@ class Heading:
     key: str = ""
 
     def unit_of(self, system: TriangularSystem) -> str:
-        """Its unit for plans of a system."""
+        """The unit for plans of a system."""
         return self.unit if isinstance(self.unit, str) else self.unit(system)
 
 
 @dataclass(frozen=True)
 class Figure:
-    """How a figure is shown and taken: the metadata of its field.
+    """How a figure is computed and shown: the metadata of its field.
 
     Attributes:
-        headings: One for each of its numbers; none for a figure of files alone.
-        plan: How it is taken from a plan and its verification, if from those.
-        replay: How it is taken from a replay, if from one.
-        executable: Whether a path that cannot be executed has none.
-        sweep: Whether sweeps keep it.
-        files: Whether it is for tables in files alone, which have room.
+        headings: One for each of its numbers; empty for a figure that only files show.
+        plan: Computes it from a plan and its verification, or None.
+        replay: Computes it from a replay, or None.
+        executable: Whether only executable plans have it.
+        sweep: Whether sweeps store it.
+        files: Whether only tables in files show it, since they have room.
     """
 
     headings: tuple[Heading, ...]
@@ -64,7 +64,7 @@ class Figure:
 
 
 def figure(*headings: Heading, default: Any = np.nan, **how: Any) -> Any:
-    """A field that is a figure; see `Figure`. Undefined numbers are NaN."""
+    """A dataclass field that is a figure; see `Figure`. Undefined numbers are NaN."""
     return field(default=default, metadata={"figure": Figure(headings, **how)})
 
 
@@ -80,8 +80,8 @@ class PlanFigures:
 
     Attributes:
         travel_rad: q₁(T) − q₁(0), rad (metres for vehicles).
-        duration_s: Duration of all that is run, s: with the preparation and the holds of a
-            compensated plan.
+        duration_s: Whole duration, s, including the preparation and the holds of a compensated
+            plan.
         effort: ∫ u₁² + u₂² dt.
         peak_u: Largest |u₁| and |u₂|, shape (2,), in the inputs' units (rad/s).
         domain_margin: Least margin of the chart's domain; negative outside.
@@ -114,7 +114,7 @@ class PlanFigures:
 
     @classmethod
     def measure(cls, plan: Plan, check: Check) -> dict[str, Any]:
-        """The figures of a plan by name; those it has none of are missing."""
+        """The figures of a plan by name, without those that it does not have."""
         return {
             name: one.plan(plan, check)
             for name, one in figures(cls).items()
@@ -127,7 +127,7 @@ def _largest(errors: Array) -> float:
 
 
 OF_EVERY_PLAN = {n: one for n, one in figures(PlanFigures).items() if not one.executable}
-"""Those that a path which cannot be executed has too; the others are figures of comparisons."""
+"""Figures that paths which cannot be executed have too; the others are figures of comparisons."""
 
 _OF_PLAN = (
     "method",
@@ -157,15 +157,15 @@ SUMMARY_KEYS = (
 )
 """Every key of a summary, in order. For systems whose path coordinate is a length, `travel_rad`
 and the first of `peak_u_rad_s` are in metres and metres per second. `terminal_error_deg` is a list
-here: one error an angle."""
+here, with one error per angle."""
 
 
 def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
-    """The facts of a plan.
+    """The summary of a plan.
 
     Args:
         plan: Any plan, verified or not.
-        check: What `verify` found, if it was asked already.
+        check: The result of `verify`, if it is known already.
 
     Returns:
         A value for each of `SUMMARY_KEYS`: number, text, list or dictionary; NaN where undefined.
@@ -191,7 +191,7 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
 
 
 def refusal_summary(error: NoPlanError, method: str) -> dict[str, Any]:
-    """The facts of a refusal, and those of its last iterate when it has one.
+    """The summary of a refusal, and of its last iterate if it has one.
 
     Returns:
         A value for each of `SUMMARY_KEYS`; None where nothing is known. `verified` is False.
@@ -200,7 +200,7 @@ def refusal_summary(error: NoPlanError, method: str) -> dict[str, Any]:
     if error.plan is not None:
         try:
             out |= plan_summary(error.plan, getattr(error, "check", None))
-        except (ArithmeticError, ValueError):  # an iterate may be anything; its facts are extras
+        except (ArithmeticError, ValueError):  # an iterate may have any values; leave it out
             out = dict.fromkeys(SUMMARY_KEYS)
     violations = [_violation(v) for v in error.violations]
     return out | {

@@ -1,7 +1,7 @@
-"""One verdict on a plan: what `verify` finds, and what the certificate proves.
+"""One verdict on a plan, from the findings of `verify` and the proofs of the certificate.
 
-`verify` reads the motion at points, between which a narrow excess may hide; `certify` bounds it
-over whole intervals. Whoever returns a plan as verified asks here.
+`verify` samples the motion at points, between which a narrow excess may hide; `certify` bounds it
+over whole intervals. Every plan that is returned as verified has passed `judge`.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from planner.verification.verify import Check, verify, verify_between
 
 
 def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Check]:
-    """A plan with its verdict.
+    """Judge a plan.
 
-    What the certificate leaves open is read again, on the cells of the proof, which are finest
-    where the motion's expressions change fast; the certificate names it as only sampled. A plan of
-    which nothing at all is proven is refused. The plan that a compensated one compensates is judged
-    too.
+    Requirements that the certificate leaves undecided are checked again on the cells of the proof,
+    which are finest where the motion's expressions change fast; the certificate names them as only
+    sampled. A plan of which nothing can be proven is refused. The original of a compensated plan is
+    judged too.
 
     Args:
-        plan: Any plan; what it says of itself does not count.
-        certificate: What `certify` has just proven of this very plan, if it was asked already.
+        plan: Any plan; its own claims do not count.
+        certificate: The result of `certify` for this plan, if it is known already.
 
     Returns:
-        The plan, verified and with its certificate, or neither; and the check, whose violations
-        are also those that `certify` proves.
+        The plan, either verified with its certificate or without both; and the check, whose
+        violations include those that `certify` proves.
     """
     plan = replace(plan, verified=False, certificate=None)
     if plan.compensation is not None:
@@ -52,7 +52,7 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
     if certificate.only_sampled and plan.compensation is None:
         closer = verify_between(plan, proof_times(plan))
         proven = {claim.label for claim in certificate.claims if claim.status == "proven"}
-        # Cells of the proof may straddle a corner of the inputs, where slopes are not read rightly.
+        # Cells of the proof may contain a corner of the inputs, where sampled slopes are wrong.
         proven |= {part.label for part in _input_rates(plan)}
         if broken := [v for v in closer.violations if v.label not in proven]:
             return plan, _refused(closer, broken)
@@ -63,7 +63,7 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
 
 
 def _input_rates(plan: Plan) -> Iterator[Part]:
-    """The limits on slopes of inputs, which are read piece by piece before."""
+    """The limits on input rates, which `verify` has checked piece by piece."""
     for demand in plan.problem.demands:
         yield from (part for part in demand.parts if part.label.startswith("rate of "))
 
@@ -73,16 +73,16 @@ def _refused(check: Check, broken: Sequence[Violation]) -> Check:
 
 
 def _flaw(words: str) -> Violation:
-    """What is no number beyond a limit."""
+    """A violation without a value and a limit."""
     return Violation(words, None, np.nan, np.nan, "", np.inf)
 
 
 def _proven_violations(plan: Plan, certificate: Certificate) -> Iterator[Violation]:
-    """What is proven to be broken; the tolerances are those of `verify`."""
+    """The violations that the certificate proves, with the tolerances of `verify`."""
     demands = {part.label: (each, part) for each in plan.problem.demands for part in each.parts}
     for claim in certificate.open:
         if claim.status != "violated":
-            break  # these come first
+            break  # violated claims come first
         demand, part = demands.get(claim.label, (None, PLAN_DEVIATION))
         excess, above = -claim.attained, _breaks_upper_limit(plan, demand, part, claim)
         limit = part.high if above else part.low
@@ -91,7 +91,7 @@ def _proven_violations(plan: Plan, certificate: Certificate) -> Iterator[Violati
 
 
 def _breaks_upper_limit(plan: Plan, demand: Demand | None, part: Part, claim: Claim) -> bool:
-    """Whether it is the upper limit that is broken."""
+    """Whether the upper limit is broken, not the lower."""
     if not isinstance(demand, Requirement) or np.isinf(part.low) or np.isinf(part.high):
         return bool(np.isfinite(part.high))
     time_s, path = claim.time_s or 0.0, plan.trajectory

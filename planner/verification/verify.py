@@ -1,11 +1,9 @@
 """The independent judge of a plan.
 
-It integrates the plan's own input u(t) by Chebyshev quadrature through the system's NumPy
-kinematics, neither of which any method uses, and checks goal and limits over all time, between the
-breaks too. The quadrature estimates its own error; what it cannot integrate is refused. The motion
-of a compensated plan is that of its nominal machine.
-
-How a motion stands to waypoints and obstacles, over all time; the judge's own geometry.
+It integrates the plan's input u(t) by Chebyshev quadrature with the system's NumPy kinematics; no
+method uses either of them. It checks the goal, the limits, waypoints and obstacles over all time,
+not only at the breaks. The quadrature estimates its own error, and a plan that it cannot integrate
+is refused. The motion of a compensated plan is that of its nominal machine.
 """
 
 from __future__ import annotations
@@ -39,15 +37,17 @@ from planner.support.calculus.extremes import FLAT_DEPTH, narrow_dips
 from planner.support.tables import Column, html_table
 
 GOAL_TOLERANCE = 2e-5
-"""Largest error at the goal, in radians (0.0011 degrees) or metres; of a tip that is asked for, in
-parts of the arm's reach: by so much an error of one joint moves the tip of the stretched arm."""
+"""Largest error at the goal, in radians (0.0011 degrees) or metres. For a tip goal it is relative
+to the arm's reach: an error of one joint moves the tip of a stretched arm by that fraction."""
 
 ON_MACHINE_TOLERANCE = np.deg2rad(0.05)
-"""The same for a compensated plan: half a step of the prototype's encoders. The nominal machine
-rounds its commands, so that no input leads it closer than some thousandths of a degree."""
+"""Largest error at the goal of a compensated plan, in radians: half a step of the prototype's
+encoders. The nominal machine rounds its commands, so no input leads it closer than some thousandths
+of a degree."""
 
 BETWEEN_TOLERANCE = ON_MACHINE_TOLERANCE
-"""How far a machine may leave, between two breaks of a compensated plan, its places there."""
+"""Largest distance of the machine, between two breaks of a compensated plan, from the range spanned
+by its positions at these breaks, in radians."""
 
 LIMIT_TOLERANCE = 1e-6
 """Largest excess over a limit, relative to the limit."""
@@ -56,11 +56,12 @@ INTERPOLANT_TOLERANCE = 1e-4
 """Largest difference between the plan's q(t) and the integrated motion, in radians or metres."""
 
 INTEGRATION_TOLERANCE = 1e-7
-"""Largest estimated error of the integrated motion, in radians or metres: a 200th of what the goal
-may be missed by."""
+"""Largest estimated error of the integrated motion, in radians or metres: a 200th of the error
+allowed at the goal."""
 
 FINEST_SHARE = 2.0**-40
-"""Part of a piece by which cells may begin: a trillionth, as far as the integration splits."""
+"""Smallest fraction of a piece at which cells may begin: a trillionth, the limit of the
+integration's splitting."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +71,9 @@ class Check:
     Attributes:
         ok: Whether the motion reaches the goal and keeps every limit.
         terminal_error: Integrated end minus goal, in user coordinates, shape (N,), in their units;
-            zero for what the goal leaves free.
-        terminal_error_deg: The same for those that are angles, degrees; where they are the
-            triangular ones, without the first.
+            zero for coordinates that the goal leaves free.
+        terminal_error_deg: The errors of the angles among them, degrees; without the path
+            coordinate if the system has no user coordinates of its own.
         margins: Margin of each requirement (negative: broken), in its own unit.
         violations: Broken requirements, the worst first.
         interpolant_error: Largest |plan.q(t) − integrated q(t)|, in the coordinates' units.
@@ -95,7 +96,7 @@ class Check:
         return "Check(broken: " + "; ".join(map(str, self.violations)) + ")"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: one row per requirement."""
+        """Table for notebooks: one row per requirement."""
         broken = {violation.label: str(violation) for violation in self.violations}
         columns: list[Column[tuple[str, float]]] = [
             Column("requirement", "", lambda r: r[0], left=True),
@@ -123,7 +124,7 @@ class _Finding:
         return self.limit - self.value if self.upper else self.value - self.limit
 
     def violation(self) -> Violation | None:
-        if self.margin >= -self.tolerance:  # NaN must not pass
+        if self.margin >= -self.tolerance:  # written so that NaN does not pass
             return None
         part, scaled = self.part, -self.margin / self.part.scale
         exact = part.low == part.high
@@ -143,7 +144,7 @@ def verify(plan: Plan) -> Check:
 
 
 def verify_between(plan: Plan, times: Array | None = None) -> Check:
-    """As `verify`, reading the plan on cells that end at some times of it, or closer ones."""
+    """As `verify`, but on cells that end at least at the given times of the plan, s."""
     expect_plan(plan)
     if flaw := _flaw(plan):
         return failed_check(plan, Violation(flaw, None, np.nan, np.nan, "", np.inf))
@@ -164,7 +165,7 @@ def verify_between(plan: Plan, times: Array | None = None) -> Check:
             axis=-1,
         )
 
-    with np.errstate(all="ignore"):  # what is not a number never passes
+    with np.errstate(all="ignore"):  # NaN never passes
         resolved = (row_values,) if to_resolve else ()
         if plan.compensation is None:
             motion = integrate(
@@ -210,7 +211,7 @@ def verify_between(plan: Plan, times: Array | None = None) -> Check:
 
 
 def _flaw(plan: Plan) -> str:
-    """Why there is no motion to judge, or none of the problem's own system; else empty."""
+    """Why the plan has no motion of the problem's system that could be judged; "" if it has."""
     problem, inside = plan.problem, plan.compensates
     if other := problem.system.difference(plan.trajectory.system):
         return f"the plan is made for another system than the problem's: {other}"
@@ -227,16 +228,16 @@ _SAID_ERROR = "largest error on the nominal machine, which the plan gives,"
 
 
 def _motion_on_machine(plan: Plan) -> tuple[Motion, Array, float]:
-    """What the nominal machine makes of a compensated plan, where it rests at last, (N,), and E.
+    """Motion of the nominal machine under a compensated plan, its end (N,), and E in degrees.
 
-    The inputs of such a plan allow for lost motion and lag, so that by the kinematics alone they
-    lead elsewhere. Its own q(t) goes straight from where the machine is at one break to where it is
-    at the next; a piece lies no farther from that line than its Bernstein coefficients. Between
-    breaks the machine stays between its places there: how far it leaves them is read at each of its
-    steps, and counts as `BETWEEN_TOLERANCE` says. Limits, places and clearances are judged by the
-    machine's motion itself, no more coarsely where breaks are far apart.
+    The inputs of such a plan allow for lost motion and lag, so the ideal kinematics would lead
+    elsewhere. The plan's own q(t) is linear between the machine's positions at the breaks; its
+    distance from that line is bounded by its Bernstein coefficients. Between two breaks the machine
+    should stay in the range of its positions there; the largest distance from that range over the
+    machine's steps is compared with `BETWEEN_TOLERANCE`. Limits, waypoints and clearances are
+    judged by the machine's motion itself, at a resolution that does not depend on the breaks.
     """
-    from planner.machine.feedforward.prediction import predict  # no other plan needs the machine
+    from planner.machine.feedforward.prediction import predict  # only compensated plans need it
     from planner.machine.machine import Machine
 
     assert plan.compensation is not None
@@ -261,7 +262,7 @@ def _motion_on_machine(plan: Plan) -> tuple[Motion, Array, float]:
 
     cells = Cells.of(plan.t)
     cells = cells.split(_parts(cells.width, POINTS * machine.step_s))[0]
-    # Where friction turns, the motion has a kink, and a series is smooth: there cells are short.
+    # A series is smooth, so use short cells where reversed friction gives the motion a kink.
     between = apply(resampling(POINTS, CONTROL_POINTS), q_in(cells, POINTS))
     kinked = np.any(np.abs(q_in(cells, CONTROL_POINTS) - between) > LIMIT_TOLERANCE, axis=(0, 2))
     cells = cells.split(np.where(kinked, _parts(cells.width, machine.step_s), 1))[0]
@@ -271,9 +272,9 @@ def _motion_on_machine(plan: Plan) -> tuple[Motion, Array, float]:
 
 
 def _claimed_findings(plan: Plan, error_deg: float) -> Iterator[_Finding]:
-    """What a compensated plan says of itself that its users believe: its clock, and E by it.
+    """Check what a compensated plan claims: the end of its clock, and its error E.
 
-    Whatever is wrong with the clock shows in E: errors are measured where it says that the plan is.
+    An error of the clock changes E, since errors are measured against the plan at the clock's time.
     """
     part = Part("end of the clock of the plan that is compensated", "s", 0.0, 0.0, 1.0)
     takes, ends = plan.duration, plan.clock.t[-1]
@@ -287,7 +288,7 @@ def _claimed_findings(plan: Plan, error_deg: float) -> Iterator[_Finding]:
 
 
 def _parts(width: Array, longest: float) -> NDArray[np.int_]:
-    """Into how many parts, powers of two, cells of a width are split to be no longer."""
+    """Numbers of parts, powers of two, into which to split cells so that none is too long."""
     return np.asarray(2 ** np.ceil(np.log2(np.maximum(width / longest, 1.0))), dtype=int)
 
 
@@ -300,7 +301,7 @@ def _angular(plan: Plan) -> list[int]:
 def _motion_findings(
     plan: Plan, motion: Motion, end: Array, error: Array, tolerance: float
 ) -> list[_Finding]:
-    """Start, goal, duration, the plan's own q(t), and whether the integral can be trusted."""
+    """Check start, goal, duration, the plan's own q(t), and the accuracy of the integration."""
     out = []
     for demand in plan.problem.demands:
         if isinstance(demand, Start):
@@ -345,7 +346,8 @@ def _motion_findings(
 
 
 def _chart_findings(plan: Plan) -> Iterator[_Finding]:
-    """What only a plan in chained coordinates has to keep, whose edge is outside too."""
+    """Check the chart's domain, which only plans in chained coordinates must keep. Its boundary is
+    outside."""
     for demand in plan.problem.demands:
         if demand.in_chart and not plan.trajectory.in_coordinates:
             (part,), domain = demand.parts, plan.domain
@@ -354,7 +356,7 @@ def _chart_findings(plan: Plan) -> Iterator[_Finding]:
 
 
 def _limit_findings(plan: Plan, motion: Motion) -> list[_Finding]:
-    """What holds at all times, by the extremes of its series, all at once."""
+    """Check the smooth requirements at all times, by the extremes of their series."""
     problem, cells = plan.problem, motion.cells
     point = MotionPoint.of(problem.system, motion.q, motion.u, slopes(cells, motion.u))
     wanted = [
@@ -370,7 +372,7 @@ def _limit_findings(plan: Plan, motion: Motion) -> list[_Finding]:
     jumping, out = jumps(motion.u), []
     for (required, part, _), (most, minus_least), when in zip(wanted, values, times, strict=True):
         below = part.low + minus_least > most - part.high
-        upper = not below or part.low == -part.high  # what is symmetric is told by its size
+        upper = not below or part.low == -part.high  # report symmetric limits by magnitude
         value = (minus_least if upper else -minus_least) if below else most
         if "du" in required.reads and (jumping[part.index] if required.is_direct else any(jumping)):
             value = np.inf
@@ -381,7 +383,7 @@ def _limit_findings(plan: Plan, motion: Motion) -> list[_Finding]:
 
 
 def _corner_findings(plan: Plan, motion: Motion) -> list[_Finding]:
-    """What holds at all times and has corners; where nothing can break it, no time is spent."""
+    """Check the requirements with corners at all times, except those that cannot be broken."""
     system, out = plan.problem.system, []
     for required in plan.problem.requirements:
         if required.smooth:
@@ -400,7 +402,7 @@ def _corner_findings(plan: Plan, motion: Motion) -> list[_Finding]:
 
 
 def failed_check(plan: Plan, violation: Violation) -> Check:
-    """The check of what has no motion to integrate."""
+    """The check of a plan without a motion to integrate."""
     unknown = np.full(plan.problem.system.size, np.nan)
     return Check(
         ok=False,
@@ -413,9 +415,10 @@ def failed_check(plan: Plan, violation: Violation) -> Check:
 
 
 def _waypoint_distances(plan: Plan, motion: Motion, tolerance: float) -> Iterator[_Finding]:
-    """The distance at which each waypoint is passed.
+    """Check the distance at which the motion passes each waypoint.
 
-    One without a time is passed where the motion comes nearest; others by the plan's clock.
+    A waypoint with a time is passed at that time of the plan's clock, any other where the motion
+    comes nearest.
     """
     for point in plan.problem.waypoints:
         if point.time_s is None:
@@ -429,10 +432,11 @@ def _waypoint_distances(plan: Plan, motion: Motion, tolerance: float) -> Iterato
 
 
 def _least_values(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Least values of functions (…, F) of q (…, N) over all time, and when, both (F,).
+    """Least values of functions (…, F) of q (…, N) over all time, and their times, both (F,).
 
-    They have corners, so dips between samples are narrowed without derivatives, those of all
-    functions together; a dip that would have to fall by more than twice its sides is left out.
+    The functions have corners, so dips between samples are narrowed without derivatives, those of
+    all functions together. A dip is left out if it would have to be more than twice as deep as its
+    sides to give the least value.
     """
     grid, q = motion.samples()
     values = function(q)
@@ -454,7 +458,7 @@ def _least_values(motion: Motion, function: Callable[[Array], Array]) -> tuple[A
     out = np.full(values.shape[-1], np.nan), np.full(values.shape[-1], np.nan)
     for f in range(values.shape[-1]):
         dips_of_row = np.flatnonzero(which == f)
-        if len(dips_of_row):  # none where the motion is not a number
+        if len(dips_of_row):  # empty if the motion is NaN
             k = dips_of_row[np.argmin(best[dips_of_row])]
             out[0][f], out[1][f] = best[k], motion.cells.time(cell[k], times_of_dips[k])
     return out

@@ -1,8 +1,9 @@
 """The methods that make plans.
 
-In this order: `registry` (which there are, how one comes in), `foreign` (those of other packages),
-`keeping` (what each promises to keep), `ranking` (by what a search chooses among its motions),
-`spec` (a method with options as text), `refusal` (how they say no, and which changes would help),
-`judgement` (a plan verified, or refused), `stay` (nothing to do), `laws` (closed form), `convex`,
-`collocation`, `desensitised`; `motions` (that lead to no goal: excitation and homing).
+Read the files in this order: `registry` (the list of methods, and how to add one), `foreign`
+(methods of other packages), `keeping` (the requirements that each method guarantees), `ranking`
+(measures by which a search ranks its motions), `spec` (a method with options as text), `refusal`
+(refusals, and changes that would help), `judgement` (verifies a method's plan or refuses it),
+`stay` (the goal is the start), `laws` (closed form), `convex`, `collocation`, `desensitised`;
+`motions` (motions without a goal: excitation and homing).
 """

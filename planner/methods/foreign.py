@@ -1,4 +1,4 @@
-"""Methods of other packages: what they raise or return is no bug of `planner`, and names them."""
+"""Methods of other packages: errors name the package, since they are no bugs of `planner`."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from planner.verification.verify import verify
 
 @dataclass(frozen=True)
 class ForeignPlans:
-    """Makes plans by a function of another package: plans that can be judged, replayed and kept."""
+    """Plans with a function of another package, and checks that the result is a complete plan."""
 
     owner: Owner
     function: Callable[..., Any]
 
     def __call__(self, problem: Problem, options: Any, *near: Plan) -> Plan:
-        """A plan of the problem, which nobody has verified yet.
+        """A plan of the problem, not verified.
 
         Raises:
-            MethodError: If the function fails, or what it returns is no such plan.
+            MethodError: If the function fails or does not return a plan of this problem.
         """
         found = self.owner.call(self.function, problem, options, *near)
         plan: Plan = self.owner.call(self._sound, problem, found)
         return plan
 
     def _sound(self, problem: Problem, found: Any) -> Plan:
-        """What was returned, if it is a plan through and through."""
+        """The returned plan, if all of it is valid."""
         if not isinstance(found, Plan):
             raise self.owner.error(f"returned {line(repr(found), 60)}, which is no plan")
         plan = found.compensates or found
@@ -48,22 +48,22 @@ class ForeignPlans:
             parse(PlanFile, jsonable(plan._to_dict()), "its plan")
         except InputError as error:
             raise self.owner.error(f"returned what no plan file can hold: {error}") from None
-        verify(plan)  # here, where whatever fails is the package's
+        verify(plan)  # a failure in here is attributed to the package
         return plan
 
 
 @dataclass(frozen=True)
 class ForeignKeeps:
-    """What a method of another package says that it keeps."""
+    """The answers of another package's method to which requirements it keeps."""
 
     owner: Owner
     keeps: Keeps
 
     def __call__(self, problem: Problem, demand: Demand, part: Part) -> Keeping:
-        """Its answer.
+        """The answer for one part of a demand.
 
         Raises:
-            MethodError: If it fails, or answers something else.
+            MethodError: If the function fails or returns anything else.
         """
         answer = self.owner.call(self.keeps, problem, demand, part)
         if not isinstance(answer, str) or answer not in get_args(Keeping):

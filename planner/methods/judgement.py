@@ -1,4 +1,4 @@
-"""A plan that a method has made: verified, or refused with what would help."""
+"""Verify the plan of a method, or refuse it with changes that would help."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from planner.verification.verify import Check, verify
 
 
 def judge_plan(plan: Plan) -> tuple[Plan, Check]:
-    """A plan that a method has made, verified, with what the verification found.
+    """Verify the plan of a method; return it with the result of the verification.
 
     Raises:
         TimeLimitError: If it breaks a requirement, and there was no time to refine it.
@@ -50,7 +50,7 @@ def judge_plan(plan: Plan) -> tuple[Plan, Check]:
 
 
 def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
-    """Changes to try, and what else may help; nothing where the plan's own form is wrong."""
+    """Changes to try, and further advice in words; no changes if the plan itself is inaccurate."""
     if any(np.isnan(v.limit) for v in check.violations):
         return [], None
     violated = [plan.problem.asking(v.label) for v in check.violations]

@@ -26,7 +26,7 @@ from planner.systems.manipulator import Manipulator
 Keeping = Literal["kept", "judged", "never"]
 
 GOALS = Goal | TipGoal | UserGoal
-"""What says where a motion ends."""
+"""Demands that define the end of a motion."""
 
 Keeps = Callable[[Problem, Demand, Part], Keeping]
 """A method's answer for one part of one demand of a problem."""
@@ -43,14 +43,14 @@ def collocation(problem: Problem, demand: Demand, part: Part) -> Keeping:
 
 
 def desensitised(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """As collocation, but the new search around an earlier path does not keep the waypoints."""
+    """As collocation, except that the new search around an earlier path ignores the waypoints."""
     return "never" if isinstance(demand, Waypoint) else "kept"
 
 
 def in_chart(problem: Problem, demand: Demand) -> Keeping:
-    """For a method in the chart and a demand that is no limit: start, goal, waypoint, duration.
+    """For a method in the chart and a demand that is not a limit: start, goal, waypoint, duration.
 
-    It needs all of z at the goal: the set of goals with free joints is not simple in z.
+    Such a method needs all of z at the goal, since goals with free joints form no simple set in z.
     """
     if isinstance(demand, Waypoint):
         return "judged"
@@ -58,7 +58,7 @@ def in_chart(problem: Problem, demand: Demand) -> Keeping:
 
 
 def convex(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """The path satisfies what is convex in the chart, its timing what depends on the speed.
+    """The path keeps limits that are convex in the chart; its timing keeps those on the speed.
 
     On a one-way path of the arm θ₂ … θₙ are monotonic, so they stay between start and goal. The
     limit of θ₁ is a limit of z₂ alone only for two joints.
@@ -72,8 +72,8 @@ def convex(problem: Problem, demand: Demand, part: Part) -> Keeping:
 
 
 Rates = Callable[[float | None], tuple[Keeping, Keeping]]
-"""From the travel (None where it is free) to one answer each for u₁ and u₂: "kept" where the input
-is continuous, "never" where it always jumps."""
+"""Maps the travel (None if free) to one answer each for u₁ and u₂: "kept" if the input is
+continuous, "never" if it always jumps."""
 
 
 def law(rates: Rates) -> Keeps:

@@ -1,18 +1,18 @@
-"""Motions of an arm that lead to no goal but tell something: `excitation` and `homing`.
+"""Motions of an arm without a given goal: `excitation` for identification, and `homing`.
 
-`excitation` is what `planner.identify` learns most from in little time: the drive turns to and fro
-in a square wave while θ₁ follows two sines, so that every play is crossed many times, at many
-angles of the contacts, and slow and fast.
+`excitation` gives `planner.identify` the most information in little time: the drive reverses in a
+square wave while θ₁ follows two sines, so that every play is crossed many times, at many angles of
+the contacts, slowly and fast.
 
-`homing` leaves an arm in a known state. What was pushed forward rests with its axis ahead by its
-lost motion w. So the drive turns back, then forward until every passive encoder has risen: then
-every axis is ahead, whatever w is. Joint 1 turns forward last, since the bias of motor 2 would pull
-its gearhead off meanwhile, and the end of the drive's way is slow, since links with inertia coast
-through their backlash when it stops. A controller runs it by the encoders: see
+`homing` leaves an arm in a known state. A joint that was pushed forward rests with its axis ahead
+by its lost motion w. So the drive turns back, then forward until every passive encoder has risen:
+then every axis is ahead, whatever w is. Joint 1 turns forward last, since the bias of motor 2 would
+otherwise move its gearhead away again. The drive ends slowly, since links with inertia coast
+through their backlash when it stops. A controller runs the motion with the encoders: see
 `planner.machine.feedback.homing`.
 
-Both are plans from the problem's start: their inputs are linear between `KNOT_S`, their coordinates
-those of the kinematics, their goal is where they end, and they are verified.
+Both are verified plans from the problem's start. Their inputs are linear between knots (`KNOT_S`),
+their coordinates follow from the kinematics, and their goal is their own end.
 """
 
 from __future__ import annotations
@@ -37,37 +37,39 @@ KNOT_S = 0.02
 """Time between the knots of the inputs, s: two periods of the usual controller."""
 
 SHARE = 0.9
-"""Part of a limit that is used, so that the machine, which is not the kinematics, keeps it too."""
+"""Fraction of a limit that is used, so that the machine, with its errors, keeps it too."""
 
 USUAL_RATE = 4.0
-"""Change of a motor's speed, rad/s², where no limit says less: 0.1 s from rest to full speed."""
+"""Largest acceleration of a motor, rad/s², if no limit is lower: 0.1 s from rest to full speed."""
 
 # -- excitation -----------------------------------------------------------------------------------
 
 LENGTH_S = 30.0
 DRIVE_RAD_S, DRIVE_PERIOD_S = 0.45, 5.3
 THETA1_RAD_S, THETA1_PERIODS_S = (0.35, 0.12), (11.0, 3.1)
-"""Both motors at once tell more a second than one after the other, and only a drive that turns back
-shows the lost motion: the paper's motion, which never does, hardly tells it."""
+"""Both motors moving at once give more information per second than one after the other. Only a
+drive that reverses shows the lost motion; the paper's motion never reverses and hardly shows it."""
 
 SIZES = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4)
-"""Where the motion breaks a limit of joints or touches something it is made smaller. At three
-tenths the axes would hardly leave twice the prototype's lost motion of 4.7 degrees."""
+"""Sizes to try: the motion is made smaller if it breaks a joint limit or touches something. At 0.3
+the axes would hardly exceed twice the prototype's lost motion of 4.7 degrees."""
 
 
 def excitation(problem: Problem) -> Plan:
     """A motion of 30 s to record, from which `planner.identify` learns the machine.
 
     The drive reverses in a square wave of 5.3 s while θ₁ follows two sines of 11 and 3.1 s. It
-    starts at the problem's start, which should be near θ₁ = 0, and keeps every limit but that of
-    z₂, which belongs to plans towards a goal; waypoints do not count.
+    starts at the problem's start, which should be near θ₁ = 0, and keeps every limit except that of
+    z₂, which is for plans towards a goal; waypoints are ignored.
 
     Args:
-        problem: Gives the arm, the start and the limits.
+        problem: Defines the arm, the start and the limits.
 
     Raises:
-        InputError: If the system is no arm with friction disks, or the motion ends in an obstacle.
-        VerificationError: If no such motion of a useful size keeps the limits; of the largest.
+        InputError: If the system is not an arm with friction disks, or the motion ends in an
+            obstacle.
+        VerificationError: If no motion of a useful size keeps the limits; with the violations of
+            the largest.
     """
     system = _arm(problem, "an excitation")
     t = KNOT_S * np.arange(round(LENGTH_S / KNOT_S) + 1, dtype=np.float64)
@@ -81,7 +83,7 @@ def excitation(problem: Problem) -> Plan:
     tries = [(size, way) for size in SIZES for way in (side, -side)]
     inputs = [np.stack([size * drive, size * way * turn], axis=1) for size, way in tries]
     u = _within_rate(np.stack(inputs, axis=1), rate)
-    q = _course(system, problem.start, t, u)  # of all together, which takes little longer than one
+    q = _course(system, problem.start, t, u)  # all at once, which takes hardly longer than one
     why: PlannerError | None = None
     for k, (size, _) in enumerate(tries):
         try:
@@ -96,47 +98,46 @@ def excitation(problem: Problem) -> Plan:
 
 BACK_RAD, FORWARD_RAD, QUICK_RAD_S = 0.6, 0.5, 0.3
 SLOW_RAD, SLOW_RAD_S = 0.9, 0.075
-"""Turns and speeds of the drive on an arm whose last axis turns by `USUAL_AXIS` of it. Backwards
-further than twice the largest lost motion of a prototype (2 · 7 degrees); slowly forward so far
-that the encoders have risen on every machine, where the rule ends it earlier.
-
-It counts what they rise in the slow turn alone: joints with inertia run ahead of their axes when
-the quick one stops."""
+"""Turns, rad, and speeds, rad/s, of the drive for an arm whose last axis turns `USUAL_AXIS` times
+as far. The turn back exceeds twice the largest lost motion of a prototype (2 · 7 degrees). The slow
+turn forward is long enough for the encoders of every machine to rise; the homing rule ends it
+earlier. The rule counts only the rise in the slow turn, since joints with inertia run ahead of
+their axes when the quick turn stops."""
 USUAL_AXIS = 0.476
 
 LAST_TURN_DEG, LAST_TURN_RAD_S = 2.0, 0.05
-"""Of joint 1: four times the backlash of its gearhead."""
+"""Last turn of joint 1 and its speed; the turn is four times the backlash of its gearhead."""
 
 RAMP_S = 0.75
-"""How long slow turns take to their speed and from it. Inertia that overcomes the joints' friction
-turns them ahead of their axes: with ramps of 0.05 s, by 0.9 degrees as joint 1 stops."""
+"""Time of slow turns to reach their speed and to stop, s. With short ramps inertia overcomes the
+joints' friction and turns them ahead of their axes: by 0.9 degrees as joint 1 stops in 0.05 s."""
 
 RISE_DEG = 1.5
-"""Rise of every passive encoder that proves its axis ahead: seventeen times its resolution."""
+"""Rise of a passive encoder that proves its axis to be ahead: seventeen times its resolution."""
 
 REST_S, BETWEEN_S = 0.3, 0.05
-"""Rest at the end, for servos and joints to settle; and after each turn."""
+"""Rest at the end, s, so that servos and joints settle; and rest after each other turn, s."""
 
 MOST_STRETCH = 2.5
-"""So many times the usual turns, where an axis turns slower, are too many for its joint's range."""
+"""Largest factor on the usual turns for axes that turn slower; more exceeds their joints' range."""
 
 
 def homing(problem: Problem) -> Plan:
     """A motion after which backlash and torsion are known: every axis is ahead of its joint.
 
-    The drive turns back by 0.6 rad, forward by 0.5 at 0.3 rad/s, then slowly until every passive
-    encoder has risen by 1.5 degrees above its least reading in that turn; joint 1 turns forward by
-    2 degrees, slowly; the arm rests. The plan turns slowly for the longest time that may be needed.
-    A controller ends that part as soon as the encoders have risen, and goes on with the plan after
-    it: in `notes["until"]` it may do so from `from_s` on, with the readings since `count_from_s`
-    and the rise `rise_deg`, and goes on from `to_s`. Emulated machines do so with
-    `planner.replay(plan, feedback=planner.HomingRule())`.
+    The drive turns back by 0.6 rad, forward by 0.5 rad at 0.3 rad/s, then slowly until every
+    passive encoder has risen by 1.5 degrees above its least reading in that turn. Joint 1 then
+    turns forward slowly by 2 degrees, and the arm rests. The plan contains the longest slow turn
+    that may be needed. A controller ends it as soon as the encoders have risen, and continues with
+    the plan after it. `notes["until"]` says how: the turn may end from `from_s` on, once the
+    readings since `count_from_s` have risen by `rise_deg`; the plan continues at `to_s`. For
+    emulated machines use `planner.replay(plan, feedback=planner.HomingRule())`.
 
     Args:
-        problem: Gives the arm, where it stands, and the limits; of these that of z₂ does not count.
+        problem: Defines the arm, its present pose and the limits, of which that of z₂ is ignored.
 
     Raises:
-        InputError: If the system is no arm with friction disks, or an axis hardly turns at the
+        InputError: If the system is not an arm with friction disks, or an axis hardly turns at the
             start.
         VerificationError: If the motion breaks a limit or touches something.
     """
@@ -163,7 +164,7 @@ def homing(problem: Problem) -> Plan:
     pieces.append(np.zeros((round(REST_S / KNOT_S), 2)))
     u = np.concatenate(pieces)
     t = KNOT_S * np.arange(len(u), dtype=np.float64)
-    slow = np.flatnonzero(u[:, 0] == pieces[3][len(pieces[3]) // 2, 0])  # not where it speeds up
+    slow = np.flatnonzero(u[:, 0] == pieces[3][len(pieces[3]) // 2, 0])  # without its ramps
     until = {
         "from_s": float(t[slow[0]]),
         "to_s": float(t[slow[-1]]),
@@ -175,7 +176,7 @@ def homing(problem: Problem) -> Plan:
 
 
 def _turn(motor: int, angle: float, speed: float, ramp_s: float) -> Array:
-    """Inputs at the knots of a turn from rest to rest, without the first knot, and a short rest."""
+    """Inputs at the knots of a turn from rest to rest and a short rest, without the first knot."""
     ramp = max(1, int(np.ceil(ramp_s / KNOT_S - 1e-9)))
     whole = max(2 * ramp, int(np.ceil(abs(angle) / speed / KNOT_S)) + ramp)
     shape = np.minimum(1.0, np.minimum(np.arange(1, whole + 1), np.arange(whole, 0, -1) - 1) / ramp)
@@ -185,7 +186,7 @@ def _turn(motor: int, angle: float, speed: float, ramp_s: float) -> Array:
 
 
 MOTIONS: dict[str, Callable[[Problem], Plan]] = {"excitation": excitation, "homing": homing}
-"""Each by its name, which is also its plan's method."""
+"""The motions by name; a motion's plan has the name as its method."""
 
 # -- both -----------------------------------------------------------------------------------------
 
@@ -202,7 +203,7 @@ def _arm(problem: Problem, what: str) -> Manipulator:
 
 
 def _within_rate(u: Array, rate: Array) -> Array:
-    """Speeds (K+1, …, 2) that follow others from rest to rest, changing no faster than the rate."""
+    """Speeds (K+1, …, 2) that follow u from rest to rest and change no faster than `rate`."""
     most, out = rate * KNOT_S, u.copy()
     out[0] = 0.0
     for k in range(1, len(u)):
@@ -214,7 +215,7 @@ def _within_rate(u: Array, rate: Array) -> Array:
 
 
 def _course(system: Manipulator, start: Array, t: Array, u: Array) -> Array:
-    """Coordinates (K+1, …, n+1) where inputs (K+1, …, 2) at times t are straight between them."""
+    """Coordinates (K+1, …, n+1) under inputs (K+1, …, 2) that are linear between times t."""
     nodes = [np.broadcast_to(start, (*u.shape[1:-1], system.size))]
     for k, h in enumerate(np.diff(t)):
         inputs = np.stack([u[k], (u[k] + u[k + 1]) / 2, u[k + 1]])
@@ -231,10 +232,10 @@ def _motion(
     q: Array,
     notes: dict[str, Any],
 ) -> Plan:
-    """The verified plan with inputs u (K+1, 2), straight between times t (K+1,), and q (K+1, n+1).
+    """The verified plan with inputs u (K+1, 2), linear between times t (K+1,), and q (K+1, n+1).
 
     Raises:
-        InputError: If it ends where no plan may.
+        InputError: If its end is not allowed as a goal.
         VerificationError: If it breaks a limit or touches something.
     """
     third = system.rates(q, u) * np.diff(t, append=t[-1] + KNOT_S)[:, None] / 3

@@ -1,6 +1,6 @@
-"""By what else than its objective a path may be chosen: measures that `planner.solve` hands in.
+"""Measures, other than the objective, by which a path may be chosen.
 
-Methods know no machine; who does says here what a plan is worth on it.
+Methods do not know the emulated machine, so `planner.solve` registers here how to rate plans on it.
 """
 
 from __future__ import annotations
@@ -10,4 +10,4 @@ from collections.abc import Callable
 from planner.plan.plan import Plan
 
 MEASURES: dict[str, Callable[[Plan], float]] = {}
-"""From the word of the option `criterion` to what is to be least."""
+"""Measure to minimise, by the value of the option `criterion`."""

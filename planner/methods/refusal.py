@@ -1,7 +1,7 @@
-"""What a method says where it has no plan: changes of what was asked, as data.
+"""Refusals of methods: changes of the problem that may help, as data.
 
-A method that refuses names changes and tries none: it may not ask another method. Who asked the
-method calls `advise`, which tries them one after the other and puts those that work in words.
+A method that finds no plan names changes but tries none, since it must not call other methods. Its
+caller uses `advise`, which tries the changes in turn and describes one that works.
 """
 
 from __future__ import annotations
@@ -31,14 +31,15 @@ from planner.verification.verify import verify
 
 @dataclass(frozen=True)
 class Change:
-    """Something else to ask for where a method has no plan.
+    """A change of the problem or method that may lead to a plan.
 
     Attributes:
-        keys: Dotted keys of the problem file to values, as `Problem.changed` takes them.
-        words: What to say instead of the keys; after a method, what follows its name.
-        without: The requirement left out, in words; it is blamed where the change leads to a plan.
+        keys: Dotted keys of the problem file and their values, as for `Problem.changed`.
+        words: Text to show instead of the keys; if there is a method, text after its name.
+        without: The requirement that the change removes, in words; named as the cause if the change
+            leads to a plan.
         method: Another method to use, or "" for the same.
-        defaults: Whether options given to the method are left out.
+        defaults: Whether to use the method's default options instead of the given ones.
     """
 
     keys: Mapping[str, Any] = field(default_factory=dict)
@@ -62,13 +63,13 @@ def duration_change(seconds: float) -> Change:
 
 
 def travel_changes(problem: Problem, without: str = "") -> list[Change]:
-    """The travel left free, where it is given and does not follow from the rest of the goal."""
+    """A free travel, if the travel is given and does not follow from the rest of the goal."""
     given = problem.travel is not None and problem.has_travel_key
     return [Change(problem.travel_change(None), without=without)][:given]
 
 
 def reach_changes(problem: Problem, reach: Reach) -> list[Change]:
-    """The tip at the nearest place within reach, where no joints' angles meet the goal."""
+    """The nearest tip position within reach, if no joint angles meet the goal."""
     tip, keys = problem.tip, dict[str, Any]()
     if tip is None or reach.branches or reach.blocked:
         return []
@@ -80,7 +81,7 @@ def reach_changes(problem: Problem, reach: Reach) -> list[Change]:
 
 
 def duration_changes(problem: Problem) -> list[Change]:
-    """A free duration, a free travel, and both; of those that are given."""
+    """A free duration, a free travel, and both, as far as they are given."""
     free = travel_changes(problem)
     timed = any(point.time_s is not None for point in problem.waypoints)
     if (
@@ -94,7 +95,7 @@ def duration_changes(problem: Problem) -> list[Change]:
 
 
 def path_changes(problem: Problem) -> list[Change]:
-    """One requirement on the path left out after the other, but for the travel."""
+    """The problem with each path requirement removed in turn, except the travel."""
     limits, out = problem.to_dict().get("limits", {}), dict[str, Change]()
     for demand in reversed(problem.demands):
         if found := demand.removal(limits):
@@ -104,32 +105,32 @@ def path_changes(problem: Problem) -> list[Change]:
 
 
 def rounded(value: float) -> str:
-    """A number rounded up to four digits or so."""
+    """A number rounded up to about four digits."""
     scale = 10.0 ** (3 - int(np.floor(np.log10(value))))
     return f"{np.ceil(value * scale) / scale:.10g}"
 
 
 Attempt = Callable[[Change], Plan]
-"""Plans with a change; may refuse."""
+"""Plans with a change; may raise a refusal."""
 
 MOST_TIMES_REFUSAL, LEAST_S, MOST_S = 3.0, 10.0, 60.0
-"""All tries together take at most so many times as long as the refusal did, but at least the first
-and at most the second number of seconds."""
+"""Time for all tries together: this multiple of the refusal's time, but at least `LEAST_S` and at
+most `MOST_S` seconds."""
 
 TRY_SHARE = 0.5
-"""Of the time left, what one try may take: what helps is most often among the first changes, and
-one that is as hard as what was asked must not keep the others from being tried."""
+"""Fraction of the remaining time for one try. The first changes help most often, but a try that is
+as hard as the original problem must leave time for the others."""
 
 
 @dataclass(frozen=True)
 class TriedChanges:
-    """What became of changes.
+    """Results of trying changes.
 
     Attributes:
-        change: The first that led to a verified plan, or None.
+        change: The first change that led to a verified plan, or None.
         plan: That plan.
-        vain: Those that led to none.
-        left: Those for which there was no time.
+        vain: Changes that did not lead to a plan.
+        left: Changes that were not tried for lack of time.
     """
 
     change: Change | None
@@ -141,7 +142,7 @@ class TriedChanges:
 def try_changes(
     changes: Sequence[Change], attempt: Attempt, told: Callable[[str], None]
 ) -> TriedChanges:
-    """Try changes in order, each in its part of the time, until one leads to a verified plan."""
+    """Try changes in order, each in its share of the time, until one leads to a verified plan."""
     vain, left = list[Change](), list[Change]()
     for change in changes:
         if remaining() <= 0:
@@ -163,18 +164,18 @@ def try_changes(
 
 
 def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: float) -> Plan | None:
-    """Try the changes of a refusal, and say in it what helps.
+    """Try the changes of a refusal, and add the one that helps to its message.
 
-    Other methods are named and not tried: `planner.check` does that.
+    Other methods are named but not tried: `planner.check` tries them.
 
     Args:
-        error: The refusal, which is worded anew.
-        problem: What was asked.
+        error: The refusal, whose message is changed.
+        problem: The original problem.
         attempt: Plans with a change.
-        seconds: How long the refusal took.
+        seconds: Time that the refusal took.
 
     Returns:
-        A plan of the problem as it was asked, if trying came upon one.
+        A plan of the original problem, if a try happened to find one.
     """
     own = [change for change in error.changes if not change.method]
     if not own:
@@ -193,7 +194,7 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
     shown = replace(tries.plan, problem=problem, verified=False, certificate=None)
     broken = verify(shown).violations
     if not broken and not any(key.startswith("method.") for key in tries.change.keys):
-        return tries.plan  # with other options a plan is none of what was asked
+        return tries.plan  # a plan with other options does not answer the request
     error.advise(f"{changed_words(shown, broken) or tries.change} (tried)")
     if tries.change.without:
         error.blame(tries.change.without, replace(shown, status=error.status), broken)
@@ -201,7 +202,7 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
 
 
 def changed_words(plan: Plan, broken: Sequence[Violation]) -> str:
-    """What a problem would have to say for this to be a plan of it, given what it breaks now."""
+    """Changes of the problem, in words, that make this its plan, given its present violations."""
     problem, parts = plan.problem, []
     found = [(*asked, v) for v in broken if (asked := problem.asking(v.label))]
     for kind in dict.fromkeys(type(demand) for demand in reversed(problem.demands)):

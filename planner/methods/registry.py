@@ -1,4 +1,4 @@
-"""Which methods there are: entries, their options as keywords, and how a new one comes in."""
+"""The registry of methods: entries, their options as keywords, and registration of new ones."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ class Method:
     """An entry of the registry.
 
     Attributes:
-        name: As users write it; also the name of its `[method.*]` table.
+        name: Name for users; also the name of its `[method.*]` table.
         summary: One line for listings.
         options: The table of its options.
-        plan: From problem and options to a plan that is not verified yet.
-        keeps: What it says before it searches: which parts of what is asked it keeps.
-        replan: As `plan`, from a plan of a neighbouring problem; or None.
-        refines: The method whose plan it starts from, or None. Where that finds none this finds
-            none, so that `check` does not try it.
-        finds_time: Whether it reports a too short duration by itself and finds a longer one.
+        plan: Function from problem and options to a plan that is not verified yet.
+        keeps: Function that says, before any search, which parts of the demands it keeps.
+        replan: Like `plan`, but starts from a plan of a neighbouring problem; or None.
+        refines: The method whose plan it starts from, or None. If that finds no plan, this does not
+            either, so `check` does not try it.
+        finds_time: Whether it reports a duration that is too short and finds a longer one.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Method:
 
 
 def _function(module: str, name: str) -> Callable[..., Plan]:
-    """A function whose module (and with it, say, OSQP) is imported when it is called."""
+    """A function whose module (with its imports, such as OSQP) is imported on the first call."""
 
     def call(*given: Any) -> Plan:
         plan: Plan = getattr(import_module(f"planner.methods.{module}"), name)(*given)
@@ -125,19 +125,19 @@ _ALL = (
 
 
 def typed(solve: Callable[..., Plan]) -> Solve:
-    """The function itself; editors know its keywords, method by method, from `options.pyi`."""
+    """Return the function itself; `options.pyi` tells editors its keywords for each method."""
     return cast("Solve", solve)
 
 
 METHODS = {method.name: method for method in _ALL}
-"""By name. What plugins register is in it once the first problem is read."""
+"""Methods by name; those of plugins are added when the first problem is read."""
 
 ALL = "all"
-"""In place of methods: every one there is."""
+"""Used in place of method names: every method."""
 
 
 def all_methods() -> dict[str, Method]:
-    """`METHODS` with what plugins bring.
+    """`METHODS` with those of plugins.
 
     Raises:
         InputError: If a plugin fails.
@@ -166,19 +166,18 @@ def register_method(
         name: Name of the method: a Python identifier.
         plan: A function of the problem and an instance of `options` that returns a plan, which
             `solve` then verifies. If it finds none it raises a `NoPlanError` with the reason.
-            Any other error, or something else in place of a plan, refuses the problem with a
-            `MethodError`, which names the package.
+            Any other error or return value becomes a `MethodError` that names the package.
         options: The table `[method.NAME]` of problem files, a `planner.support.user_tables.Table`;
             every key has a default.
         summary: One line for listings.
-        keeps: From the problem, a `Demand` of it and a `Part` of that to "kept" where no motion of
-            the method breaks it, "judged" where that is left to the judge, or "never": then the
-            problem is refused before the method begins. When left out all is judged.
-        replan: As `plan`, from a plan of a neighbouring problem.
+        keeps: A function of the problem, one of its `Demand`s and a `Part` of that. It returns
+            "kept" if every motion of the method satisfies the part, "judged" if only verification
+            checks it, or "never": then the problem is refused before the method begins. By default
+            everything is judged.
+        replan: Like `plan`, but starts from a plan of a neighbouring problem.
         refines: The method whose plan it starts from, if any; `check` then does not try it by
             itself.
-        finds_time: Whether it reports by itself that a duration is too short and finds a longer
-            one.
+        finds_time: Whether it reports a duration that is too short and finds a longer one.
 
     Raises:
         InputError: If the name is taken or invalid, or an argument has the wrong type.
@@ -207,7 +206,7 @@ def register_method(
 
 
 def _faults(method: Any) -> Iterator[str]:
-    """Why an entry is no method."""
+    """Reasons why an entry is not a valid method."""
     for key in ("plan", "keeps", "replan"):
         function = getattr(method, key)
         if not callable(function) and not (key == "replan" and function is None):
@@ -226,8 +225,7 @@ def find_method(name: str) -> Method:
     """The registry's entry of that name.
 
     Raises:
-        InputError: If there is none; names the nearest. If it is looked for among plugins, and one
-            fails.
+        InputError: If there is none (with the nearest name), or if a plugin fails.
     """
     if not isinstance(name, str) or (name not in METHODS and name not in all_methods()):
         raise InputError(
@@ -238,7 +236,7 @@ def find_method(name: str) -> Method:
 
 def merged_options(problem: Problem, method: Method, options: dict[str, Any]) -> Any:
     """The method's option table: the problem's, overridden by keywords."""
-    table = getattr(problem.methods, method.name, None)  # None: read before it was registered
+    table = getattr(problem.methods, method.name, None)  # None if registered after the problem
     if table is not None and not options:
         return table
     own = {} if table is None else table.model_dump(exclude_unset=True)

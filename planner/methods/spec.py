@@ -16,13 +16,13 @@ from planner.support.tables import line, shorten
 
 @dataclass(frozen=True)
 class Spec:
-    """A method and what to change in its options.
+    """A method and changes of its options.
 
     Attributes:
-        label: The text it was read from; names it in tables and figures.
+        label: The text from which it was read; its name in tables and figures.
         method: Name of the method.
         options: Options that override the problem's table of that method.
-        compensated: Whether its plan is compensated for the machine.
+        compensated: Whether to compensate its plan for the machine.
     """
 
     label: str
@@ -34,10 +34,11 @@ class Spec:
 def parse_spec(text: str) -> Spec:
     """Read `method` or `method:key=value:key=value`, or either with `compensated` after the method.
 
-    Values are TOML values; a plain word may go without quotes.
+    Values are TOML values; a plain word needs no quotes.
 
     Raises:
-        InputError: If the method is unknown (names the nearest) or an option is not `key=value`.
+        InputError: If the method is unknown (with the nearest name) or an option is not
+            `key=value`.
     """
     name, *settings = (part.strip() for part in _split(text, ":"))
     first, _, word = name.partition(" ")
@@ -61,14 +62,14 @@ def parse_spec(text: str) -> Spec:
 
 
 def parse_specs(problem: Problem, specs: str | Sequence[str]) -> list[Spec]:
-    """Read several specs and check their options, before any of them is run.
+    """Read several specs and check their options before any of them is run.
 
     Args:
-        problem: Supplies the option tables that the specs override.
-        specs: A list, or one text with commas between (outside brackets and quotes).
+        problem: The problem with the option tables that the specs override.
+        specs: A list, or one text with separating commas (outside brackets and quotes).
 
     Raises:
-        InputError: If there is none, one is wrong, or two are the same.
+        InputError: If there is no spec, one is wrong, or two are the same.
     """
     texts = list(_split(specs, ",")) if isinstance(specs, str) else specs
     if not isinstance(texts, Iterable) or not all(isinstance(text, str) for text in texts):

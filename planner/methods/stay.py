@@ -1,6 +1,6 @@
-"""The plan of a problem whose start is its goal: it stays.
+"""The plan of a problem whose goal is its start: it stays there.
 
-No motion costs less and none is shorter, so that no method needs to search for one.
+No motion costs less or is shorter, so no method needs to search.
 """
 
 from __future__ import annotations
@@ -16,28 +16,28 @@ from planner.support.calculus.bernstein import Bernstein
 from planner.verification.verify import GOAL_TOLERANCE, verify
 
 SHORTEST_S = 1e-3
-"""Duration of a plan that stays where the problem leaves the duration free, seconds; in its natural
-units the least that collocation plans with, too."""
+"""Duration of a plan that stays if the duration is free, s; in natural units it is also the least
+duration of collocation."""
 
 SAME_PLACE = GOAL_TOLERANCE / 20 * (1 + 1e-6)
-"""Largest distance of a goal from the start, in radians or metres, that asks for no motion: the
-judge could not tell the two apart."""
+"""Largest distance of a goal from the start, in radians or metres, at which both count as equal:
+the judge could not distinguish them."""
 
 
 def plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
-    """A plan that stays at the start; None where that is not what the problem asks for.
+    """A plan that stays at the start, if that solves the problem.
 
     Args:
-        problem: What is asked.
-        method: The name of the method whose plan it is.
+        problem: The problem.
+        method: Name of the method that the plan reports.
         options: Its options.
 
     Returns:
-        A plan with zero inputs, for the duration given, or for the least where it is free. None if
-        the goal is elsewhere, or staying breaks something, such as a waypoint elsewhere.
+        A plan with zero inputs over the given or, if it is free, the least duration. None if the
+        goal is elsewhere, or staying breaks a requirement, such as a waypoint elsewhere.
     """
     away = np.abs(problem.target - problem.start)
-    if np.any(away > SAME_PLACE):  # NaN where the goal leaves a coordinate free
+    if np.any(away > SAME_PLACE):  # NaN for a coordinate that the goal leaves free
         return None
     free, seconds = problem.duration is None, problem.duration or SHORTEST_S
     breaks = np.array([0.0, seconds])

@@ -1,12 +1,13 @@
-"""The convex part of the chart's domain, a floor and a concave cap on ±z₂, and what leaves it.
+"""The convex part of the chart's domain: a floor and a concave cap on ±z₂, and excess over them.
 
     n = 2:  p = z₂            0 < p < K₂                    cos³θ₁ = p/K₂
     n = 3:  p = −sign(θ₂) z₂  0 < p < g(z₃)                 cos²θ₁ = p/g(z₃)
             g(z₃) = 3K₂K₃ c²√(1−c²),  c = cosθ₂ = (z₃/K₃)^{1/3},  concave on (0, K₃)
 
-There the band is the whole domain. The cap is lowered by the factor that keeps sin²θ₁ ≥ edge, and
-the floor is raised to the margin asked for; both keep the set convex. The sign of θ₁ plays no part:
-the cap knows cos²θ₁ only. For longer chains and other systems the band is the margin of z₂ alone.
+For n = 2 and 3 the band is the whole domain. The cap is lowered by the factor that keeps
+sin²θ₁ ≥ edge, and the floor is raised to the required margin; both keep the set convex. The sign of
+θ₁ does not matter, since the cap depends on cos²θ₁. For longer chains and other systems the band is
+only the margin of z₂.
 
 Between the nodes the band is proven, not sampled. On an interval, z₃ lies between the least and
 greatest of its Bernstein coefficients, and there a concave cap lies above its chord. So
@@ -29,14 +30,14 @@ from planner.support.calculus.bernstein import elevate, split
 from planner.systems.manipulator import Manipulator
 
 DEFAULT_FLOOR = 1e-4
-"""Least |z₂| where the problem sets no margin; half the nearer end's if that is less."""
+"""Least |z₂| if the problem sets no margin; but at most half of the smaller end value."""
 
 Indices = NDArray[np.intp]
 
 MAX_HALVINGS = 40
 
 COARSE = 0.02
-"""Where a limit is broken, how finely the breach is located, relative to the worst one."""
+"""Accuracy with which an excess is located, relative to the largest one."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,9 @@ class Band:
 
     Attributes:
         sign: ±1.
-        floor: Least p; −inf where there is none.
+        floor: Least p; −inf without a floor.
         cap_factor: Factor on g (n = 3) or K₂ (n = 2) that keeps the distance from θ₁ = 0.
-        K: (K₂,) or (K₂, K₃); empty where there is no cap.
+        K: (K₂,) or (K₂, K₃); empty without a cap.
     """
 
     sign: float
@@ -67,7 +68,7 @@ class Band:
 
     @property
     def words(self) -> str:
-        """What is asked of paths, for a refusal: a proof that there is none says no more."""
+        """The conditions on paths, in words, for a refusal that proves that no path meets them."""
         if not self.complete:
             return f"with |z2| >= {self.floor:.4g}"
         parts = [f"|z2| >= {self.floor:.4g}"] if self.floor > 0 else []
@@ -76,12 +77,12 @@ class Band:
 
     @property
     def z3_range(self) -> tuple[float, float]:
-        """Where the cap is concave."""
+        """Range of z₃ in which the cap is concave."""
         return (0.0, float(self.K[1])) if len(self.K) == 2 else (-np.inf, np.inf)
 
     @property
     def top(self) -> float:
-        """Greatest value the cap takes anywhere."""
+        """Greatest value of the cap."""
         if len(self.K) == 1:
             return float(self.cap_factor * self.K[0])
         return float(self.cap_factor * 2 * self.K[0] * self.K[1] / np.sqrt(3))
@@ -94,7 +95,7 @@ class Band:
         return np.asarray(3 * self.cap_factor * self.K[0] * self.K[1] * c2 * np.sqrt(1 - c2))
 
     def tangent(self, z3: Array) -> tuple[Array, Array]:
-        """The cap's tangent slope · z₃ + offset at z₃ (moved a little inside its domain).
+        """The cap's tangent, slope · z₃ + offset, at z₃ (moved slightly inside its domain).
 
         Returns:
             (slope, offset), each of the shape of z₃; no cap value lies above the tangent.
@@ -111,10 +112,10 @@ def band_of(problem: Problem, start: Array, goal: Array, edge: float) -> Band:
     """The band of a problem whose ends lie in one branch.
 
     Args:
-        problem: Supplies the constants, the margin of z₂ and, for n = 2, the limit of θ₁.
+        problem: The problem, for the constants, the margin of z₂ and, for n = 2, the limit of θ₁.
         start: z(0), shape (N,).
         goal: z(T), shape (N,).
-        edge: Least sin²θ₁ wanted; half the nearer end's if that is less.
+        edge: Least sin²θ₁ wanted; at most half of the smaller end value is used.
     """
     system, margin = problem.system, problem.limits.z2_margin
     if not isinstance(system, Manipulator) or system.n > 3:
@@ -134,12 +135,12 @@ def band_of(problem: Problem, start: Array, goal: Array, edge: float) -> Band:
 
 @dataclass(frozen=True)
 class Excess:
-    """How far the pieces exceed a limit.
+    """Excess of the pieces over a limit.
 
     Attributes:
-        proven: No point of any piece exceeds it by more than this.
-        piece: Piece numbers (k,) whose excess is above the tolerance.
-        local: Where in each of them it is greatest, as a fraction of the piece, shape (k,).
+        proven: Proven upper bound of the excess on all pieces.
+        piece: Numbers of the pieces whose excess is above the tolerance, shape (k,).
+        local: Position of the greatest excess in each of them, as a fraction, shape (k,).
         value: The excess there, shape (k,).
     """
 
@@ -153,13 +154,14 @@ NO_EXCESS = Excess(-np.inf, np.zeros(0, int), np.zeros(0), np.zeros(0))
 
 
 def floor_excess(band: Band, z2: Array, tolerance: float, proof: bool) -> Excess:
-    """Where p falls below the floor.
+    """Find where p falls below the floor.
 
     Args:
-        band: The floor.
+        band: The band with the floor.
         z2: Bernstein coefficients (d+1, pieces) of z₂.
-        tolerance: Precision of the bound; coarser where the floor is broken by more.
-        proof: Refine pieces that seem to keep the floor until that is proven, or disproven.
+        tolerance: Precision of the bound; coarser where the excess is larger.
+        proof: Whether to refine pieces that seem to keep the floor until that is proven or
+            disproven.
     """
     if not np.isfinite(band.floor):
         return NO_EXCESS
@@ -167,14 +169,14 @@ def floor_excess(band: Band, z2: Array, tolerance: float, proof: bool) -> Excess
 
 
 def cap_excess(band: Band, z2: Array, z3: Array, tolerance: float, proof: bool) -> Excess:
-    """Where p rises above the cap; with z₃ by Bernstein coefficients (e+1, pieces) beside z₂."""
+    """Find where p rises above the cap; z₃ has Bernstein coefficients (e+1, pieces)."""
     if not band.complete:
         return NO_EXCESS
     return _search(band.sign * z2, z3, band, tolerance, proof)
 
 
 def _search(p: Array, z: Array, band: Band | None, tolerance: float, proof: bool) -> Excess:
-    """Branch and bound on all pieces at once; p (d+1, pieces), z (e+1, pieces)."""
+    """Branch and bound on all pieces at once, for p (d+1, pieces) and z (e+1, pieces)."""
     pieces = p.shape[1]
     p = elevate(p, max(len(p), len(z)) - 1)
     best, where = np.full(pieces, -np.inf), np.zeros(pieces)
@@ -202,7 +204,7 @@ def _search(p: Array, z: Array, band: Band | None, tolerance: float, proof: bool
 
 
 def _keep_best(best: Array, where: Array, piece: Indices, value: Array, at: Array) -> None:
-    order = np.argsort(value, kind="stable")  # the last of equal pieces wins, so the greatest
+    order = np.argsort(value, kind="stable")  # the last value for a piece, the greatest, wins
     piece, value, at = piece[order], value[order], at[order]
     top = np.full(len(best), -np.inf)
     place = np.zeros(len(best))
@@ -220,5 +222,5 @@ def _upper_bound(p: Array, z: Array, band: Band | None) -> Array:
     slope = np.divide(at_high - at_low, rise, out=np.zeros_like(rise), where=rise > 0)
     chord = at_low + slope * (z - low)
     inside = (low >= band.z3_range[0]) & (high <= band.z3_range[1])
-    chord[:, ~inside] = 0.0  # beyond its domain the cap is taken as zero, which is not concave
+    chord[:, ~inside] = 0.0  # outside its domain the cap counts as zero, which is not concave
     return np.asarray((p - chord).max(axis=0))

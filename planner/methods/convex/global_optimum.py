@@ -1,9 +1,9 @@
 """Cutting planes at one travel: the global optimum of a class with its gap, or a certificate.
 
 The relaxation keeps the floor and tangents of the cap at a growing list of points, so its optimum
-bounds every path of the class from below. When no piece leaves the band by more than a tolerance,
-all rows are tightened by twice that and the programme solved again; a path proven inside the
-band bounds the optimum from above.
+is a lower bound for every path of the class. When no piece leaves the band by more than a
+tolerance, all rows are tightened by twice the tolerance and the programme is solved again. A path
+that is proven to be inside the band gives an upper bound.
 
 A free travel is found by a scan of the window, then a bounded search about the best travel.
 
@@ -26,19 +26,19 @@ from planner.support import deadline
 from planner.support.arrays import Array
 
 TOLERANCE = 1e-10
-"""Excess over the band, in z₂, below which cutting stops: what the engines resolve."""
+"""Excess over the band, in z₂, below which cutting stops; it is the accuracy of the engines."""
 
 MOST_SLOPE = 1e6
-"""Bound on |y|, the root mean square of dz₂/dτ, of the paths considered where z₂ has no bounds."""
+"""Largest |y|, the root mean square of dz₂/dτ, of paths considered if z₂ has no bounds."""
 
 
 @dataclass(frozen=True)
 class Touch:
-    """What rows stand for: p(τ) ≥ floor, or p(τ) ≤ the cap's tangent at some z₃.
+    """The meaning of rows: p(τ) ≥ floor, or p(τ) ≤ the cap's tangent at some z₃.
 
     Attributes:
         tau: Path fractions, shape (m,).
-        at: z₃ where the tangent touches, shape (m,); NaN for the floor.
+        at: z₃ of the tangent point, shape (m,); NaN for the floor.
     """
 
     tau: Array
@@ -58,14 +58,14 @@ NO_TOUCH = Touch(np.zeros(0), np.zeros(0))
 
 @dataclass(frozen=True)
 class ClassOptimum:
-    """The optimum of a class at one travel, from below and above.
+    """The optimum of a class at one travel, with a lower and an upper bound.
 
     Attributes:
         frame: The class.
         final: The path and its objective, from the last programme; its rows are tightened.
-        bound: What no path of the class can be below, as the programme measures it.
-        touch: The rows beside the nodes' that the path leans on.
-        rounds: Programmes solved.
+        bound: Lower bound of the objective over the class, as the programme measures it.
+        touch: The active rows, beside those of the nodes.
+        rounds: Number of programmes solved.
         proven: Greatest possible excess over the band between the nodes; ≤ 0.
     """
 
@@ -94,7 +94,7 @@ class ClassOptimum:
 
 @dataclass(frozen=True)
 class BoundAboveCeiling:
-    """The optimum was not sought further, since it cannot be below `bound`."""
+    """The search ended early, since the optimum cannot be below `bound`."""
 
     bound: float
 
@@ -105,10 +105,10 @@ class EmptyClass:
 
     Attributes:
         frame: The class.
-        touch: What each row stands for.
+        touch: The meaning of each row.
         A: Rows of unit length in the free coefficients, shape (m, size).
         b: Right-hand sides, shape (m,).
-        proof: The multipliers and what they show.
+        proof: The multipliers and the values that they prove.
     """
 
     frame: Frame
@@ -132,12 +132,12 @@ def optimum_by_cuts(
         frame: The class and its ends.
         band: The convex domain.
         programme: The objective, see `Programme`.
-        extra: Rows beside the nodes'; any will do, those of a neighbour help.
-        max_rounds: Programmes allowed.
+        extra: First rows beside those of the nodes; rows of a neighbouring travel save rounds.
+        max_rounds: Largest number of programmes.
         ceiling: Stop as soon as the bound exceeds this.
 
     Raises:
-        StalledError: If the rounds run out, or the last of the feasible is too thin to be proven.
+        StalledError: If the rounds are used up, or the feasible set is too thin for a proof.
     """
     touch = _at_nodes(frame, band)
     nodes, touch = len(touch.tau), touch.plus(extra)
@@ -167,7 +167,7 @@ def optimum_by_cuts(
 
 
 def band_rows(frame: Frame, band: Band, touch: Touch) -> tuple[Array, Array]:
-    """A y ≤ b for what is given, in its order."""
+    """Rows A y ≤ b for the given cuts, in their order."""
     A, c = frame.z_rows(1, touch.tau)
     cap = ~np.isnan(touch.at)
     side = np.where(cap, band.sign, -band.sign)
@@ -182,7 +182,7 @@ def band_rows(frame: Frame, band: Band, touch: Touch) -> tuple[Array, Array]:
 
 
 def _at_nodes(frame: Frame, band: Band) -> Touch:
-    """Floor, then cap, at every inner node, the tangents along a straight z₃; where they exist."""
+    """Cuts at every inner node: the floor, then the cap's tangents along a straight z₃, if any."""
     nodes = frame.shape.breaks[1:-1]
     floor = nodes if np.isfinite(band.floor) else nodes[:0]
     touch = Touch(floor, np.full(len(floor), np.nan))
@@ -192,7 +192,7 @@ def _at_nodes(frame: Frame, band: Band) -> Touch:
 
 
 def _violations(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch, float]:
-    """Rows where a path leaves the band, and what its excess is proven not to exceed."""
+    """Cuts where a path leaves the band, and a proven upper bound of its excess."""
     _, z2, z3, *_ = frame.bernstein(y)
     low, high = floor_excess(band, z2, TOLERANCE, proof), cap_excess(band, z2, z3, TOLERANCE, proof)
     floor, cap = ((e.piece + e.local) / frame.shape.pieces for e in (low, high))
@@ -202,9 +202,9 @@ def _violations(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch,
 
 
 def _radius(frame: Frame, band: Band) -> float:
-    """A bound on |y| of every path inside the band: 0 ≤ p ≤ top and Markov's inequality.
+    """A bound on |y| of every path inside the band, from 0 ≤ p ≤ top and Markov's inequality.
 
-    Where the band has no top there is none, and paths beyond `MOST_SLOPE` are left out of account.
+    Without a cap there is no such bound, and paths beyond `MOST_SLOPE` are not considered.
     """
     if not band.complete:
         return MOST_SLOPE
@@ -212,18 +212,19 @@ def _radius(frame: Frame, band: Band) -> float:
 
 
 Solve = Callable[[float, Touch, float], ClassOptimum | EmptyClass | BoundAboveCeiling]
-"""The optimum at one travel: (travel, rows of a neighbour, ceiling as in `optimum_by_cuts`)."""
+"""Finds the optimum at one travel from (travel, rows of a neighbour, ceiling); the ceiling is that
+of `optimum_by_cuts`."""
 
 
 @dataclass
 class BestTravel:
-    """What a search over travels finds.
+    """The result of a search over travels.
 
     Attributes:
-        best: The best plan found, or None when no travel tried has one.
-        refusals: Certificates of the travels that have none.
+        best: The best optimum found, or None if no travel tried has a path.
+        refusals: Certificates of the travels that have no path.
         tried: Number of travels tried.
-        kept: Travels from which a plan was had or not ruled out.
+        kept: Travels that have a path, or for which none was ruled out.
     """
 
     best: ClassOptimum | None = None
@@ -233,17 +234,17 @@ class BestTravel:
 
     @property
     def range(self) -> tuple[float, float]:
-        """The least and the greatest of the travels kept; NaN if there are none."""
+        """The least and the greatest of the travels in `kept`; NaN if there are none."""
         return (min(self.kept), max(self.kept)) if self.kept else (np.nan, np.nan)
 
 
 def search_travels(solve: Solve, travels: Array, prune: bool = True) -> BestTravel:
-    """Scan the travels given from the middle outwards, then refine about the best.
+    """Scan the travels from the middle outwards, then refine about the best.
 
     Args:
-        solve: The optimum at one travel.
-        travels: Increasing; a single one is all that is tried.
-        prune: Give up at a travel as soon as its bound exceeds the best value so far.
+        solve: Finds the optimum at one travel.
+        travels: Increasing; if there is only one, no other is tried.
+        prune: Whether to leave a travel as soon as its bound exceeds the best value so far.
     """
     found, touch = BestTravel(), NO_TOUCH
 
@@ -280,14 +281,14 @@ def _refine(at: Callable[[float], float], best: ClassOptimum, travels: Array) ->
 
     centre = best.frame.travel
     worse = 1e3 * abs(best.value) + 1.0
-    step = min(float(travels[1] - travels[0]), 0.999 * abs(centre))  # zero is another class
+    step = min(float(travels[1] - travels[0]), 0.999 * abs(centre))  # do not reach zero
     bounds = (max(centre - step, float(travels[0])), min(centre + step, float(travels[-1])))
     tolerance = {"xatol": 1e-5 * (bounds[1] - bounds[0])}
     minimize_scalar(lambda d: min(at(d), worse), bounds=bounds, method="bounded", options=tolerance)
 
 
 def _approach(at: Callable[[float], float], found: BestTravel) -> None:
-    """Between the travels tried, seek one with a plan where the certificates are weakest."""
+    """Search for a travel with a path between those tried, where the certificates are weakest."""
     from scipy.optimize import minimize_scalar  # slow to import
 
     found.refusals.sort(key=lambda r: r.frame.travel)

@@ -1,4 +1,4 @@
-"""The path that is best in the chart, and the clock that runs it."""
+"""The best path in the chart, and its timing."""
 
 from __future__ import annotations
 
@@ -46,28 +46,27 @@ OBJECTIVES = {
 }
 
 SLACK = 1e-4
-"""Part of the fastest motion's time that is added to it: with less, the certificate's enclosures
-cannot tell an input at its limit from one above."""
+"""Fraction of the fastest motion's time that is added to it. With less, the certificate's
+enclosures cannot distinguish an input at its limit from one above it."""
 
 
 def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     """Plan the best path of a class: dz₂/dz₁ of one shape on equal pieces of the travel.
 
     For n = 2 and 3 the chart's domain is convex: at a given travel the path is the global optimum
-    of its class with a proven gap, or there is a certificate that the class is empty; with the
-    travel free it is the best of the travels tried. For longer chains and other systems the optimum
-    without the domain is taken, if it stays inside; `plan.notes["optimality"]` says what is proven.
-
-    Input limits concern the timing only: v₁ is constant where that keeps them and no rest at the
-    ends is asked for, else the motion is in proportion to the path's fastest one, which is taken
-    where the duration is free. Which other
-    requirements play no part, so that `verify` may refuse the path: `planner.methods.keeping`.
+    of its class with a proven gap, or a certificate shows that the class is empty; with the travel
+    free it is the best of the travels tried. For longer chains and other systems the method takes
+    the optimum without the domain, if it stays inside; `plan.notes["optimality"]` says what is
+    proven. Input limits affect only the timing. v₁ is constant if that keeps them and no rest at
+    the ends is required. Otherwise the motion is the path's fastest one, slowed uniformly to the
+    given duration. The method ignores some other requirements, for which `verify` may refuse the
+    path: see `planner.methods.keeping`.
 
     Raises:
         InfeasibleError: With `certificate`, if no path of the class meets travel, domain and z₂
-            margin; or without, if no one-way motion at all meets travel and duration.
-        NotConvergedError: If no path was found and that proves nothing, or the best one takes
-            longer than the duration within the input limits.
+            margin; without, if no one-way motion meets travel and duration.
+        NotConvergedError: If no path was found, without a proof that there is none, or the best one
+            takes longer than the duration within the input limits.
         SingularError: If start or goal are not in one branch of the chart.
         InputError: If there are too few pieces, or the duration is free and an input has no limit.
     """
@@ -121,7 +120,7 @@ def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None
 
 
 def _travels(problem: Problem, options: ConvexOptions) -> Array:
-    """The travel, or those to scan, increasing."""
+    """The given travel, or the travels to scan, increasing."""
     window, travel = travel_window(problem), problem.travel
     if window is not None and window.empty:
         raise _infeasible(problem, f"no motion without reversal exists: {window.reason}", [])
@@ -173,7 +172,7 @@ def _best_path(
 
 
 def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
-    """The path run at constant v₁ over the problem's duration, or one second."""
+    """The path with constant v₁ over the problem's duration, or over one second."""
     duration = problem.duration or 1.0
     breaks = frame.shape.breaks
     omega, *rest = frame.bernstein(y)
@@ -191,12 +190,12 @@ def _time_path(problem: Problem, path: ChainedTrajectory, asked: Rest) -> tuple[
     """The path within the input limits, in the problem's duration or as fast as they allow."""
     limits, duration = problem.limits, problem.duration
     peaks = peak_inputs(path)
-    if np.any(np.isnan(peaks)):  # no angles somewhere, which is for the verification to say
+    if np.any(np.isnan(peaks)):  # outside the domain somewhere, which verification reports
         return path, "v1 constant"
     rest = rests(asked, limits.input_rate)
     if duration is not None and not rest and slowing_factor(problem.requirements, path) <= 1:
         return path, "v1 constant"
-    # An input without a limit goes no faster than with v1 constant.
+    # An input without a limit gets its peak at constant v1 as the limit.
     limits = replace(limits, input=np.where(limits.unlimited, peaks, limits.input))
     moving = peaks > 1e-12
     fastest, notes = fastest_motion(path, limits, problem.requirements, moving, rest)
@@ -248,7 +247,7 @@ def _notes(problem: Problem, band: Band, found: BestTravel, best: ClassOptimum) 
 
 
 def _no_path(problem: Problem, shape: Shape, band: Band, found: BestTravel) -> NoPlanError:
-    """No path of the class was found inside the domain; with a certificate where there is one."""
+    """The refusal if no path of the class was found in the domain, with a certificate if any."""
     changes = [*travel_changes(problem), BY_COLLOCATION]
     if not found.refusals:
         why = f"no quadratic program converged ({found.tried} tried), for {_class_words(shape)}"
@@ -285,7 +284,7 @@ def _no_path(problem: Problem, shape: Shape, band: Band, found: BestTravel) -> N
 
 
 def _certificate(refusal: EmptyClass) -> dict[str, Any]:
-    """As plain arrays: multipliers u >= 0 show that A y <= b has no |y| <= radius."""
+    """Plain arrays: multipliers u >= 0 prove that A y <= b has no solution with |y| <= radius."""
     return {
         "travel": refusal.frame.travel,
         "A": refusal.A,

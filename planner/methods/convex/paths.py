@@ -7,7 +7,7 @@ integrates to
     zᵢ(τ) = Σ_{k=0}^{i−2} zᵢ₋ₖ(0) (Δτ)ᵏ/k! + Δ^{i−2} (I^{i−1}ω)(τ)        (i = 2 … N)
 
 and the end conditions fix N−1 combinations of the coefficients, which are eliminated:
-x = x₀ + Q₂ y, x₀ ⊥ Q₂. Whatever y is, the path starts at z(0) and ends at z(T) to rounding, and
+x = x₀ + Q₂ y, x₀ ⊥ Q₂. For any y the path starts at z(0) and ends at z(T) within rounding, and
 ∫ω² dτ = |x₀|² + |y|².
 """
 
@@ -30,7 +30,7 @@ class Shape:
     Attributes:
         pieces: Number of equal pieces.
         degree: 0 for constant pieces, 1 for continuous linear ones.
-        whiten: W, shape (m, m), from whitened to plain coefficients.
+        whiten: Matrix W from whitened to plain coefficients, shape (m, m).
     """
 
     pieces: int
@@ -43,7 +43,7 @@ class Shape:
         return np.linspace(0.0, 1.0, self.pieces + 1)
 
     def integral(self, order: int, tau: Array) -> Array:
-        """The `order`-fold integral of ω from 0, order ≥ 1: rows (len(tau), m) on x."""
+        """The `order`-fold integral of ω from 0, order ≥ 1, as a matrix (len(tau), m) on x."""
         power = order + self.degree
         ramps = np.maximum(tau[:, None] - self.breaks, 0.0) ** power / factorial(power)
         if self.degree == 0:
@@ -61,7 +61,7 @@ class Shape:
 
 @lru_cache(maxsize=32)
 def input_shape(pieces: int, degree: int) -> Shape:
-    """The class with that many pieces, built once and kept."""
+    """The class with that number of pieces, cached."""
     if degree == 0:
         return Shape(pieces, 0, np.sqrt(pieces) * np.eye(pieces))
     diagonal = np.full(pieces + 1, 4.0)
@@ -85,14 +85,14 @@ def end_basis(shape: Shape, orders: int) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """All paths of one shape between two ends at one travel, which is not zero.
+    """All paths of one shape between two ends at one travel, which must not be zero.
 
-    Array indices of z start at 0, as everywhere in the code: z₂ is z[1].
+    Array indices of z start at 0: z₂ is z[1].
 
     Attributes:
         shape: The class of ω.
         start: z(0), shape (N,).
-        goal: z(T), shape (N,); its first entry is not read.
+        goal: z(T), shape (N,); its first entry is not used.
         travel: Δ = z₁(T) − z₁(0).
     """
 
@@ -112,7 +112,7 @@ class Frame:
 
     @cached_property
     def least(self) -> Array:
-        """x₀, shape (m,): the coefficients of least ∫ω² that meet the ends."""
+        """x₀, shape (m,): the coefficients with the least ∫ω² that meet the end conditions."""
         ones = np.ones(1)
         ends = [
             (self.goal[i] - self._drift(i, ones)[0]) / self.travel ** (i - 1)
@@ -122,7 +122,7 @@ class Frame:
         return np.asarray(q1 @ np.linalg.solve(r.T, np.array(ends)))
 
     def x(self, y: Array) -> Array:
-        """All coefficients, shape (m,), of free ones y."""
+        """All coefficients, shape (m,), from the free ones y."""
         return np.asarray(self.least + self._basis[2] @ y)
 
     def z_rows(self, i: int, tau: Array) -> tuple[Array, Array]:
@@ -131,11 +131,11 @@ class Frame:
         return rows @ self._basis[2], rows @ self.least + self._drift(i, tau)
 
     def coefficient_rows(self) -> tuple[Array, Array]:
-        """The plain coefficients of ω as A y + c: its extremes in either class."""
+        """The plain coefficients of ω as A y + c; in both classes they contain its extremes."""
         return self.shape.whiten @ self._basis[2], self.shape.whiten @ self.least
 
     def _drift(self, i: int, tau: Array) -> Array:
-        """z[i] at τ of the path with ω = 0."""
+        """z[i] at τ for the path with ω = 0."""
         terms = [self.start[i - k] * (self.travel * tau) ** k / factorial(k) for k in range(i)]
         return np.asarray(np.sum(terms, axis=0))
 

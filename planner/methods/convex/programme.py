@@ -1,16 +1,16 @@
-"""The programme over linear rows A y ≤ b: its optimum measured, its infeasibility proven.
+"""The programme over linear rows A y ≤ b: its optimum with a bound, or a proof of infeasibility.
 
-Two objectives, ½∫(dz₂/dz₁)² |dz₁| and max |dz₂/dτ|, both by way of min ½|y|². Two engines for that:
-least-distance programming (Lawson and Hanson, *Solving Least Squares Problems*, 1974, ch. 23) on
-SciPy's non-negative least squares, an active-set method that ends at rounding error and yields a
-Farkas vector when there is no solution; and OSQP (operator splitting, polished). Neither's word is
-taken: the residuals, the bound and the certificate are computed here from the vectors.
+There are two objectives, ½∫(dz₂/dz₁)² |dz₁| and max |dz₂/dτ|; both are reduced to min ½|y|². Two
+engines solve that: least-distance programming (Lawson and Hanson, *Solving Least Squares Problems*,
+1974, ch. 23) on SciPy's non-negative least squares, an active-set method that ends at rounding
+error and yields a Farkas vector if there is no solution; and OSQP (operator splitting, polished).
+Neither is trusted: the residuals, the bound and the certificate are computed here from the vectors.
 
-OSQP cannot be the only one. Of 2,301 programmes (all shipped problems and 17 random arms, both
-objectives) the active set solves or refutes every one within the tolerances; OSQP solves 1,800 in
-24 times the CPU time, and with one active-set step from its answer 1,937: it leaves 209 that have a
-solution, and proves none of the 155 that have none. Where both are accurate their optima agree to
-1e-9. So the active set is asked first.
+OSQP alone is not enough. Of 2,301 programmes (all shipped problems and 17 random arms, both
+objectives) the active set solves or refutes every one within the tolerances. OSQP solves 1,800 in
+24 times the CPU time, and 1,937 with one active-set step from its answer: it fails on 209 that have
+a solution, and proves infeasibility for none of the 155 others. Where both are accurate their
+optima agree to 1e-9. So the active set is tried first.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ from planner.support.interrupts import osqp_result
 Engine = Literal["active set", "osqp"]
 
 GAP_TOLERANCE = 1e-9
-"""Largest gap between value and bound that is accepted, relative to 1 + value."""
+"""Largest accepted gap between value and bound, relative to 1 + value."""
 
 EXCESS_TOLERANCE = 2e-11
-"""Largest violation accepted, on rows of unit length."""
+"""Largest accepted violation of rows of unit length."""
 
 PROX = 1e-4
-"""Weight of ½|y − centre|² beside ½t² in the least peak; small enough for the first step to end at
-the least t, great enough to keep the rows' scales within what the active set resolves."""
+"""Weight of ½|y − centre|² relative to ½t² for the least peak: small enough that the first step
+ends at the least t, large enough that the active-set method can resolve the rows' scales."""
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """A solution with its own proof.
+    """A solution with a proof of its optimality.
 
     Attributes:
         y: The point.
-        multipliers: λ ≥ 0, one a row.
-        excess: Largest violation over rows of unit length; ≤ 0 when all hold.
+        multipliers: λ ≥ 0, one per row.
+        excess: Largest violation over rows of unit length; ≤ 0 if all hold.
         value: The objective at y.
-        bound: What no feasible point's objective can be below, from the multipliers alone.
+        bound: Lower bound of the objective over all feasible points, from the multipliers alone.
         engine: "active set", "osqp" or "none needed".
-        time_s: OSQP's own count of seconds; 0 otherwise.
+        time_s: Computing time that OSQP reports, s; 0 otherwise.
     """
 
     y: Array
@@ -73,7 +73,7 @@ class Farkas:
     """A proof that no |y| ≤ radius satisfies A y ≤ b: u ≥ 0 with bᵀu + radius |Aᵀu| < 0.
 
     Attributes:
-        multipliers: u, one a row, scaled so that Σ u = 1 on rows of unit length.
+        multipliers: u, one per row, scaled so that Σ u = 1 on rows of unit length.
         residual: |Aᵀu|, computed here.
         value: bᵀu, computed here.
         radius: Bound on |y| that every path of the class obeys.
@@ -86,7 +86,7 @@ class Farkas:
 
     @property
     def margin(self) -> float:
-        """−(value + radius · residual); the proof holds when it is positive."""
+        """−(value + radius · residual); the proof is valid if this is positive."""
         return -(self.value + self.radius * self.residual)
 
 
@@ -96,22 +96,22 @@ class StalledError(ArithmeticError):
 
 @dataclass(frozen=True)
 class Programme:
-    """What to make least over linear rows.
+    """An objective to minimise subject to linear rows.
 
     Attributes:
-        objective: "smooth": ½∫(dz₂/dz₁)² |dz₁|; "peak": max |dz₂/dτ|, and of all paths that attain
-            it nearly the smoothest.
-        engine: Who is asked first.
+        objective: "smooth": ½∫(dz₂/dz₁)² |dz₁|; "peak": max |dz₂/dτ|, and among the paths with the
+            least peak nearly the smoothest.
+        engine: The engine that is tried first.
     """
 
     objective: Literal["smooth", "peak"]
     engine: Engine = "active set"
 
     def solve(self, frame: Frame, A: Array, b: Array, radius: float) -> Optimum | Farkas:
-        """The least over A y ≤ b, or the proof that there is no such |y| ≤ radius.
+        """The minimum over A y ≤ b, or a proof that no |y| ≤ radius is feasible.
 
         Raises:
-            StalledError: If there is neither within tolerance.
+            StalledError: If neither is found within tolerance.
         """
         if self.objective == "peak":
             return _lowest_peak(frame, A, b, radius)
@@ -124,10 +124,10 @@ class Programme:
 
 
 def _lowest_peak(frame: Frame, A: Array, b: Array, radius: float) -> Optimum | Farkas:
-    """min t over |ω| ≤ t, solved as min ½t² + ½ε|y − c|² with c the last y.
+    """min t subject to |ω| ≤ t, solved as min ½t² + ½ε|y − c|² with c the previous y.
 
-    That proximal iteration ends exactly after finitely many steps (Rockafellar, *Monotone operators
-    and the proximal point algorithm*, 1976); two are usual.
+    This proximal iteration ends exactly after finitely many steps (Rockafellar, *Monotone operators
+    and the proximal point algorithm*, 1976), usually two.
     """
     feasible = solve_quadratic(A, b, radius)
     if isinstance(feasible, Farkas):
@@ -141,10 +141,10 @@ def _lowest_peak(frame: Frame, A: Array, b: Array, radius: float) -> Optimum | F
     centre = np.zeros(frame.size + 1)
     for _ in range(8):
         answer = solve_quadratic(rows * shrink, limit - rows @ centre, np.inf)
-        assert isinstance(answer, Optimum)  # an infinite radius leaves no certificate a margin
+        assert isinstance(answer, Optimum)  # with an infinite radius no certificate has a margin
         y = centre[:-1] + answer.y[:-1] * shrink[0]
         value = float(np.max(np.abs(C @ y + d)))
-        # The least of the Lagrangian of min t over |y| ≤ radius, the multipliers scaled to suit t.
+        # Minimise the Lagrangian of min t over |y| ≤ radius, with the multipliers scaled for t.
         dual = answer.multipliers / -(rows[:, -1] @ answer.multipliers)
         slack = radius * float(np.linalg.norm(rows[:, :-1].T @ dual))
         bound = unit * float(-dual @ limit - slack)
@@ -158,26 +158,26 @@ def _lowest_peak(frame: Frame, A: Array, b: Array, radius: float) -> Optimum | F
 def solve_quadratic(
     A: Array, b: Array, radius: float, engine: Engine = "active set"
 ) -> Optimum | Farkas:
-    """The least ½|y|² over A y ≤ b, or the proof that no |y| ≤ radius is feasible.
+    """The least ½|y|² over A y ≤ b, or a proof that no |y| ≤ radius is feasible.
 
     Args:
         A: Rows, shape (m, p); none may be zero.
         b: Right-hand sides, shape (m,).
-        radius: Bound on |y| that is known from elsewhere.
-        engine: Who is asked first; the other takes over where that is not accurate.
+        radius: Known bound on |y|.
+        engine: The engine that is tried first; if it is not accurate, the other is used.
 
     Raises:
         StalledError: If neither engine reaches the tolerance.
     """
     length = np.linalg.norm(A, axis=1)
     G, h = A / length[:, None], b / length
-    if np.all(h >= 0):  # y = 0; OSQP would polish nothing, and say so on standard output
+    if np.all(h >= 0):  # y = 0; OSQP would print on standard output that it cannot polish
         return _optimum(G, h, np.zeros(A.shape[1]), np.zeros(len(h)), "none needed")
     order = (_by_osqp, _by_active_set) if engine == "osqp" else (_by_active_set, _by_osqp)
     for attempt in order:
         try:
             answer = attempt(G, h, radius)
-        except (RuntimeError, ArithmeticError, ValueError) as error:  # an unfinished answer
+        except (RuntimeError, ArithmeticError, ValueError) as error:  # the engine did not finish
             if lacks_memory(error):
                 raise
             continue
@@ -226,7 +226,7 @@ def _by_active_set(G: Array, h: Array, radius: float) -> Optimum | Farkas | None
 
 
 def _by_osqp(G: Array, h: Array, radius: float) -> Optimum | Farkas | None:
-    import osqp  # a tenth of a second, which only this needs
+    import osqp  # takes a tenth of a second, and is needed only here
 
     try:
         return _solved_by_osqp(osqp.OSQP(), G, h, radius)

@@ -1,1 +1,1 @@
-"""Plans that answer little to errors of inputs, start and constants (`method`)."""
+"""Plans with a small response to errors of inputs, start and constants (`method`)."""

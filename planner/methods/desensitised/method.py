@@ -1,10 +1,9 @@
-"""Plans that errors of inputs, start and constants disturb least, against their effort.
+"""Plans with the least response to errors of inputs, start and constants, traded against effort.
 
-In this order: the plan; the collocation problem with its errors, which and how large; the first
-guesses: an easy plan, and motions whose second coordinate leaves the straight line to either side,
-with excursions that let the first input turn back, since the response has local optima by the side
-and by the number of reversals; and the refusals: before the search, and after it what an iterate
-breaks, in words.
+The file has, in this order: the plan; the collocation problem with its errors and their sizes; the
+first guesses; and the refusals before and after the search. The first guesses are an easy plan, and
+motions whose second coordinate leaves the straight line to either side and whose first input may
+reverse, since the response has a local optimum for each side and each number of reversals.
 """
 
 from __future__ import annotations
@@ -55,29 +54,29 @@ from planner.verification.verify import verify
 NAME = "desensitised"
 
 EASY_PLAN_SHARE = 0.5
-"""Share of the time, where that is limited, for the plan of least effort."""
+"""Share of a limited time for the plan of least effort."""
 
 REFINEMENTS = 4
-"""Times the mesh may be refined."""
+"""Largest number of mesh refinements."""
 
 
 def plan_desensitised(
     problem: Problem, options: DesensitisedOptions, near: Plan | None = None
 ) -> Plan:
-    """Minimise the response to the design errors, weighed against effort.
+    """Minimise a weighted sum of the response to the design errors and the effort.
 
     Motion and response are one collocation problem
     (`planner.methods.collocation.transcription.augmented`). It is solved from the plan of least
-    effort and from motions with another course of q₂, since optima are local; the best is kept
-    (`notes["start"]`, `notes["tried"]`). Unless `reversal` is on, φ turns back only where the plan
-    of least effort does: the response knows nothing of the backlash and shaft torsion that each
-    turn costs.
+    effort and from motions with another course of q₂, since optima are local; the best is returned
+    (`notes["start"]`, `notes["tried"]`). Unless `reversal` is on, φ reverses only where the plan of
+    least effort does, since the response does not include the backlash and shaft torsion that each
+    reversal costs.
 
     Args:
-        problem: What to solve.
+        problem: The problem.
         options: Weights, spreads and form.
-        near: A plan of this problem or one like it to start from, instead of all other starts: a
-            neighbour on a trade-off curve, or the plan for a goal next to this one.
+        near: A plan of this or a similar problem, used instead of all other starts: for example a
+            neighbour on a trade-off curve, or the plan for a nearby goal.
 
     Raises:
         InputError: If a spread does not fit the system, options contradict each other, or the plan
@@ -88,7 +87,7 @@ def plan_desensitised(
     began = time.perf_counter()
     with time_limit(
         None, has_answer=lambda: False
-    ) as span:  # the plan of least effort is no answer
+    ) as span:  # the plan of least effort alone is not an answer
         if near is not None:
             refuse_start(problem, near)
         job = _task(problem.within_reach(), options)
@@ -105,7 +104,7 @@ def plan_desensitised(
             sign = 1.0 if first >= 0 else -1.0
             shares = tuple(turned / easy.duration)
             job = replace(job, demands=replace(job.demands, first_sign=sign, turns=shares))
-        with progress.progress_listener(None):  # counts from here on
+        with progress.progress_listener(None):  # report progress only from here on
             start, solution, log = _search(job, options, easy, near is not None)
             done = polish(job, solution, options.accuracy, REFINEMENTS)
             search = progress.current_progress()
@@ -159,7 +158,7 @@ def _task(problem: Problem, options: DesensitisedOptions) -> Task:
 
 
 def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str, float]:
-    """Standard deviation of each error by its name, in SI units; those without any are left out.
+    """Standard deviation of each error by name, in SI units, without those that are zero.
 
     Raises:
         InputError: If a list does not have one number per input, joint or constant, or is all zero.
@@ -207,14 +206,14 @@ def _family(
 def _search(
     job: Task, options: DesensitisedOptions, easy: Plan, near: bool
 ) -> tuple[str, Solution, list[dict[str, Any]]]:
-    """The best of all starts, the name of its own, and what became of each."""
+    """The best solution of all starts with the name of its start, and a log of all starts."""
     log: list[dict[str, Any]] = []
     found: list[tuple[str, Solution]] = []
     for seed in excursions(options.reversal)[: 1 if near else options.starts]:
         start = excursion_guess(job, easy.trajectory, seed)
         name = "the plan given" if near else seed.name
         last = job.solve(start, near)
-        if not last.ok:  # the other barrier takes another way
+        if not last.ok:  # another barrier may converge elsewhere
             other = job.solve(start, not near)
             last = replace(other, iterations=last.iterations + other.iterations)
         value = last.objective if last.ok else None
@@ -228,20 +227,21 @@ def _search(
 
 
 AMPLITUDE = (0.6, 0.5)
-"""Of the excursions of q₁ from the easy plan and of q₂ from the straight line, in their units."""
+"""Amplitudes of the excursions of q₁ from the easy plan and of q₂ from the straight line, in their
+units."""
 
 EASY_PLAN = Seed("least effort", np.zeros_like, np.zeros_like)
-"""The easy plan as it is."""
+"""The seed without excursions: the easy plan itself."""
 
 SLOWEST_DRIVE = 0.05
-"""Least drive by which an excursion of q₁ is turned into u₁."""
+"""Least drive factor when an excursion of q₁ is divided by it to get u₁."""
 
 FREE_DURATION_RATIO = 3.0
-"""A free duration is guessed so many times longer than that of the easy plan, a fast one."""
+"""First guess of a free duration, as a multiple of the easy plan's, which is a fast one."""
 
 
 def excursions(reversal: bool) -> list[Seed]:
-    """First guesses in the order tried; without reversal the excursions are those of q₂ alone."""
+    """First guesses in the order tried; without `reversal` only q₂ makes excursions."""
 
     def wave(size: float, count: int) -> Excursion:
         return lambda s: size * np.sin(count * np.pi * s)
@@ -263,10 +263,10 @@ def excursions(reversal: bool) -> list[Seed]:
 def excursion_guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
     """The unknowns along a seed, for a task with or without a fixed duration.
 
-    They obey the kinematics, because the response along them must be that of a motion: inputs are
-    chosen, states and response follow by integration. The drive of an arm reads cos θ₁, so that the
-    easy plan's own excursion of θ₁ has a twin on the other side. An excursion of q₂ therefore
-    leaves from the straight line: added to the easy plan, it ends on that plan's side.
+    The guess must obey the kinematics so that it has a response: the inputs are chosen, and states
+    and response follow by integration. An arm's drive depends on cos θ₁, so the easy plan's
+    excursion of θ₁ has a mirror image on the other side. An excursion of q₂ is therefore added to
+    the straight line; added to the easy plan, it would stay on that plan's side.
     """
     duration = job.problem.duration or FREE_DURATION_RATIO * easy.duration
     s = job.made.form.input_places(job.mesh)
@@ -313,9 +313,9 @@ def _plan(job: Task, solution: Solution, options: DesensitisedOptions) -> Plan:
 
 
 def _refuse_no_room(job: Task) -> None:
-    """Raise InfeasibleError where the start has no room to back off.
+    """Raise InfeasibleError if the start is closer to a limit than the back-off.
 
-    There the spread is the design's own, so that no path helps.
+    At the start the spread is a given constant, so no path can help.
     """
     problem, moved = job.problem, job.made.form.augmented
     if moved is None or not moved.backoff:
@@ -358,7 +358,7 @@ def _not_converged(
 
 
 def _broken(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
-    """What an iterate breaks: as `verify` sees it, then its effort and what is backed off."""
+    """Violations of an iterate: those of `verify`, then of the effort and of backed-off limits."""
     problem, moved, spent = job.problem, job.made.form.augmented, effort(plan.trajectory)
     assert moved is not None
     out = list(verify(plan).violations)
@@ -387,7 +387,7 @@ def _broken(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
 
 
 def _functions(required: Requirement, system: TriangularSystem) -> list[tuple[Part, Any, Any]]:
-    """Parts with their rows as expressions of q, which comes with each."""
+    """Parts of a requirement, each with its row as an expression of q, and with q."""
     q = ca.SX.sym("q", system.size)
     pairs = zip(required.parts, required.rows(MotionPoint(system, q)), strict=True)
     return [(part, row, q) for part, row in pairs]

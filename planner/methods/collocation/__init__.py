@@ -1,9 +1,9 @@
-"""Optimal plans in the coordinates themselves: one pipeline, one file a stage.
+"""Optimal plans in joint coordinates: one pipeline, with one file for each stage.
 
-In this order: `method`, `pipeline` (what it has found so far is `best`), then its stages:
-`candidates` (first guesses), `path` (the shortest, then the motion asked for; among discs by
-`thin_discs`), `route_paths` (which of them are timed), `refine` (finer mesh, limits between nodes).
-`task` is the problem on a transcription, solved by one of `solvers`, `between_nodes` what an
-iterate does where no row looks, `refusals` how it says no. Below: `transcription` makes the
-programme, `long_arms` is for arms where no guess leads anywhere.
+Read the files in this order: `method`, `pipeline` (`best` keeps its best results so far), then its
+stages: `candidates` (first guesses), `path` (shortest paths and their timing; with thin discs
+`thin_discs`), `route_paths` (selects the paths to time), `refine` (finer mesh, limits between
+nodes). `task` is the problem on a transcription, solved by one of `solvers`; `between_nodes` checks
+an iterate between the nodes; `refusals` words the refusals. The folder `transcription` makes the
+nonlinear programme; `long_arms` finds paths for arms where all guesses fail.
 """

@@ -1,4 +1,4 @@
-"""What a search has found so far, and the best of it, for when the search must end early."""
+"""The best results of a search so far, for the case that it must end early."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from planner.methods.collocation.task import Solution, Task
 from planner.support import deadline, progress
 
 SHORT_OF_TIME_S = 30.0
-"""Seconds left below which a motion found is made exact at once, and not at the end."""
+"""With less time left than this, s, a motion is made exact as soon as it is found."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A solution, the task it solves, and where it comes from; one that failed is no motion.
+    """A solution with its task and origin; it is a motion only if the solution has not failed.
 
     Attributes:
-        start: Name of the start it grew from.
+        start: Name of the first guess.
         stage: Name of the stage that found it.
-        task: What it solves.
+        task: The task that it solves.
         solution: The solution.
-        route: Number of the order of waypoints, or branch of the goal, that it takes.
-        final: Whether it is an answer of its stage, not only what the stage had on the way.
+        route: Number of its order of waypoints or branch of the goal.
+        final: Whether it is an answer of its stage, not an intermediate result.
     """
 
     start: str
@@ -40,14 +40,14 @@ class Motion:
 
 
 class Best:
-    """What a search holds at any time.
+    """The best results of a search at any time, each with its task; None if there is none.
 
     Attributes:
-        motion: The best solution, and its task; None while there is none.
-        exact: A motion found that is one to the accuracy asked for; likewise. Only looked for where
-            little time is left, since it takes about a second.
-        chain: A path that was not timed yet, and what it is asked for; likewise.
-        nearest: Of what failed that which came closest to a path, and its task; likewise.
+        motion: The best solution.
+        exact: A motion of the required accuracy. It is computed only if little time is left, since
+            it takes about a second.
+        chain: A path that was not timed yet.
+        nearest: The failed solution with the least residual.
     """
 
     def __init__(self, accuracy: float) -> None:
@@ -58,15 +58,15 @@ class Best:
         self.nearest: tuple[Task, Solution] | None = None
 
     def holds(self) -> bool:
-        """Whether there is anything of which a plan may come."""
+        """Whether there is a result from which a plan may be made."""
         return self.motion is not None or self.chain is not None
 
     def keeps(self, solution: Solution) -> bool:
-        """Whether this is the best solution held."""
+        """Whether this is the best solution so far."""
         return self.motion is not None and self.motion[1] is solution
 
     def take(self, task: Task, solution: Solution) -> None:
-        """Keep a solution, which may have failed, if it is better than what there is."""
+        """Keep a solution, which may have failed, if it is the best so far."""
         if not solution.ok:
             if self.nearest is None or solution.residual < self.nearest[1].residual:
                 self.nearest = task, solution
@@ -84,7 +84,7 @@ class Best:
         self._make_exact_if_limited()
 
     def make_exact(self) -> None:
-        """Make what is held a motion to the accuracy asked for, where that needs no solver."""
+        """Make the best result a motion of the required accuracy, if that needs no solver."""
         path = self.chain
         if self.motion is not None:
             path = self.motion[0], chain_of(*self.motion)

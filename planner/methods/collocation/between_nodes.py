@@ -1,6 +1,6 @@
-"""What an iterate does between its nodes: how far plan and true motion differ, what they break.
+"""Inspect an iterate between its nodes: its distance from the true motion, and broken limits.
 
-And what its mesh costs: how much of the objective finer intervals would save.
+The file also estimates how much of the objective finer intervals would save.
 """
 
 from __future__ import annotations
@@ -19,23 +19,24 @@ from planner.support.arrays import Array
 from planner.support.calculus.bernstein import basis
 
 INTERPOLANT = 10.0
-"""How much more the interpolant may differ inside the motion than at its end."""
+"""Factor on the allowed difference of the interpolant during the motion, relative to its end."""
 
 DRAWN_IN_SLACK = 1e-7
-"""Distance from a limit, relative to it, that is kept where the limit is drawn in."""
+"""Additional distance, relative to a limit, by which a broken limit is tightened."""
 
 CUBIC_BULGE = 0.0642
-"""Most that a cubic differs from the parabola through three even samples, in third differences."""
+"""Largest difference of a cubic from the parabola through three even samples, in units of its third
+difference."""
 
 LARGEST_STEP, MOST_BETWEEN = 0.5, 100
-"""Most that a link moves between two samples, in radii of a disc; and most parts of a step."""
+"""Largest move of a link between two samples, in radii of a disc; and most parts of a step."""
 
 ROUNDING = 1e-9
-"""Excess over a limit, relative to it, that counts as none, as in certificates."""
+"""Relative excess over a limit that counts as none, as in certificates."""
 
 
 SETTLED = 1e-3
-"""Share of the objective up to which what a finer mesh would save counts as nothing."""
+"""Savings of a finer mesh below this share of the objective are ignored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +44,12 @@ class Inspection:
     """A solution and samples of it between the nodes.
 
     Attributes:
-        task: What it solves.
+        task: The task that it solves.
         solution: The solution.
-        curves: Samples at the same times of the iterate's own interpolant, and of the motion that
-            its input really makes, shape (2, K, M, N).
-        end_error: How far they differ at the end, the largest over coordinates.
-        largest_error: The same at any time.
+        curves: Samples of the iterate's interpolant and of the true motion under its input, at the
+            same times, shape (2, K, M, N).
+        end_error: Difference of the two at the end, the largest over the coordinates.
+        largest_error: Largest difference at any time.
     """
 
     task: Task
@@ -59,7 +60,7 @@ class Inspection:
 
     @cached_property
     def excess(self) -> Array:
-        """By how much either curve breaks what is kept, see `excess`."""
+        """Excess of either curve over the requirements, see `excess`."""
         return excess(self.task, self.solution.iterate, self.curves)
 
     @cached_property
@@ -73,7 +74,7 @@ class Inspection:
 
 
 def inspect(task: Task, solution: Solution) -> Inspection:
-    """Sample an iterate and the motion its input really makes."""
+    """Sample an iterate and the true motion under its input."""
     iterate, form = solution.iterate, task.made.form
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
     values = values[..., : task.problem.system.size]
@@ -84,11 +85,12 @@ def inspect(task: Task, solution: Solution) -> Inspection:
 
 
 def _savings(task: Task, solution: Solution) -> Array:
-    """What each interval costs because the input can bend, or jump, only at its edges.
+    """Estimated cost of each interval due to inputs that bend or jump only at its edges, (K,).
 
-    The best input differs from the piecewise one by about its kinks: by a tenth of a triangle
-    squared where a linear input must begin at rest or turn at a limit. Kinks that change evenly
-    from edge to edge are those of a smooth input, which lines follow far more closely.
+    The optimal input differs from the piecewise one by about its kinks: where a linear input must
+    begin at rest or bend at a limit, the cost is a tenth of a squared triangle. Kinks that change
+    evenly from edge to edge belong to a smooth input, which lines approximate much better, so only
+    the uneven part counts.
     """
     iterate, widths = solution.iterate, task.mesh.widths * solution.iterate.duration
     (left, right), (effort, smooth) = (
@@ -111,15 +113,15 @@ def _savings(task: Task, solution: Solution) -> Array:
 
 @lru_cache(maxsize=16)
 def _basis(kind: Kind, degree: int) -> Array:
-    """Values at the left edge and the collocation points to samples in the interval, (M, d+1)."""
+    """Matrix (M, d+1) from values at the left edge and collocation points to samples between."""
     tau = np.arange(STEPS + 1) / STEPS
     return np.asarray(basis(degree, tau).T @ scheme(kind, degree).bernstein)
 
 
 def clears(task: Task, solution: Solution) -> bool:
-    """Whether no link passes through a disc between two places at which it must clear it.
+    """Whether no link passes through a disc between two points at which it must clear the disc.
 
-    What reaches less than half way to a disc's centre can be drawn out of it.
+    A link that enters less than half the radius counts as clear, since refinement can move it out.
     """
     requirements = [required for required in task.requirements if required.divides]
     if not requirements:
@@ -133,13 +135,13 @@ def clears(task: Task, solution: Solution) -> bool:
 def excess(
     task: Task, iterate: Iterate, curves: Array, requirements: list[Requirement] | None = None
 ) -> Array:
-    """By how much each interval breaks each part of what is kept, plus a little, shape (K, R).
+    """Excess of each interval over each part of the requirements, slightly enlarged, (K, R).
 
     Args:
-        task: What is asked.
-        iterate: Whose inputs they are.
-        curves: Samples (C, K, M, N) of curves that are all held to the limits.
-        requirements: What is kept, all of it when left out.
+        task: The task.
+        iterate: The iterate, for its inputs.
+        curves: Samples (C, K, M, N) of curves that must all keep the limits.
+        requirements: The requirements to check; by default all that are kept between nodes.
     """
     system, at = task.problem.system, MotionPoint.of(task.problem.system, curves)
     requirements = task.requirements if requirements is None else requirements
@@ -166,7 +168,7 @@ def excess(
 
 
 def _dense(system: Any, curves: Array, thickness: float) -> Array:
-    """Samples (C, K, M, N) so dense that links do not pass over what is so thick between two."""
+    """Add samples to (C, K, M, N) until no link passes over a disc of `thickness` between two."""
     points = system.arm_points(curves[..., 1:])
     moved = float(np.linalg.norm(np.diff(points, axis=2), axis=-1).max())
     count = int(np.clip(np.ceil(moved / (LARGEST_STEP * thickness)), 1, MOST_BETWEEN))
@@ -177,10 +179,10 @@ def _dense(system: Any, curves: Array, thickness: float) -> Array:
 
 
 def _over(curves: Array, limit: Array, scale: Array) -> Array:
-    """How far curves pass a limit in each interval (K, …), and a tenth and a little, or zero.
+    """Excess of curves over a limit in each interval (K, …), enlarged by just over a tenth; or 0.
 
-    The curves' samples have the shape (C, K, M, …). No parabola through three of them rises above
-    the highest by more than a quarter of the step to a neighbour, which most often says it all.
+    The samples have the shape (C, K, M, …). A parabola through three of them rises above the
+    highest by at most a quarter of the step to a neighbour; in most cases this bound is enough.
     """
     flat = curves.reshape(-1, *curves.shape[2:])
     before, after = flat[:, :-1], flat[:, 1:]
@@ -194,9 +196,9 @@ def _over(curves: Array, limit: Array, scale: Array) -> Array:
 def peaks(values: Array) -> Array:
     """Bounds of the greatest value in each interval (K, …) of samples (K, M, …).
 
-    Parabolas through three samples count wherever among these they are highest: close to an
-    interval's end no sample beyond tells that there is a peak. What a cubic could differ from them
-    is added.
+    They are the peaks of the parabolas through three samples, plus the possible difference of a
+    cubic. A peak may lie anywhere between the three, since near an interval's end there is no
+    sample beyond it.
     """
     inner = values[:, 1:-1]
     before, after = values[:, :-2], values[:, 2:]
@@ -208,7 +210,7 @@ def peaks(values: Array) -> Array:
 
 
 def _uneven(bend: Array) -> Array:
-    """How much second differences (K, M, …) differ from their neighbours."""
+    """Differences of second differences (K, M, …) from their neighbours."""
     steps = np.abs(np.diff(bend, axis=1))
     none = np.zeros_like(bend[:, :1])
     left, right = (np.concatenate(both, axis=1) for both in ([none, steps], [steps, none]))

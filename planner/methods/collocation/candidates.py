@@ -1,23 +1,23 @@
-"""First guesses: seeds that say how the two driven coordinates wander on the way to the goal.
+"""First guesses: seeds, that is excursions of the two driven coordinates on the way to the goal.
 
-The path coordinate q₁ and the driven one q₂ follow a straight line plus the seed's excursion; the
-others follow a straight line. The guess does not obey the kinematics: the solver sees to that. An
-excursion matters where a straight line has no slope to follow, as at θ = 0, and where the path
-coordinate must turn back.
+The path coordinate q₁ and the driven coordinate q₂ follow a straight line plus the seed's
+excursion; the others follow a straight line. The guess does not obey the kinematics; the solver
+corrects that. Excursions are needed where a straight line has zero slopes, as at θ = 0, and where
+the path coordinate must reverse.
 
-The rates of an arm depend on cos θ₁ alone. So whatever crosses θ₁ = 0 and comes back can be
-mirrored to stay on one side, at the same effort, and then be cut short at the corners: the best
-motion crosses θ₁ = 0 at most once, and only where its ends lie on different sides. Guesses are
-mirrored likewise (`_on_one_side`); which way the drive goes first, and whether θ₁ crosses early or
-late, is what remains to be tried: all four in turn, since each may be the best.
+The rates of an arm depend on θ₁ only through cos θ₁. So a motion that crosses θ₁ = 0 and comes back
+can be mirrored to stay on one side at the same effort, and its corners then be shortened: the best
+motion crosses θ₁ = 0 at most once, and only if its ends lie on different sides. Guesses are
+mirrored likewise (`_on_one_side`). The first direction of the drive, and whether θ₁ crosses early
+or late, remain to be tried: all four combinations in turn, since each may be the best.
 
-A goal that leaves joints free is expected in several places in turn; where the motion ends is for
-the solver to say.
+For a goal that leaves joints free, guesses end at several poses in turn; the solver determines the
+end of the motion.
 
-A waypoint is an edge of the mesh at which some coordinates are fixed. One with a time has its place
-in the mesh; the others are first placed by distance. The systems are driftless, so how long each
-part of the way may take is settled afterwards: least effort moves at the same speed everywhere, and
-so parts get time in proportion to their length (`rebalance`), which is repeated until it settles.
+A waypoint is an edge of the mesh at which some coordinates are fixed. A waypoint with a time has a
+fixed place in the mesh; the others are first placed by distance. The systems are driftless, so the
+times of the parts can be adjusted afterwards: a motion of least effort has constant speed, so each
+part gets time in proportion to its length (`rebalance`), repeatedly until the times settle.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ from planner.systems.manipulator import Manipulator
 
 Excursion = Callable[[Array], Array]
 SAMPLES = 1001
-"""Of a guess before it is put on a mesh: many more than any mesh of guesses has nodes."""
+"""Samples of a guess before it is put on a mesh, many more than such a mesh has nodes."""
 
 LARGEST_GUESS_RAD = 1.3
-"""Largest q₂ of a guess: beyond it, near 90 degrees, an arm's drive all but stands still."""
+"""Largest q₂ of a guess; beyond it, near 90 degrees, the drive hardly moves the joints."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Seed:
         name: For reports.
         path: Excursion of q₁ over s in [0, 1], in its unit for distances near one.
         driven: Excursion of q₂.
-        way: Joint angles through which the guess goes in place of a straight line, shape (M, n).
+        way: Joint angles that the guess passes instead of a straight line, shape (M, n).
     """
 
     name: str
@@ -69,7 +69,7 @@ class Seed:
 
 
 def way_between_discs(problem: Problem) -> Seed | None:
-    """A first guess along a way through the free joint space; None where there are no discs."""
+    """A first guess along a path through the free joint space; None without discs."""
     thick, *_ = thicknesses(problem)
     way = None if problem.waypoints else find_way(thick)
     return None if way is None else Seed("way between discs", np.zeros_like, np.zeros_like, way)
@@ -78,9 +78,9 @@ def way_between_discs(problem: Problem) -> Seed | None:
 def seeds(kind: str, count: int = 12, sides: int = 1) -> list[Seed]:
     """Seeds of one kind, or for "auto" all of them in the order in which they are tried.
 
-    - straight: a line, with a slight excursion of q₂; to both sides if there are two.
+    - straight: a line with a slight excursion of q₂, to both sides if there are two.
     - reverse: q₁ first leaves the line, then returns late; q₂ goes out and back.
-    - bump: q₁ goes out and back, q₂ makes its excursion on the way back.
+    - bump: q₁ goes out and back; q₂ makes its excursion while q₁ comes back.
     - wander: smooth random loops, from `count` fixed random seeds.
     """
     known = _fixed_seeds()
@@ -92,7 +92,7 @@ def seeds(kind: str, count: int = 12, sides: int = 1) -> list[Seed]:
 
 
 SIGNS = ((-1, 1), (1, -1), (1, 1), (-1, -1))
-"""Of the excursions of q₁ and q₂: every first direction with every side."""
+"""Signs of the excursions of q₁ and q₂: every first direction with every side."""
 
 
 @lru_cache(maxsize=1)
@@ -111,7 +111,7 @@ def guess(
     seed: Seed,
     about: StateTrajectory | None = None,
 ) -> Iterate:
-    """Initial values of the unknowns along a first guess, about a straight line or a motion."""
+    """Initial values of the unknowns for a seed added to a straight line or to a given motion."""
     s = np.linspace(0.0, 1.0, SAMPLES)
     q = _states(problem, mesh, seed, s, about)
     rates = np.gradient(q[:, :2], s, axis=0)
@@ -130,7 +130,8 @@ def guess(
 
 
 def likely_travel(problem: Problem) -> float:
-    """Travel given, or the one that best fits the others' moves at the middle's slopes."""
+    """The given travel, or the one that best fits the other coordinates' moves at the slopes in the
+    middle."""
     if problem.travel is not None:
         return problem.travel
     goal = problem.likely.goal
@@ -160,7 +161,7 @@ def _states(
 
 
 def _states_along(problem: Problem, way: Array, s: Array) -> Array:
-    """The way at an even speed, and the path coordinate that fits its slopes best."""
+    """States along a way at constant speed, with the path coordinate that fits its slopes best."""
     at = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
     theta = _interpolate(s * at[-1], at, way)
     q = np.concatenate([np.full((len(s), 1), problem.start[0]), theta], axis=1)
@@ -173,22 +174,23 @@ def _states_along(problem: Problem, way: Array, s: Array) -> Array:
 
 
 def sides(problem: Problem) -> int:
-    """Sides of θ₁ = 0 on which an arm's motion may begin its way: two where its ends differ."""
+    """Number of sides of θ₁ = 0 on which a motion may begin: two if its ends are on both sides."""
     if not _has_mirror(problem):
         return 1
     return 2 if problem.start[1] * problem.likely.goal[1] < 0 else 1
 
 
 def _has_mirror(problem: Problem) -> bool:
-    """Whether a motion may be mirrored where θ₁ = 0."""
+    """Whether motions may be mirrored at θ₁ = 0."""
     is_arm = isinstance(problem.system, Manipulator)
     return is_arm and not problem.divided and not problem.waypoints
 
 
 def _on_one_side(problem: Problem, line: Array, excursion: Array) -> Array:
-    """θ₁ of an arm along a guess, crossing zero no oftener than its ends ask for; else the sum.
+    """θ₁ of an arm along a guess, with no more crossings of zero than its ends require.
 
-    An excursion leads away from zero where it is positive.
+    A positive excursion leads away from zero. For other systems it is the sum of line and
+    excursion.
     """
     if not _has_mirror(problem):
         return line + excursion
@@ -200,7 +202,7 @@ def _on_one_side(problem: Problem, line: Array, excursion: Array) -> Array:
 
 
 def lines_through_waypoints(problem: Problem, knots: Array, travel: float, s: Array) -> Array:
-    """Straight lines from start to goal by way of the waypoints, shape (S, N), at s (S,)."""
+    """Straight lines from start to goal through the waypoints at s (S,), shape (S, N)."""
     goal = problem.likely.goal.copy()
     goal[0] = problem.start[0] + travel
     known = np.array([problem.start, *(w.q for w in problem.waypoints), goal])
@@ -238,7 +240,7 @@ def _reverse(path: float, driven: float) -> Seed:
     )
 
 
-@lru_cache(maxsize=256)  # more than any search asks for
+@lru_cache(maxsize=256)  # more than any search uses
 def wander(number: int) -> Seed:
     """A smooth random loop."""
     terms = 3 + number % 4
@@ -252,28 +254,29 @@ def wander(number: int) -> Seed:
 
 
 def sign_of(value: float) -> str:
-    """As it stands in the names of seeds."""
+    """The sign in the names of seeds."""
     return "+" if value > 0 else "-"
 
 
 MOST_ORDERS = 6
-"""Orders of waypoints without a time that are tried; the shortest by straight lines first."""
+"""Largest number of orders of waypoints to try; the shortest by straight lines come first."""
 
 MOST_BRANCHES = 4
-"""Ways to bend the elbows at a goal that leaves joints free that are tried, the nearest first: all
-that three joints have. The motion may leave its branch on the way to the best goal."""
+"""Largest number of branches (ways to bend the elbows) of a goal with free joints to try, the
+nearest first; three joints have no more. The motion may leave its branch to reach the best goal."""
 
 MOST_SORTED = 5040
-"""Orders that are sorted: those of seven waypoints without a time, in about a second."""
+"""Largest number of orders to sort: those of seven waypoints without a time, in about a second."""
 
 LEAST_SHARE = 0.02
-"""Least part of the duration between two waypoints where the planner chooses it."""
+"""Least share of the duration between two waypoints if the planner chooses it."""
 
 
 def routes(problem: Problem) -> list[Problem]:
-    """The problem with its waypoints in each order worth trying and, where its goal leaves joints
-    free, each branch of the goal to expect; the shortest by straight lines first. None where no
-    goal is found; itself where there is no choice.
+    """Variants of the problem: each order of the waypoints to try and, if the goal leaves joints
+    free, each expected branch; the shortest by straight lines first.
+
+    The list is empty if no goal is found, and contains only the problem if there is no choice.
 
     Raises:
         InputError: If there are too many orders.
@@ -298,9 +301,9 @@ def routes(problem: Problem) -> list[Problem]:
 
 
 def mesh_through(problem: Problem, intervals: int) -> Mesh:
-    """About as many intervals, even between the waypoints, with an edge at each in their order.
+    """A mesh of about `intervals` intervals, even between the waypoints, with an edge at each.
 
-    Each is passed at its time, or in proportion to distance between those that have one.
+    A waypoint's edge is at its time; without a time it is placed in proportion to distance.
     """
     if not problem.waypoints:
         return uniform(intervals)
@@ -311,7 +314,7 @@ def mesh_through(problem: Problem, intervals: int) -> Mesh:
 
 
 def rebalance(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
-    """The task and iterate with time shared out anew among the parts; None where it is settled."""
+    """The task and iterate with new times of the parts; None if the times have settled."""
     old = job.mesh.knots
     new = _balanced_knots(job, iterate)
     if np.max(np.abs(new - old)) < 0.002:
@@ -329,7 +332,7 @@ def rebalance(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
 
 
 def _orders(problem: Problem) -> list[tuple[Waypoint, ...]]:
-    """Every order of the waypoints in which those with a time follow their times."""
+    """Every order of the waypoints that agrees with their times."""
     timed = [w for w in problem.waypoints if w.time_s is not None]
     orders = [tuple(sorted(timed, key=lambda w: w.time_s or 0.0))]
     for free in (w for w in problem.waypoints if w.time_s is None):
@@ -342,14 +345,14 @@ def _length(problem: Problem, order: tuple[Waypoint, ...]) -> float:
 
 
 def _steps(problem: Problem, order: tuple[Waypoint, ...]) -> Array:
-    """Straight-line distances from each place to the next, in joint space without q₁."""
+    """Straight-line distances between successive waypoints, in joint space without q₁."""
     places = np.linspace(0.0, 1.0, len(order) + 2)
     q = lines_through_waypoints(replace(problem, waypoints=order), places, 0.0, places)
     return np.asarray(np.linalg.norm(np.diff(q[:, 1:], axis=0), axis=1))
 
 
 def _place_knots(knots: Array, needs: Array) -> Array:
-    """Knots with those that are NaN placed between their neighbours in proportion to needs."""
+    """Replace knots that are NaN: place them between their neighbours in proportion to `needs`."""
     covered = np.append(0.0, np.cumsum(needs))
     known = ~np.isnan(knots)
     out = np.interp(covered, covered[known], knots[known])

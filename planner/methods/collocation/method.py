@@ -1,7 +1,7 @@
-"""Direct collocation in the coordinates themselves: optimal plans that need no chart.
+"""Direct collocation in joint coordinates: optimal plans that need no chart.
 
-From options to a plan; once more for a neighbouring problem, with the plan at hand as the first
-guess; and the answer when time is up before the search has ended.
+The file turns options into a plan, plans a neighbouring problem with an existing plan as the first
+guess, and answers with the best motion if time is up before the search has ended.
 """
 
 from __future__ import annotations
@@ -46,16 +46,16 @@ CUT_SHORT = "ended the search; this is the best motion found so far"
 def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
     """Minimise effort or time over motions that keep every limit.
 
-    The plan's q(t) is the scheme's own polynomial, its u(t) linear or constant in each interval.
-    How it is searched for is `planner.methods.collocation.pipeline`; `notes["stage"]` says what
-    found it, `notes["start"]` from which first guess, `notes["tried"]` what became of each. Where
-    time is up before the search has ended, the best found by then is refined: its status is
+    The plan's q(t) is the scheme's polynomial; its u(t) is linear or constant in each interval. For
+    the search see `planner.methods.collocation.pipeline`. `notes["stage"]` names the stage that
+    found the plan, `notes["start"]` its first guess, `notes["tried"]` the result of each guess. If
+    time is up before the search has ended, the best motion so far is refined: its status is
     "time_limit", or "interrupted" after Ctrl-C, and `notes["ended_early"]` says so.
 
     Raises:
         InputError: If the options contradict each other or the problem.
-        TimeLimitError: If time was up before there was a motion.
-        InfeasibleError: If the duration is shorter than any motion can be; it names the shortest
+        TimeLimitError: If time is up before a motion is found.
+        InfeasibleError: If the duration is shorter than any motion can be; it gives the shortest
             one found.
         NotConvergedError: If no motion is found, or none as short as the duration.
     """
@@ -99,7 +99,7 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
 
 
 def _expect_arm(problem: Problem) -> None:
-    """Refuse to rank paths by a machine that no commands allow for."""
+    """Refuse to rank paths by the machine for systems without compensation."""
     if not isinstance(problem.system, Manipulator):
         raise InputError(
             f"{problem.source}: method.{NAME}.criterion = 'machine' is for arms with friction disks"
@@ -114,7 +114,7 @@ def _machine_error(
     motion: Motion,
     done: PolishedMotion,
 ) -> float:
-    """How far the compensated plan of a motion leaves its path on the machines, degrees."""
+    """95th percentile of E of a motion's compensated plan on the problem's machines, degrees."""
     plan = _plan(problem, done, motion.start, {}, options, time.perf_counter())
     error = MEASURES[options.criterion](plan)
     errors.append({"start": motion.start, "E_p95_deg": error})
@@ -124,7 +124,7 @@ def _machine_error(
 def _finish_best(
     best: Best, span: Span, problem: Problem, options: CollocationOptions
 ) -> tuple[Motion, PolishedMotion]:
-    """Where time is up: the best motion found so far, refined in the rest of the time.
+    """The best motion so far when time is up, refined in the remaining time.
 
     Raises:
         TimeLimitError: If there is none.
@@ -156,7 +156,7 @@ def _finish_best(
 
 
 def is_true_motion(done: PolishedMotion, accuracy: float) -> bool:
-    """Whether a motion is the true one to this accuracy, and keeps its limits between the nodes."""
+    """Whether a motion is accurate and keeps its limits between the nodes."""
     inspection = inspect(done.task, done.solution)
     return inspection.fine(accuracy) and not inspection.excess.any()
 
@@ -169,7 +169,7 @@ def _plan(
     options: CollocationOptions,
     began: float,
 ) -> Plan:
-    """The plan of a refined motion; `began` by the clock of `time`."""
+    """The plan of a refined motion; `began` is the time at which the search began."""
     job, solution, search = done.task, done.solution, progress.current_progress()
     assert search is not None
     wall = time.perf_counter() - began
@@ -195,9 +195,9 @@ def _plan(
 
 
 def chosen_goal(problem: Problem, iterate: Iterate) -> dict[str, Any]:
-    """For a plan's notes: where it ends, if the goal leaves that free.
+    """The end of a plan with a goal that leaves coordinates free, for the plan's notes.
 
-    All joints, in degrees; user coordinates by name, in their units.
+    It has all joints in degrees, or user coordinates by name in their units.
     """
     if not problem.free:
         return {}
@@ -211,9 +211,9 @@ def chosen_goal(problem: Problem, iterate: Iterate) -> dict[str, Any]:
 def collocation_task(
     problem: Problem, options: CollocationOptions, mesh: Mesh | int, direct: bool = False
 ) -> Task:
-    """The problem on a mesh, or on one of about so many intervals; waypoints lie on edges.
+    """The problem on a mesh, or on one of about `mesh` intervals; waypoints lie on edges.
 
-    A direct one is to be solved from a straight line, soon or not at all.
+    With `direct` it is to be solved from a straight line in few iterations or not at all.
     """
     goal = objective(problem, options)
     kind = input_kind(problem, NAME, options, goal.smooth)
@@ -245,17 +245,17 @@ def input_kind(
     slopes: bool = False,
     auto: InputKind = "linear",
 ) -> InputKind:
-    """The input asked for; `auto` where the choice is free.
+    """The kind of input to use.
 
     Args:
-        problem: What is planned.
-        method: Whose options they are.
+        problem: The problem.
+        method: Name of the method.
         options: Its options.
-        slopes: Whether the objective reads the inputs' rates.
-        auto: What is chosen where nothing asks for inputs without jumps.
+        slopes: Whether the objective depends on the inputs' rates.
+        auto: The kind to use if nothing requires inputs without jumps.
 
     Raises:
-        InputError: If something asks for inputs without jumps and the options for such.
+        InputError: If inputs without jumps are required but the options give constant ones.
     """
     smooth = slopes or options.rest is True or problem.reads("du")
     if options.input == "auto":
@@ -271,12 +271,12 @@ def input_kind(
 
 
 def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan) -> Plan:
-    """As `plan_collocation`, from a plan of another problem of the same system.
+    """As `plan_collocation`, but starting from a plan of another problem of the same system.
 
-    The plan may come from any method and any start, goal, duration and limits; the nearer it is,
-    the sooner this is done. The answer is the optimum next to it: no other starts are tried unless
-    it leads nowhere. A plan of collocation also passes on its mesh. One with the same ends is held
-    from the beginning, run as slowly as is asked for: the answer is no worse.
+    The plan may come from any method and have any start, goal, duration and limits; the nearer it
+    is, the faster the search. The answer is the optimum near it: other first guesses are tried only
+    if this fails. A plan of collocation also supplies its mesh. If the plan has the same ends, its
+    own motion at the required speed is the first result, so the answer is at least as good.
 
     Raises:
         InputError: If the plan belongs to another system or cannot be executed.
@@ -287,7 +287,7 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
 
 
 def refuse_start(problem: Problem, warm: Plan) -> None:
-    """Raise InputError for a plan that cannot be started from."""
+    """Raise InputError for a plan that cannot serve as a start."""
     if warm.problem.system != problem.system:
         raise InputError(
             f"{problem.source}: warm is a plan of another system ({warm.problem.source}); it"
@@ -301,7 +301,7 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
 
 
 def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> Iterator[Motion]:
-    """The optimum next to a plan; and the plan's own motion, where the problem has its ends."""
+    """The plan's own motion, if the problem has the same ends, and the optimum near the plan."""
     own = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
     mesh = Mesh(warm.t / warm.duration) if own else SEARCH_INTERVALS
     job = collocation_task(problem, options, mesh)
@@ -316,7 +316,7 @@ def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> 
 
 
 def _own_motion(job: Task, start: Iterate, accuracy: float) -> tuple[Task, Solution] | None:
-    """A plan's motion on the job's mesh, or else on one of its own."""
+    """A plan's motion on the job's mesh, or else on a mesh of its own."""
     motion = job.judge(start)
     if motion.ok:
         return (job, motion) if clears(job, motion) else None
@@ -324,7 +324,7 @@ def _own_motion(job: Task, start: Iterate, accuracy: float) -> tuple[Task, Solut
 
 
 def _resample(job: Task, warm: Plan) -> Iterate:
-    """The plan's motion on the task's mesh, its ends moved to start and goal, and all with them."""
+    """The plan's motion on the task's mesh, shifted linearly so that it ends at start and goal."""
     problem, mesh, T = job.problem, job.mesh, warm.duration
     duration = problem.duration or T
     inside = mesh.at(job.made.form.scheme.points)

@@ -1,9 +1,9 @@
-"""First the path, then its timing.
+"""Find a path first, then its timing.
 
-The systems are driftless, so what a path looks like and how fast it is run are two questions. The
-first alone is smooth and has no bound on inputs to run into: paths come from several seeds, and the
-shortest are kept. The second, with the objective, the duration and the limits on inputs, then
-starts from a motion that is feasible after stretching.
+The systems are driftless, so the path and its speed can be found separately. The path problem is
+smooth and has no limits on inputs: paths are found from several seeds, and the shortest are kept.
+The timing problem, with the objective, the duration and the limits on inputs, then starts from a
+motion that is feasible after stretching its time.
 """
 
 from __future__ import annotations
@@ -41,26 +41,26 @@ from planner.support.arrays import Array
 INFEASIBLE = "Infeasible_Problem_Detected"
 
 ALIKE, REPEATS, LEAST_PATHS = 5, 3, 9
-"""Paths that end a search if all are the same: the line's, and one for each first direction and
-side. Else times that the shortest is found, among at least so many: then each direction and side
-has been tried twice."""
+"""A search ends after `ALIKE` paths if all are the same (the straight line's, and one for each
+first direction and side); otherwise once the shortest has been found `REPEATS` times among at least
+`LEAST_PATHS`, when each direction and side has been tried twice."""
 
 MOVED, MOVES, MOVE = ", moved", 8, 0.3
-"""In their names, number, and size beside a seed's, of guesses about the shortest path where
-the seeds do not agree on one. Each takes a fifth of a seed's time: most lead back to the path, some
-to a shorter one."""
+"""Guesses about the shortest path, tried if the seeds lead to different paths: suffix of their
+names, their number, and their size relative to a seed's. Each takes a fifth of a seed's time. Most
+lead back to the same path, some to a shorter one."""
 
 SURE_ONE_WAY = 4
-"""Coordinates, those of an arm with three joints, up to which a motion whose drive never turns back
-ends the search. With more there may be a far shorter one that does turn back."""
+"""Up to this number of coordinates (those of an arm with three joints) a motion whose drive never
+reverses ends the search. With more there may be a much shorter motion that reverses."""
 
 STANDSTILL_SHARE = 1e-6
-"""Share of the greatest input that counts as none."""
+"""Inputs below this share of the greatest count as zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class SeedPath:
-    """A solution, the seed it grew from, and whether its links clear all discs between nodes."""
+    """A path, its seed, and whether its links clear all discs between the nodes."""
 
     seed: str
     solution: Solution
@@ -69,14 +69,14 @@ class SeedPath:
 
 @dataclass(eq=False)
 class PathSearch:
-    """What a search has come to.
+    """The state of a search for paths.
 
     Attributes:
         solved: Paths in the order in which they were found.
         failure: The last solution that failed, or None.
-        log: One entry a seed, JSON-ready.
-        latest: What the last seed led to: a path that failed, and its task; or the path as a motion
-            of the job, if there is no time for a better one. None where it leads to neither.
+        log: One entry per seed, JSON-ready.
+        latest: The result of the last seed with its task: a failed path or, if there is no time for
+            a better one, the path as a motion of the job. None if there is neither.
         clear: Paths whose links pass through no disc.
     """
 
@@ -88,7 +88,7 @@ class PathSearch:
 
     @property
     def distinct(self) -> list[SeedPath]:
-        """The paths that differ, those that clear all discs first, and of these the shortest."""
+        """The different paths: first those that clear all discs, each group by length."""
         distinct: list[SeedPath] = []
         for path in sorted(self.solved, key=lambda path: (not path.clear, path.solution.objective)):
             if not distinct or not same_path(path.solution.objective, distinct[-1]):
@@ -104,15 +104,13 @@ def search(
 ) -> Iterator[PathSearch]:
     """Solve the task's path problem from one seed after the other until enough have converged.
 
-    With `simple`, a path whose drive never turns back is enough by itself, and so is one that is
-    found again and again.
-    Two thirds of the seeds in a row found infeasible end the search too. A path whose links pass
-    through a disc between two nodes may come clear once it is timed, but counts half.
-
-    Where the seeds do not agree on a path, guesses about the shortest one follow.
+    With `simple`, a single path whose drive never reverses is enough, and so is a path that is
+    found repeatedly. The search also ends if two thirds of the seeds in a row are infeasible. A
+    path whose links pass through a disc between two nodes may become clear when it is timed, but
+    counts as half. If the seeds lead to different paths, guesses about the shortest one follow.
 
     Yields:
-        The one search, before the first seed and after each guess.
+        The same search object, before the first seed and after each guess.
     """
     widths, state = [path_task(each) for each in _thicknesses(job)], PathSearch()
     free = widths[-1]
@@ -138,7 +136,7 @@ def search(
 
 
 def is_sure(problem: Problem) -> bool:
-    """Whether a motion whose drive never turns back needs no search for a better one."""
+    """Whether a motion whose drive never reverses ends the search, see `SURE_ONE_WAY`."""
     return problem.system.size <= SURE_ONE_WAY
 
 
@@ -153,14 +151,14 @@ def _try(
     seed: Seed,
     about: StateTrajectory | None = None,
 ) -> Solution:
-    """Solve the path problem from a first guess, and take down what becomes of it.
+    """Solve the path problem from a first guess, and record the result.
 
     Args:
-        job: What is asked for.
-        widths: Its path problem among thicker discs, thinner and thinner, and at last as it is.
-        state: What the search has come to.
+        job: The task.
+        widths: Its path problem with thickened discs, from thick to thin, then the original.
+        state: The search, which is updated.
         seed: The first guess.
-        about: The motion that it leads away from, a straight line when left out.
+        about: The motion to which the seed is added; by default a straight line.
     """
     free = widths[-1]
     progress.tell(f"searching a path from the first guess '{seed.name}'")
@@ -186,15 +184,15 @@ def _try(
 
 
 def _thicknesses(job: Task) -> list[Task]:
-    """The job among thickened discs, thinner and thinner, and at last the job itself."""
+    """The job with thickened discs, from thick to thin, then the job itself."""
     *thick, _ = thicknesses(job.problem)
     return [*(job.for_problem(each, job.objective) for each in thick), job]
 
 
 def _shrink(tasks: list[Task], start: Iterate) -> Solution:
-    """Solve among the thickest discs, then from there among thinner ones.
+    """Solve with the thickest discs, then from that path with thinner ones.
 
-    Where links would pass over a thinner disc, the path is kept as it was before.
+    If links would pass over a thinner disc, the previous path is kept.
     """
     *thick, last = tasks
     clear, near = None, False
@@ -214,8 +212,8 @@ def _shrink(tasks: list[Task], start: Iterate) -> Solution:
 def path_task(job: Task) -> Task:
     """The path problem of a task: least effort, no limits on inputs, a reference duration.
 
-    It is a function of system, ends and geometry alone: the same paths are found whatever the
-    duration is, so that whoever has a motion finds every slower one.
+    It depends only on system, ends and geometry, so the same paths are found for every duration: if
+    a motion is found, every slower one is found too.
     """
     unhurried = replace(job.problem, duration=strategy(job.made, job.settings).reference_s)
     demands = replace(job.demands, timeless=True)
@@ -225,24 +223,25 @@ def path_task(job: Task) -> Task:
 
 
 MOST_INPUT_ANGLE, INTERVAL_STEP, MOST_INTERVALS = 0.5, 20, 400
-"""A refined path's mesh: most that an input integrates to in an interval, rad, where joints have
-80 degrees; intervals that it grows by, so that paths share their transcriptions; and the most."""
+"""Mesh of a refined path: largest integral of an input over an interval, rad, for joints with 80
+degrees; increment of the number of intervals, so that paths share transcriptions; and their largest
+number."""
 
 LEAST_FAST_INTERVALS, FAST_DENSITY = 100, 1.5
-"""Fewest intervals of a motion as fast as can be: a linear input needs them to switch;
-and how many more it has than the path."""
+"""Least number of intervals of a fastest motion, since a linear input needs them to switch; and the
+ratio of its number to the path's."""
 
 PATH_ERROR = 1e-4
-"""Difference at the end, rad or m, between a path and its true motion up to which it counts as one:
-what is left then is for the motion's own mesh."""
+"""Largest difference at the end, rad or m, between a path and its true motion; the motion's own
+mesh reduces it further."""
 
 
 def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
-    """A path on a mesh as fine as its length wants, its limits kept inside the intervals too.
+    """A path on a mesh that is fine enough for its length, with limits kept inside intervals too.
 
-    On few intervals a path is shorter than any motion: it leaves the joint limits between the
-    nodes, by half a radian where joints have 40 degrees. So it is first put on more nodes, then
-    drawn inside, and only then timed: as a path it has no bound on inputs to run into.
+    On few intervals a path is shorter than any motion: it exceeds the joint limits between the
+    nodes, by half a radian if they are 40 degrees. So it first gets more nodes, then its limits are
+    tightened, and only then it is timed, since a path has no limits on inputs.
     """
     inspection = inspect(free, path)
     if inspection.end_error <= PATH_ERROR and not inspection.excess.any():
@@ -257,7 +256,7 @@ def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
 
 
 def halve_mesh(free: Task, path: Solution) -> tuple[Task, Solution]:
-    """A refined path on intervals half as wide, where it is not its true motion yet."""
+    """A refined path on intervals half as wide, if it is not yet its true motion."""
     count = len(free.mesh.widths)
     if inspect(free, path).end_error <= PATH_ERROR or count >= MOST_INTERVALS:
         return free, path
@@ -267,7 +266,7 @@ def halve_mesh(free: Task, path: Solution) -> tuple[Task, Solution]:
 
 
 def path_intervals(free: Task, path: Iterate) -> int:
-    """Intervals that a path wants at least."""
+    """Least number of intervals for a path."""
     left, right = path.input_ends()
     steps = np.abs(left + right) / 2 * (free.mesh.widths * path.duration)[:, None]
     limit = free.problem.limits.input
@@ -279,18 +278,17 @@ def path_intervals(free: Task, path: Iterate) -> int:
 
 
 def _round_up(count: float) -> int:
-    """The count of intervals, or a few more that other meshes have too."""
+    """The number of intervals, rounded up to one that other meshes share."""
     return INTERVAL_STEP * int(np.ceil(count / INTERVAL_STEP))
 
 
 def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
-    """A refined path run so fast that at every time one of its inputs is at its limit.
+    """A refined path at such a speed that at every time one of its inputs is at its limit.
 
-    The mesh is even in time, where a path's is even in length. Other limits on speed are not looked
-    at.
+    Its mesh is even in time; a path's mesh is even in length. Other limits on speed are ignored.
 
     Args:
-        job: What is asked for.
+        job: The task.
         free: The path's own task.
         path: The path.
     """
@@ -305,7 +303,7 @@ def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
 
 
 def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Array]:
-    """Seconds of the clock at the path's edges, (K+1,), and what divides the path's inputs."""
+    """Times of the clock at the path's edges, (K+1,), s, and the divisors of the path's inputs."""
     left, right = (end / problem.limits.input for end in path.input_ends())
     least = STANDSTILL_SHARE * float(np.max(np.abs([left, right])))
     first, middle, last = (
@@ -317,13 +315,13 @@ def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Arr
 
 
 def on_mesh(job: Task, free: Task, mesh: Mesh) -> Task:
-    """The job on a mesh, limits kept inside the intervals where the path's task has to."""
+    """The job on a mesh, with limits kept inside the intervals if the path's task keeps them."""
     own = job.on_mesh(mesh)
     return own.with_inner_rows() if free.made.form.inner and not own.made.form.inner else own
 
 
 def _repeats_shortest(found: Sequence[SeedPath]) -> bool:
-    """Whether the shortest path comes back."""
+    """Whether the shortest path has been found repeatedly."""
     shortest = min(path.solution.objective for path in found)
     again = sum(same_path(shortest, path) for path in found)
     if len(found) < LEAST_PATHS:
@@ -332,22 +330,22 @@ def _repeats_shortest(found: Sequence[SeedPath]) -> bool:
 
 
 def same_path(effort: float, path: SeedPath) -> bool:
-    """Whether a path of that effort is taken for the same as another."""
+    """Whether a path of that effort counts as the same path."""
     return abs(effort - path.solution.objective) <= 1e-6 * path.solution.objective
 
 
 def never_reverses(iterate: Iterate) -> bool:
-    """Whether the drive never turns back."""
+    """Whether the drive never reverses."""
     drive = iterate.inputs[:, 0]
     slack = STANDSTILL_SHARE * np.max(np.abs(drive))
     return bool(np.all(drive >= -slack) or np.all(drive <= slack))
 
 
 def solve_timing(job: Task, start: Iterate) -> Solution:
-    """The job solved from a path at some speed.
+    """Solve the job from a path at some speed.
 
-    All of it slowed or hastened alike, it is a motion to start from where it fits the duration. One
-    that does not is first made as fast as it can be.
+    With its time scaled uniformly the path is a feasible start if it fits the duration. A path that
+    does not fit is first made as fast as possible.
     """
     needed, wanted = needed_duration(job.problem, job.mesh, start), job.problem.duration
     if wanted is None:
@@ -358,15 +356,15 @@ def solve_timing(job: Task, start: Iterate) -> Solution:
         if not quick.ok or quick.iterate.duration > wanted:
             return replace(quick, ok=False)
         return job.solve(stretch_to(quick.iterate, wanted))
-    # The path of least effort is that of any duration. Among discs, where there are many such
-    # paths, a start from farther off may find a shorter one.
+    # The path of least effort is the same for every duration. With discs there are many such
+    # paths, and a start that is not near the answer may find a shorter one.
     near = job.objective.kind == "effort" and not job.problem.divided
     motion = stretch_to(start, wanted)
     return job.solve_near(motion) if near else job.solve(motion)
 
 
 def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
-    """Seconds this path takes, all of it stretched alike, within what a slower motion keeps."""
+    """Duration of a path, s, when its time is stretched uniformly to keep limits on the speed."""
     u = np.stack(iterate.input_ends())
     slope = (u[1] - u[0]) / (mesh.widths[:, None] * iterate.duration)
     q = np.stack([iterate.nodes[:-1], iterate.nodes[1:]])[..., : problem.system.size]

@@ -1,14 +1,13 @@
-"""The search for a motion in one loop: which stage is next, and what is kept.
+"""The search for a motion: one loop over stages.
 
-    straight line -> paths -> timing -> refinement;  the ladder where no path is found
+    straight line -> paths -> timing -> refinement;  the ladder if no path is found
 
-The systems are driftless: what a path looks like and how fast it is run are two questions. Paths of
-least effort come from many first guesses (`candidates`, `path`); the shortest few get the duration,
-the limits and the objective asked for (`solve_timing`), and the best of these a mesh on which it is
-the machine's true motion (`refine`). A stage is tried only where those before it have no answer.
-
-A stage yields what it finds, in the order in which it finds it. `Best` keeps the best of all that,
-for when the search must end early (`planner.methods.collocation.best`).
+The systems are driftless, so the path and its speed can be found separately. Paths of least effort
+are found from many first guesses (`candidates`, `path`). The shortest few are then solved with the
+duration, the limits and the objective of the problem (`solve_timing`), and the best of these gets a
+mesh on which it is the true motion (`refine`). A stage is tried only if the stages before it have
+no answer. A stage yields its motions as it finds them. `Best` keeps the best of them, for the case
+that the search must end early (`planner.methods.collocation.best`).
 """
 
 from __future__ import annotations
@@ -48,30 +47,30 @@ from planner.problem.tables.method_options import CollocationOptions
 from planner.support import deadline, progress
 
 DIRECT_INTERVALS, SEARCH_INTERVALS = 14, 40
-"""Mesh intervals near a straight line in a given time, and for what may wind more than once."""
+"""Mesh intervals for motions near a straight line in a given time, and for all other searches."""
 
 MOST_REBALANCINGS = 6
-"""Times that the duration is shared out anew among the parts between waypoints."""
+"""Largest number of redistributions of the duration among the parts between waypoints."""
 
 GAIN = 1e-3
-"""Least share of the objective that another motion must save before it is refined too."""
+"""Another motion is refined too only if it saves at least this share of the objective."""
 
 LARGEST_ERROR = 1e-4
-"""Difference at the end, rad, between a motion and its interpolant up to which it is believed."""
+"""Largest difference at the end, rad, between a motion and its interpolant to accept it."""
 
 Tasks = Callable[[Problem, CollocationOptions, Mesh | int, bool], Task]
-"""From a problem, options, a mesh or about how many intervals, and whether a straight line is to
-lead to the answer soon or not at all, to the task."""
+"""Makes a task from a problem, options, a mesh or an approximate number of intervals, and whether
+to solve from a straight line in few iterations or not at all."""
 
 
 class Pipeline:
-    """One search, and what it keeps.
+    """One search and its results.
 
     Attributes:
-        log: One entry a start, JSON-ready.
-        fastest: Where every motion found is too slow for the duration given: the fastest, refined.
-        pathless: Whether no guess leads to a path that keeps clear of all discs.
-        last: What is no answer, for want of one: the last, and its task.
+        log: One entry per start, JSON-ready.
+        fastest: The fastest motion found, refined, if all are too slow for the given duration.
+        pathless: Whether no guess leads to a path that clears all discs.
+        last: The last failed solution with its task, for a refusal.
     """
 
     def __init__(
@@ -88,14 +87,15 @@ class Pipeline:
         """Set up a search.
 
         Args:
-            routes: The problem with its waypoints in each order worth trying.
-            options: Of the method.
-            make: The problem on a mesh.
-            best: What is held, for the end of the time.
-            paths: Of these routes, where another search has found them: they know no duration.
-            near: Motions next to a plan that is there, the first stage.
-            answers: Whether motions answer what is asked, so that `best` is to have them.
-            rank: What the motion taken has least of, in place of the objective.
+            routes: Variants of the problem, see `routes` of `candidates`.
+            options: Options of the method.
+            make: Makes the task of a problem on a mesh.
+            best: Keeps the best results, for the case that time is up.
+            paths: Paths of these routes from another search, if any; they do not depend on the
+                duration.
+            near: Yields motions near an existing plan, as the first stage.
+            answers: Whether the motions answer the problem, so that `best` keeps them.
+            rank: Measure to minimise instead of the objective when choosing among motions.
         """
         self._rank = rank
         self.routes, self.options, self.make, self.best = routes, options, make, best
@@ -107,11 +107,11 @@ class Pipeline:
         self._free = options.start == "auto"
 
     def run(self) -> tuple[Motion, PolishedMotion] | None:
-        """The best motion of the first stage that has one, on a mesh fine enough to believe it."""
-        held: Motion | None = None  # the best of all that is no answer of its stage
+        """The best motion of the first stage that has one, on a mesh that makes it accurate."""
+        held: Motion | None = None  # the best intermediate result of all stages
         for stage in self._stages():
             motions = list[Motion]()
-            with deadline.time_share(condition=self.best.holds):  # nothing held: nothing to refine
+            with deadline.time_share(condition=self.best.holds):  # keep time to refine a result
                 for motion in stage:
                     if self._answers:
                         self.best.take(motion.task, motion.solution)
@@ -125,14 +125,14 @@ class Pipeline:
             if answer := self._refined(motions):
                 return answer
             if held and any(held.solution is each.solution for each in motions):
-                held = None  # no true motion
+                held = None  # it could not be refined
         return None
 
     def _refined(self, motions: list[Motion]) -> tuple[Motion, PolishedMotion] | None:
-        """The best of these motions once refined, or None where none is good.
+        """The best of these motions after refinement, or None if none is good.
 
-        Refining seldom lowers an objective: those that are worse to begin with than one that is
-        refined are left.
+        Refinement seldom lowers an objective, so motions that are worse than a refined one are not
+        refined.
         """
         options, rank, least = self.options, self._rank, math.inf
         answers = list[tuple[Motion, PolishedMotion]]()
@@ -151,11 +151,11 @@ class Pipeline:
         return min(answers, key=value, default=None)
 
     def _stages(self) -> Iterator[Iterator[Motion]]:
-        """One stage after the other.
+        """Yield the stages in turn.
 
-        Whoever has a motion has every slower one: where the paths lead to none in the duration
-        given, the search without a duration is gone through, and its motion slowed down. Else the
-        ladder is, which finds paths of long arms that no guess leads to.
+        Any motion can be slowed down. So if the paths lead to no motion in the given duration, the
+        search is repeated with a free duration, and its motion is slowed down. With a free duration
+        the ladder follows, which finds paths of long arms where all guesses fail.
         """
         if self._near is not None:
             yield self._near_motions(self._near)
@@ -179,10 +179,10 @@ class Pipeline:
         self.log.append({**entry, "objective": solution.objective})
 
     def _straight_motions(self) -> Iterator[Motion]:
-        """From the straight line at once, where the motion can be one way in a given time.
+        """Motions solved directly from the straight line, if they can be one-way in a given time.
 
-        All routes or none; but of the branches of a goal that leaves joints free those that can,
-        and the others along paths.
+        It is tried for all orders of waypoints or for none. If the goal leaves joints free, it is
+        tried for the branches that allow it; the others follow from paths.
         """
         motions = list[Motion]()
         for k, problem in enumerate(self.routes):
@@ -210,9 +210,10 @@ class Pipeline:
             yield from self._path_motions([k for k in range(len(self.routes)) if k not in straight])
 
     def _path_motions(self, routes: Sequence[int]) -> Iterator[Motion]:
-        """Motions of these routes along the paths that guesses lead to.
+        """Motions of these routes along the paths found from guesses.
 
-        Branches of one goal share the paths that are enough, and none is timed twice.
+        The branches of one goal together need only the usual number of paths, and no path is timed
+        twice.
         """
         motions, known = list[Solution](), list[SeedPath]()
         for k in routes:
@@ -245,7 +246,7 @@ class Pipeline:
             self.log += [entry | {"start": entry["start"] + _goal_words(problem)} for entry in log]
 
     def _find_paths(self, k: int, job: Task) -> Generator[Motion, None, RoutePaths]:
-        """The paths of a route, the most promising of them refined."""
+        """Find the paths of a route, and refine the most promising."""
         if k in self._paths:
             return self._paths[k]
         problem, options = self.routes[k], self.options
@@ -263,7 +264,7 @@ class Pipeline:
         return self._paths[k]
 
     def _ladder_motions(self) -> Iterator[Motion]:
-        """The motion along a path by way of shorter arms."""
+        """The motion along a path found by the ladder."""
         job = self.make(self.routes[0].likely, self.options, SEARCH_INTERVALS, False)
         path = find_arm_path(job)
         if path is None:
@@ -278,7 +279,7 @@ class Pipeline:
             yield motion
 
     def _slower_motions(self) -> Iterator[Motion]:
-        """The fastest motion, bettered in the duration given, or else as it is but slower."""
+        """The fastest motion, slowed to the given duration and optimised there, or only slowed."""
         wanted, limits = self.routes[0].duration, self.routes[0].limits
         if any(point.time_s is not None for point in self.routes[0].waypoints):
             return
@@ -307,7 +308,7 @@ class Pipeline:
         yield Motion(motion.start, "slowed down", own, own.solve(slowed), motion.route)
 
     def _share_time(self, motion: Motion) -> Generator[Motion, None, Motion]:
-        """With the time shared out among the parts between waypoints as the objective wants it."""
+        """The motion with the best distribution of time among the parts between waypoints."""
         for _ in range(MOST_REBALANCINGS if motion.task.mesh.marks else 0):
             moved = rebalance(motion.task, motion.solution.iterate)
             if moved is None:
@@ -326,18 +327,18 @@ def _objective(pair: tuple[Motion, PolishedMotion]) -> float:
 
 
 def _goal_words(problem: Problem) -> str:
-    """Of a goal that leaves joints free, which one the search expects, in words."""
+    """The expected goal of the search in words, if the goal leaves joints free; else ""."""
     if not problem.free:
         return ""
     if problem.system.has_user_coordinates:
-        return ""  # one goal is expected
+        return ""  # only one goal
     angles = ", ".join(f"{angle:.3g}" for angle in np.rad2deg(problem.likely.goal[1:]))
     return f" towards ({angles}) deg"
 
 
 def _can_go_one_way(problem: Problem) -> bool:
     if problem.free:
-        return not problem.divided  # no window is known; whoever cannot soon says so
+        return not problem.divided  # no window is known; a wrong guess fails quickly
     window = travel_window(problem)
     if window is None or window.empty or problem.divided:
         return False

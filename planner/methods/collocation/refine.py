@@ -1,5 +1,5 @@
-"""After the solve: a mesh fine enough for the true motion and for the objective, and limits kept
-between the nodes."""
+"""Refine a solution: a mesh that is fine enough for the true motion and for the objective, and
+limits kept between the nodes."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ LARGEST_MESH = 2000
 TIGHTENING_TRIES = 6
 
 REFINING_SHARE = 0.6
-"""Share of the time that is left which refining may take; then what there is by then is held."""
+"""Share of the remaining time for refinement; then the best result so far is used."""
 
 DRAWN_IN_ELSEWHERE = 0.01
-"""Share of the greatest excess over a limit by which it is drawn in where it is kept so far: a
-motion that gives way in one place moves a little in all."""
+"""Share of the greatest excess by which a limit is tightened where it is kept, since a motion that
+moves in one place moves a little everywhere."""
 
 
 @dataclass(frozen=True, eq=False)
 class PolishedMotion:
-    """A solution, the task it belongs to now, and what was done to it.
+    """A refined solution.
 
     Attributes:
-        task: With its final mesh and limits drawn in.
-        solution: The answer.
+        task: The task with its final mesh and tightened limits.
+        solution: The solution.
         error: Largest difference at the end between true motion and interpolant, over coordinates.
-        inside: Whether limits are kept between the nodes too, as exactly as `verify` asks.
-        notes: JSON-ready.
+        inside: Whether limits are kept between the nodes too, to the accuracy of `verify`.
+        notes: Facts of the refinement, JSON-ready.
     """
 
     task: Task
@@ -56,16 +56,15 @@ class PolishedMotion:
 
 
 def polish(task: Task, solution: Solution, accuracy: float, refinements: int) -> PolishedMotion:
-    """Refine the mesh, then draw limits in where needed.
+    """Refine the mesh, then tighten limits where needed.
 
-    The mesh is fine enough when the re-simulated end is accurate and the objective has settled:
-    by estimate or as the last refinement shows, a finer mesh saves no more than `SETTLED` of it.
+    The mesh is fine enough when the simulated end is accurate and the objective has settled: a
+    finer mesh would save at most the share `SETTLED` of it, by estimate or by the last refinement.
+    Tightened limits move the motion, which may then need a finer mesh; so both steps are repeated
+    until neither changes anything or the refinements are used up.
 
-    Limits drawn in move the motion, which may want a finer mesh then; so both are gone through
-    until neither has anything to do, or the refinements are used up.
-
-    Where time is up, what is refined by then is made a motion as
-    `planner.methods.collocation.long_arms.exact_motion` does.
+    If time is up, the present result is made a motion by
+    `planner.methods.collocation.long_arms.exact_motion`.
     """
     now, left = inspect(task, solution), refinements
     meshes, rounds = [len(task.mesh.widths)], 0
@@ -75,7 +74,7 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
                 for finer in _finer_motions(now, accuracy, left):
                     now, left = finer, left - 1
                     meshes.append(len(now.task.mesh.widths))
-                if not now.fine(accuracy):  # nor will it be
+                if not now.fine(accuracy):  # further rounds would not help
                     left = 0
                     if refinements > 0 and (exact := _exact_path(now, accuracy)):
                         now = exact
@@ -100,7 +99,7 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
 
 
 def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Inspection]:
-    """The motion on one finer mesh after the other until one is fine enough, or leads to none."""
+    """The motion on finer and finer meshes until one is fine enough or has no solution."""
     settled = False
     for _ in range(most):
         settled = settled or bool(np.sum(now.savings) <= SETTLED)
@@ -118,12 +117,12 @@ def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Insp
 
 
 def _tighter_motions(now: Inspection) -> Iterator[tuple[int, Inspection]]:
-    """The motion with limits kept between the edges too, and how often they were drawn in for it.
+    """The motion with limits kept between the edges too, with the number of tightening rounds.
 
-    First they are kept at the collocation points, then they are drawn in by what is still broken,
-    at first little elsewhere, then everywhere alike. A motion may give way by less than that, so
-    that what is broken is drawn in twice in the second round, thrice in the third. Where that leads
-    to no motion, the last one comes with the task that it was meant for.
+    First the limits are kept at the collocation points. Then they are tightened by the remaining
+    excess: at first only a little elsewhere, then everywhere equally. The motion may move by less
+    than a limit is tightened, so the excess counts twice in the second round and three times in the
+    third. If a round has no solution, the previous motion is returned with the task of that round.
     """
     rounds = 0
     for _ in range(TIGHTENING_TRIES):
@@ -145,7 +144,7 @@ def _tighter_motions(now: Inspection) -> Iterator[tuple[int, Inspection]]:
 
 
 def _exact_path(now: Inspection, accuracy: float) -> Inspection | None:
-    """The path as it is, where no solver gets from it to the best of a finer mesh."""
+    """The path itself as a motion, if no solver reaches the optimum on a finer mesh from it."""
     if not has_only_limits(now.task):
         return None
     found = exact_motion(now.task, chain_of(now.task, now.solution), accuracy)
@@ -153,18 +152,18 @@ def _exact_path(now: Inspection, accuracy: float) -> Inspection | None:
 
 
 def _add_build_time(before: Task, task: Task) -> Task:
-    """A task, with the time it took to build the one before it."""
+    """The task with the build time of the previous one added."""
     return replace(task, build_time_s=before.build_time_s + task.build_time_s)
 
 
 def _finer_mesh(now: Inspection, accuracy: float) -> Mesh:
-    """Intervals as dense as the errors ask for, at most three times as many, and evenly graded.
+    """A mesh whose density follows the errors, with at most three times as many intervals.
 
-    The errors are those of the motion that begins with the interval. They shrink with its width to
-    the power 2d - 1 at the nodes, all together, and d + 1 inside it. At the nodes they are weighed
-    by what becomes of them at the end: ten thousand times as much where trailers are pushed, and at
-    least what chance makes of so many. The next solution may move where this one rests, so that no
-    interval is much wider than another.
+    The error of an interval is that of the true motion started at its left node. It decreases with
+    the width to the power 2d - 1 at the nodes, summed over all, and d + 1 inside the interval. The
+    errors at the nodes are weighted by their growth until the end: up to ten thousand when trailers
+    are pushed, and at least the growth of a random sum. The next solution may move where this one
+    rests, so no interval is much wider than the others.
     """
     task, d, widths = now.task, now.task.made.form.degree, now.task.mesh.widths
     if now.fine(accuracy):
@@ -185,7 +184,7 @@ def _finer_mesh(now: Inspection, accuracy: float) -> Mesh:
 
 
 def _split_at_kinks(now: Inspection) -> Mesh:
-    """Intervals cut where the objective asks for it: a kink's cost shrinks with the width cubed."""
+    """Split intervals with costly kinks; the cost of a kink decreases with the width cubed."""
     edges, widths = now.task.mesh.edges, now.task.mesh.widths
     parts = np.ceil(np.maximum(1.0, (now.savings * len(widths) / SETTLED) ** (1 / 3)))
     places = [

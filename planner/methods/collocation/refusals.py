@@ -1,4 +1,4 @@
-"""How collocation says no: what the last motion breaks as `verify` sees it, and changes to try."""
+"""Refusals of collocation: violations of the last motion by `verify`, and changes to try."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from planner.verification.verify import verify
 NAME = "collocation"
 
 LONGER_DURATION = 1.05
-"""Times the fastest motion found that is tried as a duration where that itself has no plan."""
+"""Factor on the fastest duration found, to be tried if no plan has that duration itself."""
 
 
 def no_goal(problem: Problem) -> NoPlanError:
-    """No place of the joints is found that meets a goal which leaves some free."""
+    """The refusal if no pose of the joints is found that meets a goal which leaves some free."""
     reach, tip = goal_reach(problem), problem.tip
     assert reach is not None
     why = f"puts {tip}" if tip else "keeps all limits"
@@ -51,7 +51,8 @@ def no_goal(problem: Problem) -> NoPlanError:
 def too_short(
     problem: Problem, fastest: PolishedMotion, options: CollocationOptions
 ) -> NoPlanError:
-    """The fastest motion found, squeezed into the duration asked for, shows what that breaks."""
+    """The refusal of a duration below the fastest found, with what that motion breaks if it is
+    shortened to the given duration."""
     found, wanted = fastest.solution.iterate.duration, problem.duration
     proof = why_too_short(problem)
     why = f"{proof}. The" if proof else f"goal.duration = {wanted:g} s is too short: the"
@@ -71,9 +72,10 @@ def too_short(
 
 
 def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
-    """Its motions are too slow, or no start led to a path, or no path to a motion.
+    """The refusal of a search: motions are too slow, or no path was found, or no motion.
 
-    A path is one in any time: where none was found, what may stand in the way is what paths keep.
+    A path does not depend on the duration. So if none was found, only changes of the requirements
+    that paths keep can help.
     """
     if search.fastest is not None:
         return too_short(problem, search.fastest, search.options)
@@ -103,7 +105,7 @@ def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
 
 
 def motion_changes(problem: Problem, options: CollocationOptions) -> list[Change]:
-    """Ends in motion, where nobody asked for rest."""
+    """Changes that allow motion at the ends, unless the options require rest."""
     change = Change({f"method.{NAME}.rest": False})
     resting = options.rest == "auto" and rests("auto", problem.limits.input_rate)
     return [change] if resting else []
@@ -112,10 +114,10 @@ def motion_changes(problem: Problem, options: CollocationOptions) -> list[Change
 def iterate_plan(
     problem: Problem, job: Task, solution: Solution, options: CollocationOptions
 ) -> tuple[Plan | None, list[Violation]]:
-    """A last iterate in the time asked for, for study, and what it breaks.
+    """A plan of the last iterate in the given duration, for study, and its violations.
 
-    The problem is the one that was asked, not what the task made of it. None and nothing if even
-    the iterate's duration is no number any more.
+    The violations refer to the original problem, not to the task's variant. The result is None and
+    an empty list if the iterate's duration is not a number.
     """
     iterate = solution.iterate
     if not np.isfinite(iterate.duration):
@@ -135,5 +137,5 @@ def iterate_plan(
     )
     try:
         return plan, list(verify(plan).violations)
-    except (ArithmeticError, ValueError):  # an iterate may be anything
+    except (ArithmeticError, ValueError):  # an iterate may have any values
         return plan, []

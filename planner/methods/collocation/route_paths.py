@@ -1,6 +1,6 @@
-"""The paths of a route: the most promising are refined, ranked, and made motions to start from.
+"""The paths of a route: the most promising are refined, ranked and used as starts of motions.
 
-What a refined path takes says well what its motion will take, so that one or two are timed.
+The duration of a refined path predicts that of its motion well, so only one or two are timed.
 """
 
 from __future__ import annotations
@@ -28,43 +28,44 @@ from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.support import progress
 
 MOST_TIMED, REFINED_INTERVALS = 2, 200
-"""Paths that are timed, and intervals of all meshes on which paths are refined: long paths each
-take long to refine, and where the first failed, so did all others (6 of 6 among 22 random pairs of
+"""Largest number of paths to time, and of intervals of all meshes for refining paths. Long paths
+take long to refine, and when the first failed, so did all others (6 of 6 among 22 random pairs of
 four joints within 40 degrees; the ladder then had the answer)."""
 
 MOST_TIMED_UNREFINED = 6
-"""Paths that are timed on a mesh that is given: nothing says beforehand which is the fastest."""
+"""Largest number of paths to time on a given mesh, where it is not known which is the fastest."""
 
 LEAST_TIME_RATIO = 0.95
-"""What a motion may take less than the path at the speed of its clock, or than the fastest found:
-timing shortens a path by a few hundredths."""
+"""Expected least ratio of a motion's duration to that of its path by `clock`, or to the fastest
+found: timing shortens a path by a few hundredths."""
 
 
 @dataclass(frozen=True, eq=False)
 class RefinedPath:
-    """A path, and what refining made of it: its own task, and the solution of that."""
+    """A path, with the task and the solution after its refinement."""
 
     origin: SeedPath
     free: Task
     solution: Solution
 
     def needed(self, job: Task) -> float:
-        """Seconds that it takes, all of it slowed or hastened alike."""
+        """Duration with uniformly scaled time, s."""
         return needed_duration(job.problem, self.free.mesh, self.solution.iterate)
 
     def clock_s(self, job: Task) -> float:
-        """Seconds that it takes where at every time one input is at its limit."""
+        """Duration if at every time one input is at its limit, s."""
         return float(clock_times(job.problem, self.free.mesh, self.solution.iterate)[0][-1])
 
 
 @dataclass(frozen=True, eq=False)
 class RoutePaths:
-    """The paths of a route: a function of the system, the ends and the geometry alone.
+    """The paths of a route, which depend only on the system, the ends and the geometry.
 
     Attributes:
-        free: The path task of the coarse mesh that all were found on.
-        search: What the search left.
-        refined: The most promising; None where the mesh is given, on which all are timed.
+        free: The path task on the coarse mesh of the search.
+        search: The finished search.
+        refined: The most promising paths, refined; None if the mesh is given, on which all are
+            timed.
     """
 
     free: Task
@@ -73,7 +74,7 @@ class RoutePaths:
 
     @classmethod
     def of(cls, job: Task, found: PathSearch, mesh_given: bool) -> RoutePaths:
-        """Those that a search left, the most promising of them refined."""
+        """The paths of a search; the most promising are refined."""
         free, refined, spent = path_task(job), list[RefinedPath](), 0
         if mesh_given:
             return cls(free, found, None)
@@ -90,15 +91,15 @@ class RoutePaths:
     def starts(
         self, job: Task, motions: Sequence[Solution]
     ) -> Iterator[tuple[SeedPath, Task, Iterate]]:
-        """The most promising paths, each as a motion to start from and on a mesh for it.
+        """The most promising paths, each as a motion to start from, on its own mesh.
 
-        In a duration that is long enough for them those of least effort; where they lead nowhere
-        the fastest. In both, paths that clear all discs come first. One that takes longer than a
-        motion in hand is not timed.
+        If the duration is long enough for them, those of least effort come first, then the fastest.
+        In both groups paths that clear all discs come first. A path that takes longer than a motion
+        already found is not timed.
 
         Args:
-            job: What is asked for.
-            motions: Those in hand; may grow between two starts.
+            job: The task.
+            motions: The motions found so far; the list may grow between two starts.
         """
         if self.refined is None:
             for one in self.search.distinct[:MOST_TIMED_UNREFINED]:
@@ -126,7 +127,7 @@ class RoutePaths:
 
 
 def _start_at_own_speed(path: RefinedPath, job: Task) -> tuple[SeedPath, Task, Iterate]:
-    """A path at its own speed on its own mesh."""
+    """A path at its own speed and on its own mesh, as a start."""
     free, solution = halve_mesh(path.free, path.solution)
     own = on_mesh(job, free, free.mesh)
     return path.origin, own, transfer(free, solution.iterate, own)

@@ -327,5 +327,5 @@ def test_a_limit_of_inputs_that_compensation_does_not_keep_gives_a_warning(
     with restored():
         planner.register_requirement(InputProduct)
         limited = paper.changed({"limits.test_product": 0.2})
-        with pytest.warns(planner.InputWarning, match=r"do not mind limits\.test_product"):
+        with pytest.warns(planner.InputWarning, match=r"ignore limits\.test_product"):
             limited.changed({"compensation.on": True})

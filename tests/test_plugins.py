@@ -484,13 +484,13 @@ class Faulty(TurnRate):
 
 
 FAULTS = [
-    (0.1, "its class Faulty has rows that read a float which numbers does not name"),
+    (0.1, "its class Faulty has rows that read a float that `numbers` does not list"),
     (0.2, "has 1 parts and 0 rows"),
-    (0.3, "has 2 parts and 2 rows, or others without numbers"),
-    (0.4, "has fields that are no texts"),
+    (0.3, "has 2 parts and 2 rows; their numbers must be equal"),
+    (0.4, "has fields that are not strings"),
     (0.5, "its class Faulty failed: ZeroDivisionError: no way"),
-    (0.6, "has 1 parts, but values that are no real array for each"),
-    (0.7, "has 1 parts, but values that are no real array for each"),
+    (0.6, "has 1 parts, but its values are not one real array for each"),
+    (0.7, "has 1 parts, but its values are not one real array for each"),
     (2.0, "its class Faulty failed: KeyError: 'two'"),
     (4.0, "'limits.turn_rate': at most 3 turns"),
 ]
@@ -558,7 +558,7 @@ def test_a_limit_that_breaks_down_on_the_way_names_its_package(
     sweep["grid"] = {"goal.duration": [20]}
     outcome = planner.run_sweep(sweep, tmp_path / "x.sqlite", workers=0)
     assert (outcome.statuses, outcome.bugs) == ({"method_failed": 1}, 0)
-    with pytest.raises(InputError, match=re.escape(f"the goal cannot be judged: {named}")):
+    with pytest.raises(InputError, match=re.escape(f"the goal cannot be checked: {named}")):
         paper.changed({"limits.picky": 0.5})
 
 

@@ -169,7 +169,7 @@ def test_progress_and_log(paper: planner.Problem, caplog: pytest.LogCaptureFixtu
     assert told[-1].solves > 0
     assert [p.seconds for p in told] == sorted(p.seconds for p in told)
     assert "verifying" in caplog.messages
-    held = f"verifying; {told[-1].solves} solves, a motion is held (effort 0.3358)"
+    held = f"verifying; {told[-1].solves} solves, motion found (effort 0.3358)"
     assert str(told[-1]).startswith(held)
 
 
@@ -181,7 +181,7 @@ def test_the_command_says_that_ctrl_c_takes_what_is_held() -> None:
         notice.hear(replace(progress, best=None))
         assert "Ctrl-C" not in notice.line
         notice.hear(progress)
-    assert "a motion is held (effort 0.101), 3 s; Ctrl-C verifies and takes it" in notice.line
+    assert "motion found (effort 0.101), 3 s; Ctrl-C verifies and takes it" in notice.line
 
 
 def test_warnings_reach_standard_error_where_nobody_set_up_logging() -> None:

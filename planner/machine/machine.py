@@ -407,7 +407,7 @@ def draw_start(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: 
     words = machine.start_state * (joints if len(machine.start_state) == 1 else 1)
     if len(words) != joints:
         count = len(words)
-        wrong = f"machine.start_state has {count} words, but needs one, or {joints}, one a joint"
+        wrong = f"machine.start_state has {count} words, but needs one, or {joints}, one per joint"
         raise InputError(wrong)
     rows = [words[min(1, joints - 1)], *words]
     known = np.array([_SHARES.get(word, 0.0) for word in rows])[:, None]

@@ -57,7 +57,7 @@ class Claim:
 
 COLUMNS: list[Column[Claim]] = [
     Column("requirement", "", lambda c: c.label, left=True),
-    Column("status", "", lambda c: c.status + " (not asked for)" * (not c.required), left=True),
+    Column("status", "", lambda c: c.status + " (not required)" * (not c.required), left=True),
     Column("margin", "", lambda c: f"{c.guaranteed:.4g} {c.unit}".strip()),
     Column("least at", "s", lambda c: "" if c.time_s is None else f"{c.time_s:.4g}"),
 ]
@@ -119,7 +119,7 @@ class Certificate:
         counted = f"{len(required) - len(self.open)} of {len(required)} requirements proven"
         more = f" (and {len(self.open) - 1} more)" if len(self.open) > 1 else ""
         if not self.open or self.open[0].status == "violated":
-            return f"{counted}; {self.open[0]}{more}" if self.open else f"{counted}; none is asked"
+            return f"{counted}; {self.open[0]}{more}" if self.open else "no requirement to prove"
         return f"{counted}; only sampled: {shown_labels(self.only_sampled)} ({self.open[0].why})"
 
     def to_dict(self) -> dict[str, Any]:

@@ -65,13 +65,13 @@ class Clock:
     def flaw(self) -> str:
         """Why the map is not a valid clock; empty if it is."""
         if not (len(self.t) == len(self.s) >= 2 and self.t[0] == self.s[0] == 0):
-            return "it must have times of the machine and of the plan, from 0"
+            return "it must have equally many times of the machine and of the plan, both from 0"
         steps = np.diff(self.t)
         if not np.all(steps > 0):
             return "the machine's times must increase"
         rates = np.diff(self.s) / steps
         if not np.all(np.minimum(np.abs(rates), np.abs(rates - 1)) <= RATE_TOLERANCE):
-            return "the plan's clock must run as the machine's or be held"
+            return "the plan's clock must run at the machine's rate or be held"
         return ""
 
     def __call__(self, t: ArrayLike) -> Array:

@@ -113,7 +113,7 @@ def expect_curve(name: str, curve: Bernstein, values: tuple[int, ...]) -> Bernst
     if shape != values or np.iscomplexobj(curve.c):
         raise ValueError(f"{name} must have real values of shape {values}, not {shape}")
     if len(curve.c) - 1 > MOST_DEGREE:
-        raise ValueError(f"{name} has degree {len(curve.c) - 1}; at most {MOST_DEGREE} is read")
+        raise ValueError(f"{name} has degree {len(curve.c) - 1}; at most {MOST_DEGREE} is allowed")
     return curve if isinstance(curve, Bernstein) else Bernstein(curve.c, curve.x)
 
 

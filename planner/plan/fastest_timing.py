@@ -266,9 +266,9 @@ def fastest_motion(
     factor = slowing_factor(requirements, trajectory)
     if np.isinf(factor):
         raise NotConvergedError(
-            "the fastest clock within the limits of the inputs makes one jump, and something else"
-            " is asked of their rates",
-            advice="limits.input_rate_rad_s2, which the clock keeps without jumps",
+            "the fastest timing within the input limits makes an input jump, but another"
+            " requirement limits its rate",
+            advice="a limit in limits.input_rate_rad_s2, with which the inputs do not jump",
         )
     if factor > CLOCK_SLOWING:
         notes = {**notes, "slowed_for_other_limits": factor}

@@ -350,7 +350,7 @@ def refuse_inexecutable(plan: Plan) -> None:
     domain = plan.domain
     times = ", ".join(f"{t:.4g}" for t in domain.singular_times_s[:8]) or f"{domain.time_s:.4g}"
     raise InputError(
-        f"this {plan.method} plan leaves the chart's domain, so that it has no real inputs"
+        f"this {plan.method} plan leaves the chart's domain, so it has no real inputs"
         f" (crossings at t = {times} s; {domain.label}: {domain.margin:.4g})"
     )
 

@@ -49,7 +49,7 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
     except (KeyError, TypeError) as error:
         raise InputError(f"{path} is not a complete plan file: {error!r}") from None
     except ValueError as error:
-        raise InputError(f"{path} holds no trajectory of this problem: {error}") from None
+        raise InputError(f"{path} holds no valid trajectory of the problem: {error}") from None
 
 
 def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Clock:
@@ -66,7 +66,7 @@ def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Cl
     if not why and abs(clock.seconds - seconds) > ROUNDING * max(1.0, seconds):
         why = f"it ends at {clock.seconds:.6g} s, but the plan lasts {seconds:.6g} s"
     if why:
-        raise InputError(f"{path}: compensation.clock is none: {why}")
+        raise InputError(f"{path}: compensation.clock is not valid: {why}")
     return clock
 
 
@@ -125,7 +125,7 @@ class CurveTable(Table):
         if count > MOST_COEFFICIENTS:
             raise ValueError(
                 f"has {len(self.breaks) - 1} pieces of degree {len(self.bernstein) - 1}; at most"
-                f" {MOST_COEFFICIENTS} coefficients are read (pieces times degree + 1)"
+                f" {MOST_COEFFICIENTS} coefficients are allowed (pieces times degree + 1)"
             )
         return self
 
@@ -172,12 +172,12 @@ class ClaimTable(Table):
 
     label: str = Field(description="What is required, as in 'joint theta3'.")
     status: Literal["proven", "undecided", "violated"]
-    guaranteed: Number = Field(description="The margin is nowhere less; null: nothing is known.")
-    attained: Number = Field(description="The margin is this small, or smaller, at time_s.")
-    time_s: Number = Field(description="When the margin is least, as far as known.")
+    guaranteed: Number = Field(description="Proven lower bound of the margin; null: none.")
+    attained: Number = Field(description="Upper bound of the least margin, at time_s.")
+    time_s: Number = Field(description="Time of the least margin in s, if known.")
     unit: str = Field(description="Unit of the margin.")
     required: bool = Field(description="Whether the problem asks for it.")
-    why: str = Field(description="What kept it from being decided.")
+    why: str = Field(description="Reason why it is undecided.")
     text: str = Field(description="The same in words.")
 
 
@@ -188,57 +188,57 @@ class CertificateTable(Table):
     text: str = Field(description="The same in words.")
     claims: list[ClaimTable]
     only_sampled: list[str] = Field(
-        [], description="What is required and not proven: the judge has only sampled it."
+        [], description="Requirements that were checked by samples only, not proven."
     )
     motion_error: dict[str, Number] = Field(
         description="Proven bound on |q(t) - true motion|, by coordinate; null: none."
     )
-    cells: int = Field(description="Subintervals the proof rests on.")
-    seconds: float = Field(description="How long it took.")
+    cells: int = Field(description="Number of subintervals in the proof.")
+    seconds: float = Field(description="Computing time in s.")
 
 
 class PlanFile(Table):
     """A plan as `Plan.save` writes it. Angles are in radians, times in seconds."""
 
     format: Literal["planner-plan"]
-    version: Literal[1] = Field(description="Version of this form.")
+    version: Literal[1] = Field(description="Version of the file format.")
     problem: dict[str, Any] = Field(description="The tables of the problem file.")
     source: str = Field(description="Where the problem came from.")
-    method: str = Field(description="Method that made it.")
+    method: str = Field(description="Method that made the plan.")
     options: dict[str, Any] = Field(description="The method's options, as used.")
-    status: str = Field(description="'solved', or what kept it from being a plan.")
+    status: str = Field(description="'solved', or why the plan is not valid.")
     objective: Finite | None = Field(description="Value of the method's objective.")
-    objective_name: str = Field(description="What that objective is.")
-    solve_time_s: Amount | None = Field(description="Time the method spent solving.")
-    build_time_s: Amount | None = Field(description="Time it spent preparing.")
+    objective_name: str = Field(description="Name of the objective.")
+    solve_time_s: Amount | None = Field(description="Time spent solving, s.")
+    build_time_s: Amount | None = Field(description="Time spent preparing, s.")
     iterations: Annotated[int, Field(ge=0, le=int(MOST_NUMBER))] = Field(
         description="Iterations of its solver, 0 for closed forms."
     )
     verified: bool = Field(description="Whether the independent check passed.")
-    notes: dict[str, Any] = Field(description="Further facts of the method.")
+    notes: dict[str, Any] = Field(description="Further facts from the method.")
     certificate: CertificateTable | None = Field(
-        None, description="What is proven of it between the nodes; null: not examined."
+        None, description="What is proven between the nodes; null: not examined."
     )
-    why: str = Field("", description="What a plan that was read as verified breaks.")
+    why: str = Field("", description="The violated requirement, if a file said verified.")
     trajectory: TrajectoryTable = Field(description="The curve itself.")
     compensation: CompensationOfTable | None = Field(
-        None, description="Of a compensated plan what it was made from."
+        None, description="Original plan and machine of a compensated plan."
     )
 
 
 class CompensationOfTable(Table):
     """The original plan and machine of a compensated plan."""
 
-    plan: dict[str, Any] = Field(description="The plan as the kinematics say, as a plan file.")
-    machine: dict[str, Any] = Field(description="The [machine] table that is allowed for.")
+    plan: dict[str, Any] = Field(description="The original plan, which follows the kinematics.")
+    machine: dict[str, Any] = Field(description="The [machine] table of the compensated machine.")
     clock: ClockTable | None = Field(
-        None, description="What that plan's clock reads while the commands run."
+        None, description="The original plan's clock while the commands run."
     )
     lead_s: Amount | None = Field(
-        None, description="Of earlier versions, in place of clock: how long it is held at first."
+        None, description="Earlier versions, instead of clock: hold before the plan, s."
     )
     tail_s: Amount | None = Field(
-        None, description="Of earlier versions, in place of clock: how long it is held at last."
+        None, description="Earlier versions, instead of clock: hold after the plan, s."
     )
 
 
@@ -246,7 +246,7 @@ class ClockTable(Table):
     """A plan's clock over the machine's time: piecewise linear, running at its rate or held."""
 
     t: Annotated[list[Amount], Field(min_length=2)] = Field(description="The machine's times in s.")
-    s: Annotated[list[Amount], Field(min_length=2)] = Field(description="The plan's then, in s.")
+    s: Annotated[list[Amount], Field(min_length=2)] = Field(description="The plan's times, in s.")
 
 
 def plan_schema(problem: dict[str, Any]) -> dict[str, Any]:

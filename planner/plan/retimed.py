@@ -107,7 +107,10 @@ class RetimedTrajectory(Trajectory):
                 stations[0] != 0 or stations[-1] != path.duration or np.any(np.diff(stations) <= 0),
                 "the stations do not increase from the path's start to its end",
             ),
-            (not np.all(np.isin(path.breaks, length.x)), "a break of the path is none of length"),
+            (
+                not np.all(np.isin(path.breaks, length.x)),
+                "a break of the path is missing in length",
+            ),
             (first != begin or last != end, f"the clock goes {ends}"),
             (any(jumps), "the clock or the length jumps"),
             (
@@ -116,9 +119,9 @@ class RetimedTrajectory(Trajectory):
             ),
             (
                 np.any(away > LENGTH_TOLERANCE * path.duration),
-                "a break of the path is none of the stations",
+                "a break of the path is not a station",
             ),
-            (np.any(astray > slack), "the clock is not at its stations when it should be"),
+            (np.any(astray > slack), "the clock does not match its stations"),
         )
         return next((words for bad, words in checks if bad), "") or self._stall
 

@@ -124,8 +124,8 @@ def tip_of(
     if tip.angle is not None and abs(np.rad2deg(tip.angle)) >= turn:
         raise InputError(
             f"{source}: goal.tip_angle_deg = {np.rad2deg(tip.angle):.6g} is the sum of"
-            f" {len(lengths)} joints' angles, each within 90 degrees: it lies between -{turn:g} and"
-            f" {turn:g}"
+            f" {len(lengths)} joints' angles, each within 90 degrees; it must lie between -{turn:g}"
+            f" and {turn:g}"
         )
     if tip.place is None:
         return tip
@@ -217,7 +217,7 @@ def contradiction(
             try:
                 why = required.contradiction(name, q, system)
             except MethodError as error:
-                return f"the {name} cannot be judged: {error}"
+                return f"the {name} cannot be checked: {error}"
             if why:
                 return f"contradiction: {why}"
     return ""

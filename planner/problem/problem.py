@@ -171,8 +171,8 @@ class Problem:
         if problem.compensation.on and formulas:
             keys = ", ".join(f"limits.{required.key}" for required in formulas)
             warnings.warn(
-                f"{source}: compensation.on: the inputs that it adds do not mind {keys}; a"
-                " compensated plan that breaks one of them is refused",
+                f"{source}: compensation.on: the inputs that it adds ignore {keys}; a"
+                " compensated plan that violates one of them is refused",
                 InputWarning,
                 stacklevel=2,
             )

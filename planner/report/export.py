@@ -169,7 +169,7 @@ def export(
     content = FORMATS[name].content(plan, asked)
     if FORMATS[name].commanded and (moving := moving_inputs(plan, 0.0)):
         warnings.warn(
-            f"this {plan.method} plan does not start at rest: {', '.join(moving)} at once;"
+            f"this {plan.method} plan does not start at rest: {', '.join(moving)} at t = 0;"
             f" {HELD_REST_ADVICE if plan.compensates else REST_ADVICE}",
             InputWarning,
             stacklevel=2,
@@ -197,8 +197,8 @@ def _refuse_options(name: str, asked: ExportOptions) -> None:
     for each in fields(ExportOptions):
         if getattr(asked, each.name) != each.default and each.name not in FORMATS[name].options:
             raise InputError(
-                f"the format '{name}' has no {each.metadata['words']}; for those use:"
-                f" {fitting(each.name)}"
+                f"the format '{name}' has no option for {each.metadata['words']}; formats that"
+                f" have one: {fitting(each.name)}"
             )
     if asked.real not in get_args(Real):
         raise InputError(f"real = {asked.real!r}; {allowed_hint(str(asked.real), get_args(Real))}")
@@ -268,8 +268,8 @@ REST_ADVICE = (
 )
 
 HELD_REST_ADVICE = (
-    "limit the rates of the plan that is compensated (--set limits.input_rate_rad_s2=2.0), which"
-    " its preparation keeps too"
+    "limit the input rates of the original plan (--set limits.input_rate_rad_s2=2.0); the"
+    " preparatory motion respects this limit too"
 )
 
 REST_SHARE = 1e-6
@@ -380,7 +380,7 @@ def _refuse_unfit(plan: Plan) -> None:
     if plan.compensates:
         raise InputError(
             f"this {plan.method} plan is compensated: its commands are speeds held for a tick each,"
-            " and a JointTrajectory is followed smoothly; export csv"
+            " but a controller interpolates a JointTrajectory; export csv"
         )
     for time, when in ((0.0, "start"), (plan.duration, "end")):
         if moving := moving_inputs(plan, time):

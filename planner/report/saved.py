@@ -86,7 +86,7 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem) -> Row:
     plan = None if file is None else load_plan(place / file)
     fault = "" if plan is None else plan.why
     if plan is not None and _task_tables(plan.problem) != _task_tables(problem):
-        fault = "it is made for another problem than the folder's"
+        fault = "its problem differs from the folder's"
     elif data["solved"] and not (plan and plan.verified):
         fault = fault or "no verified plan is there"
     if fault:

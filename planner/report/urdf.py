@@ -30,7 +30,7 @@ def urdf_text(plan: Plan) -> str:
     """
     system = plan.problem.system
     if not isinstance(system, PlanarArm):
-        raise InputError(f"a {system.kind} is no arm of links; urdf is for arms")
+        raise InputError(f"a {system.kind} is not an arm; the format urdf is for arms")
     lengths = np.asarray(system.link_lengths, dtype=float)
     names = [coordinate.name for coordinate in system.coordinates[1:]]
     most = plan.problem.limits.joint[1:]

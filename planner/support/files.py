@@ -265,8 +265,7 @@ def read_bytes(path: str | Path, largest: int) -> bytes:
     size = max(status.st_size, len(content))
     if size > largest:
         raise InputError(
-            f"cannot read {path}: it holds {size / MB:.4g} MB, and at most {largest / MB:g} MB are"
-            " read of such a file"
+            f"cannot read {path}: it has {size / MB:.4g} MB, allowed {largest / MB:g} MB"
         )
     return content
 
@@ -310,7 +309,7 @@ def parse_toml(text: str) -> dict[str, Any]:
         ValueError: If the text cannot be parsed; the message says why.
     """
     if _DEEP_KEY.search(text):
-        raise ValueError("a key of more than 100 parts")
+        raise ValueError("a key has more than 100 parts")
     return _parse(tomllib.loads, text)
 
 

@@ -38,7 +38,7 @@ class Progress:
     iterations: int = 0
 
     def __str__(self) -> str:
-        best = "no motion yet" if self.best is None else f"a motion is held ({self.best})"
+        best = "no motion yet" if self.best is None else f"motion found ({self.best})"
         return f"{self.doing}; {self.solves} solves, {best}, {self.seconds:.0f} s"
 
 
@@ -97,7 +97,7 @@ def tell(doing: str) -> None:
 
 def report_motion(best: str) -> None:
     """Report a motion that is better than all before."""
-    logger.info("a motion is held (%s)", best)
+    logger.info("motion found (%s)", best)
     _notify(best=best)
 
 

@@ -91,7 +91,7 @@ def _check_finite(number: float, where: str) -> float:
     try:
         return float(number)
     except OverflowError:
-        raise InputError(f"{where}: a whole number of hundreds of digits") from None
+        raise InputError(f"{where}: a whole number has hundreds of digits") from None
 
 
 def _source(node: ast.expr) -> str:

@@ -130,7 +130,7 @@ class Manipulator(PlanarArm):
         if rule not in rules:
             raise InputError(f"k_g_rule = {rule!r} is unknown; use 'chain' or 'printed'")
         if rule == "printed" and not alike:
-            raise InputError("k_g_rule = 'printed' is rho^2 of stages that are alike; these differ")
+            raise InputError("k_g_rule = 'printed' needs equal stages, but these differ")
         value, said = (k_g, "given") if k_g is not None else rules[rule]
         K = [each.k(1) * turned(i) / value for i, each in enumerate(stages, 1)]
         manipulator = cls(K, value, link_lengths, said)

@@ -102,8 +102,8 @@ class UserMap:
         real = np.all(np.isfinite(again), axis=1)
         if not np.any(real):
             raise InputError(
-                f"{self.name}: user.expressions and user.inverse have no real values together at"
-                " any of 20 places inside the intervals"
+                f"{self.name}: user.expressions and user.inverse are not both real at any of 20"
+                " points inside the intervals"
             )
         off = np.where(real[:, None], np.abs(again - q) / (1 + np.abs(q)), 0.0)
         row, column = np.unravel_index(int(np.argmax(off)), off.shape)

@@ -217,7 +217,7 @@ def _first_part(plan: planner.Plan, end: float) -> planner.Plan:
 
 
 def test_the_key_that_there_was_is_refused_with_the_new_one() -> None:
-    with pytest.raises(planner.InputError, match="lateral_friction takes its place"):
+    with pytest.raises(planner.InputError, match="use lateral_friction"):
         planner.Machine.prototype(lateral_creep=0.02)
     old = {**planner.Machine.ideal().to_dict(), "lateral_creep": False}  # of a plan's file
     assert planner.Machine.from_table(old) == planner.Machine.ideal()

@@ -72,11 +72,11 @@ def test_a_bag_is_read_by_topic(
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"u1_rad_s": "/nothing/data[0]"}, r"no topic of '/nothing/data\[0\]'.*/commands"),
+        ({"u1_rad_s": "/nothing/data[0]"}, r"no topic for '/nothing/data\[0\]'.*/commands"),
         ({"u1_rad_s": "/commands/dat[0]"}, r"no field 'dat\[0\]'; did you mean 'data'"),
         ({"u1_rad_s": "/commands/data[2]"}, "no entry '2' in data; it has 2 numbers"),
         ({"theta1_rad": "/arm/joint_states/position[theta9]"}, "allowed: other, theta1"),
-        ({"u1_rad_s": "/arm/joint_states/header"}, "is no number"),
+        ({"u1_rad_s": "/arm/joint_states/header"}, "is not a number"),
         (None, r"topics: /arm/joint_states \(sensor_msgs/msg/JointState\), /commands"),
     ],
 )

@@ -32,8 +32,8 @@ def test_a_plan_without_holds_has_its_own_time() -> None:
         ((0.0, 1.0), (0.0, 1.0, 2.0), "from 0"),
         ((1.0, 2.0), (0.0, 1.0), "from 0"),
         ((0.0, 1.0, 1.0), (0.0, 1.0, 1.0), "must increase"),
-        ((0.0, 1.0), (0.0, 0.5), "run as the machine's or be held"),
-        ((0.0, 1.0, 2.0), (0.0, 1.0, 0.0), "run as the machine's or be held"),
+        ((0.0, 1.0), (0.0, 0.5), "run at the machine's rate or be held"),
+        ((0.0, 1.0, 2.0), (0.0, 1.0, 0.0), "run at the machine's rate or be held"),
     ],
 )
 def test_what_is_no_clock_says_why(t: tuple[float, ...], s: tuple[float, ...], why: str) -> None:

@@ -100,5 +100,5 @@ def test_stages_that_differ_are_lists_of_the_gear() -> None:
     with pytest.raises(planner.InputError, match=r"gear\.r1 has 2 values; joints = 4 needs 3"):
         planner.Problem.manipulator([1] * 4, [20] * 4, gear=gear | {"r1": [30.0, 25.0]})
     changes = {"system.k_g_rule": "printed"}
-    with pytest.raises(planner.InputError, match="stages that are alike"):
+    with pytest.raises(planner.InputError, match="needs equal stages"):
         planner.Problem.manipulator([1] * 4, [20] * 4, gear=gear, changes=changes)

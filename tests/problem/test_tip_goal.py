@@ -77,7 +77,7 @@ def test_an_ordinary_goal_leaves_nothing_free(paper: planner.Problem) -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"goal.theta_deg": [1, 2, 3]}, "'goal': theta_deg gives every joint, so that the tip"),
+        ({"goal.theta_deg": [1, 2, 3]}, "'goal': theta_deg gives every joint and so fixes the tip"),
         ({"goal.tip_m": None}, "'goal': needs theta_deg, the joint angles; or, for the tip, tip_m"),
         ({"goal.tip_m": None, "goal.theta_deg": ["free"] * 3},
          "'goal': leaves every joint free; give an angle in theta_deg, or tip_m"),
@@ -96,7 +96,7 @@ def test_an_ordinary_goal_leaves_nothing_free(paper: planner.Problem) -> None:
         ({"system.link_lengths": [0.8, 0.1, 0.1], "goal.tip_m": [0.3, 0.4]},
          "the longest link keeps the tip at least 0.6 m away"),
         ({"goal.tip_angle_deg": 271.0},
-         "the sum of 3 joints' angles, each within 90 degrees: it lies between -270 and 270"),
+         "the sum of 3 joints' angles, each within 90 degrees; it must lie between -270 and 270"),
         ({"obstacles": [{"centre_m": [0.5, 0.6], "radius_m": 0.1}]},
          "m inside obstacle 1; move one of them"),
         ({"goal.tip_m": [0.5]}, "'goal.tip_m'"),

@@ -353,11 +353,11 @@ def test_a_format_is_one_entry(
     written = planner.export(law, tmp_path / "x.ends", rate_hz=7.0)
     assert written.read_text() == f"{law.duration} 7.0"
     for option, words in (
-        ({"joint_names": ["a", "b"]}, "joint names; for those use: ros2"),
-        ({"real": "float"}, "type of numbers; for those use: c"),
-        ({"machine": planner.Machine.ideal()}, "machine; for those use: c"),
+        ({"joint_names": ["a", "b"]}, "joint names; formats that have one: ros2"),
+        ({"real": "float"}, "type of numbers; formats that have one: c"),
+        ({"machine": planner.Machine.ideal()}, "machine; formats that have one: c"),
     ):
-        with pytest.raises(planner.InputError, match=f"'ends' has no {words}"):
+        with pytest.raises(planner.InputError, match=f"'ends' has no option for {words}"):
             planner.export(law, tmp_path / "x.ends", **option)
     with pytest.raises(planner.InputError, match=r"\.ends\); name .*, ends$"):
         planner.export(law, tmp_path / "x.dat")

@@ -75,6 +75,6 @@ def test_the_joints_motion_belongs_together_and_is_a_message(rest: planner.Plan)
 
 def test_a_vehicle_is_no_arm(tmp_path: Path) -> None:
     plan = planner.solve(planner.load_problem(ROOT / "problems/unicycle.toml"))
-    with pytest.raises(planner.InputError, match="a unicycle is no arm of links"):
+    with pytest.raises(planner.InputError, match="a unicycle is not an arm"):
         planner.export(plan, tmp_path / "x.urdf")
     assert not (tmp_path / "x.urdf").exists()

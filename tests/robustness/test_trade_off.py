@@ -181,9 +181,9 @@ def test_titles_never_compare_nothing_with_nothing(curve: TradeOff) -> None:
         return knee_sentence(replace(curve, points=tuple(points)))
 
     first, knee = curve.points[0], curve.knee_index
-    assert "buys a passive block of 0.0010 deg instead of" in told(knee, passive_deg=0.001)
-    assert "buys a total of" in told(knee, passive_deg=first.passive_deg)
-    assert "more buys little" in knee_sentence(replace(curve, points=curve.points[:1]))
+    assert "gives a passive block of 0.0010 deg instead of" in told(knee, passive_deg=0.001)
+    assert "gives a total of" in told(knee, passive_deg=first.passive_deg)
+    assert "a higher cost gains little" in knee_sentence(replace(curve, points=curve.points[:1]))
     assert [reversals(count) for count in (0, 1, 2)] == ["one way", "1 reversal", "2 reversals"]
 
 

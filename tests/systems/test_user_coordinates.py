@@ -226,7 +226,7 @@ def test_a_car_is_steered_by_the_place_of_its_front_axle(front: dict) -> None:
 
 
 def test_a_travel_that_follows_from_the_goal_is_not_given(front: dict) -> None:
-    with pytest.raises(planner.InputError, match=r"goal\.travel: leave it out; goal\.q gives it"):
+    with pytest.raises(planner.InputError, match=r"leave out goal\.travel; goal\.q determines it"):
         changed(front, {"goal.travel": 6.0})
     assert travel_changes(planner.Problem.from_dict(front)) == []  # no advice that says so
     assert travel_changes(planner.load_problem(PROBLEM)) != []
@@ -247,7 +247,11 @@ def test_a_travel_that_follows_from_the_goal_is_not_given(front: dict) -> None:
             ["x + 2 * cos(heading)", "y + 2 * sin(heading)", "2 * heading", "steering"],
             "'heading', which is a triangular coordinate too: give it the same unit",
         ),
-        ("inverse", ["sqrt(-1 - front_x**2)", "steering", "heading", "front_y"], "no real values"),
+        (
+            "inverse",
+            ["sqrt(-1 - front_x**2)", "steering", "heading", "front_y"],
+            "are not both real",
+        ),
     ],
 )
 def test_maps_that_do_not_belong_together_are_refused(
@@ -269,5 +273,5 @@ def test_a_start_off_the_map_is_refused(front: dict) -> None:
     front["goal"]["q"] = {"front_x": 6.0, "front_y": 1.0, "side": 0.3, "steering": 0.0}
     front["start"]["q"] = {"front_x": 0.0, "front_y": 0.0, "side": 1.5, "steering": 0.0}
     front["limits"] = {}
-    with pytest.raises(planner.InputError, match=r"start\.q: the map .* leads elsewhere"):
+    with pytest.raises(planner.InputError, match=r"start\.q: the map .* gives another point"):
         planner.Problem.from_dict(front)

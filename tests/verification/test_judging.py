@@ -310,6 +310,6 @@ def test_times_that_run_back_or_begin_late(paper: planner.Problem) -> None:
 
 def test_no_polynomial_has_more_terms_than_are_read(paper: planner.Problem) -> None:
     curves = [BPoly(np.zeros((n, 1, k)), [0.0, 1.0]) for n, k in ((52, 4), (2, 2), (51, 4))]
-    with pytest.raises(ValueError, match="q_curve has degree 51; at most 50 is read"):
+    with pytest.raises(ValueError, match="q_curve has degree 51; at most 50 is allowed"):
         StateTrajectory(paper.system, *curves[:2])
     assert StateTrajectory(paper.system, *curves[:0:-1]).degree == 50

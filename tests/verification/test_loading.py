@@ -303,7 +303,7 @@ def saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ("edit", "says"),
     [
         (times(1.5), "allowed"),
-        (put("problem.limits.input_rad_s", [9.0, 9.0]), "made for another problem"),
+        (put("problem.limits.input_rad_s", [9.0, 9.0]), "its problem differs"),
         (put("verified", False), "no verified plan is there"),
     ],
 )

@@ -65,7 +65,7 @@ def _table(source: str, reader: Any, columns: Mapping[str, str]) -> NumberTable:
     if not columns:
         topics = ", ".join(f"{topic} ({kind})" for topic, kind in known.items())
         raise InputError(
-            f"{source}: say which topics hold what, as in columns={EXAMPLE}; its topics: {topics}"
+            f"{source}: map columns to topics, as in columns={EXAMPLE}; its topics: {topics}"
         )
     places = {name: _find_topic(source, name, list(known)) for name in columns.values()}
     clock = next(
@@ -98,7 +98,7 @@ def _find_topic(source: str, name: str, topics: list[str]) -> tuple[str, str]:
     fitting = [topic for topic in topics if name.startswith(topic + "/")]
     if not fitting:
         raise InputError(
-            f"{source} has no topic of '{line(name)}', which is to be /topic/field;"
+            f"{source} has no topic for '{line(name)}'; write /topic/field;"
             f" {allowed_hint(name.rpartition('/')[0], topics)}"
         )
     topic = max(fitting, key=len)
@@ -125,7 +125,7 @@ def _value(message: Any, field: str, what: str) -> Any:
             raise InputError(f"{what}: no entry '{line(index)}' in {match[1]}; {hint}")
         value = entries[int(index)]
     if not isinstance(value, (int, float)) and not hasattr(value, "__float__"):
-        raise InputError(f"{what} is no number")
+        raise InputError(f"{what} is not a number")
     return value
 
 

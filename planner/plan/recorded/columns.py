@@ -79,7 +79,7 @@ def find_columns(table: NumberTable, given: Mapping[str, str]) -> dict[str, tupl
             )
         if not parse_name(ours):
             raise InputError(
-                f"columns: '{line(ours)}' is no quantity with its unit, such as t_s, u1_rad_s,"
+                f"columns: '{line(ours)}' is not a quantity with a unit, such as t_s, u1_rad_s,"
                 " theta1_deg"
             )
     found: dict[str, tuple[int, float]] = {}

@@ -126,9 +126,9 @@ class Log:
             )
         if spread[joint] > MOST_POSE_OFF_DEG:
             raise InputError(
-                f"{self.source}: the last {len(last)} readings of theta{joint + 1} lie"
-                f" {spread[joint]:.3g} deg apart from their median; such a reading is wrong, or its"
-                " encoder too coarse to start from"
+                f"{self.source}: one of the last {len(last)} readings of theta{joint + 1} differs"
+                f" by {spread[joint]:.3g} deg from their median; it is wrong, or the encoder is too"
+                " coarse"
             )
         return np.asarray(last.mean(axis=0))
 
@@ -284,8 +284,8 @@ def _times(t: Array, table: NumberTable) -> Array:
         k = int(np.argmax(steps))
         raise InputError(
             f"{table.line(k + 1)}: a gap of {steps[k]:.4g} s after t = {t[k]:.6g} s, in rows that"
-            f" follow each other every {usual:.4g} s; what the motors were told meanwhile is not"
-            " known, so record again, or keep the rows on one side of it alone"
+            f" follow each other every {usual:.4g} s; the commands in the gap are unknown,"
+            " so record again, or keep only the rows before or after it"
         )
     even = float(f"{t[-1] / len(steps):.9g}") * np.arange(len(t))
     return np.asarray(even if np.max(np.abs(t - even)) < EVEN_SHARE * usual else t)
@@ -300,7 +300,7 @@ def _refuse_jumps(log: Log, table: NumberTable) -> None:
         turns = abs(after - before) / 360
         wraps = abs(turns - round(turns)) < JUMP_DEG / 360 and turns > 0.5
         advice = (
-            "the encoder wraps around; write angles that go on (numpy.unwrap)"
+            "the encoder wraps around; write continuous angles (numpy.unwrap)"
             if wraps
             else "a wrong reading, or a wrong unit"
         )
@@ -321,12 +321,12 @@ def _refuse_wrong_units(log: Log) -> None:
         alike = float(np.corrcoef(turned, log.theta[:, 0])[0, 1])
         if alike < LEAST_LIKENESS:
             raise InputError(
-                f"{log.source}: joint 1 does not turn as u2 asks motor 2 to (correlation"
-                f" {alike:.2f}), and both turn alike; check sign and order of the motors' columns"
+                f"{log.source}: joint 1 must turn with motor 2, but does not follow u2 (correlation"
+                f" {alike:.2f}); check sign and order of the motors' columns"
             )
         return
     raise InputError(
-        f"{log.source}: joint 1 turns by {np.rad2deg(read):.4g} deg while u2 asks motor 2 for"
-        f" {np.rad2deg(commanded):.4g} deg, and both turn alike; is a unit in the header wrong"
-        " (degrees for radians), or the sign or order of the motors?"
+        f"{log.source}: joint 1 must turn with motor 2, but turns by {np.rad2deg(read):.4g} deg"
+        f" while u2 commands {np.rad2deg(commanded):.4g} deg; check the units in the header"
+        " (degrees for radians), and sign and order of the motors"
     )

@@ -126,7 +126,7 @@ class NumberTable:
                     continue
                 marks = "".join(m for m, number in _NUMBERS.items() if number.fullmatch(text))
                 if not marks:
-                    why = ", which is no number" if text else ""
+                    why = ", which is not a number" if text else ""
                     raise InputError(f"{self.cell(k, place)}{why}")
                 if "." in text or "," in text:
                     first.setdefault(marks, (k, place))
@@ -146,8 +146,8 @@ class NumberTable:
             return "."  # a file that separates cells by commas uses decimal points
         raise InputError(
             f"{self.cell(k, place)}, which is {text.replace(',', '.')} or"
-            f" {re.sub('[.,]', '', text)}, and no other cell tells which; write another count of"
-            " decimals, or thousands without a mark"
+            f" {re.sub('[.,]', '', text)}, and no other cell decides; write another number of"
+            " decimals, or no thousands separator"
         )
 
 
@@ -201,7 +201,7 @@ def read_table(
     if cells and may_be_cut and text[-1] not in "\r\n":
         number, _ = cells.pop()
         warnings.warn(
-            f"{path}, line {number} does not end: it may have been cut, and is left out",
+            f"{path}, line {number} has no line end: it may be cut off, and is ignored",
             InputWarning,
             stacklevel=3,
         )

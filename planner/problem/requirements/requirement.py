@@ -245,22 +245,25 @@ class Requirement(Demand):
         try:
             hash(self)
         except TypeError:
-            return "has fields that are no texts, whole numbers, floats or tuples of them"
+            return "has fields that are not strings, integers, floats or tuples of them"
         places = ca.DM(np.linspace(0.1, 0.4, system.size)), ca.DM([0.3, 0.2]), ca.DM([0.1, 0.5])
         whole, rebuilt = (
             [float(row) for row in each.rows(MotionPoint(system, *places))]
             for each in (self, self.template.with_numbers(self.number_values))
         )
         if not len(whole) == len(self.parts) == len(self.template.parts):
-            return f"has {len(self.parts)} parts and {len(whole)} rows, or others without numbers"
+            return (
+                f"has {len(self.parts)} parts and {len(whole)} rows; their numbers must be equal"
+                " and not depend on its floats"
+            )
         if whole != rebuilt:
-            return "has rows that read a float which numbers does not name"
+            return "has rows that read a float that `numbers` does not list"
         many = [np.broadcast_to(np.asarray(x).ravel(), (2, 3, x.numel())) for x in places]
         values = [np.asarray(value) for value in self.values(MotionPoint.of(system, *many))]
         if [value.shape for value in values] != [(2, 3)] * len(self.parts) or any(
             value.dtype.kind not in "fiu" for value in values
         ):
-            return f"has {len(self.parts)} parts, but values that are no real array for each"
+            return f"has {len(self.parts)} parts, but its values are not one real array for each"
         return None
 
     def with_numbers(self, values: Sequence[Any]) -> Self:

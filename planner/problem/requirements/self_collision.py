@@ -54,11 +54,11 @@ class SelfCollision(Requirement):
         """
         lengths = system.link_lengths  # type: ignore[attr-defined]
         if len(lengths) < 3:
-            raise ValueError(f"an arm of {len(lengths)} links has none that are no neighbours")
+            raise ValueError(f"an arm of {len(lengths)} links has only neighbouring links")
         if value >= (least := float(np.min(lengths[1:-1]))):
             raise ValueError(
-                f"{value:g} m is not less than the shortest link between two, {least:g} m, which"
-                " holds their joints together"
+                f"{value:g} m is not less than the shortest inner link, {least:g} m, which keeps"
+                " its two joints apart"
             )
         return cls(len(lengths), float(value))
 

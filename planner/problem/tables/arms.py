@@ -51,8 +51,8 @@ class ArmLimits(BaseLimits):
 
     self_clearance_m: Positive | None = Field(
         None,
-        description="Least distance in metres (in the unit of system.link_lengths, 1 each) of links"
-        " that are no neighbours: their width, or more. Left out, links may cross.",
+        description="Least distance in metres (in the unit of system.link_lengths, 1 each) between"
+        " links that are not neighbours: at least their width. If left out, links may cross.",
         examples=[0.03],
     )
 
@@ -105,17 +105,17 @@ class JointGoal(GoalTable):
     theta_deg: list[AngleDeg | Free] | None = Field(
         None,
         description="Joint angles in degrees, each within (-90, 90), or 'free' where the planner"
-        " chooses. Left out: all free, for a goal of the tip.",
+        " chooses. By default all are free, for a goal of the tip.",
     )
     tip_m: Pair | None = Field(
         None,
-        description="Where the tip ends, [x, y] in metres from the base; needs system.link_lengths"
+        description="Goal of the tip, [x, y] in metres from the base; needs system.link_lengths"
         " and at least two free joints.",
     )
     tip_angle_deg: float | None = Field(
         None,
         description="Direction of the last link at the end in degrees: the sum of all joints'"
-        " angles. Needs a free joint more.",
+        " angles. Needs one more free joint.",
     )
     travel: Free | float = Field(
         "free", description="Change of the disk angle in radians, or 'free'."
@@ -131,7 +131,7 @@ class JointGoal(GoalTable):
         free, named = sum(a == "free" for a in self.theta_deg), " and ".join(tip)
         if tip and not free:
             raise ValueError(
-                f"theta_deg gives every joint, so that the tip is where it is; leave out {named},"
+                f"theta_deg gives every joint and so fixes the tip; leave out {named},"
                 " or write 'free' in place of some angles"
             )
         if free == len(self.theta_deg) and not tip:
@@ -161,7 +161,7 @@ class ArmFile(ProblemFile):
 #   [[obstacles]]
 #   centre_m = [1.0, 2.0]        # in the unit of link_lengths
 #   radius_m = 0.3
-#   clearance_m = 0.02           # for the machine strays from the plan; 0 left out
+#   clearance_m = 0.02           # because the machine deviates from the plan; default 0
 """
 
     start: JointStart
@@ -364,7 +364,7 @@ class ManipulatorTable(Table):
         if self.gear is not None:
             stages = self.gear.stages(self.joints - 1)
             if self.k_g_rule == "printed" and len(set(stages)) > 1:
-                raise ValueError('k_g_rule = "printed" is for stages that are alike')
+                raise ValueError('k_g_rule = "printed" needs equal stages')
         return self
 
 

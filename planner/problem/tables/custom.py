@@ -76,8 +76,7 @@ class CustomTable(Table):
 
     user: UserTable | None = Field(
         None,
-        description="Coordinates of your own, if you write the file in others than the triangular"
-        " ones.",
+        description="Your own coordinates, if the file does not use the triangular ones.",
     )
 
     @model_validator(mode="after")
@@ -115,8 +114,8 @@ class CustomGoal(GoalTable):
     """Where the system ends."""
 
     q: dict[str, Free | float] = Field(
-        description="Each coordinate but the first by name, in its unit; of user coordinates one"
-        " may be 'free'."
+        description="Each coordinate but the first by name, in its unit; user coordinates may be"
+        " 'free'."
     )
     travel: Free | float = Field(
         "free", description="Change of the first triangular coordinate, or 'free'."
@@ -201,8 +200,8 @@ class OwnFile(NamedFile):
             raise ValueError(f"goal.q.{free[0]} = 'free': give it a number")
         if path is None and self.goal.travel != "free":
             raise ValueError(
-                "goal.travel: leave it out; goal.q gives it, since"
-                f" {self.built.coordinates[0].name} is no user coordinate"
+                "leave out goal.travel; goal.q determines it, since"
+                f" {self.built.coordinates[0].name} is not a user coordinate"
             )
         if np.all(np.isnan(self.user_goal())):
             raise ValueError("goal.q leaves every coordinate free; give at least one")
@@ -211,7 +210,7 @@ class OwnFile(NamedFile):
                 again = self.built.user(self.built.from_user(w))
                 if not np.all(np.abs(again - w) <= ROUND_TRIP * (1 + np.abs(w))):
                     raise ValueError(
-                        f"{key}: the map to triangular coordinates and back leads elsewhere, to"
+                        f"{key}: the map to triangular coordinates and back gives another point,"
                         f" {pairs_of(self.built.user_coordinates, again)}"
                     )
 

@@ -178,8 +178,8 @@ class MachineTable(Table):
     """
 
     former: ClassVar[Mapping[str, str]] = {
-        "lateral_creep": "this effect is gone; lateral_friction takes its place: friction sideways"
-        " over that along the drive (0 ... 1), which loses rate under load and drags on the driver"
+        "lateral_creep": "this key was removed; use lateral_friction, the friction sideways"
+        " relative to that along the drive (0 ... 1)"
     }
 
     @model_validator(mode="before")
@@ -203,10 +203,10 @@ class MachineTable(Table):
 
     start_state: StartState | Annotated[list[StartState], Field(min_length=1)] | None = Field(
         None,
-        description="How the arm stood before the start. unwound: shafts without torsion, gears as"
-        " initial_play says. forward, backward: as a motion that way left them, with the backlash"
-        " taken up and the shafts wound up as far as friction holds them. unknown: anywhere"
-        " between. One word, or one for each joint (the gearhead of motor 1 stands as joint 2)."
+        description="State of the arm before the start. unwound: no torsion of shafts, backlash as"
+        " in initial_play. forward, backward: as after a motion in that direction, with backlash"
+        " taken up and shafts wound up as far as friction holds them. unknown: anywhere between."
+        " One word, or one per joint (the gearhead of motor 1 is in the state of joint 2)."
         " Default: unwound.",
     )
 
@@ -273,16 +273,16 @@ class MachineTable(Table):
     )
     lateral_friction: Annotated[Setting, Effect("", "machine", high=1)] = Field(
         None,
-        description="Friction of a contact sideways over that along its drive, 0 ... 1: a contact"
-        " that a joint turns slides sideways, which drags on the driver and loses rate under load;"
-        " 1 for plain disks, less for rollers. Acts together with friction_capacity_nm.",
+        description="Friction of a contact sideways relative to that along its drive, 0 ... 1: a"
+        " contact slides sideways when its joint turns, which loads the driver and loses rate under"
+        " load; 1 for plain disks, less for rollers. Acts together with friction_capacity_nm.",
     )
     friction_capacity_nm: Annotated[
         Setting, Effect("N m", "machine", off_value=math.inf, positive=True)
     ] = Field(
         None,
-        description="Largest torque a contact transmits, mu N r of disk B, N m; what needs more"
-        " stands still (gross slip).",
+        description="Largest torque a contact transmits, mu N r of disk B, N m; if more is needed,"
+        " the driven part stands still (gross slip).",
     )
     disk_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "passive", dynamic_only=True)] = Field(
         None,
@@ -325,8 +325,8 @@ class MachineTable(Table):
     link_length_m: Annotated[Setting, Effect("m", "joint", dynamic_only=True)] = Field(
         None,
         description="Distance of each joint from the next, metres (dynamic): with"
-        " link_moment_kgm, how links carry each other along; 0: they react by"
-        " link_inertia_kgm2 alone.",
+        " link_moment_kgm it couples the motions of the links; 0: each link reacts only with its"
+        " link_inertia_kgm2.",
     )
     base_friction_nm: Annotated[Setting, Effect("N m", "machine", dynamic_only=True)] = Field(
         None, description="Coulomb friction of joint 1, N m (dynamic)."
@@ -337,7 +337,9 @@ class MachineTable(Table):
         " soft shaft.",
     )
     viscous_friction_nms_per_rad: Annotated[Setting, Effect("N m s/rad", "passive")] = Field(
-        None, description="Viscous friction of joints 2 ... n, N m s/rad; likewise."
+        None,
+        description="Viscous friction of joints 2 ... n, N m s/rad; it also loads the contacts and"
+        " twists a soft shaft.",
     )
     incline_deg: Annotated[Setting, Effect("deg", "machine", high=90)] = Field(
         None,
@@ -361,7 +363,9 @@ class MachineTable(Table):
         """Describe the first list whose length does not fit this many joints; None if all fit."""
         if isinstance(self.start_state, list) and len(self.start_state) != joints:
             count = len(self.start_state)
-            return f"machine.start_state has {count} words, but needs one, or {joints}, one a joint"
+            return (
+                f"machine.start_state has {count} words, but needs one, or {joints}, one per joint"
+            )
         for name, effect in EFFECTS.items():
             setting = getattr(self, name)
             parts = [setting.value, setting.spread] if isinstance(setting, Spread) else [setting]

@@ -110,9 +110,9 @@ class DesensitisedOptions(Table):
     )
     reversal: bool = Field(
         False,
-        description="Whether the disk may turn back more often than in the plan of least effort."
-        " Each turn costs passive joints their backlash and shaft torsion, of which the response"
-        " knows nothing: true is for machines without.",
+        description="Whether the disk may reverse more often than in the plan of least effort. Each"
+        " reversal crosses the backlash and shaft torsion of passive joints, which the response"
+        " ignores: use true only for machines without them.",
     )
     starts: Annotated[int, Field(ge=1, le=20), Slider(1, 6)] = Field(
         4, description="Number of first guesses; the best plan is returned."
@@ -221,7 +221,7 @@ class SinusoidOptions(LawOptions):
     @classmethod
     def _check_amplitude(cls, amplitude: float | str) -> float | str:
         if amplitude == 0:
-            raise ValueError("is not zero: without it the method cannot reach z4 and beyond")
+            raise ValueError("must not be zero: without it the method cannot reach z4 and beyond")
         return amplitude
 
 
@@ -244,7 +244,7 @@ class SinusoidStepsOptions(LawOptions):
     @classmethod
     def _check_amplitude(cls, amplitude: float | list[float] | str) -> float | list[float] | str:
         if amplitude == 0 or (isinstance(amplitude, list) and 0 in amplitude):
-            raise ValueError("is not zero: a period without it moves nothing")
+            raise ValueError("must not be zero: a period without it moves nothing")
         return amplitude
 
 
@@ -287,9 +287,9 @@ class CollocationOptions(Table):
     )
     criterion: Literal["objective", "machine"] = Field(
         "objective",
-        description="Which of several paths found is taken: the one with the best objective, or the"
-        " one whose compensated plan leaves the path least on the emulated machines (E on 95 % of"
-        " 100; arms only; one compensation a path, some seconds).",
+        description="Which of the paths found is returned: the one with the best objective, or the"
+        " one whose compensated plan deviates least on the emulated machines (95th percentile of E"
+        " over 100 machines; arms only; each path takes some seconds).",
     )
     effort_weight: Annotated[float, Field(gt=0)] = Field(
         1.0, description="Weight of the effort beside the duration in the objective 'mixed'."
@@ -335,12 +335,12 @@ class CollocationOptions(Table):
         " duration; IPOPT otherwise and where Fatrop fails.",
     )
     tolerance: Accuracy = Field(1e-9, description="Solver tolerance.")
-    max_iterations: Iterations = Field(500, description="Solver iterations a start.")
+    max_iterations: Iterations = Field(500, description="Solver iterations per first guess.")
     time_limit_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
         None,
-        description="Seconds for planning; by default the search has 60 s of processor time. Then"
-        " the best verified plan found so far is returned, with the status 'time_limit'; without"
-        " one, a refusal says how far the search got.",
+        description="Seconds for planning; by default 60 s of processor time. When they are"
+        " over, the best verified plan found is returned with the status 'time_limit'; without one,"
+        " a refusal says how far the search got.",
     )
 
     @model_validator(mode="before")

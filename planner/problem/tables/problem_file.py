@@ -110,7 +110,7 @@ class FeedbackTable(Table):
     horizon_s: Annotated[float, Field(gt=0, le=60)] = Field(
         2.0,
         description="Horizon for limits, seconds. The cost covers the rest of the motion. With 1 s"
-        " the preparatory motion drives joints beyond the start, from where it must not turn back.",
+        " the preparatory motion drives joints beyond the start, and must not reverse from there.",
     )
     overtime_s: Annotated[float, Field(ge=0, le=60)] = Field(
         0.3,
@@ -132,7 +132,7 @@ class FeedbackTable(Table):
     )
     goal_error_deg: Annotated[float, Field(gt=0)] = Field(
         0.02,
-        description="The same at the end, degrees. A smaller value lets theta1 deviate further"
+        description="Such an error at the end, degrees. A smaller value lets theta1 deviate further"
         " from its path so that all joints reach the goal.",
     )
     correction: Annotated[float, Field(gt=0)] = Field(
@@ -140,8 +140,9 @@ class FeedbackTable(Table):
     )
     correction_step: Annotated[float, Field(gt=0)] = Field(
         0.05,
-        description="Unit of its change from one period to the next, likewise. A smaller value"
-        " excites the joints' shafts less; where links have inertia it is less by itself.",
+        description="Unit of change of the correction per period, as the same fraction. A smaller"
+        " value excites the joints' shafts less; if links have inertia, it is reduced"
+        " automatically.",
     )
     least_speed: Annotated[float, Field(ge=0, le=1)] = Field(
         0.5,
@@ -182,7 +183,7 @@ class NamedWaypoint(WaypointTable):
     q: dict[str, float | list[float]] = Field(
         min_length=1,
         description="Some coordinates; the others are free. NAME_deg is an angle in degrees and"
-        " NAME_m a length in m, as in start and goal (of angles that are numbered a list); NAME"
+        " NAME_m a length in m, as in start and goal (numbered angles take a list); NAME"
         " alone is in the coordinate's own unit (rad, m).",
     )
 
@@ -214,8 +215,8 @@ class ObstacleTable(Table):
     radius_m: Positive = Field(description="Its radius in metres.")
     clearance_m: Annotated[float, Field(ge=0)] = Field(
         0.0,
-        description="Least distance in metres that links keep from it: half their width, and what"
-        " the machine's error sweeps.",
+        description="Least distance in metres between links and disc: half the width of a link plus"
+        " the machine's error.",
     )
 
 
@@ -230,8 +231,8 @@ class GoalTable(Table):
     )
     duration_max: Positive | None = Field(
         None,
-        description="Most seconds for all that is run: a plan, or with what compensation adds to"
-        " it before, on the way and at the end; the plan is then made shorter.",
+        description="Longest duration of the whole run in seconds, including what compensation adds"
+        " before, during and after the plan; the plan is shortened to fit.",
     )
 
 

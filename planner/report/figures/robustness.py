@@ -266,12 +266,12 @@ def knee_sentence(curve: TradeOff) -> str:
     unit = {"effort": f" {effort_unit(curve.problem.system)}", "duration": " s", "peak": ""}
     cost = f"{curve.kind} {number(_cost(curve, knee))}{unit[curve.kind]}"
     if knee is first:
-        return f"the first point, {cost}, is the knee: more buys little"
+        return f"the first point, {cost}, is the knee: a higher cost gains little"
     what, before, after = "a total", first.total_deg, knee.total_deg
     if knee.passive_deg < PASSIVE_SHARE * first.passive_deg:
         what, before, after = "a passive block", first.passive_deg, knee.passive_deg
     reached, start = distinct_texts(after, before)
-    return f"at the knee {cost} buys {what} of {reached} instead of {start}"
+    return f"at the knee {cost} gives {what} of {reached} instead of {start}"
 
 
 def distinct_texts(*angles: float) -> list[str]:

@@ -182,8 +182,8 @@ def test_refusal_tells_how_many_were_tried(unlimited: planner.Problem) -> None:
 @pytest.mark.parametrize(
     ("method", "options", "message"),
     [
-        ("sinusoid", {"amplitude": 0.0}, "is not zero"),
-        ("sinusoid_steps", {"amplitude": [0.1, 0.0]}, "is not zero"),
+        ("sinusoid", {"amplitude": 0.0}, "must not be zero"),
+        ("sinusoid_steps", {"amplitude": [0.1, 0.0]}, "must not be zero"),
         ("sinusoid_steps", {"amplitude": [0.1]}, "has 1 values"),
         ("sinusoid_steps", {"shares": [1.0, 1.0]}, "has 2 parts"),
     ],

@@ -79,7 +79,7 @@ def test_columns_of_another_program_are_named_by_a_map(tmp_path: Path) -> None:
     np.testing.assert_allclose(log.theta, THETA, atol=1e-9)
     with pytest.raises(InputError, match=r"no column 'pos\[3\]' \(for theta1_rad\)"):
         read_log(path, {"theta1_rad": "pos[3]"})
-    with pytest.raises(InputError, match="'angle' is no quantity with its unit"):
+    with pytest.raises(InputError, match="'angle' is not a quantity with a unit"):
         read_log(path, {**dict(zip(ours, theirs, strict=True)), "angle": "temperature"})
 
 
@@ -137,7 +137,7 @@ def test_the_last_row_of_a_log_that_was_cut_is_left_out(tmp_path: Path) -> None:
     whole = write(tmp_path / "a.csv", HEADER, T, *U.T, *THETA.T).read_text("utf-8")
     for cut in (1, 2, 5, 9):
         (tmp_path / "b.csv").write_text(whole[:-cut], "utf-8")
-        with pytest.warns(InputWarning, match="line 102 does not end"):
+        with pytest.warns(InputWarning, match="line 102 has no line end"):
             log = read_log(tmp_path / "b.csv")
         np.testing.assert_allclose(log.theta, THETA[:-1], atol=1e-9)
 
@@ -160,7 +160,7 @@ def changed(column: int, row: int, value: float) -> list[np.ndarray]:
         (
             HEADER,
             changed(4, 7, np.nan),
-            r"line 9: column 'theta2_rad' is 'nan', which is no number",
+            r"line 9: column 'theta2_rad' is 'nan', which is not a number",
         ),
         (HEADER, changed(5, 30, 0.9), r"line 33: theta3 jumps from .* deg at t = 0\.31 s: a wrong"),
         (
@@ -171,13 +171,13 @@ def changed(column: int, row: int, value: float) -> list[np.ndarray]:
         (
             HEADER,
             [T, *U.T, *np.rad2deg(THETA[:, :1]).T, *THETA[:, 1:].T],
-            "is a unit in the header",
+            "check the units in the header",
         ),
-        (HEADER, [T, U[:, 0], 0 * T, *THETA.T], "or the sign or order of the motors"),
+        (HEADER, [T, U[:, 0], 0 * T, *THETA.T], "sign and order of the motors"),
         (
             HEADER,
             [T, U[:, 0], -U[:, 1], *THETA.T],
-            r"not turn as u2 .* \(correlation -1\.00\)",
+            r"not follow u2 \(correlation -1\.00\)",
         ),
         (HEADER, [T, *U.T[::-1], *THETA.T], "check sign and order of the motors' columns"),
         (

@@ -97,8 +97,8 @@ def test_windows_own_encoding_is_read_and_no_picture(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (POINTS.replace("995", "1_0"), r"line 3: column 'count' is '1_0', which is no number"),
-        (POINTS.replace("995", "nan"), r"line 3: column 'count' is 'nan', which is no number"),
+        (POINTS.replace("995", "1_0"), r"line 3: column 'count' is '1_0', which is not a number"),
+        (POINTS.replace("995", "nan"), r"line 3: column 'count' is 'nan', which is not a number"),
         (POINTS.replace("995", "1e999"), r"line 3: .*'1e999': too large a number"),
         (POINTS.replace("995", "12,34,567"), r"line 3: 5 cells, but .* names 3 columns"),
         (POINTS.replace("995", ""), r"line 3: column 'count' is empty"),
@@ -143,6 +143,6 @@ def test_blanks_are_held_or_are_no_numbers(tmp_path: Path) -> None:
 def test_a_line_that_does_not_end_may_be_left_out(tmp_path: Path) -> None:
     for end in ("3,4,1", "3,4,", "3,", "3"):
         (tmp_path / "a.csv").write_text("t_s,count,angle\n1,2,7\n2,3,7\n" + end, encoding="utf-8")
-        with pytest.warns(InputWarning, match=r"line 4 does not end: it may have been cut"):
+        with pytest.warns(InputWarning, match=r"line 4 has no line end: it may be cut off"):
             table = read_table(tmp_path / "a.csv", "", NAMES.__contains__, may_be_cut=True)
         assert len(table.rows) == 2

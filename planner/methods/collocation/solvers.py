@@ -1,6 +1,6 @@
 """The solvers behind one interface: IPOPT and Fatrop, through CasADi.
 
-Both get the same functions with the same derivatives; Fatrop also the stages they consist of.
+Both get the same functions and derivatives; Fatrop also gets their structure in stages.
 """
 
 from __future__ import annotations
@@ -21,34 +21,36 @@ from planner.support.arrays import Array
 from planner.support.solver_calls import IpoptCall, call_within
 
 NEAR_DISTANCE = 1e-4
-"""Distance to the bounds to begin with when the start is near the answer."""
+"""Initial distance to the bounds if the start is near the answer."""
 
 FATROP_ROWS = 1e-8
-"""Tolerance of the rows for Fatrop, whatever the objective's factor."""
+"""Tolerance of the rows for Fatrop, independent of the objective's factor."""
 
 FATROP_ITERATIONS = 100
-"""Where Fatrop solves a problem at all it needs tens of iterations."""
+"""Largest number of iterations of Fatrop; problems that it can solve need some tens."""
 
 FATROP_TOLERANCE = 1e-7
-"""Below this rounding keeps Fatrop from finishing where limits are active. Rows are as exact as
-ever; the objective is within 1e-7 of that of a sharper tolerance."""
+"""Tolerance of Fatrop. With less, rounding keeps it from finishing when limits are active. The rows
+are as accurate as with a smaller tolerance, and the objective differs by less than 1e-7."""
 
 FATROP_RELAXES = 1e-8
-"""By how much, relative to a bound or to one, Fatrop lets its iterates pass bounds."""
+"""Distance by which Fatrop's iterates may exceed bounds, relative to the bound or to one."""
 
 PATIENCE_S, PATIENCE_EACH_S = 5.0, 0.05
-"""Processor time for Fatrop to return, and for each interval more: over ten times what it takes."""
+"""Limit on Fatrop's processor time, s: constant part and part per interval, over ten times its
+need."""
 
 SHORT_CHAIN = 5
-"""Most coordinates of a short chain. Beyond, Fatrop is of no use: it eliminates the goal backwards
-through the inputs of the last few intervals, which leaves no digit; and there are many optima."""
+"""Largest number of coordinates of a short chain. For longer ones Fatrop fails, since it eliminates
+the goal backwards through the inputs of the last few intervals, which loses all digits; and there
+are many optima."""
 
 COARSE_INTERVALS = 40
-"""Intervals beyond which a path is refined, no longer searched."""
+"""A path on more intervals than this is being refined, not searched."""
 
 MANY_INTERVALS, MOST_ITERATIONS = 300, 120
-"""Intervals beyond which each iteration takes long, and those granted there; a good start needs
-few."""
+"""On more intervals than the first number each iteration takes long, and at most the second number
+of iterations is allowed; a good start needs few."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +58,11 @@ class Settings:
     """Options of the solver.
 
     Attributes:
-        tolerance: Of optimality and of the rows.
-        max_iterations: Iterations before it gives up.
+        tolerance: Tolerance of optimality and of the rows.
+        max_iterations: Largest number of iterations.
         near: Whether the start is close to the answer, as from a coarser mesh or looser limits.
-        direct: Whether the start is a straight line, and the answer hardly more.
-        solver: Who solves; "auto" lets the other try where the first fails.
+        direct: Whether the start is a straight line and the answer close to one.
+        solver: The solver; "auto" tries another if the first fails.
     """
 
     tolerance: float = 1e-9
@@ -72,13 +74,13 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class SolverAnswer:
-    """What a solver says.
+    """The answer of a solver.
 
     Attributes:
         vector: The unknowns, shape (size,).
-        finished: Whether it claims to have solved the problem.
-        status: In its own words.
-        iterations: How many it made.
+        finished: Whether it reports success.
+        status: Its own status text.
+        iterations: Number of iterations.
     """
 
     vector: Array
@@ -89,20 +91,20 @@ class SolverAnswer:
 
 @dataclass(frozen=True)
 class Strategy:
-    """How starts of one kind are solved.
+    """How to solve from starts of one kind.
 
     Attributes:
-        order: Solvers that are tried in turn, unless the settings name one.
-        weight: Factor of the objective for Fatrop. Its bound multipliers all begin at one, which
-            beside a small objective takes iterations to forget: a third of them from a straight
-            line. Far from the answer a large objective gets in the way of the rows.
-        barrier: To begin with, before that factor, for Fatrop; None for its own, 0.1.
-        ipopt: How IPOPT begins: with a barrier of its own, or one that adapts.
-        iterations: Most that are granted.
-        reference_s: Duration of a path that is looked for. A long one makes the effort small
-            beside the rows, which leads to paths of long chains more often, and to longer ones of
-            short chains.
-        guesses: First guesses for the arm that the ladder begins with.
+        order: Solvers to try in turn, unless the settings name one.
+        weight: Factor of the objective for Fatrop. Its bound multipliers all begin at one, and with
+            a small objective it takes a third of the iterations from a straight line to correct
+            them. Far from the answer a large objective slows down the convergence of the rows.
+        barrier: Initial barrier for Fatrop before that factor; None for its default, 0.1.
+        ipopt: Options of IPOPT for its initial barrier: fixed or adaptive.
+        iterations: Largest number of iterations.
+        reference_s: Duration in the search for a path. A long one makes the effort small relative
+            to the rows: then paths of long chains are found more often, but those of short chains
+            are longer.
+        guesses: Number of first guesses for the arm with which the ladder begins.
     """
 
     order: tuple[SolverName, ...]
@@ -119,8 +121,8 @@ _PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
 _CLOSE: dict[str, Any] = {"mu_init": 1e-6, **dict.fromkeys(_PUSHES, NEAR_DISTANCE)}
 
 STRATEGIES = {
-    # the answer is hardly more than the start: 4 to 20 iterations in 130 of 134 random problems
-    # that led to it, up to 50 where narrow limits are met
+    # the answer is close to the start: 4 to 20 iterations in 130 of the 134 random problems that
+    # converged, up to 50 if narrow limits are active
     "straight": Strategy(("fatrop", "ipopt"), 1e2, 1e-4, _ADAPTIVE, iterations=50),
     "straight, long chain": Strategy(("ipopt",), 1e2, 1e-4, _ADAPTIVE, iterations=50),
     # Fatrop takes half of IPOPT's time
@@ -129,20 +131,20 @@ STRATEGIES = {
     "near, many intervals": Strategy(("ipopt",), 1e3, 1e-5, _CLOSE, MOST_ITERATIONS),
     # Fatrop (1.1.8) is hardly faster here, and its iterates may be such that it never returns
     "far": Strategy(("ipopt",), 1.0, 1e-4, _ADAPTIVE),
-    # many optima: a large barrier that is lowered step by step leads to better ones, and does not
-    # lead a long way round along z2 = 0; nor does it crawl where a path is drawn inside its limits
+    # many optima: a large barrier that decreases stepwise finds better ones and avoids long detours
+    # along z2 = 0; it is also not slow when the limits of a path are tightened
     "far, winding": Strategy(("ipopt",), 1.0, None, {}),
     "far, long chain": Strategy(("ipopt",), 1.0, None, {}, reference_s=100.0, guesses=0),
 }
-"""Which solver, barrier and patience, in one place."""
+"""Solvers, barriers and iterations for each kind of start."""
 
 LADDER_ITERATIONS = {"guess": 300, "shortening": 100, "timing": 400}
-"""Iterations granted on the ladder: to each guess for the arm that it begins with, to a path that
-is shortened, and at least to the timing, where the path is long and already a motion."""
+"""Largest number of iterations on the ladder: for each guess for its first arm, and for shortening
+a path; and the least number for the timing of a long path that is already a motion."""
 
 
 def strategy(made: Transcription, settings: Settings) -> Strategy:
-    """The row of `STRATEGIES` for a transcription and a kind of start."""
+    """The entry of `STRATEGIES` for a transcription and a kind of start."""
     form = made.form
     short = made.system.size <= SHORT_CHAIN and not form.augmented
     if settings.near and form.intervals > MANY_INTERVALS:
@@ -165,14 +167,14 @@ def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:
 
 
 Backend = Callable[[Array, Bounds], SolverAnswer]
-"""From a start (size,) and the problem's numbers to an answer."""
+"""Computes an answer from a start (size,) and the problem's numbers."""
 
 
 class _Ipopt:
-    """IPOPT. Limits hold exactly at every iterate: bounds are not relaxed.
+    """IPOPT. Bounds are not relaxed, so every iterate keeps them exactly.
 
-    A near start keeps its distance to the bounds and begins with a small barrier. IPOPT's own warm
-    start, with multipliers, saved a few iterations more on easy problems and failed on long ones.
+    A near start keeps its distance to the bounds and begins with a small barrier. IPOPT's warm
+    start with multipliers saved a few more iterations on easy problems and failed on long ones.
     """
 
     def __init__(self, made: Transcription, settings: Settings) -> None:
@@ -207,10 +209,10 @@ class _Ipopt:
 
 
 class _Fatrop:
-    """Fatrop, which is told the stages.
+    """Fatrop, which uses the structure in stages.
 
-    CasADi's interface (3.8) forgets Fatrop's options when the pattern of fixed and free bounds
-    changes between two calls, so each pattern has a memory of its own.
+    CasADi's interface (3.8) loses Fatrop's options when the pattern of fixed and free bounds
+    changes between two calls, so each pattern has its own solver memory.
 
     Source: Vanroye et al., FATROP: A Fast Constrained Optimal Control Problem Solver for Robot
     Trajectory Optimization and Control, IROS 2023.
@@ -243,10 +245,10 @@ class _Fatrop:
         self._memories: dict[bytes, tuple[Any, Callable[[], None]]] = {}
 
     def __call__(self, start: Array, data: Bounds) -> SolverAnswer:
-        """Answer, or give the start back: the search for a direction may loop for ever.
+        """Solve; return the start if Fatrop does not return in time.
 
-        Such a call keeps what it works on; the next one gets all of it anew, and answers as if
-        nothing had been.
+        Its search for a direction may never end. The data of such a call stay in use; the next call
+        gets new data and is not affected.
         """
         answer = None
         try:
@@ -288,7 +290,7 @@ SOLVERS: dict[SolverName, Callable[[Transcription, Settings], Backend]] = {
 
 
 def backend(made: Transcription, settings: Settings) -> Backend:
-    """The solver that the settings name, made once for each transcription and settings."""
+    """The solver of the settings, cached for each transcription and settings."""
     if settings not in made.solvers:
         assert settings.solver != "auto", "`names` says who that is"
         made.solvers[settings] = SOLVERS[settings.solver](made, settings)
@@ -297,7 +299,7 @@ def backend(made: Transcription, settings: Settings) -> Backend:
 
 
 def _draw_in(lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Bounds drawn in by as much as Fatrop will relax them; fixed values stay."""
+    """Bounds tightened by the amount that Fatrop relaxes them; fixed values are unchanged."""
     low, high = lower + _relaxation(lower), upper - _relaxation(upper)
     wide = low < high
     return np.where(wide, low, lower), np.where(wide, high, upper)
@@ -308,7 +310,7 @@ def _relaxation(bound: Array) -> Array:
 
 
 def _values(program: Program) -> Any:
-    """What CasADi calls at the end, for f and g: gradients of the Lagrangian it leaves unread."""
+    """The function that CasADi calls at the end for f and g; its gradients are not used."""
     x, p = program.problem["x"], program.problem["p"]
     scale, duals = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", program.problem["g"].numel())
     unread = [ca.MX.zeros(x.numel()), ca.MX.zeros(p.numel())]
@@ -331,7 +333,11 @@ def _stages(made: Transcription) -> dict[str, Any]:
 def _nlpsol(
     made: Transcription, name: str, functions: dict[str, Any], options: dict[str, Any]
 ) -> Any:
-    """CasADi's solver with our derivatives in place of those it would form."""
+    """CasADi's solver with our derivatives instead of its own.
+
+    CasADi finds them by the names under which its solver asks for them (for IPOPT nlp_jac_g and
+    nlp_hess_l). It silently ignores other names, so check that a wrong derivative has an effect.
+    """
     program = made.program
     known: dict[str, Any] = {
         "nlp_f": program.f,

@@ -1,6 +1,6 @@
 """One problem on one transcription, ready to be solved from any start.
 
-What a solver says of itself is checked: rows are evaluated anew.
+A solver's report of success is checked: the rows are evaluated again.
 """
 
 from __future__ import annotations
@@ -40,21 +40,21 @@ ACCEPTED_RESIDUAL = 1e-7
 """Largest excess of a row over its bounds, in its own unit, that counts as solved."""
 
 FEASIBLE_RESIDUAL = 1e-5
-"""Residual up to which one solver's last iterate is a better start for the other than the first."""
+"""If the residual of a solver's last iterate is below this, the next solver starts from it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Where the solver stopped.
+    """The result of a solver.
 
     Attributes:
         iterate: The unknowns by name.
         objective: Value of the objective.
-        residual: Largest excess of a row or unknown over its bounds, evaluated anew, in natural
+        residual: Largest excess of a row or unknown over its bounds, evaluated again, in natural
             units.
         ok: Whether the solver finished and the residual is small enough.
-        status: What the solver says of itself.
-        iterations: How many it made.
+        status: The solver's own status text.
+        iterations: Number of iterations.
     """
 
     iterate: Iterate
@@ -67,18 +67,18 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What is solved, and how.
+    """A problem on a transcription, with all that is needed to solve it.
 
     Attributes:
         problem: Start, goal and limits.
-        requirements: What of it may be broken between the nodes.
-        objective: What is made least.
+        requirements: The requirements that may be broken between the nodes.
+        objective: The objective.
         made: The transcription.
         mesh: Its mesh.
-        demands: What is asked of the inputs beside the problem's limits.
+        demands: Demands on the inputs beside the problem's limits.
         settings: Options of the solver.
-        drawn: By how much each part of what is kept is drawn in, shape (K, R).
-        build_time_s: Seconds it took to make the transcription; zero if it was there.
+        drawn: Amounts by which the parts of the requirements are tightened, shape (K, R).
+        build_time_s: Time to build the transcription, s; zero if it was cached.
     """
 
     problem: Problem
@@ -100,7 +100,7 @@ class Task:
     def solve(self, start: Iterate, near: bool = False) -> Solution:
         """Solve from a start, which may be near the answer.
 
-        The other solver tries where the first fails and both are allowed.
+        If the first solver fails, the next one allowed is tried.
         """
         made, data, settings = self.made, self.bounds, replace(self.settings, near=near)
         iterations, found = 0, None
@@ -122,39 +122,39 @@ class Task:
         return found
 
     def solve_near(self, start: Iterate) -> Solution:
-        """Solve from a start near the answer, or else from it as from any other."""
+        """Solve from a start near the answer; if that fails, as from any other start."""
         found = self.solve(start, near=True)
         return found if found.ok else self.solve(start)
 
     def judge(self, iterate: Iterate) -> Solution:
-        """An iterate that no solver has touched; ok if it keeps the task's rows and bounds."""
+        """An iterate as a solution, without a solver; ok if it keeps the task's rows and bounds."""
         data = self.bounds
         vector = self.made.layout.pack(iterate, data.widths) / data.units
         answer = SolverAnswer(vector, True, "a motion, not the best", 0)
         return _check(self.made, data, answer, FEASIBLE_RESIDUAL)
 
     def curve(self, iterate: Iterate) -> StateTrajectory:
-        """The motion an iterate describes."""
+        """The motion that an iterate describes."""
         return curve(self.made.system, self.made.form, self.mesh, iterate)
 
     def motion(self, iterate: Iterate) -> Array:
-        """The system's motion that the iterate's input really makes, see `resimulate`."""
+        """The true motion under the iterate's input, see `resimulate`."""
         made = self.made
         states = resimulate(made.moved, self.mesh, iterate, made.start(self.problem))
         return states[..., : made.system.size]
 
     def motion_apart(self, iterate: Iterate) -> Array:
-        """The same in each interval from the iterate's own node, shape (K, M, N)."""
+        """The true motion in each interval from the iterate's own node, shape (K, M, N)."""
         states = resimulated_apart(self.made.moved, self.mesh, iterate)
         return states[..., : self.made.system.size]
 
     def on_mesh(self, mesh: Mesh) -> Task:
-        """The same task on another mesh, limits not drawn in."""
+        """The same task on another mesh, without tightened limits."""
         form = replace(self.made.form, intervals=len(mesh.widths))
         return task(self.problem, self.objective, form, mesh, self.demands, self.settings)
 
     def for_problem(self, problem: Problem, objective: Objective) -> Task:
-        """The same mesh and limits drawn in for another problem of the same system."""
+        """The same mesh and tightened limits for another problem of the same system."""
         made = self.made.form, self.mesh, self.demands, self.settings
         return replace(task(problem, objective, *made), drawn=self.drawn)
 
@@ -172,11 +172,11 @@ def task(
     demands: InputDemands,
     settings: Settings,
 ) -> Task:
-    """Prepare a task: transcription and solver are made now unless they were made before.
+    """Prepare a task; transcription and solver are built unless they are cached.
 
-    Whether the duration is an unknown of the form, what it keeps, and the units in which it is
-    solved, is for the problem to say; of desensitised plans, whose states respond to errors in the
-    units of these, the units are the problem's.
+    The problem determines whether the duration is an unknown, which requirements the form has, and
+    its natural units. Desensitised plans use the problem's own units, since their states are
+    responses to errors in these units.
     """
     requirements = kept_between_nodes(problem)
     at_edges = [each for each in (*problem.final, problem.on_the_way) if each.parts]
@@ -195,7 +195,7 @@ def task(
 
 
 def _check(made: Transcription, data: Bounds, answer: SolverAnswer, accepted: float) -> Solution:
-    """An answer, whose word is not taken for it."""
+    """A solver's answer as a solution, with its rows evaluated again."""
     objective, rows, iterate = made.outcome(answer.vector, data.parameters)
     values = np.concatenate([rows, answer.vector])
     lower = np.concatenate([data.row_lower, data.lower])
@@ -220,7 +220,7 @@ def transfer(old: Task, iterate: Iterate, new: Task) -> Iterate:
 
 
 def iterate_of_inputs(job: Task, duration: float, inputs: Array) -> Iterate:
-    """The iterate that inputs, in the shape of `Iterate.inputs`, lead to from the start."""
+    """The iterate of the motion from the start under inputs in the shape of `Iterate.inputs`."""
     made, tau = job.made, job.made.form.scheme.points * STEPS
     shape = made.form.intervals, made.form.degree, made.moved.size
     still = Iterate(duration, np.empty(0), np.empty(shape), inputs)
@@ -232,18 +232,18 @@ def iterate_of_inputs(job: Task, duration: float, inputs: Array) -> Iterate:
 
 
 def stretch_to(iterate: Iterate, duration: float) -> Iterate:
-    """The same path in another time: the systems are driftless, so it stays a motion."""
+    """The same path in another duration; it stays a motion, since the systems are driftless."""
     factor = iterate.duration / duration
     return replace(iterate, duration=duration, inputs=iterate.inputs * factor)
 
 
 def _ask(made: Transcription, settings: Settings, start: Array, data: Bounds) -> SolverAnswer:
-    """What a solver answers; one that raises an error gives the start back, as one that fails."""
+    """The answer of a solver; if it raises an error, a failed answer with the start."""
     try:
         return backend(made, settings)(start, data)
-    except (RuntimeError, ArithmeticError) as error:  # what CasADi makes of errors in C++
+    except (RuntimeError, ArithmeticError) as error:  # CasADi raises these for errors in C++
         if lacks_memory(error):
             raise
-        made.solvers.pop(settings, None)  # it may be left in any state
+        made.solvers.pop(settings, None)  # its state is unknown after an error
         words = str(error).strip().rpartition("\n")[2]
         return SolverAnswer(start, False, f"Raised_Error: {words[:80]}", 0)

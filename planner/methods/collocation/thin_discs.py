@@ -1,7 +1,8 @@
-"""Thin discs: links pass over them between two places at which they are looked at.
+"""Thin discs, which links could pass over between two nodes of the mesh.
 
-So paths are looked for among thicker discs, which then shrink: whoever clears a thick disc clears a
-thin one at the same place. A path that would pass over a thinner disc stays as it was before.
+So paths are first found with thickened discs, which then shrink: a path that clears a thick disc
+also clears a thin one at the same place. If a path would pass over a thinner disc, the previous
+path is kept.
 """
 
 from __future__ import annotations
@@ -15,18 +16,18 @@ from planner.problem.problem import Problem
 from planner.systems.triangular_system import PlanarArm
 
 LEAST_THICKNESS = 0.025
-"""Least radius of a disc, with its clearance, in lengths of the arm: as far as the tip moves
-between two places of a search's mesh in a motion of about three radians."""
+"""Least radius of a disc, including its clearance, in lengths of the arm. The tip moves by this
+much between two nodes of a search's mesh in a motion of about three radians."""
 
 SHRINKING = 4.0
-"""Times that discs get thinner at each step."""
+"""Factor by which discs get thinner at each step."""
 
 NEAREST_SHARE = 0.9
-"""Share of the links' distance at start and goal that a disc may grow by."""
+"""Share of the links' distance at start and goal by which a disc may grow."""
 
 
 def thicknesses(problem: Problem) -> Iterator[Problem]:
-    """The problem with thin discs thickened, less and less, and at last as it is."""
+    """The problem with thickened discs, from thick to thin, then the problem itself."""
     if problem.obstacles and isinstance(problem.system, PlanarArm):
         thickness = LEAST_THICKNESS * float(np.sum(problem.system.link_lengths))
         thinnest = min(disc.radius + disc.clearance for disc in problem.obstacles)
@@ -37,7 +38,8 @@ def thicknesses(problem: Problem) -> Iterator[Problem]:
 
 
 def _thickened(problem: Problem, thickness: float) -> Problem:
-    """Thin discs as thick as this, or as start, goal and waypoints allow."""
+    """The problem with thin discs thickened to `thickness`, as far as start, goal and waypoints
+    allow."""
     places = (problem.start, problem.likely.goal, *(point.q for point in problem.waypoints))
     whole = np.array([q[1:] for q in places if not np.isnan(q[1:]).any()])
     points = problem.system.arm_points(whole)  # type: ignore[attr-defined]

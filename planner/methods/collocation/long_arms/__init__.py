@@ -1,1 +1,1 @@
-"""Paths for arms where no guess leads anywhere: `ladder`, `bridges`, `exact_motion`."""
+"""Paths for arms where all first guesses fail: `ladder`, `bridges`, `exact_motion`."""

@@ -1,6 +1,7 @@
-"""Gaps closed: at each step the nearest motion whose gaps are a little smaller.
+"""Close the gaps of a path: each step finds the nearest path whose gaps are a little smaller.
 
-One piece of a path: constant inputs for a unit of time, by a few Runge-Kutta steps.
+A path consists of pieces with constant inputs over a unit of time, integrated by a few Runge-Kutta
+steps.
 """
 
 from __future__ import annotations
@@ -22,25 +23,26 @@ from planner.systems.triangular_system import TriangularSystem
 Index = NDArray[np.int64]
 
 FIRST_SHARE, LEAST_SHARE = 0.3, 4e-3
-"""Shares of the gaps below which a step is given up: the first one soon, since a chain that cannot
-lose a third of its gaps at once has never been seen to lose less."""
+"""A step is given up if it would close less than this share of the gaps: `FIRST_SHARE` for the
+first step, since a chain that cannot close a third at once has never closed less; `LEAST_SHARE`
+later."""
 
 QUICK_ITERATIONS = 25
-"""Iterations after which a step counts as hard, and the next is no longer."""
+"""A step with more iterations is hard, and the next step is not larger."""
 
 ITERATIONS = 40
 PATIENCE = 200
-"""Iterations in all after which a continuation is given up: others are quicker than a hard one."""
+"""Largest number of iterations of a continuation; another attempt is faster than a hard one."""
 
 RESIDUAL = 1e-6
 CORRECTIONS, PARTS = 2, 8
-"""Times that an exact chain is corrected, and parts in which each of its pieces is integrated: more
-than whoever judges it takes, or two equal errors would pass for none."""
+"""Number of corrections of an exact chain, and of parts in which each of its pieces is integrated.
+That is finer than in the later check, which would otherwise make the same error and not see it."""
 
 
 @dataclass(frozen=True, eq=False)
 class PieceChain:
-    """Pieces one after the other.
+    """A path of K pieces with gaps between them.
 
     Attributes:
         q: Coordinates before each piece and at the end, shape (K+1, N).
@@ -55,11 +57,11 @@ class PieceChain:
 
 @dataclass(frozen=True, eq=False)
 class ChainEnds:
-    """What a closed chain must keep.
+    """Ends and limits of a closed chain.
 
     Attributes:
-        start: Shape (N,).
-        goal: Shape (N,), NaN where free.
+        start: Start, shape (N,).
+        goal: Goal, shape (N,), NaN where free.
         limit: Largest |q|, shape (N,).
     """
 
@@ -69,7 +71,7 @@ class ChainEnds:
 
     @classmethod
     def of(cls, problem: Problem, share: float = 1.0) -> ChainEnds:
-        """Those of a problem, with a share of its limits, but start and goal always inside."""
+        """The ends of a problem with a share of its limits, widened to contain start and goal."""
         given = np.fmax(np.abs(problem.start), np.abs(problem.target))
         limit = np.fmax(share * problem.limits.joint, given)
         return cls(problem.start, problem.target, limit)
@@ -80,7 +82,7 @@ def cut_finer(
 ) -> PieceChain:
     """The chain cut so that no limited coordinate turns by more than `turn` in a piece.
 
-    Each piece is cut into `least` parts at least. What the longer pieces got wrong becomes gaps.
+    Each piece is cut into at least `least` parts. The errors of the longer pieces become gaps.
     """
     parts, piece, share = cuts(chain.q, limited, turn, least)
     before = ends_of(system, chain.q[:-1][piece], chain.u[piece] * share[:, None])
@@ -90,10 +92,11 @@ def cut_finer(
 
 
 def cuts(q: Array, limited: list[int], turn: float, least: int = 1) -> tuple[Index, Index, Array]:
-    """How to cut pieces between q (K+1, N) so that no limited coordinate turns by more in a part.
+    """How to cut pieces between q (K+1, N) so that no limited coordinate turns by more than `turn`.
 
     Returns:
-        Parts of each piece, shape (K,); for each part its piece and the share of it that is before.
+        Number of parts of each piece, shape (K,); for each part its piece, and its start as a
+        fraction of the piece.
     """
     turns = np.max(np.abs(np.diff(q, axis=0)[:, limited]), axis=1)
     parts = np.maximum(least, np.ceil(turns / turn)).astype(int)
@@ -104,12 +107,12 @@ def cuts(q: Array, limited: list[int], turn: float, least: int = 1) -> tuple[Ind
 def close_gaps(
     system: TriangularSystem, chain: PieceChain, ends: ChainEnds
 ) -> tuple[PieceChain | None, float]:
-    """The chain without its gaps, or None where the continuation is stuck; and the share closed.
+    """The chain without its gaps, or None if the continuation fails; and the share closed.
 
     Args:
-        system: What moves.
-        chain: With gaps.
-        ends: What the answer keeps.
+        system: The system.
+        chain: The chain with gaps.
+        ends: Ends and limits of the result.
     """
     nearest = _nearest(system, len(chain.u))
     share, step, iterations = 0.0, 1.0, 0
@@ -131,7 +134,7 @@ def close_gaps(
 
 
 def make_exact(system: TriangularSystem, chain: PieceChain, ends: ChainEnds) -> PieceChain | None:
-    """The nearest chain that is a motion to more digits than one piece's Runge-Kutta steps have."""
+    """The nearest chain that is a motion, more accurately than the Runge-Kutta steps of a piece."""
     for _ in range(CORRECTIONS):
         error = _fine_ends(system, chain) - ends_of(system, chain.q[:-1], chain.u)
         found, _ = _nearest(system, len(chain.u))(chain, error, ends)
@@ -142,7 +145,7 @@ def make_exact(system: TriangularSystem, chain: PieceChain, ends: ChainEnds) -> 
 
 
 def _fine_ends(system: TriangularSystem, chain: PieceChain) -> Array:
-    """Where the pieces lead, shape (K, N), in steps as short as parts of them."""
+    """Ends of the pieces, shape (K, N), integrated in `PARTS` parts each."""
     q = chain.q[:-1]
     for _ in range(PARTS):
         q = ends_of(system, q, chain.u / PARTS)
@@ -150,7 +153,7 @@ def _fine_ends(system: TriangularSystem, chain: PieceChain) -> Array:
 
 
 class _Nearest:
-    """The chain nearest to another, with given gaps, within limits, by IPOPT.
+    """The chain nearest to another one, with given gaps and within limits, by IPOPT.
 
     The unknowns are (q₀, u₀, q₁, u₁, …, q_K); the derivatives are those of one piece, repeated.
     """
@@ -228,7 +231,7 @@ def _programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any], di
 
 
 def _jacobian(size: int, count: int, by_q: Any, by_u: Any) -> Any:
-    """Rows of piece k: minus its slopes at (q_k, u_k), and one at q_(k+1)."""
+    """Rows of piece k: minus its derivatives at (q_k, u_k), and one at q_(k+1)."""
     blocks = ca.vertcat(ca.reshape(by_q, size * size, count), ca.reshape(by_u, size * 2, count))
     entries = ca.vertcat(ca.vec(-blocks), ca.MX(ca.DM.ones(size * count)))
     k, column, row = np.meshgrid(
@@ -282,7 +285,7 @@ _QUIET: dict[str, Any] = {
 
 
 STEPS = 3
-"""Runge-Kutta steps a piece; `cut_finer` and `make_exact` see to what they leave over."""
+"""Runge-Kutta steps per piece; `cut_finer` and `make_exact` correct their errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,9 +293,9 @@ class Piece:
     """CasADi functions of (q, u), u being the inputs' integrals over the piece.
 
     Attributes:
-        end: Where the piece leads, N.
-        slopes: Jacobians of that with respect to q (N × N) and u (N × 2), dense.
-        curvature: Of (q, u, λ): Hessian of λ · end with respect to (q, u), dense.
+        end: End of the piece, N.
+        slopes: Jacobians of the end with respect to q (N × N) and u (N × 2), dense.
+        curvature: Function of (q, u, λ): Hessian of λ · end with respect to (q, u), dense.
     """
 
     end: Any
@@ -318,5 +321,5 @@ def piece(system: TriangularSystem) -> Piece:
 
 
 def ends_of(system: TriangularSystem, q: Array, u: Array) -> Array:
-    """Where pieces lead, shape (M, N), from q (M, N) under u (M, 2)."""
+    """Ends of pieces, shape (M, N), from q (M, N) under u (M, 2)."""
     return np.asarray(piece(system).end.map(len(q))(q.T, u.T)).T

@@ -1,6 +1,6 @@
-"""A path kept as it is: made exact and run as fast as the limits allow, but no shorter.
+"""Turn a path into an exact motion, as fast as the limits allow, without shortening it.
 
-Where a path is too long for a solver to make it the best of its kind, it is a motion all the same.
+This is for paths that are too long for a solver to optimise.
 """
 
 from __future__ import annotations
@@ -26,37 +26,38 @@ from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.support.arrays import Array
 
 DEGREE = 5
-"""Collocation points in an interval of a path kept: few wide intervals are exact enough."""
+"""Collocation points per interval of such a path; few wide intervals are accurate enough."""
 
 MOST_TURN, HALVINGS = 0.4, 2
-"""Most that a limited coordinate turns in an interval, rad; and times that all intervals are halved
-where that is too coarse: in most of them little turns, and many small errors add up."""
+"""Largest turn of a limited coordinate in an interval, rad; and largest number of times that all
+intervals are halved if that is too coarse. In most intervals little turns, but small errors add
+up."""
 
 COARSE_TURN = 0.3
-"""The same for the pieces of a solution whose mesh was too coarse."""
+"""Largest turn in a piece made from a solution whose mesh was too coarse, rad."""
 
 FREE_LIMIT_SHARE = 1e-4
-"""Share of the joint limits that is kept free, for what lies between the nodes."""
+"""Share of the joint limits that is left free for the motion between the nodes."""
 
 
 def has_only_limits(job: Task) -> bool:
-    """Whether a task asks no more of a path than limits on joints and inputs."""
+    """Whether a task has no requirements on a path except limits on joints and inputs."""
     may_jump = not (job.demands.rest or job.objective.smooth or job.problem.reads("du"))
     plain = all(required.is_direct for required in job.problem.requirements)
     return may_jump and plain and not (job.problem.waypoints or job.made.form.augmented)
 
 
 def exact_motion(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution] | None:
-    """The task on the path's own mesh, and the path as its solution; None where it is none.
+    """The task on the path's own mesh, and the path as its solution; None if it is not one.
 
     Args:
-        job: What is asked for, see `has_only_limits`.
-        chain: The path; small gaps are mended.
-        accuracy: As for `refine.polish`.
+        job: The task, see `has_only_limits`.
+        chain: The path; small gaps are closed.
+        accuracy: See `refine.polish`.
     """
     system = job.problem.system
     places = ChainEnds.of(job.problem, 1 - FREE_LIMIT_SHARE)
-    if free := list(job.problem.free):  # the path's end is a goal, and stays it
+    if free := list(job.problem.free):  # fix the free joints at the path's end
         goal = places.goal.copy()
         goal[free] = chain.q[-1, free]
         places = replace(places, goal=goal)
@@ -78,7 +79,7 @@ def exact_motion(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, S
 
 
 def _duration(job: Task, path: Iterate) -> float | None:
-    """The duration asked for, or the least that the limits allow; None if the one is too short."""
+    """The given duration, or the least that the limits allow; None if the given is too short."""
     wanted, needed = job.problem.duration, needed_duration(job.problem, job.mesh, path)
     if wanted is None:
         return needed or path.duration
@@ -86,7 +87,7 @@ def _duration(job: Task, path: Iterate) -> float | None:
 
 
 def chain_of(job: Task, solution: Solution) -> PieceChain:
-    """A solution's path in pieces of constant input; what they get wrong are small gaps."""
+    """A solution's path in pieces of constant input; their errors are small gaps."""
     iterate, limited = solution.iterate, list(job.problem.system.limited)
     parts, interval, share = cuts(iterate.nodes, limited, COARSE_TURN)
     width = job.mesh.widths[interval]
@@ -99,9 +100,9 @@ def chain_of(job: Task, solution: Solution) -> PieceChain:
 
 
 def follow(job: Task, chain: PieceChain, degree: int = 0) -> tuple[Task, Iterate]:
-    """The job on the path's mesh, and the path at the speed the limits allow.
+    """The job on the path's mesh, and the path at the speed that the limits allow.
 
-    With as many collocation points in each interval at least as `degree` says.
+    Each interval has at least `degree` collocation points.
     """
     seconds = np.max(np.abs(chain.u) / job.problem.limits.input_scale, axis=1)
     kept = seconds > 1e-9 * np.sum(seconds)
@@ -113,7 +114,7 @@ def follow(job: Task, chain: PieceChain, degree: int = 0) -> tuple[Task, Iterate
 
 
 def _with_constant_inputs(job: Task, degree: int) -> Task:
-    """The job with constant inputs in each interval, as the path has them, where they may jump."""
+    """The job with constant inputs in each interval, like the path, if inputs may jump."""
     form = job.made.form
     wanted = replace(form, degree=max(form.degree, degree))
     if has_only_limits(job):

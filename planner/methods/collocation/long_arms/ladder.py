@@ -1,16 +1,15 @@
-"""Paths of long arms by way of shorter ones: rung by rung a joint is put in front.
+"""Paths of long arms from those of shorter arms: each step ("rung") adds a joint in front.
 
-The arm of the last few joints finds its path by the search for paths; each joint more is made to
-drive what is behind it (`planner.methods.collocation.long_arms.ladder`), which always succeeds
-where stretches are short. The path is then timed; one that is too long for a solver, or that it
-cannot better, is kept as it is.
+The arm of the last few joints gets its path by the usual search. Then each further joint is made to
+drive those behind it, which always succeeds if the stretches are short enough. The path is then
+timed. A path that is too long for a solver, or that the solver cannot improve, is used as it is.
 
-A path of an arm from a path of the arm without its first joint.
+One rung turns a path of the arm without its first joint into a path of the arm. With joint 1 at
+rest at θ₁ the drive moves φ and all joints after the second cosθ₁ times as fast as in the shorter
+arm, and θ₂ cos³θ₁ k₂ times as fast as u₁. So driving at two angles of joint 1 in turn moves the
+shorter arm by any drive and any turn of its own first joint, in any ratio: it follows any path of
+the shorter arm, the more closely the shorter the stretches are.
 
-With joint 1 at rest at θ₁ the drive moves all joints after the second, and φ, cosθ₁ times as fast
-as it does in the shorter arm, and θ₂ cos³θ₁ k₂ times as fast as u₁. So driving at two angles of
-joint 1 in turn moves the shorter arm by any drive and any turn of its own first joint, whatever
-their ratio: along any path of the shorter arm, as closely as the stretches are short.
 
 Sources: the reduction of one stage at a time is that of Lafferriere and Sussmann, A differential
 geometric approach to motion planning (Nonholonomic Motion Planning, Kluwer 1993).
@@ -53,27 +52,29 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 ENOUGH_PATHS = 6
-"""Paths of the arm of the last joints that are enough."""
+"""Number of paths to find for the arm of the last joints."""
 
 LARGEST_GAPS = (0.12, 0.05, 0.02)
-"""Largest gaps, rad, that a joint in front may leave; smaller where only a part of them closes."""
+"""Largest gaps that a joint in front may leave, rad; smaller ones are tried if gaps do not
+close."""
 
 MOST_SHORTENED = 5000
-"""Most pieces of a path that is shortened."""
+"""A path with more pieces than this is not shortened."""
 
 FREE_LIMIT_SHARE = 0.1
-"""Share of the joint limits that is kept free a rung, for what the rungs above add. The best path
-runs along its limits; with 0.02 what joint 1 adds broke them by 0.2 to 0.5 rad where joints have
-40 degrees, and no nearest chain was left."""
+"""Share of the joint limits that each rung leaves free for the motions that later rungs add. The
+best path runs along its limits. With 0.02 the motions of joint 1 broke limits of 40 degrees by 0.2
+to 0.5 rad, and no nearest chain existed."""
 
 MOST_SOLVED_INTERVALS = 300
-"""Intervals beyond which a path is kept as it is."""
+"""A path with more intervals than this is not optimised."""
 
 
 def find_arm_path(job: Task) -> tuple[PieceChain, int] | None:
-    """A path within the joint limits, and the number of joints of the arm that it began with.
+    """A path within the joint limits, and the number of joints of the arm with which it began.
 
-    z2, discs and waypoints are not looked at. None where the system is no arm, or there is none.
+    Limits of z2, discs and waypoints are ignored. None if the system is not an arm or no path is
+    found.
     """
     system = job.problem.system
     if not isinstance(system, Manipulator) or system.n < 3 or not has_only_limits(job):
@@ -93,7 +94,7 @@ def time_arm_path(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, 
 
 
 def _solve_timing(own: Task, path: Iterate) -> Solution:
-    """The path's timing; a last iterate that is a motion is one, if not the best."""
+    """Solve the path's timing; if the last iterate is a motion, it counts as a solution."""
     settings = own.settings
     patient = replace(
         settings, max_iterations=max(settings.max_iterations, LADDER_ITERATIONS["timing"])
@@ -105,7 +106,7 @@ def _solve_timing(own: Task, path: Iterate) -> Solution:
 
 
 def _lift_shorter_path(job: Task) -> tuple[PieceChain, int] | None:
-    """The path, and the number of joints of the arm it began with."""
+    """The path, and the number of joints of the arm with which it began."""
     problem = job.problem
     short = _shorter_arm_task(job)
     below = _search_path(short)
@@ -126,7 +127,7 @@ def _lift_shorter_path(job: Task) -> tuple[PieceChain, int] | None:
 
 
 def _shorten(job: Task, path: PieceChain, ends: ChainEnds) -> PieceChain:
-    """The path, or the one of least effort next to it if that takes less driving and turning."""
+    """The path, or the one of least effort near it if that needs less driving and turning."""
     own, iterate = follow(job, path)
     if len(own.mesh.widths) > MOST_SHORTENED:
         return path
@@ -143,9 +144,9 @@ def _length(path: PieceChain) -> float:
 
 
 def _search_path(job: Task) -> tuple[PieceChain, int] | None:
-    """The shortest path that a few guesses lead to, as `_lift_shorter_path`.
+    """The shortest path found from a few guesses, as in `_lift_shorter_path`.
 
-    None too where it is a path on its coarse mesh only.
+    None also if it is a path only on its coarse mesh.
     """
     guesses = strategy(job.made, job.settings).guesses
     settings = replace(job.settings, max_iterations=LADDER_ITERATIONS["guess"])
@@ -172,24 +173,24 @@ def _shorter_arm_task(job: Task) -> Task:
 
 
 OTHER_ANGLE = np.deg2rad(60.0)
-"""The other angle of joint 1, beside zero: near it the sum of drives and turns is least."""
+"""The second angle of joint 1, beside zero; near it the sum of drives and turns is least."""
 
 LONGEST_STRETCH, HALVINGS = 0.8, 12
-"""Longest stretch, turn and drive added, rad, and times that it may be halved."""
+"""Largest sum of turn and drive in a stretch, rad, and largest number of its halvings."""
 
 NEGLIGIBLE_RAD = 1e-9
-"""Turns and drives, rad, that are left out."""
+"""Smaller turns and drives are left out, rad."""
 
 
 def lift(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> PieceChain:
-    """The path of joints 2 … n, made by all of them; with gaps.
+    """A path of all joints that moves joints 2 … n along a given path, with gaps.
 
     Args:
         system: The arm, n ≥ 3.
-        path: Of `system.shorter()`.
-        ends: Of the arm.
-        gap: Largest gap, rad, that is left, and four times what limits may be broken by; where
-            either is larger, stretches are cut in half.
+        path: The path of `system.shorter()`.
+        ends: Ends and limits of the arm.
+        gap: Largest gap to leave, rad; limits may be exceeded by a quarter of it. Stretches with
+            more are halved.
     """
     known = np.append(0.0, np.cumsum(np.sum(np.abs(path.u), axis=1)))
     edges = np.linspace(0.0, known[-1], 1 + max(1, int(np.ceil(known[-1] / LONGEST_STRETCH))))
@@ -208,9 +209,9 @@ def lift(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> 
 def _lifted_chain(
     system: Manipulator, path: PieceChain, known: Array, ends: ChainEnds, edges: Array
 ) -> tuple[PieceChain, Index]:
-    """The chain for stretches between these lengths of path, and the stretch of each piece.
+    """The chain for stretches between the path lengths `edges`, and the stretch of each piece.
 
-    `known` are the lengths at the path's own nodes.
+    `known` are the path lengths at the path's own nodes.
     """
     places, moves = _stretches(system.shorter(), path, known, edges)
     u, before = _drives(system, moves, ends)
@@ -222,7 +223,7 @@ def _lifted_chain(
 def _stretches(
     short: Manipulator, path: PieceChain, known: Array, edges: Array
 ) -> tuple[Array, Array]:
-    """Places between the stretches, (S+1, n), drive and turn in each, (S, 2)."""
+    """Coordinates between the stretches, (S+1, n), and drive and turn in each, (S, 2)."""
     sums = np.vstack([np.zeros(2), np.cumsum(path.u, axis=0)])
     at = np.stack([np.interp(edges, known, column) for column in sums.T], axis=-1)
     piece = np.clip(np.searchsorted(known, edges[:-1], side="right") - 1, 0, len(path.u) - 1)
@@ -231,7 +232,7 @@ def _stretches(
 
 
 def _drives(system: Manipulator, moves: Array, ends: ChainEnds) -> tuple[Array, Array]:
-    """Turn, drive, turn and drive in each stretch, shape (S+1, 4, 2), and θ₁ before each.
+    """Turn, drive, turn and drive in each stretch, shape (S+1, 4, 2), and θ₁ before each of them.
 
     The last entry is the turn to the goal.
     """
@@ -251,9 +252,9 @@ def _drives(system: Manipulator, moves: Array, ends: ChainEnds) -> tuple[Array, 
 def _angles_and_drives(
     drive: float, turn: float, angle: float, other: float
 ) -> list[tuple[float, float]]:
-    """Angles of joint 1 and drives at them, the nearer angle first.
+    """Angles αₖ of joint 1 and drives xₖ at them, the nearer angle first.
 
-    Σ xₖ cosαₖ = drive and Σ xₖ cos³αₖ = turn; one angle does where the ratio allows.
+    They satisfy Σ xₖ cosαₖ = drive and Σ xₖ cos³αₖ = turn; one angle is enough if the ratio allows.
     """
     least = np.cos(other) ** 2
     if least * drive**2 <= turn * drive <= drive**2 and drive:
@@ -265,7 +266,7 @@ def _angles_and_drives(
 
 
 def _pieces(system: Manipulator, q: Array, u: Array, last: Array) -> tuple[PieceChain, Index]:
-    """One piece for each turn and drive; what lies between it and the next place is a gap."""
+    """One piece for each turn and drive; its distance from the next coordinates is a gap."""
     before = [q]
     for part in range(u.shape[1] - 1):
         before.append(ends_of(system, before[-1], u[:, part]))

@@ -125,7 +125,7 @@ def _against(row: Row, rival: Row, worse: bool) -> str:
         )
     costs = _costs(rival, row)
     more = f", which takes {costs}" if costs else ""
-    return f" The paired test finds no difference that matters to {name}{more}."
+    return f" The paired test cannot tell it from {name}{more}."
 
 
 def _fidelity(row: Row) -> str:

@@ -65,8 +65,9 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
     if len(broken) < len(violated) or any(isinstance(each, GOALS) for each in broken):
         return [], "a finer mesh: more method.collocation.intervals or a higher degree"
     other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
+    jumps = [f"no limit on the {v.label}" for v in check.violations if np.isinf(v.value)]
     instead = changed_words(plan, [v for v in check.violations if np.isfinite(v.value)])
-    ways = [instead or "wider limits"]
+    ways = [" and ".join(filter(None, [*jumps, instead])) or "wider limits"]
     if plan.problem.duration is None and any(isinstance(each, LongestDuration) for each in broken):
         if plan.problem.compensation.on:
             ways[0] += " and what compensation adds"

@@ -107,3 +107,8 @@ def test_check_says_what_is_not_promised(paper: planner.Problem) -> None:
     assert {"input u1", "joint theta1", "z2 margin"} <= set(found)
     assert "goal theta1" not in found
     assert not_promised(paper, planner.METHODS["collocation"].keeps) == ()
+
+
+def test_wider_limits_are_no_help_where_an_input_jumps(paper: planner.Problem) -> None:
+    with pytest.raises(planner.NoPlanError, match=r"Try: no limit on the rate of input u2"):
+        planner.solve(paper.changed(RATES), "piecewise")

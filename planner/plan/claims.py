@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
+from planner.support.arrays import Array
 from planner.support.tables import Column, html_table
 
 Status = Literal["proven", "undecided", "violated"]
@@ -74,12 +75,16 @@ class Certificate:
             in the coordinates' units; infinite if no bound is proven.
         cells: Number of subintervals used in the proof.
         seconds: Computing time, in seconds.
+        edges: Ends of all the cells that the proofs rest on, seconds, in order: closest where the
+            motion's expressions change fast. Empty where the motion is not enclosed, or a file was
+            read.
     """
 
     claims: tuple[Claim, ...]
     motion_error: Mapping[str, float]
     cells: int
     seconds: float
+    edges: Array = field(default_factory=lambda: np.empty(0), compare=False, repr=False)
 
     @property
     def ok(self) -> bool:

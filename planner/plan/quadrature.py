@@ -180,8 +180,22 @@ class Motion:
 
     def q_in_cells(self, cell: Pieces, x: Array) -> Array:
         """q (…, R, N) at x (…, R) in [−1, 1] of the cells with indices (R,)."""
-        basis = np.cos(np.arange(POINTS) * np.arccos(x)[..., None])
-        return np.asarray(np.einsum("...rk,krn->...rn", basis, self.series[:, cell]))
+        return _values_in_cells(self.series[:, cell], x)
+
+    def input_distance(self, other: Motion) -> float:
+        """Largest distance of another's input from this one's series, over its greatest value.
+
+        Args:
+            other: The same trajectory, read on other cells, inside of which it is compared.
+        """
+        cells, share = self.cells, other.cells.fractions(points(POINTS)[1:-1])
+        # Pieces lie two apart, so that none ends where the next begins.
+        begins, wanted = 2 * cells.piece + cells.low, 2 * other.cells.piece + share
+        cell = np.searchsorted(begins, wanted, side="right") - 1
+        x = np.clip(2 * (share - cells.low[cell]) / cells.size[cell] - 1, -1.0, 1.0)
+        series = apply(to_series(POINTS), self.u)[:, cell.ravel()]
+        u = _values_in_cells(series, x.ravel()).reshape(*x.shape, 2)
+        return float(np.max(_share_of_peak(np.abs(other.u[1:-1] - u), self.u)))
 
     def q_at_time(self, t: float) -> Array:
         """q (N,) at one time."""
@@ -189,6 +203,19 @@ class Motion:
         cell = np.maximum(np.searchsorted(begins, [t], side="right") - 1, 0)
         x = np.clip(2 * (t - begins[cell]) / self.cells.width[cell] - 1, -1.0, 1.0)
         return np.asarray(self.q_in_cells(cell, x)[0])
+
+
+def _values_in_cells(series: Array, x: Array) -> Array:
+    """Values (…, R, N) at x (…, R) in [−1, 1] of series (16, R, N)."""
+    basis = np.cos(np.arange(POINTS) * np.arccos(x)[..., None])
+    return np.asarray(np.einsum("...rk,krn->...rn", basis, series))
+
+
+def _share_of_peak(distances: Array, u: Array) -> Array:
+    """Distances (…, 2) of inputs over the greatest values of u (16, C, 2), the larger, (…)."""
+    peaks = np.max(np.abs(u), axis=(0, 1))
+    least = max(LESSER_INPUT_SHARE * np.max(peaks), 1e-12)
+    return np.asarray(np.max(distances / np.maximum(peaks, least), axis=-1))
 
 
 def integrate(
@@ -240,11 +267,8 @@ def _read_and_control(
         reading = read_trajectory(trajectory, input_values, system.rates, *values, start=start)
         cells, hidden = reading.cells, np.zeros((count, len(reading.cells.piece)))
         q, u = trajectory.piece_values(cells.piece, cells.fractions(points(count)))
-        peaks = np.max(np.abs(reading.u), axis=(0, 1))
-        distances = np.abs(u - apply(resampling(POINTS, count), reading.u))
-        distances = np.max(
-            distances / np.maximum(peaks, max(LESSER_INPUT_SHARE * np.max(peaks), 1e-12)), axis=-1
-        )
+        between = apply(resampling(POINTS, count), reading.u)
+        distances = _share_of_peak(np.abs(u - between), reading.u)
         for function in values:
             read_values, between = function(reading.q, reading.u), function(q, u)
             gap = np.abs(between - apply(resampling(POINTS, count), read_values))

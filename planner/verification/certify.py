@@ -74,26 +74,10 @@ def certify(plan: Plan) -> Certificate:
     expect_plan(plan)
     began = time.perf_counter()
     with np.errstate(all="ignore"):
-        claims, error, cells = _claims(plan)
+        claims, error, cells, edges = _claims(plan)
     names = [c.name for c in plan.problem.system.coordinates]
     bounds = dict(zip(names, error.tolist(), strict=True))
-    return Certificate(tuple(claims), bounds, cells, time.perf_counter() - began)
-
-
-def proof_times(plan: Plan) -> Array:
-    """Ends of all cells on which `certify` encloses a plan's motion, s, in order.
-
-    They are closest where the motion's expressions change fast. Empty if the motion is not
-    enclosed.
-    """
-    with np.errstate(all="ignore"):
-        try:
-            evidence = _evidence(plan)
-        except UnboundedError:
-            return np.empty(0)
-        proofs = [each for demand in plan.problem.demands for each in prove(demand, evidence)]
-    motions = [evidence.path, *(each.motion for each in proofs if isinstance(each, Obligation))]
-    return np.unique(np.concatenate([motion.edges for motion in motions]))
+    return Certificate(tuple(claims), bounds, cells, time.perf_counter() - began, edges)
 
 
 def _evidence(plan: Plan) -> Evidence:
@@ -106,9 +90,10 @@ def _evidence(plan: Plan) -> Evidence:
     return Evidence(plan, path, plan_q)
 
 
-def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
+def _claims(plan: Plan) -> tuple[list[Claim], Array, int, Array]:
+    """Claims, bounds of the motion (N,), how many cells they rest on, and the ends of all cells."""
     problem, trajectory = plan.problem, plan.trajectory
-    nothing = np.full(problem.system.size, np.inf)
+    nothing = np.full(problem.system.size, np.inf), 0, np.empty(0)
     why = trajectory.flaw or (plan.clock.flaw if plan.compensation is not None else "")
     if not why and trajectory.system != problem.system:
         why = "the trajectory belongs to another system than the problem"
@@ -117,15 +102,16 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
         broken = Claim(part.label, "violated", -np.inf, report.margin, report.time_s, part.unit)
         why = "the path leaves the chart's domain, where no real coordinates exist"
         others = [each for each in problem.demands if not each.in_chart]
-        return [broken, *_undecided_claims(plan, why, others)], nothing, 0
+        return [broken, *_undecided_claims(plan, why, others)], *nothing
     if why:
-        return _undecided_claims(plan, why), nothing, 0
+        return _undecided_claims(plan, why), *nothing
     if plan.compensation is not None:
-        return _claims_on_inputs(plan, NO_PROOF_ON_MACHINE), nothing, len(trajectory.breaks) - 1
+        count = len(trajectory.breaks) - 1
+        return _claims_on_inputs(plan, NO_PROOF_ON_MACHINE), nothing[0], count, nothing[2]
     try:
         evidence = _evidence(plan)
     except UnboundedError as error:
-        return _claims_on_inputs(plan, f"nothing bounds {error}"), nothing, 0
+        return _claims_on_inputs(plan, f"nothing bounds {error}"), *nothing
     proofs = [each for demand in problem.demands for each in prove(demand, evidence)]
     claims, path, plan_q = decide(proofs), evidence.path, evidence.plan_q
     gaps = [a - b for a, b in zip(plan_q, path.enclosure.states, strict=True)]
@@ -134,7 +120,9 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int]:
     reached = np.max(np.nan_to_num(np.abs(end) - slip, nan=-np.inf), initial=0.0)
     low, high = INTERPOLANT_TOLERANCE - float(np.max(most)), INTERPOLANT_TOLERANCE - float(reached)
     claims.append(path.claim(PLAN_DEVIATION, 0.0, low, high, np.nan))
-    return claims, most, len(path.enclosure.cells.piece)
+    motions = [path, *(each.motion for each in proofs if isinstance(each, Obligation))]
+    edges = np.unique(np.concatenate([m.edges for m in {id(m): m for m in motions}.values()]))
+    return claims, most, len(path.enclosure.cells.piece), edges
 
 
 def _claims_on_inputs(plan: Plan, why: str) -> list[Claim]:

@@ -15,8 +15,8 @@ from planner.errors import Violation
 from planner.plan.claims import Certificate, Claim
 from planner.plan.plan import Plan
 from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
-from planner.verification.certify import PLAN_DEVIATION, certify, proof_times
-from planner.verification.verify import Check, verify, verify_between
+from planner.verification.certify import PLAN_DEVIATION, certify
+from planner.verification.verify import Check, examine
 
 
 def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Check]:
@@ -42,7 +42,7 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
         if not check.ok:
             words = (f"of the plan that it compensates, {v}" for v in check.violations)
             return plan, _refused(check, [_flaw(text) for text in words])
-    check = verify(plan)
+    check, motion = examine(plan)
     if not check.ok:
         return plan, check
     certificate = certificate or certify(plan)
@@ -50,22 +50,14 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
         margins = {v.label: certificate[v.label].attained for v in broken}
         return plan, replace(_refused(check, broken), margins={**check.margins, **margins})
     if certificate.only_sampled and plan.compensation is None:
-        closer = verify_between(plan, proof_times(plan))
+        closer, _ = examine(plan, certificate.edges, motion)
         proven = {claim.label for claim in certificate.claims if claim.status == "proven"}
-        # Cells of the proof may contain a corner of the inputs, where sampled slopes are wrong.
-        proven |= {part.label for part in _input_rates(plan)}
         if broken := [v for v in closer.violations if v.label not in proven]:
             return plan, _refused(closer, broken)
     if not any(claim.status == "proven" for claim in certificate.claims if claim.required):
         why = certificate.open[0].why
         return plan, _refused(check, [_flaw(f"nothing of the plan can be proven: {why}")])
     return replace(plan, verified=True, certificate=certificate), check
-
-
-def _input_rates(plan: Plan) -> Iterator[Part]:
-    """The limits on input rates, which `verify` has checked piece by piece."""
-    for demand in plan.problem.demands:
-        yield from (part for part in demand.parts if part.label.startswith("rate of "))
 
 
 def _refused(check: Check, broken: Sequence[Violation]) -> Check:

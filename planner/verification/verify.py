@@ -140,17 +140,26 @@ def verify(plan: Plan) -> Check:
     Returns:
         The result; `ok` is False for a plan that cannot be executed.
     """
-    return verify_between(plan)
+    return examine(plan)[0]
 
 
-def verify_between(plan: Plan, times: Array | None = None) -> Check:
-    """As `verify`, but on cells that end at least at the given times of the plan, s."""
+def examine(
+    plan: Plan, times: Array | None = None, coarse: Motion | None = None
+) -> tuple[Check, Motion | None]:
+    """As `verify`, with the motion that was judged; None if there is none.
+
+    Args:
+        plan: Any plan.
+        times: Ends of the cells on which it is read, or of larger ones, seconds.
+        coarse: The motion that was judged without them. Limits on slopes of inputs are judged by
+            it, unless it missed some of the inputs: their rounding over a short time is a slope.
+    """
     expect_plan(plan)
     if flaw := _flaw(plan):
-        return failed_check(plan, Violation(flaw, None, np.nan, np.nan, "", np.inf))
+        return failed_check(plan, Violation(flaw, None, np.nan, np.nan, "", np.inf)), None
     if not plan.executable:
         (outside,) = (v for f in _chart_findings(plan) if (v := f.violation()))
-        return failed_check(plan, outside)
+        return failed_check(plan, outside), None
     problem = plan.problem
     to_resolve = [r for r in problem.requirements if r.smooth and not r.is_direct]
 
@@ -180,12 +189,16 @@ def verify_between(plan: Plan, times: Array | None = None) -> Check:
         else:
             motion, end, machine_error = _motion_on_machine(plan)
             tolerance = ON_MACHINE_TOLERANCE
+        steep = motion
+        if coarse is not None and coarse.input_distance(motion) <= LIMIT_TOLERANCE:
+            steep = coarse
         goal = problem.target
         error = np.asarray(end - np.where(np.isnan(goal), end, goal))
         findings = [
             *_motion_findings(plan, motion, end, error, tolerance),
             *_chart_findings(plan),
-            *_limit_findings(plan, motion),
+            *_limit_findings(plan, motion, lambda required: "du" not in required.reads),
+            *_limit_findings(plan, steep, lambda required: "du" in required.reads),
             *_waypoint_distances(plan, motion, tolerance),
             *_corner_findings(plan, motion),
         ]
@@ -199,7 +212,7 @@ def verify_between(plan: Plan, times: Array | None = None) -> Check:
             reached, wanted = problem.system.user(end), problem.user_goal
             error = np.asarray(reached - np.where(np.isnan(wanted), reached, wanted))
         error_deg = np.rad2deg(error[_angular(plan)])
-    return Check(
+    check = Check(
         ok=not broken,
         terminal_error=error,
         terminal_error_deg=error_deg,
@@ -208,6 +221,7 @@ def verify_between(plan: Plan, times: Array | None = None) -> Check:
         interpolant_error=motion.gap[0],
         integration_error=motion.error,
     )
+    return check, motion
 
 
 def _flaw(plan: Plan) -> str:
@@ -355,14 +369,16 @@ def _chart_findings(plan: Plan) -> Iterator[_Finding]:
             yield _Finding(part, value, part.low, domain.time_s, edge, False)
 
 
-def _limit_findings(plan: Plan, motion: Motion) -> list[_Finding]:
-    """Check the smooth requirements at all times, by the extremes of their series."""
+def _limit_findings(
+    plan: Plan, motion: Motion, which: Callable[[Requirement], bool]
+) -> list[_Finding]:
+    """Check some smooth requirements at all times, by the extremes of their series."""
     problem, cells = plan.problem, motion.cells
     point = MotionPoint.of(problem.system, motion.q, motion.u, slopes(cells, motion.u))
     wanted = [
         (required, part, value)
         for required in problem.requirements
-        if required.smooth
+        if required.smooth and which(required)
         for part, value in zip(required.parts, required.values(point), strict=True)
     ]
     if not wanted:

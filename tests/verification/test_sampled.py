@@ -13,11 +13,12 @@ import pytest
 from registered import Bump, restored
 
 import planner
+from planner.plan.claims import undecided_claim
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.requirements.requirement import MotionPoint
 from planner.verification.summary import plan_summary
 from planner.verification.verdict import judge
-from planner.verification.verify import verify
+from planner.verification.verify import examine, verify
 
 SMOOTH = "tan(heading)"
 
@@ -134,15 +135,47 @@ def test_corners_and_steps_of_a_slope_are_seen(aside: planner.Plan, slope: str) 
 
 
 def test_reading_again_agrees_with_reading_once(optimal: planner.Plan, law: planner.Plan) -> None:
-    from planner.verification.certify import proof_times
-    from planner.verification.verify import verify_between
-
     for plan in (optimal, law, planner.retime(optimal)):
-        times = proof_times(plan)
+        times = planner.certify(plan).edges
         assert times[0] == 0.0
         assert times[-1] == pytest.approx(plan.duration, rel=1e-12)
-        once, again = verify(plan), verify_between(plan, times)
+        once, motion = examine(plan)
+        again, _ = examine(plan, times, motion)
         assert again.ok
         for label, margin in once.margins.items():
             if "against" not in label and "error" not in label:
                 assert again.margins[label] == pytest.approx(margin, abs=1e-7), label
+
+
+# -- slopes of inputs ------------------------------------------------------------------------------
+
+
+def test_rounding_of_inputs_is_no_slope(paper: planner.Problem) -> None:
+    """On the proof's cells the slope of a retimed input is 0.1 % off, by rounding alone."""
+    rated = {"limits.input_rate_rad_s2": 5.0, "goal.duration": "free", "goal.travel": 0.829}
+    plan = planner.solve(paper.changed(rated), "convex")
+    certificate = planner.certify(plan)
+    assert "rate of input u2" in certificate.only_sampled
+    once, motion = examine(plan)
+    again, _ = examine(plan, certificate.edges, motion)
+    assert plan.verified
+    assert again.ok
+    assert again.margins["rate of input u2"] == once.margins["rate of input u2"] > 0
+    assert not examine(plan, certificate.edges)[0].ok
+
+
+def test_a_slope_between_the_points_of_the_first_reading_is_seen_by_the_second() -> None:
+    """A law over a ridge of 1e-13 m turns at 29 rad/s² for some 1e-7 s."""
+    law = planner.solve(unicycle(SMOOTH), "polynomial")
+    ridge = unicycle(f"{SMOOTH} + 1e-13*exp(-((y-0.5123)/1e-8)**2)")
+    problem, label = ridge.changed({"limits.input_rate": [10.0, 10.0]}), "rate of input turn_rate"
+    moved = replace(law, problem=problem, trajectory=replace(law.trajectory, system=problem.system))
+    assert verify(moved).ok
+    certificate = planner.certify(moved)
+    assert certificate[label].status == "violated"
+    unknown = [c for c in certificate.claims if c.label != label]
+    unknown.append(undecided_claim(label, "rad/s^2", "by hand"))
+    found, check = judge(moved, replace(certificate, claims=tuple(unknown)))
+    assert not found.verified
+    assert [v.label for v in check.violations] == [label]
+    assert check.violations[0].value == pytest.approx(28.75, rel=1e-3)

@@ -82,10 +82,14 @@ def export(
         miss = _held_miss(motion, rate) if FORMATS[name].held else {}
     sent = " and ".join(FORMATS[name].sent(motion))
     data = {"plan": plan, "format": name, "written": written, "held_miss": miss or None}
+    data |= {"only_sampled": motion.only_sampled, "claimed": motion.claimed}
     words = f"; send the motors {sent}" * bool(sent)
     if miss:
         off = ", ".join(f"{each} {number(value)}" for each, value in miss.items())
         words += f", each row until the next: without a machine's errors that ends off by {off}"
+    words += (
+        "".join(f"; {each}" for each in motion.reservations).replace("{", "{{").replace("}", "}}")
+    )
     return finish(data, where="written to {}" + words)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.plan.measures import EFFORT
 from planner.plan.plan import Plan
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem
@@ -52,7 +53,7 @@ def plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
         options=options.model_dump(),
         trajectory=still,
         objective=seconds if free else 0.0,
-        objective_name="time: duration" if free else "effort: integral of u1^2 + u2^2 dt",
+        objective_name="time: duration" if free else f"effort: {EFFORT}",
         notes={"start": "none: the start is the goal, and the plan stays there"},
     )
     return plan if verify(plan).ok else None

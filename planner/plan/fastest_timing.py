@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import NotConvergedError
+from planner.errors import NotConvergedError, solver_answer
 from planner.plan.measures import slowing_factor
 from planner.plan.quadrature import JUMP_TOLERANCE
 from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
@@ -191,20 +191,24 @@ def _solve(stretch: PathIntervals, top: Array, rate: Array) -> Array:
         for i in range(2)
         if np.all(np.isfinite(rate[:, i]))
     ]
-    solver = ca.nlpsol(
-        "timing", "ipopt", {"x": x, "f": time, "g": ca.vertcat(*rows)}, _QUIET_OPTIONS
-    )
+    programme = {"x": x, "f": time, "g": ca.vertcat(*rows)}
     steepest = np.max(np.abs(stretch.dw), axis=1) / rate
     safe = float(1 / max(np.max(steepest), 1e-6))  # a constant b that keeps the rates
     guess = 0.1 * np.minimum(ceiling[free], safe)
-    result = solver(x0=guess, lbx=0.0, ubx=ceiling[free], lbg=-1.0, ubg=1.0)
-    if not solver.stats()["success"]:
+    given = {"x0": guess, "lbx": 0.0, "ubx": ceiling[free], "lbg": -1.0, "ubg": 1.0}
+
+    def solved() -> tuple[Any, str]:
+        solver = ca.nlpsol("timing", "ipopt", programme, _QUIET_OPTIONS)
+        b, stats = solver(**given)["x"], solver.stats()
+        return b, "" if stats["success"] else stats["return_status"]
+
+    b, why = solver_answer(solved, lambda words: (None, words or "an error"))
+    if why:
         raise NotConvergedError(
-            f"retiming: the solver stopped with {solver.stats()['return_status']}",
-            advice="fewer or more intervals",
+            f"retiming: the solver stopped with {why}", advice="fewer or more intervals"
         )
     out = np.zeros(len(stretch.nodes))
-    out[free] = np.maximum(np.ravel(np.asarray(result["x"])), 0.0)
+    out[free] = np.maximum(np.ravel(np.asarray(b)), 0.0)
     return out
 
 

@@ -14,22 +14,60 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.plan.quadrature import greatest, input_values, jumps, largest, read_trajectory, slopes
+from planner.plan.quadrature import (
+    POINTS,
+    greatest,
+    input_values,
+    jumps,
+    largest,
+    read_trajectory,
+    slopes,
+)
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.requirements.requirement import MotionPoint, Requirement
 from planner.support.arrays import Array
+from planner.support.calculus.chebyshev import apply, integration
 from planner.support.calculus.extremes import maximum, minimum, sample_times, zeros
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
+
+EFFORT = "integral of u1^2 + u2^2 dt"
+SMOOTHNESS = "integral of (du1/dt)^2 + (du2/dt)^2 dt"
+CLOSENESS = "mean closeness to the domain's edge"
+"""Terms of objectives, as their names say them."""
+
+EDGE_MARGIN = 0.05
+"""Margin (sin squared of an angle, for the manipulator) at which closeness has fallen to 1/e."""
 
 _GAUSS = np.polynomial.legendre.leggauss(4)
 
 
 def effort(trajectory: Trajectory) -> float:
     """∫ u₁² + u₂² dt, by Gauss quadrature between samples that are denser near ends of pieces."""
+    return float(np.sum(_efforts(trajectory)))
+
+
+def _efforts(trajectory: Trajectory) -> Array:
+    """∫ uᵢ² dt of both inputs, shape (2,)."""
     times, weights = _quadrature(trajectory)
-    return float(np.sum(weights[..., None] * trajectory.u(times) ** 2))
+    return np.asarray(np.einsum("ij,ijk->k", weights, trajectory.u(times) ** 2))
+
+
+def smoothness(trajectory: Trajectory) -> float:
+    """∫ (du₁/dt)² + (du₂/dt)² dt; infinite where an input jumps."""
+    reading = read_trajectory(trajectory)
+    squares = np.sum(slopes(reading.cells, reading.u) ** 2, axis=-1)
+    total = float(np.sum(apply(integration(POINTS)[-1:], squares) * reading.cells.width))
+    return np.inf if np.any(jumps(reading.u)) else total
+
+
+def closeness(trajectory: Trajectory) -> float:
+    """Mean over time of Σ exp(−|margin|/EDGE_MARGIN) over the margins of the chart's domain."""
+    times, weights = _quadrature(trajectory)
+    margins = trajectory.system.chart_margins(trajectory.q(times), np.ones(trajectory.system.size))
+    near = np.sum(np.exp(-np.abs(margins) / EDGE_MARGIN), axis=-1)
+    return float(np.sum(weights * near)) / trajectory.duration
 
 
 def effort_unit(system: TriangularSystem) -> str:
@@ -74,18 +112,22 @@ def objective_of(trajectory: Trajectory, name: str) -> float | None:
         return trajectory.duration
     if kind in ("smoothness", "peak |v2| with v1 constant"):
         return _chart_objective(trajectory, kind)
-    times, weights = _quadrature(trajectory)
-    first, second = np.einsum("ij,ijk->k", weights, trajectory.u(times) ** 2).tolist()
-    known = {
-        "duration": trajectory.duration,
-        "integral of u1^2 dt": first,
-        "integral of u2^2 dt": second,
-        "integral of u1^2 + u2^2 dt": first + second,
-    }
-    term = rf"(?:([\d.e+-]+) x )?({'|'.join(map(re.escape, known))})"
+    term = rf"(?:([\d.e+-]+) x )?({'|'.join(map(re.escape, _TERMS))})"
     if not re.fullmatch(rf"{term}(?: \+ {term})*", words):
         return None
-    return float(sum(float(weight or 1) * known[of] for weight, of in re.findall(term, words)))
+    with np.errstate(all="ignore"):  # the motion of a changed file may be anything
+        found = re.findall(term, words)
+        return float(sum(float(weight or 1) * _TERMS[of](trajectory) for weight, of in found))
+
+
+_TERMS: dict[str, Callable[[Trajectory], float]] = {
+    "duration": lambda trajectory: trajectory.duration,
+    "integral of u1^2 dt": lambda trajectory: _efforts(trajectory)[0],
+    "integral of u2^2 dt": lambda trajectory: _efforts(trajectory)[1],
+    EFFORT: effort,
+    SMOOTHNESS: smoothness,
+    CLOSENESS: closeness,
+}
 
 
 def _chart_objective(trajectory: Trajectory, kind: str) -> float | None:

@@ -91,6 +91,8 @@ class Plan:
             verified; otherwise empty.
         compensation: For a compensated plan, its original plan and machine (set by `compensate`);
             otherwise None.
+        claimed: For a verified plan that was read from a file, the figures that were taken from the
+            file and not computed again ("objective", "notes.optimality"); otherwise empty.
     """
 
     problem: Problem
@@ -108,6 +110,7 @@ class Plan:
     certificate: Certificate | None = None
     why: str = ""
     compensation: Compensation | None = None
+    claimed: tuple[str, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Plan) and self._identity == other._identity
@@ -127,10 +130,25 @@ class Plan:
         if self.compensation is not None:
             name += " compensated"
             state += " on the nominal machine" if self.verified else ""
-        elif self.verified and self.certificate is not None and self.certificate.only_sampled:
-            state += f", only sampled: {shown_labels(self.certificate.only_sampled)}"
         moved = f"{self.travel:.4g} {self.problem.system.coordinates[0].unit}"
+        state = ", ".join([state, *self.reservations])
         return f"Plan({name}: travel {moved} in {self.duration:.4g} s, {state})"
+
+    @property
+    def only_sampled(self) -> tuple[str, ...]:
+        """Labels of requirements that are sampled but not proven, for a verified plan.
+
+        Empty for a compensated plan, whose motion is that of the nominal machine.
+        """
+        if self.certificate is None or not self.verified or self.compensation is not None:
+            return ()
+        return self.certificate.only_sampled
+
+    @property
+    def reservations(self) -> list[str]:
+        """In words: the requirements that are only sampled, the figures that are only claimed."""
+        said = {"only sampled": self.only_sampled, "only its file says": self.claimed}
+        return [f"{words}: {shown_labels(labels)}" for words, labels in said.items() if labels]
 
     def __str__(self) -> str:
         """A summary in four lines: method, effort, peaks and problem."""
@@ -264,7 +282,8 @@ class Plan:
         """Write the plan as versioned JSON; `load_plan` reads it back exactly.
 
         Raises:
-            InputError: If the file cannot be written; no partial file is left.
+            InputError: If the file cannot be written, or would be too long to be read; no partial
+                file is left.
         """
         return write_text(path, self.to_json())
 

@@ -16,6 +16,7 @@ from planner.plan.plan import COPIED, FORMAT, ROUNDING, VERSION, Compensation, P
 from planner.plan.trajectory import trajectory_from_dict
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import MOST_NUMBER
+from planner.support.calculus.bernstein import length_flaw
 from planner.support.files import read_json
 from planner.support.tables import line
 from planner.support.user_tables import Table, parse
@@ -96,11 +97,6 @@ Finite = Annotated[float, Field(ge=-MOST_NUMBER, le=MOST_NUMBER)]
 Amount = Annotated[float, Field(ge=0, le=MOST_NUMBER)]
 
 
-MOST_COEFFICIENTS = 100_000
-"""Maximum per curve, each for one or more components; the judge needs some 5 kB for each. A
-compensated plan of 500 s has this many."""
-
-
 class CurveTable(Table):
     """A piecewise polynomial in the Bernstein basis.
 
@@ -121,12 +117,8 @@ class CurveTable(Table):
 
     @model_validator(mode="after")
     def _small(self) -> CurveTable:
-        count = (len(self.breaks) - 1) * len(self.bernstein)
-        if count > MOST_COEFFICIENTS:
-            raise ValueError(
-                f"has {len(self.breaks) - 1} pieces of degree {len(self.bernstein) - 1}; at most"
-                f" {MOST_COEFFICIENTS} coefficients are allowed (pieces times degree + 1)"
-            )
+        if flaw := length_flaw(len(self.breaks) - 1, len(self.bernstein) - 1):
+            raise ValueError(flaw)
         return self
 
     bernstein: list[list[Finite | list[Finite | None] | None]] = Field(

@@ -22,12 +22,13 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
 
     The result has `verified` True only if `verify` confirms the plan and its certificate, proven
     again, shows no violation. A compensated plan must also contain a verified original plan of the
-    same problem. An objective of duration and efforts, or of a convex plan, is computed again: if
-    the file has another value, the computed one is used, with a warning, and a proof of optimality
-    for the other value is dropped. The objective of a desensitised plan and all other `notes` are
-    taken from the file. A plan that fails has `verified` False, the status "verification_failed",
-    no certificate, and its violations in `why`. A file that does not claim to contain a verified
-    plan (such as a refused plan, kept for study) keeps its status.
+    same problem. The objective is computed again, except for desensitised plans and methods of
+    other packages: if the file has another value, the computed one is used, with a warning, and a
+    proof of optimality for the other value is dropped. `Plan.claimed` names the figures that are
+    taken from the file; the other `notes` are taken from it too. A plan that fails has `verified`
+    False, the status "verification_failed", no certificate, and its violations in `why`. A file
+    that does not claim to contain a verified plan (such as a refused plan, kept for study) keeps
+    its status.
 
     Args:
         path: The file.
@@ -61,16 +62,18 @@ their errors are up to 5e-4, and the weighted terms are a hundredth of the objec
 def _correct_objective(plan: Plan, path: str | Path) -> Plan:
     """The plan with the objective of its motion; for a compensated plan, that of the original."""
     true = objective_of((plan.compensates or plan).trajectory, plan.objective_name)
-    if true is None or abs(plan.objective - true) <= OBJECTIVE_TOLERANCE * abs(true):
-        return plan
-    warnings.warn(
-        f"{path}: the objective is said to be {plan.objective:.6g}, but that of the plan in it is"
-        f" {true:.6g}, which is taken; the file was changed",
-        InputWarning,
-        stacklevel=5,
-    )
-    notes = {key: value for key, value in plan.notes.items() if key != "optimality"}
-    return replace(plan, objective=true, notes=notes)
+    claimed = ["objective"] if true is None and not np.isnan(plan.objective) else []
+    if true is not None and not abs(plan.objective - true) <= OBJECTIVE_TOLERANCE * abs(true):
+        warnings.warn(
+            f"{path}: the objective is said to be {plan.objective:.6g}, but that of the plan in it"
+            f" is {true:.6g}, which is taken; the file was changed",
+            InputWarning,
+            stacklevel=5,
+        )
+        notes = {key: value for key, value in plan.notes.items() if key != "optimality"}
+        plan = replace(plan, objective=true, notes=notes)
+    claimed += ["notes.optimality"] * ("optimality" in plan.notes)
+    return replace(plan, claimed=tuple(claimed))
 
 
 def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:

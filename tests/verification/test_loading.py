@@ -12,9 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 from compared import quick_comparison
+from scipy.io import loadmat
 
 import planner
 from planner.cli.app import main
+from planner.plan import measures
+from planner.plan.trajectory import StateTrajectory
+from planner.support.calculus import bernstein
+from planner.support.calculus.bernstein import Bernstein
 
 Edit = Callable[[dict[str, Any]], object]
 
@@ -213,28 +218,46 @@ def test_a_false_objective_is_corrected_with_a_warning(plan: planner.Plan, tmp_p
     assert planner.load_plan(path).objective == close
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"goal.duration": "free", "limits.input_rad_s": [0.1234567, 0.7654321]},
-        {"goal.duration": "free", "method.collocation": {"objective": "mixed"}},
-    ],
-    ids=["time", "mixed"],
-)
-def test_objectives_of_time_are_told_by_their_names(
+WEIGHTS = {"objective": "mixed", "smoothness_weight": 0.5, "edge_weight": 1.3}
+OBJECTIVES: dict[str, dict[str, Any]] = {
+    "time": {"goal.duration": "free", "limits.input_rad_s": [0.1234567, 0.7654321]},
+    "mixed": {"goal.duration": "free", "method.collocation": {"objective": "mixed"}},
+    "all terms": {"goal.duration": "free", "method.collocation": WEIGHTS},
+    "smooth": {"method.collocation": {"objective": "smooth"}},
+    "edge": {"method.collocation": {"objective": "edge"}},
+    "edge, on a coarse mesh": {"method.collocation": {"objective": "edge", "intervals": 20}},
+}
+
+
+@pytest.mark.parametrize("changes", OBJECTIVES.values(), ids=OBJECTIVES.keys())
+def test_every_objective_of_collocation_is_told_by_its_name(
     paper: planner.Problem, tmp_path: Path, changes: dict[str, Any]
 ) -> None:
     plan = planner.solve(paper.changed(changes))
+    true = planner.load_plan(plan.save(tmp_path / "true.json"))
+    assert (true.objective, true.claimed) == (plan.objective, ())
     path = edited(plan, tmp_path / "x.json", put("objective", 0.9 * plan.objective))
     with pytest.warns(planner.InputWarning, match="the objective is said to be"):
         assert planner.load_plan(path).objective == pytest.approx(plan.objective, rel=1e-6)
 
 
+def test_smoothness_and_closeness_are_their_integrals(paper: planner.Problem) -> None:
+    """Beside sums over 200,001 times, which know neither pieces nor quadrature."""
+    plan = planner.solve(paper.changed({"method.collocation": WEIGHTS, "goal.duration": "free"}))
+    t = np.linspace(0.0, plan.duration, 200_001)
+    slopes = np.diff(plan.u(t), axis=0) / np.diff(t)[:, None]
+    near = np.exp(-np.abs(plan.trajectory.margins(t)) / 0.05).sum(axis=-1)
+    effort = np.trapezoid(np.sum(plan.u(t) ** 2, axis=-1), t)
+    smooth, close = np.sum(slopes**2) * t[1], np.trapezoid(near, t) / plan.duration
+    total = plan.duration + effort + 0.5 * smooth + 1.3 * close
+    assert plan.objective == pytest.approx(total, rel=1e-5)
+    jumping = planner.solve(paper, input="constant").trajectory
+    assert measures.objective_of(jumping, f"smooth: {measures.SMOOTHNESS}") == np.inf
+
+
 @pytest.mark.parametrize(
     "name",
     [
-        "smooth: integral of (du1/dt)^2 + (du2/dt)^2 dt",
-        "mixed: duration + 0.5 x integral of (du1/dt)^2 + (du2/dt)^2 dt",
         "time: duration + 1 x integral of u1^2 dt + peak |v2|",
         "duration",
         "",
@@ -246,7 +269,9 @@ def test_what_no_motion_tells_is_no_objective_of_it(
     path = edited(
         optimal, tmp_path / "x.json", lambda d: d.update(objective_name=name, objective=1)
     )
-    assert planner.load_plan(path).objective == 1
+    back = planner.load_plan(path)
+    assert (back.objective, back.claimed) == (1, ("objective",))
+    assert repr(back).endswith("verified, only its file says: objective)")
 
 
 @pytest.mark.parametrize("objective", ["smooth", "peak"])
@@ -256,11 +281,29 @@ def test_a_false_proof_of_a_convex_plan_is_dropped(
     plan = planner.solve(paper, "convex", objective=objective, pieces=20)
     true = planner.load_plan(plan.save(tmp_path / "true.json"))
     assert (true.objective, true.notes) == (plan.objective, plan.notes)
+    assert (plan.claimed, true.claimed) == ((), ("notes.optimality",))
     false = edited(plan, tmp_path / "false.json", put("objective", 0.9 * plan.objective))
     with pytest.warns(planner.InputWarning, match="the objective is said to be"):
         back = planner.load_plan(false)
     assert back.objective == pytest.approx(plan.objective, rel=1e-6)
     assert "optimality" not in back.notes
+    assert back.claimed == ()
+
+
+def test_the_export_says_what_only_the_file_says(
+    optimal: planner.Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def forge(data: dict[str, Any]) -> None:
+        data.update(objective_name="desensitised: 1 x passive block^2 (deg^2)", objective=1e-3)
+
+    words = ["export", str(edited(optimal, tmp_path / "x.json", forge)), "--out"]
+    assert main([*words, str(tmp_path / "x.csv")]) == 0
+    assert "; only its file says: objective" in " ".join(capsys.readouterr().err.split())
+    assert main([*words, str(tmp_path / "x.mat"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["claimed"], told["only_sampled"]) == (["objective"], [])
+    about = loadmat(tmp_path / "x.mat", simplify_cells=True)["about"]
+    assert about["claimed"] == "objective"
 
 
 # -- what would take long -------------------------------------------------------------------------
@@ -288,6 +331,28 @@ def test_a_file_of_many_pieces_is_refused(law: planner.Plan, tmp_path: Path) -> 
     path = edited(law, tmp_path / "x.json", cut)
     with pytest.raises(planner.InputError, match=r"has 60000 pieces .* at most 100000 coeff"):
         planner.load_plan(path)
+
+
+def test_what_would_not_be_read_is_not_saved(
+    optimal: planner.Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = optimal.trajectory
+    assert isinstance(path, StateTrajectory)
+    monkeypatch.setattr(bernstein, "MOST_COEFFICIENTS", 1000)
+
+    def of_pieces(count: int) -> planner.Plan:
+        breaks = np.linspace(0.0, optimal.duration, count + 1)
+        q, u = (
+            Bernstein(np.repeat(f(breaks[:-1])[None], 2, axis=0), breaks) for f in (path.q, path.u)
+        )
+        cut = StateTrajectory(path.system, q, u)
+        return replace(optimal, trajectory=cut, verified=False, certificate=None)
+
+    back = planner.load_plan(of_pieces(500).save(tmp_path / "x.json"))
+    assert len(back.t) == 501
+    with pytest.raises(planner.InputError, match=r"too long for a file: .* has 501 pieces of"):
+        of_pieces(501).save(tmp_path / "y.json")
+    assert not (tmp_path / "y.json").exists()
 
 
 # -- comparison folders --------------------------------------------------------------------------

@@ -33,6 +33,7 @@ from planner.methods.collocation.transcription.bounds import InputDemands
 from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.methods.ranking import MEASURES
+from planner.plan.measures import objective_of
 from planner.plan.plan import Plan, mark_cut_short
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions, rests
@@ -172,14 +173,17 @@ def _plan(
     """The plan of a refined motion; `began` is the time at which the search began."""
     job, solution, search = done.task, done.solution, progress.current_progress()
     assert search is not None
-    wall = time.perf_counter() - began
+    wall, trajectory = time.perf_counter() - began, job.curve(solution.iterate)
+    value, name = solution.objective, job.objective.name
+    if job.objective.edge:  # of which the transcription knows a mean at its points alone
+        value = objective_of(trajectory, name) or value
     return Plan(
         problem=problem,
         method=NAME,
         options=options.model_dump(),
-        trajectory=job.curve(solution.iterate),
-        objective=solution.objective,
-        objective_name=job.objective.name,
+        trajectory=trajectory,
+        objective=value,
+        objective_name=name,
         solve_time_s=wall - job.build_time_s,
         build_time_s=job.build_time_s,
         iterations=search.iterations,

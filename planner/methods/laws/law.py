@@ -15,7 +15,7 @@ import numpy as np
 from planner.errors import InputError, SingularError
 from planner.methods.laws.legs import Leg, LegMotion
 from planner.methods.refusal import BY_COLLOCATION
-from planner.plan.measures import effort, slowing_factor
+from planner.plan.measures import EFFORT, effort, slowing_factor
 from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.problem import Problem
@@ -84,7 +84,7 @@ def finish(
         method=name,
         options=options.model_dump(),
         trajectory=trajectory,
-        objective_name="effort: integral of u1^2 + u2^2 dt (not minimised by this method)",
+        objective_name=f"effort: {EFFORT} (not minimised by this method)",
         solve_time_s=time.perf_counter() - began,
         notes=notes,
     )

@@ -19,10 +19,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from planner.errors import InputError
 from planner.support.arrays import Array, product
 
 Pieces = NDArray[np.int_]
 """Indices of pieces, or of cells, from 0."""
+
+MOST_COEFFICIENTS = 100_000
+"""Maximum per curve of a file, each for one or more components; the judge needs some 5 kB for each.
+A compensated plan of 500 s has this many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,13 +129,30 @@ class Bernstein:
         return Bernstein(self.c * gain, self.x * factor)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form."""
+        """JSON-ready form.
+
+        Raises:
+            InputError: If its file would be too long to be read.
+        """
+        if flaw := length_flaw(len(self.x) - 1, self.degree):
+            raise InputError(
+                f"the plan is too long for a file: one of its curves {flaw}; give it a shorter"
+                " duration, or export its samples (planner.export to a CSV file)"
+            )
         return {"breaks": self.x.tolist(), "bernstein": self.c.tolist()}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Bernstein:
         """Read the output of `to_dict`."""
         return cls(data["bernstein"], data["breaks"])
+
+
+def length_flaw(pieces: int, degree: int) -> str:
+    """Why a curve is too long for a file, in words; empty where it is not."""
+    if pieces * (degree + 1) <= MOST_COEFFICIENTS:
+        return ""
+    most = f"at most {MOST_COEFFICIENTS} coefficients are allowed (pieces times degree + 1)"
+    return f"has {pieces} pieces of degree {degree}; {most}"
 
 
 def basis(degree: int, x: Array) -> Array:

@@ -21,6 +21,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.methods.collocation.transcription.augmented import Augmented
+from planner.plan.measures import CLOSENESS, EFFORT, SMOOTHNESS
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.method_options import CollocationOptions
@@ -312,14 +313,12 @@ def objective(problem: Problem, options: CollocationOptions) -> Objective:
     return _mixed(options)
 
 
-_EFFORT, _SMOOTH = "integral of u1^2 + u2^2 dt", "integral of (du1/dt)^2 + (du2/dt)^2 dt"
-_EDGE = "mean closeness to the domain's edge"
 _SLOWNESS = "slower is always less"
 _FIXED_TIME: dict[str, tuple[str, list[float], str]] = {
-    "effort": (f"effort: {_EFFORT}", [0.0, 1.0, 1.0, 0.0, 0.0, 0.0], _SLOWNESS),
-    "smooth": (f"smooth: {_SMOOTH}", [0.0, 0.0, 0.0, 1.0, 1.0, 0.0], _SLOWNESS),
+    "effort": (f"effort: {EFFORT}", [0.0, 1.0, 1.0, 0.0, 0.0, 0.0], _SLOWNESS),
+    "smooth": (f"smooth: {SMOOTHNESS}", [0.0, 0.0, 0.0, 1.0, 1.0, 0.0], _SLOWNESS),
     "edge": (
-        f"edge: {_EDGE} + {EDGE_REGULARISATION:g} x {_EFFORT}",
+        f"edge: {CLOSENESS} + {EDGE_REGULARISATION:g} x {EFFORT}",
         [0.0, EDGE_REGULARISATION, EDGE_REGULARISATION, 0.0, 0.0, 1.0],
         "a long stay far from the edge is always less",
     ),
@@ -328,9 +327,9 @@ _FIXED_TIME: dict[str, tuple[str, list[float], str]] = {
 
 def _mixed(options: CollocationOptions) -> Objective:
     parts = [
-        (options.effort_weight, _EFFORT, [0.0, 1.0, 1.0, 0.0, 0.0, 0.0]),
-        (options.smoothness_weight, _SMOOTH, [0.0, 0.0, 0.0, 1.0, 1.0, 0.0]),
-        (options.edge_weight, _EDGE, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
+        (options.effort_weight, EFFORT, [0.0, 1.0, 1.0, 0.0, 0.0, 0.0]),
+        (options.smoothness_weight, SMOOTHNESS, [0.0, 0.0, 0.0, 1.0, 1.0, 0.0]),
+        (options.edge_weight, CLOSENESS, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
     ]
     terms = [f"{weight:g} x {name}" for weight, name, _ in parts if weight > 0]
     weights = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])

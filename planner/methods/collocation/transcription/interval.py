@@ -19,6 +19,7 @@ import numpy as np
 
 from planner.methods.collocation.transcription.augmented import Augmented, MovingSystem, backs_off
 from planner.methods.collocation.transcription.form import TERMS, Form, Units
+from planner.plan.measures import EDGE_MARGIN
 from planner.problem.requirements.requirement import MotionPoint
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
@@ -276,16 +277,11 @@ def _backed_off_rows(form: Form, moved: Augmented, places: list[Any], rows: _Row
         part += len(blank.parts)
 
 
-EDGE_MARGIN = 0.05
-"""Margin (sin squared of an angle, for the manipulator) at which closeness has fallen to 1/e."""
-
-
 def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) -> Any:
     """The interval's share of the objective; `Form` and `Objective` say which terms there are.
 
-    Closeness to the edges of the chart's domain is Σ exp(−|margin|/EDGE_MARGIN) over its margins: a
-    smooth least margin. It grows towards an edge from either side, so that it needs no branch and
-    is defined where a motion leaves the chart, too.
+    Closeness (`planner.plan.measures.closeness`) is a smooth least margin. It grows towards an edge
+    from either side, so that it needs no branch and is defined where a motion leaves the chart.
     """
     square = x.u_left**2  # its mean over the interval, exact for either kind of input
     if form.input == "linear":

@@ -106,6 +106,29 @@ def lacks_memory(error: BaseException) -> bool:
     return isinstance(error, MemoryError) or "std::bad_alloc" in str(error)
 
 
+Answer = TypeVar("Answer")
+
+
+def solver_answer(call: Callable[[], Answer], otherwise: Callable[[str], Answer]) -> Answer:
+    """What a solver answers; one that raises an error has not finished.
+
+    Args:
+        call: Asks a solver of CasADi, OSQP or SciPy, and does nothing else.
+        otherwise: Makes an unfinished answer of the last line of the error's text.
+
+    Raises:
+        Exception: What is no solver's error: time that is up, lack of memory, one of ours.
+    """
+    try:
+        return call()
+    except Exception as error:
+        kinds = {kind.__name__ for kind in type(error).__mro__}
+        of_solver = kinds & {"RuntimeError", "ArithmeticError", "ValueError", "OSQPException"}
+        if not of_solver or isinstance(error, PlannerError) or lacks_memory(error):
+            raise
+        return otherwise(str(error).strip().rpartition("\n")[2][:80])
+
+
 class InputWarning(UserWarning):
     """Input that can be used but looks like a mistake."""
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import osqp
 import pytest
 from registered import restored
 
@@ -329,3 +330,18 @@ def test_a_limit_of_inputs_that_compensation_does_not_keep_gives_a_warning(
         limited = paper.changed({"limits.test_product": 0.2})
         with pytest.warns(planner.InputWarning, match=r"ignore limits\.test_product"):
             limited.changed({"compensation.on": True})
+
+
+def test_a_solver_that_raises_corrects_nothing(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not the tracker's: that of the correction, whose commands stay what they were."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise osqp.OSQPException(1)
+
+    slow = paper.changed({"goal.duration": 20.0, "compensation.on": True})
+    monkeypatch.setattr("osqp.OSQP.solve", fail)
+    plan = planner.solve(slow)
+    assert plan.verified
+    assert plan.compensation is not None

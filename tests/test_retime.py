@@ -269,6 +269,17 @@ def test_bad_limits(
         planner.retime(smooth, limits, rest=rest)
 
 
+def test_a_solver_that_raises_is_a_refusal(
+    smooth: planner.Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("Error in Function::call:\n.../nlpsol.cpp:1: out of order")
+
+    monkeypatch.setattr("planner.plan.fastest_timing.ca.nlpsol", fail)
+    with pytest.raises(planner.NotConvergedError, match=r"the solver stopped with .*out of order"):
+        planner.retime(smooth, {"input_rate_rad_s2": 1.0})
+
+
 def test_singular_plan(unlimited: planner.Problem) -> None:
     problem = unlimited.changed({"goal.travel": 0.79})
     plan = planner.solve(problem, "polynomial", allow_singular=True)

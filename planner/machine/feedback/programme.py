@@ -23,6 +23,7 @@ import osqp
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from planner.errors import solver_answer
 from planner.machine.feedback.reference import Reference, Regulator
 from planner.support.arrays import Array
 from planner.support.interrupts import osqp_result
@@ -289,14 +290,9 @@ class Solver:
             high: Greatest values, (m,).
             guess: First guess, (p,).
         """
-        if T is not self._loaded:
-            length = np.linalg.norm(T, axis=1)
-            self._length = np.where(length > 0, length, 1.0)
-            self._osqp.update(Ax=(T / self._length[:, None])[self._entries])
-            self._loaded = T
-        self._osqp.update(l=low / self._length, u=high / self._length)
-        self._osqp.warm_start(x=guess, y=self._rested)
-        result = osqp_result(self._osqp)
+        result = solver_answer(lambda: self._result(T, low, high, guess), lambda _: None)
+        if result is None:
+            return ProgrammeResult(None, False)
         if result.info.rho_updates:
             self._osqp.update_settings(rho=OSQP_STEP)
         self.solve_count += 1
@@ -304,3 +300,14 @@ class Solver:
         if status == SOLVED_STATUS:
             return ProgrammeResult(np.array(result.x), False)
         return ProgrammeResult(None, status in INFEASIBLE_STATUSES)
+
+    def _result(self, T: Array, low: Array, high: Array, guess: Array) -> Any:
+        """What OSQP says."""
+        if T is not self._loaded:
+            length = np.linalg.norm(T, axis=1)
+            self._length = np.where(length > 0, length, 1.0)
+            self._osqp.update(Ax=(T / self._length[:, None])[self._entries])
+            self._loaded = T
+        self._osqp.update(l=low / self._length, u=high / self._length)
+        self._osqp.warm_start(x=guess, y=self._rested)
+        return osqp_result(self._osqp)

@@ -11,6 +11,7 @@ step and the motors' resolution.
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 from operator import itemgetter
 
@@ -18,6 +19,7 @@ import numpy as np
 import osqp
 import scipy.sparse as sp
 
+from planner.errors import solver_answer
 from planner.machine.feedforward.shaping import Shape
 from planner.machine.feedforward.variants import SAFE, Runs, Variants
 from planner.machine.machine import Machine
@@ -209,19 +211,8 @@ class Correction:
         high = np.concatenate([high_input, free])
         bounds, out = sp.csc_matrix(np.concatenate(rows)), []
         for damping in weights:
-            solver = osqp.OSQP()
-            solver.setup(
-                sp.csc_matrix(np.triu(H + damping * np.eye(len(H)))),
-                g,
-                bounds,
-                low,
-                high,
-                verbose=False,
-                eps_abs=1e-5,
-                eps_rel=1e-5,
-                max_iter=4000,
-            )
-            x = np.asarray(osqp_result(solver).x, dtype=float)
+            P = sp.csc_matrix(np.triu(H + damping * np.eye(len(H))))
+            x = solver_answer(partial(_minimum, P, g, bounds, low, high), lambda _: np.empty(0))
             step = np.zeros((m, 2))
             if is_found := x.shape == g.shape and bool(np.all(np.isfinite(x))):
                 step[1:] = np.deg2rad(x).reshape(-1, 2)
@@ -327,3 +318,10 @@ class Correction:
                 step[2:][part] = -M @ np.linalg.lstsq(J[:, part] @ M, now.pins, rcond=1e-6)[0]
                 out.append(np.deg2rad(step.reshape(m, 2)))
         return np.stack(out, axis=2)
+
+
+def _minimum(P: sp.csc_matrix, g: Array, A: sp.csc_matrix, low: Array, high: Array) -> Array:
+    """Where ½ x P x + g x is least, (p,), for low ≤ A x ≤ high; NaN where OSQP finds nothing."""
+    solver = osqp.OSQP()
+    solver.setup(P, g, A, low, high, verbose=False, eps_abs=1e-5, eps_rel=1e-5, max_iter=4000)
+    return np.asarray(osqp_result(solver).x, dtype=float)

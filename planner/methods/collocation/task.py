@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.errors import lacks_memory
+from planner.errors import solver_answer
 from planner.methods.collocation.solvers import Settings, SolverAnswer, backend, names
 from planner.methods.collocation.transcription.bounds import Bounds, InputDemands, bounds
 from planner.methods.collocation.transcription.form import (
@@ -188,7 +188,7 @@ def task(
     made = transcription(problem.system, form)
     wanted = replace(settings, solver=names(made, settings)[0])
     new = transcription.cache_info().misses > built or wanted not in made.solvers
-    backend(made, wanted)
+    solver_answer(lambda: backend(made, wanted), lambda _: None)  # `solve` says what it raises
     seconds = time.perf_counter() - began if new else 0.0
     none = np.zeros((form.intervals, sum(len(required.parts) for required in requirements)))
     return Task(problem, requirements, objective, made, mesh, demands, settings, none, seconds)
@@ -239,11 +239,9 @@ def stretch_to(iterate: Iterate, duration: float) -> Iterate:
 
 def _ask(made: Transcription, settings: Settings, start: Array, data: Bounds) -> SolverAnswer:
     """The answer of a solver; if it raises an error, a failed answer with the start."""
-    try:
-        return backend(made, settings)(start, data)
-    except (RuntimeError, ArithmeticError) as error:  # CasADi raises these for errors in C++
-        if lacks_memory(error):
-            raise
+
+    def unfinished(words: str) -> SolverAnswer:
         made.solvers.pop(settings, None)  # its state is unknown after an error
-        words = str(error).strip().rpartition("\n")[2]
-        return SolverAnswer(start, False, f"Raised_Error: {words[:80]}", 0)
+        return SolverAnswer(start, False, f"Raised_Error: {words}", 0)
+
+    return solver_answer(lambda: backend(made, settings)(start, data), unfinished)

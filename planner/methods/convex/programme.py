@@ -16,12 +16,13 @@ optima agree to 1e-9. So the active set is tried first.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from functools import partial
+from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
 
-from planner.errors import lacks_memory
+from planner.errors import solver_answer
 from planner.methods.convex.paths import Frame
 from planner.support.arrays import Array
 from planner.support.interrupts import osqp_result
@@ -175,12 +176,7 @@ def solve_quadratic(
         return _optimum(G, h, np.zeros(A.shape[1]), np.zeros(len(h)), "none needed")
     order = (_by_osqp, _by_active_set) if engine == "osqp" else (_by_active_set, _by_osqp)
     for attempt in order:
-        try:
-            answer = attempt(G, h, radius)
-        except (RuntimeError, ArithmeticError, ValueError) as error:  # the engine did not finish
-            if lacks_memory(error):
-                raise
-            continue
+        answer = solver_answer(partial(attempt, G, h, radius), lambda _: None)
         if isinstance(answer, Farkas) and answer.margin > 0:
             return answer
         if isinstance(answer, Optimum) and answer.accurate:
@@ -212,10 +208,7 @@ def _by_active_set(G: Array, h: Array, radius: float) -> Optimum | Farkas | None
     target = np.zeros(G.shape[1] + 1)
     target[-1] = 1.0
     stacked = -np.concatenate([G.T, h[None]])
-    try:
-        raw, _ = nnls(stacked, target, maxiter=20 * len(h))
-    except RuntimeError:
-        return None
+    raw, _ = nnls(stacked, target, maxiter=20 * len(h))
     proof = _farkas(G, h, raw, radius)
     if proof is not None and proof.margin > 0:
         return proof
@@ -228,14 +221,7 @@ def _by_active_set(G: Array, h: Array, radius: float) -> Optimum | Farkas | None
 def _by_osqp(G: Array, h: Array, radius: float) -> Optimum | Farkas | None:
     import osqp  # takes a tenth of a second, and is needed only here
 
-    try:
-        return _solved_by_osqp(osqp.OSQP(), G, h, radius)
-    except osqp.OSQPException:
-        return None
-
-
-def _solved_by_osqp(solver: Any, G: Array, h: Array, radius: float) -> Optimum | Farkas | None:
-    size = G.shape[1]
+    solver, size = osqp.OSQP(), G.shape[1]
     solver.setup(
         sp.eye(size, format="csc"),
         np.zeros(size),

@@ -19,6 +19,7 @@ from planner.methods.collocation.long_arms.bridges import (
     make_exact,
 )
 from planner.methods.collocation.long_arms.bridges import ends_of as ends
+from planner.support.solver_calls import IpoptCall
 
 LIMIT_DEG = 80.0
 
@@ -72,7 +73,13 @@ def test_the_programmes_derivatives_are_those_of_its_functions() -> None:
     assert hessian.full() == pytest.approx(ours[1].full(), abs=1e-12)
 
 
-def test_a_gap_is_closed_within_the_limits() -> None:
+def fail(*_: object, **__: object) -> None:
+    raise RuntimeError("Error in Function::call:\n.../nlpsol.cpp:1: out of order")
+
+
+@pytest.mark.parametrize("raises", [False, True])
+def test_a_gap_is_closed_within_the_limits(raises: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A solver that raises has closed nothing."""
     walked = _walk(20, seed=3)
     q, u = walked.q.copy(), walked.u
     gap = np.zeros((20, 4))
@@ -82,7 +89,12 @@ def test_a_gap_is_closed_within_the_limits() -> None:
     goal = q[-1].copy()
     goal[0] = np.nan
     limit = np.array([np.inf, *np.full(3, np.deg2rad(LIMIT_DEG))])
+    if raises:
+        monkeypatch.setattr(IpoptCall, "__call__", fail)
     found, share = close_gaps(HARD.system, whole, ChainEnds(HARD.start, goal, limit))
+    if raises:
+        assert (found, share) == (None, 0)
+        return
     assert found is not None
     assert share == 1
     assert found.q[1:] == pytest.approx(ends(HARD.system, found.q[:-1], found.u), abs=2e-6)

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.errors import solver_answer
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
 from planner.support.calculus import runge_kutta
@@ -167,14 +168,11 @@ class _Nearest:
     ) -> tuple[PieceChain | None, int]:
         lower, upper = self._bounds(ends)
         at = self._pack(chain.q, chain.u)
-        found = self._solver(
-            x0=np.clip(at, lower, upper),
-            p=at,
-            lbx=lower,
-            ubx=upper,
-            lbg=gap.ravel(),
-            ubg=gap.ravel(),
-        )
+        given = {"x0": np.clip(at, lower, upper), "p": at, "lbx": lower, "ubx": upper}
+        given |= {"lbg": gap.ravel(), "ubg": gap.ravel()}
+        found = solver_answer(lambda: self._solver(**given), lambda _: {})
+        if not found:
+            return None, ITERATIONS
         made = int(self._solver.stats()["iter_count"])
         excess = float(np.max(np.abs(np.asarray(found["g"]).ravel() - gap.ravel())))
         if not excess <= RESIDUAL:

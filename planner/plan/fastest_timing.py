@@ -191,11 +191,11 @@ def _solve(stretch: PathIntervals, top: Array, rate: Array) -> Array:
         for i in range(2)
         if np.all(np.isfinite(rate[:, i]))
     ]
-    programme = {"x": x, "f": time, "g": ca.vertcat(*rows)}
+    programme: dict[str, Any] = {"x": x, "f": time, "g": ca.vertcat(*rows)}
     steepest = np.max(np.abs(stretch.dw), axis=1) / rate
     safe = float(1 / max(np.max(steepest), 1e-6))  # a constant b that keeps the rates
     guess = 0.1 * np.minimum(ceiling[free], safe)
-    given = {"x0": guess, "lbx": 0.0, "ubx": ceiling[free], "lbg": -1.0, "ubg": 1.0}
+    given: dict[str, Any] = {"x0": guess, "lbx": 0.0, "ubx": ceiling[free], "lbg": -1.0, "ubg": 1.0}
 
     def solved() -> tuple[Any, str]:
         solver = ca.nlpsol("timing", "ipopt", programme, _QUIET_OPTIONS)

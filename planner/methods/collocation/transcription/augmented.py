@@ -1,10 +1,10 @@
 """A motion and its response to errors, as one system to transcribe.
 
-The response W = S diag(σ) to errors of one standard deviation follows from Ṡ = A S + B: one more
-column a parameter, never the n² entries of a covariance. Triangular systems leave most entries
-empty, and those that are constant (an offset of θᵢ arrives whole at θᵢ) need no state. For the
-manipulator of three joints, five errors and so fifteen entries, eight states are left. Each is the
-change of its entry, so that all begin at zero. The covariance along the path is P = W Wᵀ.
+The response W = S diag(σ) to errors of one standard deviation follows from Ṡ = A S + B: one column
+per parameter, instead of the n² entries of a covariance. In triangular systems most entries are
+zero, and constant ones (an offset of θᵢ stays an offset of θᵢ) need no state. For the manipulator
+of three joints with five errors, eight of the fifteen entries are states. Each state is the change
+of its entry, so all begin at zero. The covariance along the path is P = W Wᵀ.
 """
 
 from __future__ import annotations
@@ -23,25 +23,27 @@ from planner.systems.linearisation import Linearisation, linearise
 from planner.systems.triangular_system import TriangularSystem
 
 DEGREES = 180 / np.pi
-"""The response is weighed in degrees (lengths in their unit over 57.3): its size is near 1."""
+"""The response is weighted in degrees (lengths in 57.3ths of their unit), so that it is near 1."""
 
 VARIANCE_ROUNDING = 1e-6 / DEGREES
-"""Rounds off the square root of a variance that is zero, in its unit (rad, or that of z₂)."""
+"""Smooths the square root at a variance of zero, in the unit of the coordinate (rad, or that of
+z₂)."""
 
 
 @dataclass(frozen=True)
 class Augmented:
-    """A system with the states x = (q, w), w being what changes of S, a clock and the effort.
+    """A system with the states x = (q, w), w being the varying entries of S, a clock and the
+    effort.
 
     Attributes:
-        system: What moves.
+        system: The system.
         spread: Names of the P errors, in the order of W's columns, with standard deviations.
-        passive: Weight of the passive block squared (deg²): rows q₃ … of the columns of the start
+        passive: Weight of the squared passive block (deg²): rows q₃ … of the columns for the start
             of q₂ and the gain of u₂.
-        terminal: Weight of the whole terminal response squared (deg²).
-        path: Weight of the response squared, averaged along the path (deg²).
-        backoff: Standard deviations by which limits are backed off, see `backs_off`.
-        metered: Whether the last state is the effort spent.
+        terminal: Weight of the squared terminal response (deg²).
+        path: Weight of the squared response, averaged along the path (deg²).
+        backoff: Number of standard deviations by which limits are backed off, see `backs_off`.
+        metered: Whether the last state is the effort so far.
     """
 
     system: TriangularSystem
@@ -62,16 +64,16 @@ class Augmented:
         return list(ca.vertsplit(self._made.rates(x, u)))
 
     def end_cost_expr(self, x: Any) -> Any:
-        """CasADi expression of what the response costs at the end."""
+        """CasADi expression of the response's cost at the end."""
         W = DEGREES * self._made.response.function(x)
         return self.passive * ca.sumsqr(W[2:, self._passive]) + self.terminal * ca.sumsqr(W[1:, :])
 
     def path_cost_expr(self, x: Any) -> Any:
-        """CasADi expression of what it costs on the way."""
+        """CasADi expression of the response's cost along the path."""
         return self.path * ca.sumsqr(DEGREES * self._made.response.function(x)[1:, :])
 
     def sides(self, q: Any, value: Any, places: list[Any]) -> list[Any]:
-        """An expression in q (N), at places x, less and more by the back-off."""
+        """An expression in q (N) at the states `places`, minus and plus the back-off."""
         both = ca.Function("value", [q], [value, ca.jacobian(value, q)])
         out = []
         for x in places:
@@ -83,12 +85,12 @@ class Augmented:
         return out
 
     def response(self, x: Array) -> Array:
-        """W (…, N, P) in SI units at x (…, N + m); row 0, the path coordinate's, is left out (zero)
-        where nothing depends on it."""
+        """W (…, N, P) in SI units at x (…, N + m). Row 0, of the path coordinate, is zero if
+        nothing depends on it."""
         return self._made.response(x)
 
     def sizes_deg(self, x: Array) -> tuple[float, float]:
-        """Size of the passive block, and of the whole response, at x (N + m)."""
+        """Size of the passive block and of the whole response at x (N + m), degrees."""
         W = DEGREES * self.response(x)
         return float(np.linalg.norm(W[2:, self._passive])), float(np.linalg.norm(W[1:]))
 
@@ -105,7 +107,7 @@ class Augmented:
 
 @dataclass(frozen=True, eq=False)
 class _Expressions:
-    """Number of the states x, and functions (x, u) to ẋ and x to W."""
+    """The number of states x, and functions from (x, u) to ẋ and from x to W."""
 
     size: int
     rates: Any
@@ -134,7 +136,7 @@ def _expressions(made: Augmented) -> _Expressions:
 
 
 def _column(form: Linearisation, error: str) -> tuple[dict[int, Any], Any]:
-    """One error's column of S, and the symbols of those of its entries that move."""
+    """One error's column of S, and the symbols of its entries that vary."""
     N, b, start = form.q.numel(), form.forcing[error], form.initial[error]
     read = [[j for j in range(N) if form.A[i, j].nnz() > 0] for i in range(N)]
     reached = [bool(start[i]) or b[i].nnz() > 0 for i in range(N)]
@@ -151,12 +153,13 @@ def _column(form: Linearisation, error: str) -> tuple[dict[int, Any], Any]:
 
 
 MovingSystem = TriangularSystem | Augmented
-"""What a transcription moves."""
+"""A system that can be transcribed."""
 
 
 def backs_off(required: Requirement) -> bool:
-    """Whether a requirement is backed off: limits on coordinates, but not places to clear.
+    """Whether a requirement is backed off: limits on coordinates, but not obstacles.
 
-    Nor those whose rows read numbers: the slope of such rows is no function of q alone.
+    Rows that depend on fields of the requirement (`numbers`) are not backed off, since their slope
+    is not a function of q alone.
     """
     return required.reads == {"q"} and required.smooth and not required.numbers

@@ -1,4 +1,4 @@
-"""A problem's numbers in the shape of a transcription: bounds on unknowns and rows, parameters."""
+"""A problem's numbers for a transcription: bounds on unknowns and rows, and parameters."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
 
 MOST_DRAWN_IN = 0.1
-"""Largest share of half the room between low and high by which a limit is drawn in; more would mean
-a mesh far too coarse."""
+"""Largest share of half the range between low and high by which a limit is tightened; a mesh that
+needs more is far too coarse."""
 
 
 @dataclass(frozen=True)
 class InputDemands:
-    """What is asked of the inputs beside the problem's limits.
+    """Demands on the inputs beside the problem's limits.
 
     Attributes:
         rest: Whether they are zero at both ends.
-        first_sign: Sign that the first one keeps; zero where it may change.
-        turns: Shares of the duration at which that sign changes.
-        effort: Most that ∫ u₁² + u₂² dt may be, where the transcription meters it.
-        timeless: Whether limits that read inputs are not asked for: a path has no timing yet.
+        first_sign: Sign of the first input, constant between `turns`; zero if it is free.
+        turns: Fractions of the duration at which that sign changes.
+        effort: Largest ∫ u₁² + u₂² dt, if the transcription has it as a state.
+        timeless: Whether to leave out limits that depend on inputs, since a path has no timing.
     """
 
     rest: bool = False
@@ -40,16 +40,16 @@ class InputDemands:
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """What the solver is given beside the functions, in natural units.
+    """The numbers that a solver gets beside the functions, in natural units.
 
     Attributes:
-        lower: Of the unknowns, shape (size,).
-        upper: Of the unknowns.
-        row_lower: Of the rows, shape (K · height,).
-        row_upper: Of the rows.
+        lower: Lower bounds of the unknowns, shape (size,).
+        upper: Upper bounds of the unknowns, shape (size,).
+        row_lower: Lower bounds of the rows, shape (K · height,).
+        row_upper: Upper bounds of the rows, shape (K · height,).
         parameters: Numbers of the form (`Form.parameters`) and mesh widths.
         widths: The mesh widths, shape (K,).
-        units: Of the unknowns, shape (size,).
+        units: Units of the unknowns, shape (size,).
     """
 
     lower: Array
@@ -62,7 +62,7 @@ class Bounds:
 
     @property
     def pattern(self) -> bytes:
-        """Which bounds are there and which are fixed: equal for problems of one kind."""
+        """Pattern of finite and of equal bounds; the same for problems of one kind."""
         pairs = ((self.lower, self.upper), (self.row_lower, self.row_upper))
         kinds = [
             (low == high) + 2 * np.isfinite(low) + 4 * np.isfinite(high) for low, high in pairs
@@ -79,17 +79,17 @@ def bounds(
     demands: InputDemands,
     drawn: Array,
 ) -> Bounds:
-    """Fill in a problem's numbers.
+    """Compute bounds and parameters from a problem's numbers.
 
     Args:
-        problem: What is solved.
-        requirements: What of it is kept, see `kept_between_nodes`.
+        problem: The problem.
+        requirements: Its requirements, see `kept_between_nodes`.
         made: The transcription.
         mesh: Its mesh.
-        objective: What is made least.
-        demands: What is asked of the inputs beside the problem's limits.
-        drawn: By how much each part of what is kept is drawn in, shape (K, R), so that it holds
-            between the nodes.
+        objective: The objective.
+        demands: Demands on the inputs beside the problem's limits.
+        drawn: Amounts by which the parts of the requirements are tightened, shape (K, R), so that
+            they hold between the nodes.
     """
     low, high = (np.concatenate([[], *(each.bounds[k] for each in requirements)]) for k in (0, 1))
     most = MOST_DRAWN_IN * (high - low) / 2
@@ -120,7 +120,7 @@ def bounds(
         if reads[r] == {"q"}:
             edge = rows.tau == 0.0
             amounts[:, edge] = edges[:-1, [r]]
-            amounts[0, edge] = -np.inf  # where the problem itself has been checked
+            amounts[0, edge] = -np.inf  # the problem has been checked there
         elif demands.timeless:
             amounts[:] = -np.inf
         unit = units.time_s ** speeds[r]
@@ -144,7 +144,7 @@ def _limits(
     inside: Array,
     edges: Array,
 ) -> tuple[Array, Array]:
-    """Bounds of the unknowns; what is kept is drawn in by (K, R) inside and (K+1, R) at edges."""
+    """Bounds of the unknowns; limits are tightened by `inside` (K, R) and `edges` (K+1, R)."""
     places = made.layout
     upper = np.full(places.size, np.inf)
     lower = -upper
@@ -189,7 +189,7 @@ def _fix(
     mesh: Mesh,
     demands: InputDemands,
 ) -> None:
-    """Set both bounds of what is given: start, goal, duration, waypoints and rest."""
+    """Fix the given values in both bounds: start, goal, duration, waypoints and rest."""
     places, N = made.layout, problem.system.size
     duration = np.nan if problem.duration is None else problem.duration
     fixed = [(places.nodes[0], made.start(problem)), (places.nodes[-1, :N], problem.target)]

@@ -1,6 +1,6 @@
-"""The functions of one interval, differentiated once; `transcription` maps them over the whole.
+"""The functions of one interval with their derivatives; `transcription` maps them over the mesh.
 
-Derivatives of what is computed by way of many intermediate values.
+`ChainRule` differentiates functions that are computed through many intermediate values.
 """
 
 from __future__ import annotations
@@ -25,15 +25,16 @@ class IntervalFunctions:
     """Functions of (y, c) and the parameters (`Form.parameters`, width), all dense columns.
 
     Attributes:
-        cost: To the cost.
-        rows: To the rows, the first being minus the state it leads to.
-        gradient: To the gradient of the cost.
-        jacobian: To rows, and the nonzeros of (identity; Jacobian of the rows) by columns.
-        hessian: With lam_f and lam_g to gradient of the Lagrangian and nonzeros of its Hessian.
-        points: To the coordinates at the collocation points.
-        jacobian_pattern: Rows and columns of those nonzeros; the identity's rows are those of the
-            interval before, so that they are negative.
-        hessian_pattern: Rows and columns, both triangles.
+        cost: Gives the cost.
+        rows: Gives the rows, the first being minus the next state.
+        gradient: Gives the gradient of the cost.
+        jacobian: Gives the rows, and the nonzeros of (identity; Jacobian of the rows) by columns.
+        hessian: With lam_f and lam_g also as arguments, gives the gradient of the Lagrangian and
+            the nonzeros of its Hessian.
+        points: Gives the coordinates at the collocation points.
+        jacobian_pattern: Rows and columns of the Jacobian's nonzeros; the identity's rows belong to
+            the previous interval, so they are negative.
+        hessian_pattern: Rows and columns of the Hessian's nonzeros, both triangles.
     """
 
     cost: Any
@@ -87,18 +88,19 @@ def _pattern(matrix: Any) -> Pattern:
 
 
 class ChainRule:
-    """Derivatives along a chain of definitions v = F(w, v before), such as the values inside.
+    """Derivatives along a chain of definitions v = F(w, earlier v), as of the values inside.
 
-    With Z = dv/dw, and with mu the rates at which a function L(w, v) grows with each v by way of
-    those after it, L has the Hessian (I; Z)' M (I; Z), where M is that of L + mu' F in (w, v): it
-    is sparse, each collocation point standing for itself. That takes half the operations of
-    differentiating L after v is put in. With that, by CasADi alone, five shipped problems took 10
-    to 30 % more processor time desensitised, all in all; collocation 3 to 7 %.
+    Let Z = dv/dw, and mu the total derivatives of a function L(w, v) by each v, including the
+    effect on later ones. Then L has the Hessian (I; Z)' M (I; Z), where M is the Hessian of
+    L + mu' F in (w, v). M is sparse, since the collocation points are not coupled in it. This takes
+    half the operations of differentiating L after substituting v. With substitution, by CasADi
+    alone, five shipped problems took 10 to 30 % more processor time in total when desensitised, and
+    3 to 7 % more with collocation.
 
     Args:
         unknowns: w, a column.
         inside: v, as columns of symbols.
-        meaning: F, as columns, each in terms of w and of the columns of v before it.
+        meaning: F, as columns, each in terms of w and of earlier columns of v.
     """
 
     def __init__(self, unknowns: Any, inside: Sequence[Any], meaning: Sequence[Any]) -> None:
@@ -112,7 +114,7 @@ class ChainRule:
         self.Z = ca.vertcat(*rows)
 
     def jacobian(self, of: Any) -> Any:
-        """First derivatives by w, as a matrix with a row for each entry of a column."""
+        """Matrix of first derivatives by w, with a row for each entry of the column `of`."""
         return ca.jacobian(of, self.w) + ca.jacobian(of, self.v) @ self.Z
 
     def second(self, of: Any) -> tuple[Any, Any]:
@@ -133,5 +135,5 @@ class ChainRule:
         return ca.densify(ca.vertcat(*out))
 
     def closed(self, outputs: list[Any]) -> list[Any]:
-        """Expressions with v put in."""
+        """Expressions with v substituted."""
         return list(ca.substitute_inplace(ca.vertsplit(self.v), ca.vertsplit(self.F), outputs)[1])

@@ -1,10 +1,10 @@
-"""What distinguishes one transcription from another, all else being data: scheme, form, mesh.
+"""The properties that distinguish transcriptions (scheme, form, mesh), and the objective.
 
-And what is made least: weighted sums of duration, effort, smoothness and closeness to edges.
+The objective is a weighted sum of duration, effort, smoothness and closeness to the domain's edge.
+A scheme has points, integration, quadrature and Bernstein form. On one interval, scaled to [0, 1],
+a coordinate is the polynomial of degree d through its value at 0 and at the d collocation points.
+Everything else is linear in those d + 1 values.
 
-A scheme has points, integration, quadrature and Bernstein form. On one interval,
-scaled to [0, 1], a coordinate is the polynomial of degree d through its value at 0 and at the d
-collocation points. Everything else is linear in those d + 1 values.
 
 Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.5.
 """
@@ -37,10 +37,10 @@ class Scheme:
 
     Attributes:
         points: τ₁ … τ_d, shape (d,), in (0, 1].
-        integration: Shape (d, d): rates at the points to the moves from 0 to τ₁ … τ_d.
-        quadrature: Shape (d,): ∫₀¹ f ≈ Σ quadrature · f(points).
-        bernstein: Shape (d+1, d+1): values at (0, τ₁ … τ_d) to Bernstein coefficients, the last of
-            which is the value at 1.
+        integration: Matrix (d, d) from rates at the points to the changes from 0 to τ₁ … τ_d.
+        quadrature: Weights (d,): ∫₀¹ f ≈ Σ quadrature · f(points).
+        bernstein: Matrix (d+1, d+1) from values at (0, τ₁ … τ_d) to Bernstein coefficients, the
+            last of which is the value at 1.
     """
 
     points: Array
@@ -73,11 +73,13 @@ InputKind = Literal["constant", "linear"]
 
 
 TERMS = 6
-"""Terms of the objective: duration, effort of each input, its smoothness, closeness to edges."""
+"""Number of terms of the objective: duration, effort and smoothness of each input, closeness to the
+domain's edge."""
 
 
 def kept_between_nodes(problem: Problem) -> list[Requirement]:
-    """What may be broken between the nodes: all but inputs and their rates as they are."""
+    """Requirements that may be broken between the nodes: all except plain limits on inputs and
+    their rates."""
     drives = {"u", "du"}
     return [each for each in problem.requirements if not (each.is_direct and each.reads & drives)]
 
@@ -89,14 +91,15 @@ and objective alone give a rad or m. Both are in the middle of those of ordinary
 
 @dataclass(frozen=True)
 class Units:
-    """Natural units, in which unknowns of any problem are near one. All are powers of ten.
+    """Natural units, in which the unknowns of any problem are near one.
 
-    So problems of ordinary size are solved as they are written, to the last bit.
+    They are powers of ten, so that problems of ordinary size have units of one and are solved
+    without any change of rounding.
 
     Attributes:
-        time_s: Of time, seconds.
-        inputs: Of the inputs, in their units.
-        objective: Of the objective.
+        time_s: Unit of time, s.
+        inputs: Units of the inputs, in their own units.
+        objective: Unit of the objective.
     """
 
     time_s: float = 1.0
@@ -111,12 +114,12 @@ class Units:
 
 
 def natural_units(problem: Problem, objective: Objective, timeless: bool) -> Units:
-    """Units for a problem's size: of its drive constant, its duration or limits, its objective.
+    """Units from a problem's drive constant, its duration or limits, and its objective.
 
     Args:
-        problem: What is solved.
-        objective: What is made least.
-        timeless: Whether only the path counts, whose duration is a matter of the search.
+        problem: The problem.
+        objective: The objective.
+        timeless: Whether only the path counts, with a reference duration.
     """
     ends = np.array([problem.start, problem.likely.goal])
     drive = np.abs(problem.system.drive(np.where(np.isnan(ends), problem.start, ends))).max()
@@ -141,7 +144,7 @@ def _decade(value: float) -> float:
 
 @dataclass(frozen=True)
 class Form:
-    """The shape of a transcription; with the system, the key under which it is kept.
+    """The properties of a transcription; together with the system its cache key.
 
     Attributes:
         intervals: Number K of mesh intervals.
@@ -149,13 +152,14 @@ class Form:
         degree: Collocation points per interval.
         input: "constant" in each interval, or "linear" and continuous.
         free_duration: Whether the duration is an unknown; else it is a parameter.
-        kept: What rows are for, without numbers, see `kept_between_nodes`.
-        final: What rows at right edges are for, likewise: at the end, and at waypoints.
+        kept: Requirements that have rows, without their numbers, see `kept_between_nodes`.
+        final: Requirements that have rows at right edges only, without their numbers: those at the
+            end and at waypoints.
         edge: Whether closeness to the edge of the chart's domain is a term of the objective.
-        inner: Whether what is kept holds at the collocation points too, not only at the mesh's
+        inner: Whether requirements have rows at the collocation points too, not only at the mesh's
             edges.
-        augmented: What moves, where that is more than the system: its response to errors too.
-        units: Of the unknowns, and of rows that read inputs.
+        augmented: The system with its response to errors, if that is transcribed; else None.
+        units: Units of the unknowns, and of rows that depend on inputs.
     """
 
     intervals: int
@@ -172,23 +176,19 @@ class Form:
 
     @property
     def parameters(self) -> int:
-        """Numbers an interval is given beside its width.
-
-        The objective's weights, those of what is kept, the duration if it is known.
-        """
+        """Number of parameters of an interval beside its width: weights of the objective, numbers
+        of the requirements, and the duration if it is known."""
         own = sum(len(required.numbers) for required in (*self.kept, *self.final))
         return TERMS + own + (not self.free_duration)
 
     @property
     def scheme(self) -> Scheme:
-        """The weights."""
+        """The scheme's weights."""
         return scheme(self.scheme_kind, self.degree)
 
     def input_places(self, mesh: Mesh) -> Array:
-        """Fractions of the duration at which `Iterate.inputs` are sampled from a curve.
-
-        Shape (K,) in the middles, or (K+1,) at the edges.
-        """
+        """Fractions of the duration at which `Iterate.inputs` are sampled from a curve: the
+        middles, (K,), for constant inputs, or the edges, (K+1,), for linear ones."""
         return mesh.edges if self.input == "linear" else mesh.edges[:-1] + mesh.widths / 2
 
 
@@ -198,7 +198,7 @@ class Mesh:
 
     Attributes:
         edges: Increasing, shape (K+1,), from 0 to 1.
-        marks: Edges at which waypoints are passed, in their order on the way.
+        marks: Indices of the edges at which waypoints are passed, in their order.
     """
 
     edges: Array
@@ -215,11 +215,11 @@ class Mesh:
         return self.edges[[0, *self.marks, len(self.edges) - 1]]
 
     def at(self, tau: Array) -> Array:
-        """Fractions of the whole, shape (K, m), of places tau (m,) in each interval."""
+        """Fractions of the whole, shape (K, m), at fractions tau (m,) of each interval."""
         return np.asarray(self.edges[:-1, None] + self.widths[:, None] * tau)
 
     def snapped(self, edges: Array) -> Mesh:
-        """Another partition, whose nearest edges are moved onto this one's marks."""
+        """Another partition with its nearest edges moved onto the marks of this one."""
         edges = edges.copy()
         marks: list[int] = []
         for knot in self.knots[1:-1]:
@@ -236,7 +236,7 @@ def uniform(intervals: int) -> Mesh:
 
 
 def through(intervals: int, fractions: Sequence[float]) -> Mesh:
-    """About K intervals, as even as may be, with edges at the fractions (increasing, inside)."""
+    """About K intervals, as even as possible, with edges at the fractions (increasing, inside)."""
     knots = np.array([0.0, *fractions, 1.0])
     counts = np.maximum(1, np.round(intervals * np.diff(knots)).astype(int))
     parts = [
@@ -248,13 +248,13 @@ def through(intervals: int, fractions: Sequence[float]) -> Mesh:
 
 
 TIME_REGULARISATION = 0.01
-"""Weight of the scaled effort beside the duration when time is the objective. The scaled effort is
-at most twice the duration, so the duration found is within 2 % of the least."""
+"""Weight of the scaled effort relative to the duration when time is the objective. The scaled
+effort is at most twice the duration, so the duration found is within 2 % of the least."""
 
 
 EDGE_REGULARISATION = 0.01
-"""Weight of the effort beside the closeness to the domain's edge when that is the objective; the
-closeness alone would be left at infinite speed."""
+"""Weight of the effort relative to the closeness to the domain's edge when that is the objective;
+without the effort the motion would leave the edge at infinite speed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,8 +264,8 @@ class Objective:
     Attributes:
         kind: "effort", "smooth", "edge", "time" or "mixed".
         name: In words.
-        weights: Of T, of each ∫uᵢ² dt, of each ∫(duᵢ/dt)² dt, and of the mean closeness to the
-            domain's edge (see `edges`), shape (6,).
+        weights: Weights of T, of each ∫uᵢ² dt, of each ∫(duᵢ/dt)² dt, and of the mean closeness to
+            the domain's edge (see `edges`), shape (6,).
     """
 
     kind: str
@@ -274,21 +274,21 @@ class Objective:
 
     @property
     def smooth(self) -> bool:
-        """Whether it needs inputs without jumps."""
+        """Whether the objective needs inputs without jumps."""
         return bool(self.weights[3:5].any())
 
     @property
     def edge(self) -> bool:
-        """Whether the closeness to the domain's edge is part of it."""
+        """Whether the closeness to the domain's edge is a term of the objective."""
         return bool(self.weights[5])
 
 
 def objective(problem: Problem, options: CollocationOptions) -> Objective:
-    """The objective asked for, or the one that suits the problem.
+    """The objective of the options, or the default for the problem.
 
     Raises:
-        InputError: If what is to be least has no least value with a free duration (slower is always
-            better), or time is to be least with an input that has no limit.
+        InputError: If the objective has no minimum with a free duration (slower is always better),
+            or is the time although an input has no limit.
     """
     kind: str = options.objective
     limited = bool(np.all(np.isfinite(problem.limits.input)))
@@ -338,7 +338,7 @@ def _mixed(options: CollocationOptions) -> Objective:
 
 
 def fastest(problem: Problem) -> Objective:
-    """Least duration, with a small weight on the effort, which settles what time leaves open."""
+    """Least duration, with a small weight on the effort, which makes the motion unique."""
     weights = TIME_REGULARISATION / problem.limits.input_scale**2
     return Objective(
         "time",
@@ -349,10 +349,10 @@ def fastest(problem: Problem) -> Objective:
 
 
 def shortest_path(problem: Problem) -> Objective:
-    """What a path is judged by before its timing: the effort, in units of the inputs' limits.
+    """The objective of a path before its timing: the effort, in units of the inputs' limits.
 
     The systems are driftless. At a fixed duration without limits on inputs, least effort gives the
-    path of least length in the metric of the inputs, whatever the duration is.
+    path of least length in the metric of the inputs, for any duration.
     """
     inputs = 1 / problem.limits.input_scale**2
     inputs = inputs / np.mean(inputs)

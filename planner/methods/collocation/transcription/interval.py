@@ -1,12 +1,12 @@
-"""One mesh interval as symbols: where it leads, what it costs, and its rows, labelled where made.
+"""One mesh interval in symbols: its next state, its cost, and its labelled rows.
 
-All intervals are alike, so the whole problem is this one, repeated (see `transcription`).
+All intervals are equal, so the whole problem repeats this one (see `transcription`).
 
-Which collocation values are unknowns, and which follow from the others: a collocation method is
-implicit, but where no coordinate's rate depends on that coordinate, not even by way of others, its
-equations are solved one coordinate after the other: the manipulator's θ₁ from the input, θ₂ from
-θ₁, and so on. Coordinates on a circle of dependencies are cut out of it: their values at the
-collocation points stay unknowns.
+The file also decides which collocation values are unknowns. A collocation method is implicit. But
+if no coordinate's rate depends on that coordinate, directly or through others, its equations can be
+solved one coordinate after the other: the manipulator's θ₁ from the input, θ₂ from θ₁, and so on.
+To break cycles of dependencies, some coordinates are lifted: their values at the collocation points
+are unknowns.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ class Rows:
     """Rows of one meaning.
 
     Attributes:
-        kind: Its family. motion: the next state is where this interval leads; carried: the
-            duration and a linear input's corners are those of the next interval; defect: a lifted
-            coordinate obeys its rate at the collocation points; kept: a part of what is kept;
-            final: a part of what holds at the end, asked for in the last interval alone.
-        index: Coordinate or input it is about, or the part's place among all parts of its family.
-        tau: Where in the interval each row holds, shape (m,), in [0, 1].
-        positions: Of the rows among those of the interval.
+        kind: Their family. motion: the next state is the end of this interval; carried: the
+            duration and a linear input's corner continue in the next interval; defect: a lifted
+            coordinate obeys its rate at the collocation points; kept: a part of a requirement;
+            final: a part of a requirement at the end, active only in the last interval.
+        index: Index of the coordinate or input, or of the part among all parts of its family.
+        tau: Position of each row in the interval, shape (m,), in [0, 1].
+        positions: Positions of the rows among those of the interval.
     """
 
     kind: RowKind
@@ -55,16 +55,16 @@ class Stage:
         state: y at its left edge.
         control: c.
         width: Its share of the duration.
-        weights: The interval's numbers, see `Form.parameters`.
+        weights: The interval's parameters, see `Form.parameters`.
         inside: Inputs, coordinates and their rates at the collocation points, as columns of
-            symbols of their own.
-        meaning: What each column is, from state, control and columns before it.
-        cost: Its share of the objective; it and all below also in terms of `inside`.
-        end: What a state costs beside that where the motion ends.
-        after: The state it leads to; the first rows are the next state minus this one.
+            symbols.
+        meaning: Definition of each column by state, control and earlier columns.
+        cost: Its share of the objective; like all below it may depend on `inside`.
+        end: Additional cost of the last state.
+        after: The state at its right edge; the first rows are the next state minus this one.
         rows: The rows that follow them.
         points: Coordinates at the collocation points, N × d.
-        labels: What all rows mean, the first ones included.
+        labels: Meaning of all rows, including the first ones.
     """
 
     state: Any
@@ -125,7 +125,7 @@ class _RowList:
 
 
 def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
-    """Write down one interval of a transcription."""
+    """The symbols of one interval of a transcription."""
     moved = form.augmented or system
     x, rows = _Symbols(moved, form, order.lifted), _RowList()
     points, rates, defects, inside = _collocation(moved, form, order, x)
@@ -160,8 +160,8 @@ def _collocation(
 
     Returns:
         Values, first index the point; rates of each coordinate at the points; for each lifted
-        coordinate its values minus what its rates make of them, which must vanish; and the inputs,
-        rates and other values as symbols, each with its meaning.
+        coordinate the differences of its values from its integrated rates, which must vanish; and
+        the symbols of inputs, rates and other values, each with its definition.
     """
     s, places = form.scheme, range(form.degree)
     inputs = [ca.SX.sym(f"u{j}", 2) for j in places]
@@ -218,17 +218,18 @@ def _motion(
 
 
 LIMITED_PLACES = [0.0, 0.25, 0.5, 0.75, 1.0]
-"""Where in an interval functions of linear inputs are limited: between three places a product on a
-mesh of 15 intervals passes its limit by a fifth, between five by a twentieth."""
+"""Positions in an interval at which functions of linear inputs are limited. With three of them a
+product on a mesh of 15 intervals exceeds its limit by a fifth in between, with five by a
+twentieth."""
 
 
 def _limit_rows(
     system: TriangularSystem, form: Form, x: _Symbols, points: list[Any], after: Any, rows: _RowList
 ) -> None:
-    """Rows of what is kept, where it is not a bound on an unknown.
+    """Rows of requirements that are not bounds on unknowns.
 
-    Edges' coordinates and lifted ones are unknowns. An input is constant or linear in an interval,
-    so that what reads inputs alone is asked for once, or at a few places.
+    Coordinates at edges and lifted ones are unknowns. An input is constant or linear in an
+    interval, so a requirement on inputs alone has one row, or rows at a few positions.
     """
     at_points = form.scheme.points.tolist() if form.inner else []
     state = {0.0: x.X, 1.0: after, **dict(zip(form.scheme.points.tolist(), points, strict=True))}
@@ -241,7 +242,7 @@ def _limit_rows(
         if "q" not in blank.reads:
             places = LIMITED_PLACES if "u" in blank.reads and form.input == "linear" else [0.0]
         elif blank.reads != {"q"}:
-            places = sorted({*places, 1.0})  # inputs may jump at the edge that follows
+            places = sorted({*places, 1.0})  # inputs may jump at the next edge
         found = [
             required.rows(
                 MotionPoint(
@@ -267,7 +268,7 @@ def _limit_rows(
 
 
 def _backed_off_rows(form: Form, moved: Augmented, places: list[Any], rows: _RowList) -> None:
-    """Limits on coordinates to either side by the response, at points and the right edge."""
+    """Rows of limits on coordinates with back-off to both sides, at points and the right edge."""
     system, q = moved.system, ca.SX.sym("q", moved.system.size)
     tau, part = np.repeat(np.append(form.scheme.points, 1.0), 2), 0
     for blank in form.kept:
@@ -278,12 +279,13 @@ def _backed_off_rows(form: Form, moved: Augmented, places: list[Any], rows: _Row
 
 
 def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) -> Any:
-    """The interval's share of the objective; `Form` and `Objective` say which terms there are.
+    """The interval's share of the objective; for the terms see `Form` and `Objective`.
 
-    Closeness (`planner.plan.measures.closeness`) is a smooth least margin. It grows towards an edge
-    from either side, so that it needs no branch and is defined where a motion leaves the chart.
+    Closeness (`planner.plan.measures.closeness`) depends smoothly on the least margin. It grows
+    towards an edge from both sides, so it does not depend on the branch and is also defined outside
+    the chart.
     """
-    square = x.u_left**2  # its mean over the interval, exact for either kind of input
+    square = x.u_left**2  # mean of u^2 over the interval, exact for both kinds of input
     if form.input == "linear":
         square = (x.u_left**2 + x.u_left * x.u_right + x.u_right**2) / 3
     rate = ca.dot(x.weights[1:3], square)
@@ -305,11 +307,11 @@ def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) 
 
 @dataclass(frozen=True)
 class Order:
-    """In which order collocation values are computed.
+    """The order in which collocation values are computed.
 
     Attributes:
-        sequence: All coordinates; each one's rate depends on earlier and on lifted ones only.
-        lifted: Those whose collocation values are unknowns, increasing.
+        sequence: All coordinates; the rate of each depends only on earlier and on lifted ones.
+        lifted: Coordinates whose collocation values are unknowns, increasing.
     """
 
     sequence: tuple[int, ...]
@@ -333,7 +335,7 @@ def order(system: MovingSystem) -> Order:
 
 
 def _dependencies(system: MovingSystem) -> list[set[int]]:
-    """For each coordinate, those that its rate depends on."""
+    """For each coordinate, the coordinates on which its rate depends."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = ca.vertcat(*system.rates_expr(q, u))
     rows, columns = ca.jacobian(rates, q).sparsity().get_triplet()

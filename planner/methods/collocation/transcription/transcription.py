@@ -1,20 +1,20 @@
 """The whole problem from one interval: CasADi functions with exact sparse derivatives.
 
-The derivatives of one interval are formed symbolically once and mapped over all intervals. Since
-unknowns and rows come stage by stage, the nonzeros of the whole matrices are those of the intervals
-one after the other: nothing is gathered, added up or differentiated again. Building takes
-milliseconds and does not grow with the mesh.
+The derivatives of one interval are formed symbolically once and mapped over all intervals. Unknowns
+and rows are ordered by stages, so the nonzeros of the whole matrices are those of the intervals in
+sequence: nothing is reordered, summed or differentiated again. Building takes milliseconds,
+independent of the mesh.
 
-Jacobian pattern (y: state at an edge, c: control; one block row an interval):
+Jacobian pattern (y: state at an edge, c: control; one block row per interval):
+
 
     y c 1
         y c 1
             y c 1
 
-The Hessian of the Lagrangian has one block (y, c) an interval, and at the last state what the end
-costs.
-
-The transcription of a system: built once for each form, then reused with any numbers.
+The Hessian of the Lagrangian has one block (y, c) per interval, and the Hessian of the end's cost
+at the last state. The transcription of a system is built once for each form, then reused with any
+numbers.
 """
 
 from __future__ import annotations
@@ -46,14 +46,15 @@ class Program:
 
     Attributes:
         problem: The expressions x, p, f, g; p = (`Form.parameters` numbers, K widths).
-        f: Function (x, p) to f.
-        g: Function (x, p) to g.
-        gradient: Function (x, p) to the gradient of f.
-        value_gradient: Function (x, p) to f and its gradient.
-        jacobian: Function (x, p) to g and its Jacobian.
-        hessian: Function (x, p, lam_f, lam_g) to gradient and Hessian of lam_f f + lam_g g.
-        triangle: The same, to the Hessian's upper triangle alone.
-        outcome: From arrays (x, p) to one of f, g, and the coordinates at the collocation points.
+        f: Function from (x, p) to f.
+        g: Function from (x, p) to g.
+        gradient: Function from (x, p) to the gradient of f.
+        value_gradient: Function from (x, p) to f and its gradient.
+        jacobian: Function from (x, p) to g and its Jacobian.
+        hessian: Function from (x, p, lam_f, lam_g) to gradient and Hessian of lam_f f + lam_g g.
+        triangle: Function from (x, p, lam_f, lam_g) to the Hessian's upper triangle only.
+        outcome: Function of arrays (x, p) to one array of f, g, and the coordinates at the
+            collocation points.
     """
 
     problem: dict[str, Any]
@@ -68,7 +69,7 @@ class Program:
 
 
 class _Assembly:
-    """One interval repeated over the mesh: unknowns cut into one column an interval, then the last
+    """One interval repeated over the mesh; the unknowns are one column per interval, then the last
     state."""
 
     def __init__(self, stage: Stage, layout: Layout, functions: IntervalFunctions) -> None:
@@ -112,12 +113,12 @@ class _Assembly:
         return list(out) if isinstance(out, tuple) else [out]
 
     def _rows(self, rows: Any) -> Any:
-        """The interval's own rows begin with minus the state it leads to; the state is added."""
+        """The rows of all intervals; the next state is added to the first rows of each."""
         following = ca.horzcat(self.columns[: self.ny, 1:], self.last)
         return ca.vec(ca.vertcat(rows[: self.ny, :] + following, rows[self.ny :, :]))
 
     def _jacobian(self) -> Any:
-        """A state's column begins with the row of the interval before, which the first lacks."""
+        """The Jacobian; a state's column begins with the row of the previous interval, if any."""
         rows, nonzeros = self._mapped(self.functions.jacobian)
         row, column = self.functions.jacobian_pattern
         stages, last = np.arange(self.K)[:, None], np.arange(self.ny)
@@ -170,13 +171,13 @@ class Transcription:
 
     Attributes:
         system: The system.
-        moved: What moves: the system, or more.
-        form: Its shape.
-        layout: Where each unknown sits.
-        labels: What the rows of one interval mean.
-        height: Rows of one interval.
+        moved: The transcribed system: the system itself or an `Augmented` one.
+        form: Its form.
+        layout: Positions of the unknowns.
+        labels: Meaning of the rows of one interval.
+        height: Number of rows of one interval.
         program: The functions.
-        solvers: Those made for it, by their settings: they live as long as it does.
+        solvers: Cached solvers for this transcription, by their settings.
     """
 
     system: TriangularSystem
@@ -189,11 +190,11 @@ class Transcription:
     solvers: dict[Any, Any] = field(default_factory=dict)
 
     def start(self, problem: Problem) -> Array:
-        """All that moves, at the start: what is not of the system begins at zero."""
+        """The state at the start; the states beyond the system's coordinates begin at zero."""
         return np.append(problem.start, np.zeros(self.moved.size - self.system.size))
 
     def outcome(self, vector: Array, parameters: Array) -> tuple[float, Array, Iterate]:
-        """What the unknowns, in natural units, lead to.
+        """Evaluate the programme at unknowns in natural units.
 
         Returns:
             The objective and the values of all rows in natural units, and the unknowns by name in
@@ -216,7 +217,7 @@ class Transcription:
 
 @lru_cache(maxsize=24)  # up to 25 MB each, solvers included, on the meshes of five joints
 def transcription(system: TriangularSystem, form: Form) -> Transcription:
-    """Build the transcription, or return the one built before.
+    """Build the transcription, or return the cached one.
 
     Raises:
         TimeUpError: If time is up before it is built.

@@ -2,17 +2,16 @@
 
     w = (y₀, c₀, y₁, c₁, …, y_K)        y = (X, [T], [V])        c = (U, P)
 
-Stage by stage, as solvers want it that know the structure of optimal control: the state y at an
-edge of the mesh, then the control c of the interval that begins there. X are the coordinates. The
-duration T, if free, is a state that stays what it is, so that no unknown belongs to all stages.
-The input U is a constant; or, where it must not jump, the slope of a line that starts at V, which
-is then part of the state. P are the collocation values of the lifted coordinates (see `order`):
-none for the manipulator.
+The order is by stages, as solvers for optimal control require it: the state y at an edge of the
+mesh, then the control c of the interval that begins there. X are the coordinates. A free duration T
+is a constant state, so that no unknown belongs to all stages. The input U is a constant; or, if it
+must not jump, the slope of a line that starts at V, which is then part of the state. P are the
+collocation values of the lifted coordinates (see `order`); the manipulator has none.
 
-Two motions are read from it: the interpolant that the scheme itself uses, and the motion that an
-input really makes, by a Runge–Kutta method with small fixed steps. That samples the true motion
-between the nodes, for drawing limits in and for judging the mesh. It is
-fast, and shares the system's expressions with the transcription; the independent judge is `verify`.
+Two motions are computed from it: the interpolant of the scheme, and the true motion under the
+input, by a Runge–Kutta method with small fixed steps. The latter samples the motion between the
+nodes, to tighten limits and to refine the mesh. It is fast, and uses the same expressions of the
+system as the transcription; the independent judge is `verify`.
 """
 
 from __future__ import annotations
@@ -39,13 +38,13 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """The unknowns, and what follows from them, by name.
+    """The unknowns and the values that follow from them, by name.
 
     Attributes:
         duration: T in seconds.
         nodes: States at the mesh's edges, shape (K+1, N).
         points: States at the collocation points, shape (K, d, N).
-        inputs: Shape (K, 2) if constant in each interval, (K+1, 2) at the edges if linear.
+        inputs: Inputs, shape (K, 2) if constant in each interval, (K+1, 2) at the edges if linear.
     """
 
     duration: float
@@ -69,7 +68,7 @@ class Layout:
         state: Entries of y.
         control: Entries of c.
         nodes: Positions of X, shape (K+1, N).
-        durations: Positions of T, shape (K+1,), or (0,) if it is known.
+        durations: Positions of T, shape (K+1,), or (0,) if T is known.
         inputs: Positions of inputs, in the shape of `Iterate.inputs`.
         slopes: Positions of the slopes of a linear input, shape (K, 2), else (0, 2).
         points: Positions of P, shape (K, d, L).
@@ -134,7 +133,7 @@ def layout(form: Form, size: int, lifted: tuple[int, ...]) -> Layout:
 
 
 def curve(system: TriangularSystem, form: Form, mesh: Mesh, iterate: Iterate) -> StateTrajectory:
-    """The motion of a system, which may not be all that moves."""
+    """The motion of a system, without further states of the iterate."""
     q, u = pieces(form, mesh, iterate)
     return StateTrajectory(system, Bernstein(q.c[..., : system.size], q.x), u)
 
@@ -151,13 +150,13 @@ def pieces(form: Form, mesh: Mesh, iterate: Iterate) -> tuple[Bernstein, Bernste
 
 
 STEPS = 12
-"""Steps an interval."""
+"""Runge–Kutta steps per interval."""
 
 
 def resimulate(system: MovingSystem, mesh: Mesh, iterate: Iterate, start: Array) -> Array:
     """Integrate an iterate's input from `start` (N,): samples of the true motion.
 
-    Shape (K, STEPS + 1, N); an interval's last sample is the next one's first.
+    The shape is (K, STEPS + 1, N); an interval's last sample is the next one's first.
     """
     K = len(mesh.widths)
     given = start, mesh.widths * iterate.duration, *iterate.input_ends()
@@ -177,7 +176,8 @@ def resimulated_apart(system: MovingSystem, mesh: Mesh, iterate: Iterate) -> Arr
 
 @lru_cache(maxsize=32)
 def _runner(system: MovingSystem, intervals: int, through: bool) -> Call:
-    """From the start, or all of them, seconds and inputs at the ends of intervals to samples."""
+    """Function from the start (or the starts of all intervals), times and inputs at the ends of
+    intervals to samples."""
     one = _interval(system)
     whole = one.mapaccum(intervals) if through else one.map(intervals)
     inputs = [ca.MX.sym(name, whole.sparsity_in(k)) for k, name in enumerate("qsab")]
@@ -186,7 +186,7 @@ def _runner(system: MovingSystem, intervals: int, through: bool) -> Call:
 
 @lru_cache(maxsize=32)
 def _interval(system: MovingSystem) -> Any:
-    """To the end of one interval, and all samples, step by step."""
+    """Function to the end of one interval and all its samples, step by step."""
     q, seconds, a, b = (
         ca.SX.sym(name, size) for name, size in zip("qsab", (system.size, 1, 2, 2), strict=True)
     )

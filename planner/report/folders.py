@@ -40,7 +40,6 @@ from planner.support.tables import csv_table, csv_text, markdown_table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FIGURE_KINDS = ("png", "svg")
 MOTION_INSTANTS = 300
 """Number of stored instants of the median machine's motion."""
 
@@ -137,15 +136,17 @@ def _write_figures(comparison: Comparison, place: Path) -> None:
 def save_figure(figure: Figure, stem: Path) -> None:
     """Write a figure as every kind of file, `stem` with each ending; reproducible byte by byte."""
     import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     engine = figure.get_layout_engine()
     if engine is not None:  # lay out only once, since each layout draws the figure
         engine.execute(figure)
         figure.set_layout_engine("none")
-    for kind in FIGURE_KINDS:
-        metadata = {"Date": None} if kind == "svg" else {}
-        with mpl.rc_context({"svg.hashsalt": "planner"}):
-            figure.savefig(f"{stem}.{kind}", dpi=120, metadata=metadata)
+    figure.set_dpi(120)  # `savefig` draws twice, once for a layout
+    FigureCanvasAgg(figure).print_png(f"{stem}.png")
+    with mpl.rc_context({"svg.hashsalt": "planner"}):
+        FigureCanvasSVG(figure).print_svg(f"{stem}.svg", metadata={"Date": None})
 
 
 FORMAT, VERSION = "planner-budget", 1

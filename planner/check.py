@@ -127,7 +127,7 @@ class Analysis:
 
     @property
     def _proof(self) -> str | None:
-        """Why no plan of any kind exists, in words; None where that is not proven."""
+        """Why no plan of any kind exists, in words; None if that is not proven."""
         return why_too_short(self.problem) or why_blocked(self.problem)
 
     @property
@@ -203,7 +203,7 @@ def check(
         has_plan = any(o["verified"] for o in outcomes)
         if not has_plan:
             remedy = find_remedy(problem, names, say, reach)
-    say("looking at the plain polynomial")
+    say("checking the plain polynomial")
     singular = any(o["method"] == "polynomial" and o["status"] == "singular" for o in outcomes)
     return Analysis(
         problem=problem,

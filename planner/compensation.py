@@ -45,7 +45,7 @@ def compensate_in_time(
         except NoPlanError:
             if not is_over():
                 raise
-        return mark_cut_short(plan, span, "ended the work on it before it was compensated"), check
+        return mark_cut_short(plan, span, "ended the call before the plan was compensated"), check
 
 
 def compensate_plan(
@@ -79,7 +79,7 @@ def compensate_plan(
         made = _compensate_in_duration(plan, used, options)
     except TimeUpError:
         raise TimeLimitError(
-            f"{problem.source}: the plan cannot be compensated: it takes too long",
+            f"{problem.source}: the time was too short to compensate the plan",
             advice=time_advice(),
         ) from None
     compensated, check = _with_room(made, used, options)
@@ -96,8 +96,9 @@ def compensate_plan(
     said = compensated.notes["compensation"]
     if not said["E_deg"] < said["plain_E_deg"]:
         warnings.warn(
-            f"{problem.source}: compensated, the nominal machine leaves the path by"
-            f" {said['E_deg']:.3g} deg, as it is by {said['plain_E_deg']:.3g} deg; {ways}",
+            f"{problem.source}: on the nominal machine the compensated plan leaves the path by"
+            f" {said['E_deg']:.3g} deg, the uncompensated one by"
+            f" {said['plain_E_deg']:.3g} deg; {ways}",
             InputWarning,
             stacklevel=3,
         )
@@ -132,11 +133,11 @@ def _try_settings(
     with time_limit(max(LEAST_S, MOST_TIMES_REFUSAL * seconds), "the time for trying changes"):
         for change in map(Change, settings_to_try(refused, check.violations)):
             tries = try_changes([change], attempt, lambda doing: tell(f"no plan; {doing}"))
-            said = "home first; " if "machine.start_state" in change.keys else ""
+            said = "home the arm first; " if "machine.start_state" in change.keys else ""
             if tries.plan is not None:
                 made = tries.plan.notes["compensation"]
-                said += f"tried: off the path by {made['E_deg']:.2g} deg, uncompensated by"
-                out.append(f"{change} ({said} {made['plain_E_deg']:.2g})")
+                said += f"tried: path error {made['E_deg']:.2g} deg, uncompensated"
+                out.append(f"{change} ({said} {made['plain_E_deg']:.2g} deg)")
             elif tries.left:
                 out.append(f"{change} ({said}not tried for lack of time)")
     return out

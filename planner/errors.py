@@ -95,8 +95,8 @@ def _shortened(text: str, longest: int) -> str:
 
 
 NO_MEMORY = (
-    "there is not enough memory for this ({}); ask for less at a time: fewer machines or cases,"
-    " fewer workers, a coarser step or mesh"
+    "there is not enough memory for this ({}); use fewer machines, cases or workers, or a coarser"
+    " step or mesh"
 )
 """The message when memory runs out, in place of a bug report."""
 
@@ -235,7 +235,7 @@ class NoPlanError(PlannerError):
 
     def blame(self, requirement: str, plan: Any, broken: Sequence[Violation]) -> None:
         """Name the requirement that prevents a plan; `plan` ignores it and breaks it (`broken`)."""
-        self.reason += f"; without {requirement} there is one, which breaks:"
+        self.reason += f"; without {requirement} there is a plan, which breaks:"
         self.plan, self.violations, self.blamed = plan, tuple(broken), requirement
         self.args = (self._text(),)
 

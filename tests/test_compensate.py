@@ -206,7 +206,7 @@ def test_a_preparation_that_meets_a_post_says_so_and_what_helps(
     with pytest.raises(planner.VerificationError, match="in the preparation, the first") as caught:
         planner.compensate(near, take_up=False)
     without, *others = str(caught.value.advice).split("; or ")
-    price = r"\(tried: off the path by [\d.]+ deg, uncompensated by [\d.]+\)"
+    price = r"\(tried: path error [\d.]+ deg, uncompensated [\d.]+ deg\)"
     assert re.fullmatch(rf"compensation\.preparation = false {price}", without)
     assert others == ["obstacle 1 elsewhere", "no compensation (compensation.on = false)"]
     early = [Violation("clearance of link 3", 1.0, -0.1, 0.0, "m", -1.0)]

@@ -314,7 +314,7 @@ def test_what_no_other_process_knows_is_not_sent_to_workers(tmp_path: Path) -> N
         "methods": ["mine"],
         "grid": {"goal.y_m": [0.5, 1.0]},
     }
-    says = "method 'mine' and system 'sled': registered in this process alone"
+    says = "method 'mine' and system 'sled': registered only in this process"
     with pytest.raises(InputError, match=says):
         planner.run_sweep(sweep, tmp_path / "x.sqlite")
     outcome = planner.run_sweep(sweep, tmp_path / "x.sqlite", workers=0)

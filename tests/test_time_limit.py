@@ -181,7 +181,7 @@ def test_the_command_says_that_ctrl_c_takes_what_is_held() -> None:
         notice.hear(replace(progress, best=None))
         assert "Ctrl-C" not in notice.line
         notice.hear(progress)
-    assert "motion found (effort 0.101), 3 s; Ctrl-C verifies and takes it" in notice.line
+    assert "motion found (effort 0.101), 3 s; Ctrl-C verifies and returns it" in notice.line
 
 
 def test_warnings_reach_standard_error_where_nobody_set_up_logging() -> None:
@@ -209,14 +209,14 @@ def test_a_redirected_job_says_a_line_now_and_then(
         time.sleep(0.2)
     said = capsys.readouterr().err.splitlines()
     assert said[0] == "planner: 0 s: planning"
-    assert said[-1] == "planner: 0 s: replaying, 25% of all done"
+    assert said[-1] == "planner: 0 s: replaying, 25% done"
     monkeypatch.setattr(output.manner, "quiet", True)
     with output.job("planning"):
         time.sleep(0.1)
     assert capsys.readouterr().err == ""
 
 
-LATE = "the time limit of 100 s ended the work on it before it was compensated"
+LATE = "the time limit of 100 s ended the call before the plan was compensated"
 
 
 @pytest.fixture

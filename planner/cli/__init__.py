@@ -2,5 +2,5 @@
 
 Commands: `start` (new, methods, systems, schema), `plan`, `check`, `compare` (compare, budget),
 `sensitivity`, `sweep` (sweep, design), `bench` (motion, log, identify), `files` (export, animate,
-report), `paper`. They share: `arguments` (options), `output` (what is printed).
+report), `paper`. All use `arguments` (options) and `output` (printing).
 """

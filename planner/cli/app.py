@@ -249,7 +249,7 @@ def _fault_of_surroundings(error: BaseException) -> str:
 def _report_interruption() -> int:
     what = "interrupted" if signal_listener.status == INTERRUPT_STATUS else "terminated"
     files = [str(path) for path in written_paths if path.exists()]
-    state = f"{', '.join(files)} was written before" if files else "nothing written"
+    state = f"{', '.join(files)} written before" if files else "nothing written"
     return _print_error(signal_listener.status, what, f"{what}, {state}")
 
 

@@ -21,13 +21,13 @@ from planner.support.tables import shorten
 
 ProblemPath = Annotated[Path, typer.Argument(metavar="PROBLEM", help="A problem file (TOML).")]
 PlanPath = Annotated[
-    Path, typer.Argument(metavar="PLAN", help="A plan file (JSON) of `planner plan --out`.")
+    Path, typer.Argument(metavar="PLAN", help="A plan file (JSON) from `planner plan --out`.")
 ]
 PlanOrProblemPath = Annotated[
     Path,
     typer.Argument(
         metavar="PROBLEM|PLAN",
-        help="A problem file (TOML), or a plan file (JSON) of `planner plan --out`.",
+        help="A problem file (TOML), or a plan file (JSON) from `planner plan --out`.",
     ),
 ]
 Changes = Annotated[
@@ -44,7 +44,7 @@ MachineFile = Annotated[
     typer.Option(
         "--machine",
         metavar="FILE",
-        help="The machine in a file of `planner identify --out`, in place of the problem's own.",
+        help="Use the machine in this file (from `planner identify --out`), not the problem's.",
     ),
 ]
 Workers = Annotated[
@@ -90,10 +90,10 @@ TimeLimit = Annotated[
     typer.Option(
         "--time-limit",
         metavar="SECONDS",
-        help="Seconds for planning and compensation, in `compare` for each method; by"
-        " default a search has 60 s of processor time. Then the best"
-        " verified plan found so far is taken, uncompensated if need be; without one, a refusal"
-        " says how far the search got.",
+        help="Seconds for planning and compensation (in `compare`, of each method). Default: 60 s"
+        " of processor time for the search. When time is up, the best verified plan so far is"
+        " taken, uncompensated if necessary; without a plan, the command reports how far the"
+        " search got.",
     ),
 ]
 

@@ -27,8 +27,8 @@ Columns = Annotated[
     typer.Option(
         "--column",
         metavar="NAME=COLUMN",
-        help="Where the file calls a column otherwise: name with unit, then the file's own, for"
-        " example theta1_rad=/joint_states/position[0]; repeatable.",
+        help="A column with another name in the file: our name with unit, then the file's name,"
+        " for example theta1_rad=/joint_states/position[0]; repeatable.",
     ),
 ]
 LogProblem = Annotated[
@@ -103,7 +103,7 @@ def log(
     machine: MachineFile = None,
     columns: Columns = None,
     out: Annotated[
-        Path | None, out_option("FILE", "Draw the run beside plan and prediction (PNG, SVG, PDF).")
+        Path | None, out_option("FILE", "Draw the run with plan and prediction (PNG, SVG, PDF).")
     ] = None,
 ) -> int:
     """Check a recorded run, and compare it with its plan.
@@ -121,7 +121,7 @@ def log(
     """
     task = read_problem(problem, None)
     if out is not None and plan is None:
-        raise InputError("--out draws the run beside its plan; name that with --plan")
+        raise InputError("--out draws the run with its plan; give the plan with --plan")
     if out is not None:
         refuse_unwritable(out)
     with job("reading"):
@@ -147,9 +147,9 @@ def log(
         moved = recorded.theta_deg - np.rad2deg(motion.trajectory.q(t)[:, 1:])
         data["largest_from_motion_deg"] = np.max(np.abs(moved), axis=0).tolist()
         if motion.compensates is not None:
-            rows.append(("", "errors: from the path that was asked for, from its start on"))
-            words = f"{numbers(data['largest_from_motion_deg'])} deg at most"
-            rows.append(("off the motion", f"{words}: that which the compensated plan expects"))
+            rows.append(("", "errors are measured from the requested path, from its start on"))
+            words = f"largest {numbers(data['largest_from_motion_deg'])} deg"
+            rows.append(("off the prediction", f"{words}, from the compensated plan's motion"))
         if out is not None:
             with job("predicting and drawing"):
                 used = "prototype" if machine is None else load_machine(machine)
@@ -167,16 +167,18 @@ def identify(
         typer.Option(
             "--from",
             metavar="MACHINE",
-            help="Where the search begins: the name of a preset, or a file of this command.",
+            help="Machine where the search begins: name of a preset, or a file from this command.",
         ),
     ] = None,
     columns: Columns = None,
-    starts: Annotated[int, typer.Option("--starts", min=1, help="Searches from other starts.")] = 2,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of starts and spreads.")] = 0,
+    starts: Annotated[
+        int, typer.Option("--starts", min=1, help="Number of searches, each from another start.")
+    ] = 2,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of starts and bootstrap.")] = 0,
     figure: Annotated[
         Path | None,
         typer.Option(
-            "--figure", metavar="FILE", help="Draw what is left of each run (PNG, SVG, PDF)."
+            "--figure", metavar="FILE", help="Draw the residuals of each run (PNG, SVG, PDF)."
         ),
     ] = None,
     out: Annotated[
@@ -222,18 +224,18 @@ def identify(
 
 
 def _words(found: Identification) -> Iterator[str]:
-    yield "+-: standard deviation, by bootstrap. told: 1 if the runs tell all, 0 if nothing."
+    yield "+-: standard deviation (bootstrap). told: how far the runs determine it, 0 to 1."
     for text in found.merged:
-        yield f"One number stands for several, {text}."
+        yield f"One number for several parameters: {text}."
     if found.untold:
-        yield f"Not told by these runs, as in the preset: {', '.join(found.untold)}."
+        yield f"Not determined by these runs, kept from the preset: {', '.join(found.untold)}."
     rms = (np.sqrt(np.mean(e**2, axis=0)) for e in (found.residual_deg, found.noise_deg))
     left, usual = map(numbers, rms)
-    yield f"left of the runs: {left} deg (rms); noise of the encoders: {usual} deg"
+    yield f"residual of the runs: {left} deg (rms); noise of the encoders: {usual} deg"
     for name, error in found.errors.items():
         assert found.kept_out is not None
         yield (
-            f"{found.kept_out.source}, kept out, predicted by the {name} machine: largest error"
+            f"{found.kept_out.source}, not fitted, predicted by the {name} machine: largest error"
             f" {numbers(error.largest_deg)} deg, rms {numbers(error.rms_deg)} deg"
         )
 

@@ -67,7 +67,7 @@ def check(
 
 def _mathematics(analysis: Analysis) -> list[str | Table]:
     if not manner.verbose:
-        return ["The mathematics behind it: --verbose"]
+        return ["For the mathematics: --verbose"]
     return [facts(_findings(analysis)), *_unpromised_limits(analysis)]
 
 
@@ -221,7 +221,7 @@ def _unpromised_limits(analysis: Analysis) -> list[str]:
         lists.setdefault(labels, []).append(name)
     kept = lists.pop((), [])
     out = [f"{', '.join(names)}: may break {', '.join(labels)}" for labels, names in lists.items()]
-    return ["", *out, f"{', '.join(kept)}: every motion found keeps all"] if kept else ["", *out]
+    return ["", *out, f"{', '.join(kept)}: every plan keeps all limits"] if kept else ["", *out]
 
 
 def _refusals(analysis: Analysis) -> Iterator[str]:

@@ -189,8 +189,8 @@ def _say_results(
 ) -> None:
     """Print where the results are, whether they are complete, and what to try without a plan."""
     if not complete:
-        where = "is shown" if written is None else f"is written to {written}"
-        say(f"interrupted: partial result; what is done {where}", "red")
+        where = "shown above" if written is None else f"written to {written}"
+        say(f"interrupted: a partial result is {where}", "red")
     elif written is not None:
         look = f"open {written}/report.html" if report else f"pictures in {written}/figures"
         note(f"written to {written}; {look}")
@@ -199,8 +199,8 @@ def _say_results(
     if complete and not any(row.solved for row in result.rows):
         command = shlex.join(["planner", "check", result.problem.source, *_sets(changes)])
         tried = any("(tried)" in advice for advice in result.advice.values())
-        help_ = f"what would help stands after 'Try', more by: {command}"
-        note(f"no method has a plan; {help_ if tried else f'what would help: {command}'}")
+        help_ = f"see the changes after 'Try', or run: {command}"
+        note(f"no method has a plan; {help_ if tried else f'to find what would help: {command}'}")
 
 
 def _sets(changes: list[str] | None) -> list[str]:

@@ -23,7 +23,7 @@ from planner.verification.load_plan import load_plan
 
 def export(
     plan: PlanPath,
-    out: Annotated[Path, out_option("FILE", "The file to write; of c the folder.")],
+    out: Annotated[Path, out_option("FILE", "The file to write; for the format c, a folder.")],
     format: Annotated[
         str | None,
         typer.Option(
@@ -47,8 +47,8 @@ def export(
         typer.Option(
             "--joints",
             metavar="A,B,...",
-            help=f"For {fitting('joint_names')}: the names of the two motors that the robot's"
-            " controller knows, or of all joints of the arm (theta1,theta2,theta3).",
+            help=f"For {fitting('joint_names')}: names of the two motors in the robot's"
+            " controller, or of all joints of the arm (theta1,theta2,theta3).",
         ),
     ] = None,
     real: Annotated[
@@ -86,7 +86,7 @@ def export(
     words = f"; send the motors {sent}" * bool(sent)
     if miss:
         off = ", ".join(f"{each} {number(value)}" for each, value in miss.items())
-        words += f", each row until the next: without a machine's errors that ends off by {off}"
+        words += f" and hold each row until the next: on an ideal machine the end is off by {off}"
     words += (
         "".join(f"; {each}" for each in motion.reservations).replace("{", "{{").replace("}", "}}")
     )

@@ -289,13 +289,13 @@ class Job:
             columns = BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
             self.bar.columns = TextColumn("{task.description}", markup=False), *columns
         self.text, self._share = text, share
-        self.line = text if share is None else f"{text}, {share:.0%} of all done"
+        self.line = text if share is None else f"{text}, {share:.0%} done"
         self.bar.update(self._task, description=text, completed=share)
 
     def hear(self, progress: Progress) -> None:
         """Show the progress of a search."""
         usable = progress.best and signal_listener.substitute is _end_search
-        takes = "; Ctrl-C verifies and takes it" if usable else ""
+        takes = "; Ctrl-C verifies and returns it" if usable else ""
         self.line = f"{self.text}: {progress}{takes}"
         if self._share is not None:
             return

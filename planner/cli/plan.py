@@ -58,8 +58,8 @@ def plan(
         typer.Option(
             "--pose-from",
             metavar="LOG",
-            help="Start from where the arm stands at the end of a recorded run (CSV), as after"
-            " homing.",
+            help="Start from the pose of the arm at the end of a recorded run (CSV), for example"
+            " after homing.",
         ),
     ] = None,
     out: Annotated[Path | None, out_option("FILE", "Save the plan in this JSON file.")] = None,
@@ -181,7 +181,7 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
         yield "compensated", f"{before}the plan{pace}{pauses}{after}"
         now, plain = number(compensation["E_deg"]), number(compensation["plain_E_deg"])
         yield "off the path", f"up to {now} deg on the nominal machine, uncompensated {plain} deg"
-        yield "machines differ", f"what that adds: planner compare {shlex.quote(problem.source)}"
+        yield "on random machines", f"planner compare {shlex.quote(problem.source)}"
     if proof := notes.get("optimality"):
         gap = proof["relative_gap"]
         within = "" if gap is None else f", within {gap:.1e} of the proven lower bound"

@@ -152,8 +152,8 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
     for spec in specs:
         if spec.compensated:
             raise InputError(
-                f"'{spec.label}': a compensated plan has the sensitivity of its own plan; leave out"
-                " the word compensated"
+                f"'{spec.label}': a compensated plan has the sensitivity of the uncompensated one;"
+                " leave out the word compensated"
             )
     rows = []
     with job() as notice:
@@ -230,7 +230,7 @@ def _sum_text(responses: Sensitivity, spread: dict[str, float]) -> str:
         f"One standard deviation of each of {', '.join(spread)}: total {number(total)} deg."
         f"\n* irreducible: {number(floor)} deg."
         f"\nPassive block: {number(responses.passive_block_deg(spread))} deg.\n{MEANINGS}"
-        f"\nAnother path takes at most {least:.0f} % off the total."
+        f"\nAnother path reduces the total by at most {least:.0f} %."
     )
 
 
@@ -292,7 +292,7 @@ def run_trade_off(
     if kind not in KINDS:
         raise InputError(f"--pareto {kind}: must be one of {', '.join(KINDS)}")
     if out is None:
-        raise InputError("--pareto keeps a plan for each point; say where with --out FOLDER")
+        raise InputError("--pareto saves a plan for each point; give the folder with --out FOLDER")
     if is_plan(source):
         raise InputError(f"{source} is a plan; --pareto needs a problem file")
     problem = read_problem(source, changes)
@@ -363,7 +363,9 @@ def _knee(curve: TradeOff) -> str:
     )
     refused = [(p.compensated or {}).get("refused") for p in curve.points]
     why = next((text for text in refused if text), None)
-    return text if why is None else f"{text}\nNot compensated where it says '-': {why}"
+    return (
+        text if why is None else f"{text}\nA '-' means that the plan cannot be compensated: {why}"
+    )
 
 
 def _use(curve: TradeOff, file: Path) -> str:

@@ -335,9 +335,9 @@ def _kind(comparison: Comparison) -> str:
 def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
     took = "" if terminal else " took: planning and verification;"
     return (
-        "time: all that is run, with preparation and holds; effort: integral of u1^2 + u2^2 dt;"
+        "time: whole duration, with preparation and holds; effort: integral of u1^2 + u2^2 dt;"
         " E: largest joint error on the machine at any time"
-        " (eq. 29), end: at the end; median and 95th"
+        " (eq. 29); end: the same at the end; median and 95th"
         f" percentile over {comparison.samples} machines ({_kind(comparison)}), seed"
         f" {comparison.seed}, the same machines for every plan;{took}"
         " refused plans that can be executed are replayed for study."

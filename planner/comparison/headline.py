@@ -95,9 +95,7 @@ def headline(rows: Sequence[Row], threshold_deg: float) -> str:
     reason += f" {_degrees(row.end_median_deg)} instead of {_degrees(other.end_median_deg)} at the"
     reason += f" end{_fidelity(row)}."
     if other is not rival and (costs := _costs(row, other)):
-        reason += (
-            f" The price of compensation: {costs}." if other is plain else f" It costs {costs}."
-        )
+        reason += f" Compensation costs {costs}." if other is plain else f" It costs {costs}."
     if rival is not None:
         reason += _against(row, rival, rival.label in _worse_than(row, rows, threshold_deg))
     tail += f"{_what_decides(solved)}{_follow_up(rows, row)}{refused}"
@@ -120,9 +118,7 @@ def _against(row: Row, rival: Row, worse: bool) -> str:
     name = f"{rival.label} (E {_degrees(rival.E_median_deg)})"
     if worse:
         costs = _costs(row, rival)
-        return f" Next best of its kind is {name}." + f" The price against it: {costs}." * bool(
-            costs
-        )
+        return f" Next best of its kind is {name}." + f" Compared with it: {costs}." * bool(costs)
     costs = _costs(rival, row)
     more = f", which takes {costs}" if costs else ""
     return f" The paired test cannot tell it from {name}{more}."
@@ -165,7 +161,7 @@ def _refused(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
     best = max(nearer, key=gain)
     first = best.advice.partition("; or ")[0]
     return (
-        f" Nearer but refused is {best.label} ({best.why}):"
+        f" More accurate, but refused: {best.label} ({best.why}):"
         f" E {_degrees(best.E_median_deg)} instead of {_degrees(row.E_median_deg)},"
         f" {_degrees(best.end_median_deg)} instead of {_degrees(row.end_median_deg)} at the end."
     ) + f" Try: {first}." * bool(first)

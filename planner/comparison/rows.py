@@ -119,7 +119,7 @@ class Row(PlanFigures):
         made = plan.notes.get("compensation", {}) if plan.compensates else {}
         away, plain = made.get("E_deg", 0.0), made.get("plain_E_deg", np.inf)
         if plan.executable and away > OTHER_WAY_DEG:
-            more = "" if away < plain else f", no better than uncompensated, {plain:.3g} deg"
+            more = "" if away < plain else f", no better than {plain:.3g} deg uncompensated"
             known["note"] = f"leaves the original path by up to {away:.3g} deg{more}"
         return cls(label, method, plan.verified, why, plan, **known)
 

@@ -148,7 +148,7 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
     count = Control(
         MACHINE_TITLE, "machines", "slider", "samples", state.samples, shown=state.samples,
         high=200, integer=True,
-        help="number of random machines on which the plan is replayed; 0: none",
+        help="number of random machines on which to replay the plan; 0: none",
     )  # fmt: skip
     first = Machine.from_table(state.base.machine)
     now = Machine.from_table(problem.machine)
@@ -176,7 +176,7 @@ def _compensation(state: State) -> Control:
     key = "compensation.on"
     on = bool(state.value(key, False))
     help_text = (
-        "plan commands that allow for the mean machine's backlash, shaft torsion, creep and lag"
+        "compensate the plan's commands for the mean machine's backlash, torsion, creep and lag"
     )
     label = "compensate for the machine"
     return Control(MACHINE_TITLE, label, "switch", key, on, shown=on, help=help_text)

@@ -101,7 +101,7 @@ def judge(outcome: ScreenOutcome) -> ScreenOutcome:
     except TimeUpError:
         ended = TimeLimitError(
             f"{outcome.plan.problem.source}: the Stop button ended the verification",
-            advice="any change of a setting; it starts planning and verification again",
+            advice="change any setting; this starts planning and verification again",
         )
         ended.status = "stopped"
         return replace(outcome, error=ended, judged=True)

@@ -188,7 +188,7 @@ def path_line(outcome: ScreenOutcome, took_s: float) -> str:
         made = plan.notes["compensation"]
         now, plain = (f"{made[key]:.3g} deg" for key in ("E_deg", "plain_E_deg"))
         if not made["E_deg"] < made["plain_E_deg"]:
-            parts.append(f"{now} off the path, no better than {plain} uncompensated")
+            parts.append(f"path error {now}, no better than {plain} uncompensated")
     parts += plan.reservations
     parts.append(f"planned in {took_s:.2g} s")
     return ", ".join(parts)

@@ -200,7 +200,7 @@ def page(calibration: Calibration) -> str:
             _HEAD.format(made_by=made_by("planner calibrate --out results/calibration")),
             "## The paper's statements and the preset\n",
             _statements(calibration.fit),
-            "## Friction sideways is not in the paper\n",
+            "## Sideways friction is not in the paper\n",
             _sideways(calibration.sideways),
             "## The two fidelities\n",
             _fidelities(calibration.motions, calibration.replays),
@@ -242,19 +242,20 @@ def _sideways(fits: Mapping[float, Fit]) -> str:
         Column("theta2", "deg", lambda r: r[1].values[1], "{:.2f}".format),
         Column("largest torque of motor 1", "N m", lambda r: r[1].motor_nm, "{:.2f}".format),
     ]
-    return f"""A contact that a joint turns slides sideways. What that costs depends on the capacity
-and on the ratio of its friction sideways to that along its drive (`lateral_friction`: 1 for plain
-disks, less for rollers). The paper gives neither. For each ratio the table has the most probable
-parameters, and how far they lie from the centres of their ranges, all together:
+    return f"""A contact that a joint turns slides sideways. The resulting error depends on the
+capacity of the contact and on the ratio of its sideways friction to that along its drive
+(`lateral_friction`: 1 for plain disks, less for rollers). The paper gives neither. For each ratio
+the table has the most probable parameters, and their distance (norm) from the centres of their
+ranges:
 
 {markdown_table(columns, fits.items())}
 
-Up to 0.2 ordinary parts agree with all statements; at 0.25 they lie two standard deviations off, at
-0.3 five. So the paper's words bound the ratio from above: its mechanism cannot have plain disks.
-They do not tell 0.05 from 0.15. The preset has 0.1 with a spread of 0.05 between machines;
-`Machine.prototype(lateral_friction=...)` sets another. Each joint has a Coulomb friction of its
-own, since joint 2 loses more sideways (theta1 turns its contacts further): with equal friction
-theta2 would exceed 5 degrees.
+Up to 0.2 typical parts agree with all statements; at 0.25 they are two standard deviations away, at
+0.3 five. So the paper's statements limit the ratio: its mechanism cannot have plain disks. They do
+not distinguish 0.05 from 0.15. The preset has 0.1 with a spread of 0.05 between machines;
+`Machine.prototype(lateral_friction=...)` sets another value. Each joint has its own Coulomb
+friction, because joint 2 loses more by sideways friction (theta1 turns its contacts further): with
+equal friction theta2 would exceed 5 degrees.
 """
 
 
@@ -281,9 +282,9 @@ def _fidelities(motions: Mapping[str, PaperReplays], replays: Mapping[str, Repla
     apart = np.max(np.abs(still - moving), axis=0)
     text = f"theta1 / theta2 / theta3. The two differ by at most {_slashed(apart)} deg at any time."
     more = (
-        " The inputs start with a jump, so that with inertia the links behind joint 1 stay back."
-        " The contacts of joint 2 are turned further, by theta1, and so lose more. The fit brings"
-        " theta2 to 5 degrees by less friction of joint 2 than of joint 3."
+        " The inputs start with a jump, so with inertia the links behind joint 1 lag."
+        " The contacts of joint 2 are turned further, by theta1, and so lose more. The fit reaches"
+        " 5 degrees of theta2 with less friction in joint 2 than in joint 3."
     )
     return markdown_table(columns, motions) + "\n\n" + text + more + "\n"
 
@@ -301,8 +302,8 @@ def _parameters(settings: Mapping[str, Any], data: Sequence[DataSet]) -> str:
         Column("source of the range", "", lambda r: r.source, left=True),
     ]
     text = (
-        "± is the spread between machines. The columns after it give the share of the range that is"
-        " left when the data named there are known: 1 means not identifiable from these data.\n\n"
+        "± is the spread between machines. The columns after it give the share of the range that"
+        " remains given the data named there: 1 means not identifiable from these data.\n\n"
     )
     return text + markdown_table(columns, FITTED_PARAMETERS) + "\n"
 
@@ -358,12 +359,12 @@ def _identification(data: Sequence[DataSet]) -> str:
         " (components of a unit vector of standardised logarithms):\n\n" + "\n".join(lines) + "\n\n"
         "So one number cannot separate torsion (friction over stiffness), backlash and creep: a"
         " machine with more of one and less of another fits equally well. The weights have two"
-        " reasons: half of a joint's backlash adds to its error, but all of its torsion; and"
+        " reasons: the error contains half of a joint's backlash, but all of its torsion; and"
         " torsion has the wider range. The motion does not reach the torque limits (the paper's"
         " 'lack of drive torque') at the paper's speed, so it gives no information on them. The"
-        " capacity of the contacts acts a little through what they lose sideways, too little to"
-        " tell. Friction sideways, which the fit takes as given, is not identifiable either: see"
-        " the table above.\n"
+        " capacity of the contacts affects only their sideways losses, too little to be"
+        " identified. The sideways friction, which is given in the fit, is not identifiable either:"
+        " see the table above.\n"
     )
 
 
@@ -444,4 +445,4 @@ def _draw_remaining(ax: Any, data: Sequence[DataSet]) -> None:
             ax.text(j, i, f"{part:.2f}", ha="center", va="center", color="w" if dark else "k")
     ax.set_yticks(range(len(FITTED_PARAMETERS)), [r.key for r in FITTED_PARAMETERS], fontsize=8)
     ax.set_xticks(range(len(data)), [fill(d.name, 16) for d in data], fontsize=8)
-    ax.set_title("part of each range that is left (1: not identifiable)", fontsize=10)
+    ax.set_title("share of each range that remains (1: not identifiable)", fontsize=10)

@@ -91,12 +91,12 @@ def _contacts() -> list[PaperNumber]:
         PaperNumber(
             "(6)",
             "a joint behind three contacts turns as cos^3(theta), with friction disks",
-            "a contact that is turned slides sideways, which drags on the one before. Plain disks,"
-            " which hold sideways as well as along their drive, give cos(3 theta) at any contact"
-            f" force, even without load: {small:.3f} in place of {np.cos(np.deg2rad(10)) ** 3:.3f}"
-            f" at 10 deg, {abs(steep):.3f} at 30 deg. (6) needs contacts nearly free sideways, as"
-            " rollers: with a tenth of the friction, and a tenth of what they transmit as load,"
-            f" {rollers[0]:.3f} at 10 deg, {rollers[1]:.3f} at 30 deg in place of"
+            "a turned contact slides sideways and loads the contact before it. Plain disks, which"
+            " have the same friction sideways, give cos(3 theta) at any contact force, even without"
+            f" load: {small:.3f} instead of {np.cos(np.deg2rad(10)) ** 3:.3f}"
+            f" at 10 deg, {abs(steep):.3f} at 30 deg. (6) needs contacts with little friction"
+            " sideways, such as rollers: with a tenth of the friction, loaded to a tenth of their"
+            f" capacity, {rollers[0]:.3f} at 10 deg, {rollers[1]:.3f} at 30 deg instead of"
             f" {np.cos(np.deg2rad(30)) ** 3:.3f}",
             "does not hold",
         )
@@ -229,7 +229,7 @@ def _machine(cases: Cases) -> list[PaperNumber]:
             "Fig. 9",
             "5 deg error of theta3",
             f"median {error[2]:.1f} deg on our emulated prototype, which was calibrated to it"
-            f" (planner calibrate); theta2, which the paper does not report: {error[1]:.1f} deg",
+            f" (planner calibrate); theta2, not reported in the paper: {error[1]:.1f} deg",
             "calibrated",
         ),
         _drive_torque(cases.valid),
@@ -245,10 +245,11 @@ def _sensitivity(cases: Cases) -> PaperNumber:
         "5",
         "the path will be very different when input control changes slightly",
         f"errors of 1 % in both inputs and 0.5 deg at the start move the end by {totals[0]:.2f} deg"
-        f" (one standard deviation); {found.found['valid'].floor_deg():.3f} of it no open-loop plan"
-        f" between these ends avoids. What the path decides (passive block) is {law} deg for the"
-        f" paper's law and {best} for the plan of least effort: the law is not to blame. A plan"
-        f" made for it has {calm_block}, in all {totals[2]:.2f} deg",
+        f" (one standard deviation); {found.found['valid'].floor_deg():.3f} deg of it is the same"
+        " for all open-loop plans between these ends. The part that depends on the path (passive"
+        f" block) is {law} deg for the paper's law and {best} deg for the plan of least effort, so"
+        f" the law is not the cause. A desensitised plan has {calm_block} deg, and a total of"
+        f" {totals[2]:.2f} deg",
         "true of every plan alike",
     )
 
@@ -266,11 +267,11 @@ def _drive_torque(plan: Plan) -> PaperNumber:
     return PaperNumber(
         "4.4, causes of the error",
         "the friction disks lack drive torque",
-        f"on our emulated prototype motor 1 needs {torques[0]} N m where contacts are free"
-        f" sideways, {torques[1]} with a tenth of their friction sideways (the preset),"
-        f" {torques[2]} with three tenths, of {limit:.3g} N m. The most loaded contact has"
-        f" {slips[0]:.2f}, {slips[1]:.2f} and {slips[2]:.2f} of the load at which it slips"
-        f" grossly; with plain disks {slips[3]:.2f}: from 1 on the joints behind it stand still",
+        f"on our emulated prototype motor 1 needs {torques[0]} N m without sideways friction,"
+        f" {torques[1]} N m if it is a tenth of the driving friction (the preset), {torques[2]} N m"
+        f" if three tenths; its limit is {limit:.3g} N m. The load of the most loaded contact is"
+        f" {slips[0]:.2f}, {slips[1]:.2f} and {slips[2]:.2f} of that at which it slips grossly;"
+        f" with plain disks {slips[3]:.2f}: at 1 the joints behind it stop",
         "calibrated",
     )
 
@@ -317,11 +318,11 @@ def _detours() -> str:
         for ways in (CROSSING_DETOURS, MISSING_ANGLE_DETOURS)
     )
     return (
-        f"not by its point ({POINT[0]:g}, {POINT[1]:g}): at {len(margins)} travels from 0.7 to 1"
-        f" rad the path leaves the domain, at best by {-np.max(margins):.1g}. Where the cubic"
-        f" crosses zero, the value {POINT[1]:g} at another time does, of {counts.trials} pairs of"
-        f" travel and time, only from {low:.4f} to {high:.4f} rad; such and other points:"
-        f" {crossings}. Where the cubic keeps z2 < 0 but has no real theta1: {angles}"
+        f"the paper's point ({POINT[0]:g}, {POINT[1]:g}) does not: at all of {len(margins)} travels"
+        f" from 0.7 to 1 rad the path leaves the domain, at best by {-np.max(margins):.1g}. If the"
+        f" cubic crosses zero, the value {POINT[1]:g} at another time works only at travels from"
+        f" {low:.4f} to {high:.4f} rad ({counts.trials} pairs of travel and time tried); points"
+        f" that work: {crossings}. If the cubic keeps z2 < 0 but has no real theta1: {angles}"
     )
 
 

@@ -199,8 +199,8 @@ MISPRINTS = (
     (
         "(24)",
         "v1 = u1 = phi2'",
-        "v1 = kg cos(theta1) u1: the u's in (24) are rates of phi2 and"
-        " theta1, not the motors' of (6)",
+        "v1 = kg cos(theta1) u1: the u in (24) are the rates of phi2 and theta1, not the motor"
+        " speeds of (6)",
     ),
     (
         "3.4",
@@ -222,10 +222,10 @@ MISPRINTS = (
     (
         "step 4",
         "offset from the mean of Z_i, i = 1..n",
-        "the state has n + 1 coordinates; z2 ... at the turn are left open. The mean adds unlike"
-        " quantities and is often a poor choice: a unicycle that is to move one metre sideways from"
-        " a heading of 10 degrees in 10 s needs 10.1 rad/s with it, 0.373 with ours, which is"
-        " searched for",
+        "the state has n + 1 coordinates, and z2 ... at the turn are not specified. The mean adds"
+        " different quantities and is often a poor choice: a unicycle that moves one metre sideways"
+        " from a heading of 10 degrees in 10 s needs 10.1 rad/s with it, and 0.373 rad/s with our"
+        " offset, which is found by a search",
     ),
     (
         "(28)",
@@ -247,8 +247,8 @@ FIGURES = (
     ),
     (
         "eq6-turned-contacts",
-        "what eq. (6) leaves out",
-        "contacts that are turned slide sideways; plain disks give cos 3 theta",
+        "what eq. (6) neglects",
+        "turned contacts slide sideways; plain disks give cos 3 theta",
     ),
     (
         "fig4-z-no-point",
@@ -302,7 +302,7 @@ def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
     parts.append("\n## Figures\n")
     for name, title, text in FIGURES:
         parts.append(f"### {title}: {text}\n\n![{title}: {text}]({name}.png)\n")
-    text = "the arm in motion, twice as fast as life: the paper's law beside the least effort"
+    text = "the arm in motion, at double speed: the paper's law and the plan of least effort"
     parts.append(f"### Film: {text}\n\n![{text}]({FILM})\n")
     return "\n".join(parts)
 
@@ -315,8 +315,8 @@ find, and where the two differ.
 {made_by}
 
 The travel of the disk, its start and the duration are not printed. The constraint point (5, -0.2)
-suggests T = 10 s, and at a travel of pi/4 the story of Figs 4 and 5 appears as told. Gear constants
-come from the printed z(0). Figs 6 to 10 cannot be redrawn for that travel, since the path has no
-joint angles; they show the same polynomial law at the travel of least peak input for which it
-stays in the domain of the chart. Figs 9 and 10 come from an emulated machine, not from hardware.
+suggests T = 10 s, and a travel of pi/4 reproduces what the paper says of Figs 4 and 5. Gear
+constants come from the printed z(0). Figs 6 to 10 cannot be redrawn for that travel, since the path
+has no joint angles; they show the same polynomial law at the travel of least peak input for which
+it stays in the domain of the chart. Figs 9 and 10 come from an emulated machine, not from hardware.
 """

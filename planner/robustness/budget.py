@@ -203,7 +203,7 @@ class _BudgetRun:
 
     def budget(self) -> Budget:
         """Compute the whole budget."""
-        self.tell("looking for effects without influence", 0.0)
+        self.tell("finding effects without influence", 0.0)
         on, static = self.machine.effects, self.machine.fidelity == "quasi-static"
         every = [k for k, e in EFFECTS.items() if k in on and not (static and e.dynamic_only)]
         none, whole, alone, without = self._one_by_one(every, min(self.samples, SCREENING_MACHINES))
@@ -309,10 +309,10 @@ TINY_DEG = 1e-4
 
 CAPTION = (
     "alone: median error index E (eq. 29) with this effect and no other; saves: median over the"
-    " machines of what E falls by when this effect alone is switched off, with its 95 % interval;"
-    " between: Sobol indices of E between machines (what has no spread has none); switch: Sobol"
-    " index of the effect being on or off, all others on or off at random; both with half of their"
-    " 95 % interval."
+    " machines of the decrease of E when only this effect is switched off, with its 95 % interval;"
+    " between: Sobol indices of E between machines (an effect without spread has none); switch:"
+    " Sobol indices of switching the effect on or off, all others on or off at random; both with"
+    " half of their 95 % interval."
 )
 
 
@@ -380,7 +380,7 @@ def budget_markdown(budgets: Mapping[str, Budget], command: str | None = None) -
         lines += [markdown_table(COLUMNS, rows), "", _idle_text(budget), ""]
     first = next(iter(budgets.values()))
     lines += [
-        f"{first.samples} machines ({first.machine.preset}) a median; Sobol indices by Saltelli's"
+        f"{first.samples} machines ({first.machine.preset}) per median; Sobol indices by Saltelli's"
         f" scheme from {first.base} base samples; seed {first.seed}.",
         "",
         CAPTION[0].upper() + CAPTION[1:],
@@ -406,4 +406,4 @@ def total(budget: Budget) -> str:
 def _idle_text(budget: Budget) -> str:
     if not budget.idle:
         return ""
-    return f"On, and without influence here: {', '.join(budget.idle)}."
+    return f"Switched on, but without influence here: {', '.join(budget.idle)}."

@@ -193,7 +193,7 @@ def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> Mac
         for step in _steps(distribution, system, name, effect)
     ]
     stepped = {entry.effect for entry, _ in steps}
-    omitted = {k: "off; it has no value to step from" for k in EFFECTS if k not in stepped}
+    omitted = {k: "off, so it has no value to vary" for k in EFFECTS if k not in stepped}
     t, nominal, pairs = _motions(plan, distribution, steps)
     angles = [i for i, c in enumerate(system.coordinates) if i and c.unit == "rad"]
     entries = [

@@ -72,8 +72,9 @@ class Sensitivities:
         if high - low <= ALIKE * low:
             return f"The passive block is {_degrees(low)} deg for every plan; {floor}."
         return (
-            f"The passive block, which the path decides, is least for {least} ({_degrees(low)} deg)"
-            f" and largest for {most} ({_degrees(high)} deg, {high / low:.2g} times as much);"
+            f"The passive block, which the path decides, is smallest for {least}"
+            f" ({_degrees(low)} deg) and largest for {most} ({_degrees(high)} deg,"
+            f" {high / low:.2g} times as much);"
             f" {floor}."
         )
 
@@ -84,7 +85,7 @@ class Sensitivities:
         totals = {k: each.total_deg(self.spread) for k, each in self.found.items()}
         cheapest, calm = (min(each, key=lambda k: each[k]) for each in (spent, totals))
         if calm == cheapest:
-            said = f"{calm} has the least total and the least effort"
+            said = f"{calm} has the smallest total and the least effort"
         else:
             gain = worth(totals[cheapest], totals[calm], spent[calm] / spent[cheapest])
             said = f"{calm} instead of {cheapest}: {gain}"
@@ -157,7 +158,7 @@ def worth(before: float, after: float, price: float, cost: str = "effort") -> st
     less += (
         f" ({_degrees(before)} to {_degrees(after)} deg) for {number(price, 2)} times the {cost}"
     )
-    why = "a larger factor than its price" if worth_it else "a smaller factor than its price"
+    why = "a larger factor than the cost" if worth_it else "a smaller factor than the cost"
     return f"{'worth it' if worth_it else 'not worth it'}, {less}, {why}"
 
 
@@ -169,18 +170,19 @@ def next_step(problem: Problem, *methods: str) -> str:
         methods: Labels of the plans to compare.
     """
     names = dict.fromkeys(methods)
-    words = "Next, see the plans on machines"
+    words = "Next, compare the plans on machines"
     if compensable(problem.system):
-        words = "Next, compensate: on arms it takes away more than any path does"
+        words = "Next, compensate: on arms this reduces errors more than any path"
         names = dict.fromkeys(re.sub(r"^\w+", rf"\g<0> {COMPENSATED}", k) for k in names)
     command = shlex.join(["planner", "compare", problem.source, "--methods", ",".join(names)])
     return f"{words}: {command}"
 
 
 MEANINGS = (
-    "Passive block: what errors of the start of joint 1 (of a vehicle: of its first angle) and of"
-    " the gain of u2 do to the angles after it, at the end; the path decides it. Irreducible: what"
-    " start and goal alone decide; no path changes it. Total: all, as root of the sum of squares."
+    "Passive block: response of the angles after joint 1 (of a vehicle: after its first angle) at"
+    " the end, to errors of the start of joint 1 and of the gain of u2; it depends on the path."
+    " Irreducible: the part that depends only on start and goal. Total: root of the sum of all"
+    " squares."
 )
 """The terms of the tables explained."""
 

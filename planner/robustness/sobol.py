@@ -116,7 +116,7 @@ def check(base: int) -> None:
         InputError: If SALib is missing or `base` is not a power of 2.
     """
     if base < 2 or base & (base - 1):
-        raise InputError(f"base = {base}: must be a power of 2, as 64, 128 or 256")
+        raise InputError(f"base = {base}: must be a power of 2, such as 128 or 256")
     _salib()
 
 

@@ -260,7 +260,7 @@ def _replay(
     for j, k in enumerate(sorted(store.points)):
         point = store.points[k]
         share = 0.8 + 0.2 * j / len(store.points)
-        tell(f"point {k + 1} on the machine, as it is and compensated", share)
+        tell(f"replaying point {k + 1}, with and without compensation", share)
         if point.machine is None or point.compensated is None:
             runs = [replay_errors(point.plan, each, *machines) for each in (machine, alone)]
             allowed = compensated_errors(point.plan, machine, *machines)

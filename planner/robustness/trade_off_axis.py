@@ -100,7 +100,7 @@ def _quickest(problem: Problem, easy: CollocationOptions) -> Plan:
     if not np.all(np.isfinite(problem.limits.input)):
         raise InputError(
             f"{problem.source}: a trade-off against duration needs limits on both inputs: without"
-            " them every path can be run in no time, and the response depends on the path alone"
+            " them no path has a least duration, and the response depends only on the path"
         )
     fast = easy.model_copy(update={"objective": "time"})
     return judge_plan(plan_collocation(problem.changed({"goal.duration": "free"}), fast))[0]
@@ -124,7 +124,7 @@ def _peaks(
     lowest = LEAST_FACTOR * quickest.duration / problem.duration  # the systems are driftless
     if lowest >= 1:
         raise InputError(
-            f"{problem.source}: goal.duration = {problem.duration:g} s leaves the inputs no room:"
+            f"{problem.source}: goal.duration = {problem.duration:g} s does not allow lower peaks:"
             f" the fastest motion takes {quickest.duration:.4g} s; give more time"
         )
     start = with_input_limits(problem, lowest * base)
@@ -149,5 +149,5 @@ def with_input_limits(problem: Problem, inputs: Array) -> Problem:
     except InputError:
         raise InputError(
             f"{problem.source}: a trade-off against peak needs a system whose limits have the key"
-            f" input_rad_s, which a {problem.system.kind} has not; trade against effort or duration"
+            f" input_rad_s; a {problem.system.kind} has none; trade against effort or duration"
         ) from None

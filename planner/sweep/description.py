@@ -139,7 +139,7 @@ def base_problem(
         if not os.path.exists(path):
             raise InputError(
                 f"{source}: 'problem' = {problem!r}: there is no file {path}; the name is"
-                " relative to the file that says so"
+                f" relative to the folder of {source}"
             )
         return load_problem(path, changes)
     return Problem.from_dict(problem, f"{source} [problem]").changed(changes)

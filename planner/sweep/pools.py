@@ -173,7 +173,7 @@ class _WorkerProcess:
             status, words = self.last_words()
             reason = words.strip().rpartition("\n")[2]
             raise InputError(
-                f"no process for the cases can start with {sys.executable}: it ended with status"
+                f"no worker process can start with {sys.executable}: it ended with status"
                 f" {status} ({reason})"
             )
         self._ready = True

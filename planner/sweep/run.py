@@ -148,9 +148,9 @@ def _refuse_local_plugins(sweep: Sweep) -> None:
     methods = dict.fromkeys(f"method '{spec.method}'" for spec in sweep.methods)
     if unknown := local_only(*methods, *(f"system '{kind}'" for kind in kinds), *limits):
         raise InputError(
-            f"{' and '.join(unknown)}: registered in this process alone, so that no other can run"
-            " the cases; name the function that registers it under the entry point planner.plugins"
-            " of an installed package, or run the cases here (workers = 0)"
+            f"{' and '.join(unknown)}: registered only in this process, so other processes cannot"
+            " run the cases; name the function that registers it under the entry point"
+            " planner.plugins of an installed package, or run the cases here (workers = 0)"
         )
 
 

@@ -41,7 +41,7 @@ class Range(Table):
         if self.low == self.high:
             raise ValueError("'from' and 'to' are the same; give one value in a list instead")
         if self.spacing == "log" and not self.low * self.high > 0:
-            raise ValueError("with spacing = 'log' both ends have one sign and are not zero")
+            raise ValueError("spacing = 'log' needs two ends of the same sign, not zero")
         return self
 
 
@@ -52,10 +52,10 @@ class Distribution(Table):
 
     uniform: Pair | None = Field(None, description="[low, high].")
     log_uniform: Pair | None = Field(
-        None, description="[low, high], both positive; even in the logarithm."
+        None, description="[low, high], both positive; uniform in the logarithm."
     )
     normal: Pair | None = Field(None, description="[mean, standard deviation].")
-    integer: WholePair | None = Field(None, description="[low, high], whole numbers, both ends in.")
+    integer: WholePair | None = Field(None, description="[low, high], both included.")
     choice: Annotated[list[Any], Field(min_length=1)] | None = Field(
         None, description="Any of these values, equally likely."
     )
@@ -124,7 +124,7 @@ class ReplayTable(Table):
     """Replays of every plan on the emulated machine."""
 
     samples: Whole = Field(
-        0, le=1_000_000, description="Machines each plan is replayed on; 0: none."
+        0, le=1_000_000, description="Number of machines for each plan; 0: none."
     )
     seed: Whole = Field(0, description="Seed of the machines, the same for every case.")
 
@@ -141,10 +141,10 @@ class SweepFile(Table):
         description="Base problem: a problem file, relative to the sweep file, or its tables."
     )
     methods: Annotated[list[str], Field(min_length=1)] = Field(
-        description="Methods, each with options if wanted, as in 'polynomial:travel=middle'."
+        description="Methods, with options if needed, as in 'polynomial:travel=middle'."
     )
     changes: dict[str, Any] = Field(
-        default_factory=dict, alias="set", description="Dotted keys changed in every case."
+        default_factory=dict, alias="set", description="Dotted keys to change in every case."
     )
     cases: list[dict[str, Any]] = Field(
         default_factory=list, description="Rows of dotted keys and values that go together."
@@ -165,7 +165,7 @@ class SweepFile(Table):
         own = {field.alias or name for name, field in cls.model_fields.items()}
         for key in data.keys() - own:
             if place := _place_of(key):
-                raise ValueError(f"'{key}' stands in no table: it belongs under {place}")
+                raise ValueError(f"'{key}' is outside of all tables: put it under {place}")
         grid = data.get("grid")
         for key, value in grid.items() if isinstance(grid, dict) else ():
             if isinstance(value, dict) and value.keys() & Distribution.model_fields.keys():
@@ -272,7 +272,9 @@ def _refuse_clashes(table: SweepFile, keys: list[str], source: str) -> None:
             raise InputError(f"{source}: '{key}' varies in two of cases, grid and sample; keep one")
         for other in keys:
             if other.startswith(f"{key}."):
-                raise InputError(f"{source}: '{key}' and '{other}' both vary; one holds the other")
+                raise InputError(
+                    f"{source}: '{key}' and '{other}' both vary; one contains the other"
+                )
 
 
 def _refuse_repeats(key: str, values: list[Any], source: str) -> None:

@@ -34,7 +34,7 @@ def test_the_way_from_a_motion_to_a_machine(run: Callable, tmp_path: Path) -> No
         log.part(0, log.t[-1] / 5).save(path)
     text = run("identify", *runs, *words).out
     assert "w2" in text
-    assert "kept out, predicted by the preset machine: largest error" in text
+    assert "not fitted, predicted by the preset machine: largest error" in text
 
     homed = ("--set", "machine.start_state=forward", "--set", "compensation.on=true")
     made = run("plan", PAPER, "--machine", table, *homed, "--out", tmp_path / "plan.json")
@@ -51,8 +51,8 @@ def test_the_way_from_a_motion_to_a_machine(run: Callable, tmp_path: Path) -> No
     assert seen["terminal_error_deg"] == pytest.approx(expected, abs=0.15)
     assert max(seen["largest_from_motion_deg"]) < 0.3  # encoder steps, and what identifying left
     told = run("log", tmp_path / "2.csv", *words).words
-    assert "from the path that was asked for" in told
-    assert "that which the compensated plan expects" in told
+    assert "from the requested path" in told
+    assert "from the compensated plan's motion" in told
     assert (tmp_path / "b.png").stat().st_size > 10_000
 
 
@@ -66,7 +66,7 @@ def test_wrong_words_are_bad_input(run: Callable, tmp_path: Path) -> None:
         (("motion", "dance", PAPER, "-o", tmp_path / "a.json"), "no motion 'dance'"),
         (
             ("log", tmp_path / "a.csv", "-p", PAPER, "-o", tmp_path / "a.png"),
-            "name that with --plan",
+            "give the plan with --plan",
         ),
         (("identify", tmp_path / "none.csv", "-p", PAPER), "none.csv"),
         (("log", PAPER, "-p", PAPER, "--column", "t_s"), "write it as theta1_deg="),

@@ -111,7 +111,7 @@ def test_after_ctrl_c_it_says_where_the_finished_cases_are(
     for name, words, says in (
         ("planner.cli.sweep.run_sweep", [], "interrupted, nothing written"),
         ("planner.sweep.run._pool", [], "short.sqlite; the same command runs the rest"),
-        ("planner.cli.sweep.export", ["--export", "x.csv"], "short.sqlite was written before"),
+        ("planner.cli.sweep.export", ["--export", "x.csv"], "short.sqlite written before"),
     ):
         with monkeypatch.context() as patch:
             patch.setattr(name, press)

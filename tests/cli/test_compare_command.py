@@ -43,7 +43,7 @@ def test_compare_without_a_plan_tells_why_and_ends_with_3(run: Callable) -> None
     assert "polynomial" in result.out
     assert "input u2" in result.out
     assert re.search(r"Try: goal.duration = 80\d.* or more \(tried\)", " ".join(result.out.split()))
-    advice = "no method has a plan; what would help stands after 'Try', more by: planner check "
+    advice = "no method has a plan; see the changes after 'Try', or run: planner check "
     assert result.err == f"{advice}{PAPER} {' '.join(SETS)}\n"
 
 

@@ -247,5 +247,5 @@ def test_what_was_written_before_a_signal_is_told(
     target = tmp_path / "problem.toml"
     result = run("new", target)
     assert result.status == 143
-    assert result.err == f"planner: terminated, {target} was written before\n"
+    assert result.err == f"planner: terminated, {target} written before\n"
     assert target.exists()

@@ -74,7 +74,7 @@ def test_by_default_every_plan_is_compensated_once_it_is_there(
     assert words.startswith(f"Take {taken.label}: E {number(taken.E_median_deg)} deg in the median")
     base = taken.label.replace(" compensated", "")
     assert f"instead of {number(result[base].E_median_deg)} deg ({base})" in words
-    assert "The price of compensation: " in words
+    assert "Compensation costs " in words
     assert f"cannot tell it from {better.label} (E " in words
     now, was = (
         [r.E_p95_deg for r in result.rows if r.solved and (COMPENSATED.split()[1] in r.label) == it]
@@ -141,7 +141,7 @@ def test_the_headline_prices_a_plan_against_the_next_best_of_its_kind(
     words = replace(compensated, rows=(plain, better, worse)).headline
     priced = f"{number(better.effort)} rad²/s instead of 0.2"
     assert f"Next best of its kind is {worse.label} (E {number(worse.E_median_deg)} deg)." in words
-    assert words.split("The price against it: ")[1].split(". ")[0].endswith(priced)
+    assert words.split("Compared with it: ")[1].split(". ")[0].endswith(priced)
 
 
 def test_the_first_swing_stands_beside_the_recommendation(

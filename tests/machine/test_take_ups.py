@@ -280,7 +280,9 @@ def test_no_better_than_the_plan_as_it_is_says_so(
         return found if plan.compensates else replace(found, deviation=0 * found.deviation)
 
     monkeypatch.setattr(follow, "predict", exact_when_plain)
-    with pytest.warns(planner.InputWarning, match=r"leaves the path by .* as it is by 0 deg"):
+    with pytest.warns(
+        planner.InputWarning, match=r"leaves the path by .* the uncompensated one by 0 deg"
+    ):
         planner.compensate(planner.solve(paper), MACHINE)
 
 

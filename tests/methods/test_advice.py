@@ -47,7 +47,7 @@ def test_the_first_change_that_works_is_named_with_what_the_plan_breaks(
 
     assert advise(error, narrow(paper), attempt, 1.0) is None
     assert asked == CHANGES[:3]
-    assert error.reason == "none; without limit 2 there is one, which breaks:"
+    assert error.reason == "none; without limit 2 there is a plan, which breaks:"
     assert [v.label for v in error.violations] == ["joint theta1"]
     assert error.advice == "wider limits: theta1 at least 38.72 deg (tried)"
     assert str(error).endswith("Try: wider limits: theta1 at least 38.72 deg (tried)")

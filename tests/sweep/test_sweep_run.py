@@ -158,7 +158,7 @@ def test_refusals_keep_status_reason_and_figures(paper: planner.Problem, db: Pat
     assert "goal.duration = " in column(db, "advice")[0]
     assert column(db, "peak_u2_rad_s")[0] == pytest.approx(16.76, abs=0.01)
     assert column(db, "effort")[1] is None
-    with pytest.raises(planner.InputError, match="holds no plan"):
+    with pytest.raises(planner.InputError, match="has no plan of case"):
         load_case_plan(db, column(db, "key")[0])
     with pytest.raises(planner.InputError, match="3 cases have a key '"):
         load_case_plan(db, "")
@@ -255,7 +255,7 @@ def test_processes_that_cannot_start_are_told_and_make_no_rows(
 ) -> None:
     (tmp_path / "sitecustomize.py").write_text("import sys; sys.modules['casadi'] = None")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    says = "no process for the cases can start with .* status 1 .*casadi"
+    says = "no worker process can start with .* status 1 .*casadi"
     with pytest.raises(planner.InputError, match=says):
         run_sweep(tables, db, workers=1)
     assert finished(db) == 0

@@ -35,11 +35,13 @@ AngleRange = Annotated[list[AngleDeg], Field(min_length=2, max_length=2)]
 class VariablesTable(Table):
     """Design variables; those not given are as in `[gear]`."""
 
-    rho: Positive | None = Field(None, description="r1/(lambda R): gives r1.")
-    kappa: Positive | None = Field(None, description="lambda R/(eta r3): gives r3.")
+    rho: Positive | None = Field(None, description="r1/(lambda R); sets r1.")
+    kappa: Positive | None = Field(None, description="lambda R/(eta r3); sets r3.")
     r1: Positive | None = Field(None, description="Radius of disk B.")
-    R: Positive | None = Field(None, description="Axle of disk A to its driving contact.")
-    r3: Positive | None = Field(None, description="Axle of disk A' to the joint's contact.")
+    R: Positive | None = Field(None, description="From the axle of disk A to its driving contact.")
+    r3: Positive | None = Field(
+        None, description="From the axle of disk A' to the joint's contact."
+    )
     lam: Positive | None = Field(None, alias="lambda", description="Bevel and spur gear ratio.")
     eta: Positive | None = Field(None, description="Timing belt ratio.")
     joints: Joints | None = Field(None, description="Number of joints.")
@@ -47,14 +49,14 @@ class VariablesTable(Table):
         None, description="Friction force mu N of one contact in N, with lengths in metres."
     )
     link_lengths: list[Positive] | None = Field(
-        None, description="Distances of neighbouring joints and of the tip, in the radii's unit."
+        None, description="Distances between joints and to the tip, in the unit of the radii."
     )
 
     @model_validator(mode="after")
     def _check_ratios(self) -> VariablesTable:
         for ratio, radius in (("rho", "r1"), ("kappa", "r3")):
             if getattr(self, ratio) is not None and getattr(self, radius) is not None:
-                raise ValueError(f"{ratio} gives {radius}; give one of the two")
+                raise ValueError(f"{ratio} sets {radius}; give one of the two")
         return self
 
 
@@ -82,7 +84,7 @@ class TasksTable(Table):
         None, description="[low, high]: start of every joint, degrees, uniform."
     )
     goal_deg: AngleRange | None = Field(
-        None, description="[low, high]: goal of every joint, likewise."
+        None, description="[low, high]: goal of every joint, degrees, uniform."
     )
 
     @model_validator(mode="after")
@@ -120,24 +122,24 @@ class DesignFile(Table):
     title: str = Field("", description="The question of the study, one line.")
     problem: str | dict[str, Any] = Field(
         description="Common to all designs: a problem file of an arm with friction disks, relative"
-        " to the design file, or its tables. Its duration, limits and machine hold for every task;"
-        " its start and goal are the task where [tasks] is left out."
+        " to the design file, or its tables. Its duration, limits and machine apply to every task;"
+        " without [tasks], its start and goal are the only task."
     )
     changes: dict[str, Any] = Field(
         default_factory=dict, alias="set", description="Dotted keys of the problem to change."
     )
     methods: Annotated[list[str], Field(min_length=1)] = Field(
         default_factory=lambda: ["collocation", "polynomial"],
-        description="Methods. All figures are of the first method's plans; of the others only the"
-        " number of solved tasks counts.",
+        description="Methods. The figures describe the plans of the first method; for the others"
+        " only the number of solved tasks is given.",
     )
     compensated: bool = Field(
-        True, description="Whether the first method's plans are compensated for the machine too."
+        True, description="Whether to compensate the first method's plans for the machine too."
     )
     gear: GearTable | None = Field(
         None,
-        description="The base mechanism of all designs. The problem's when left out; for a problem"
-        " that gives K and k_g, one with lambda = eta = R = 1 and the same kinematics.",
+        description="The base mechanism of all designs. Default: the problem's; for a problem that"
+        " gives K and k_g, a mechanism with lambda = eta = R = 1 and the same kinematics.",
     )
     present: bool = Field(True, description="Whether the study includes the base mechanism itself.")
     cases: list[dict[str, Any]] = Field(
@@ -154,15 +156,15 @@ class DesignFile(Table):
     contact_force_n: Positive | None = Field(
         None,
         description="Friction force mu N of one contact in N, with lengths in metres: a contact of"
-        " a design then transmits this times r1. Left out, machine.friction_capacity_nm holds for"
-        " every design, as if contacts of smaller disks were pressed harder.",
+        " a design transmits this times r1. Default: every design has the same capacity,"
+        " machine.friction_capacity_nm, as if contacts of smaller disks were pressed harder.",
     )
     tasks: TasksTable | None = Field(None, description="The tasks of the arm.")
     replay: MachinesTable = Field(default_factory=MachinesTable)
     front: Annotated[list[str], Field(min_length=1, max_length=6)] | None = Field(
         None,
-        description="Figures to trade off: the Pareto front and the recommendation use these. Left"
-        " out: the error at the end (compensated, if plans are), motor torque, motor power and"
+        description="Figures to trade off: the Pareto front and the recommendation use these."
+        " Default: the error at the end (compensated, if plans are), motor torque, motor power and"
         " contact_load.",
     )
 
@@ -312,13 +314,13 @@ def _check_arm(base: Problem, source: str) -> Manipulator:
         )
     if base.travel is not None:
         raise InputError(
-            f"{source}: goal.travel = {base.travel:.4g} of the problem is for one mechanism; leave"
-            ' it free, as in set = { "goal.travel" = "free" }'
+            f"{source}: goal.travel = {base.travel:.4g} of the problem suits one mechanism only;"
+            ' leave it free, as in set = { "goal.travel" = "free" }'
         )
     if "tip_m" in base.to_dict()["goal"]:
         raise InputError(
-            f"{source}: goal.tip_m of the problem is for the links of one mechanism; give"
-            " goal.theta_deg in its place"
+            f"{source}: goal.tip_m of the problem suits the links of one mechanism only; give"
+            " goal.theta_deg instead"
         )
     return base.system
 
@@ -372,15 +374,15 @@ def _present_mechanism(
             return table.gear.stages(1)[0], None
         except ValueError:
             raise InputError(
-                f"{source}: a mechanism that is designed has stages that are alike: give numbers,"
-                " no lists, in [gear]"
+                f"{source}: in a design study all stages are equal: give numbers, not lists, in"
+                " [gear]"
             ) from None
     (gear, *others), _ = stage_gears(system)
     radii = [g.r3 for g in (gear, *others)]
     if max(radii) > min(radii) * (1 + STAGE_TOLERANCE):
         raise InputError(
-            f"{source}: the problem's K belong to stages of different radii; give the table [gear]"
-            " of the mechanism that designs are to differ from"
+            f"{source}: the problem's K belong to stages of different radii; give the base"
+            " mechanism in the table [gear]"
         )
     if system.gear is not None:
         return gear, base.to_dict()["system"].get("link_lengths")
@@ -419,6 +421,6 @@ def _tasks(table: TasksTable | None, base: Problem, joints: int, source: str) ->
             if len(angles) != joints:
                 raise InputError(
                     f"{source}: task {k + 1}: {name} has {len(angles)} angles, and a design has"
-                    f" {joints} joints; draw tasks with count, or give each number its own study"
+                    f" {joints} joints; draw tasks with count, or make a study for each number"
                 )
     return tuple(pairs)

@@ -230,10 +230,8 @@ def _refusal(rows: Sequence[DesignRow], front_by: Sequence[Figure], method: str)
     most = f": {whys[0][0]}" if whys else ""
     if not any(row.figures.get(f"solved {method}", 0.0) > 0 for row in rows):
         return f"No design solves a task by {method}{most}."
-    half = (
-        f"No design solves half of the tasks by {method} or has {_join_titles(front_by)} otherwise"
-    )
-    return f"{half}{most}."
+    half = f"which need half of the tasks solved by {method}"
+    return f"No design has values of {_join_titles(front_by)}, {half}{most}."
 
 
 def _reason(

@@ -168,12 +168,12 @@ class DesignStudy:
         replay = self.asked.table.replay
         before = Machine.from_table(self.asked.base.machine).start_words
         return (
-            f"{self.tasks} tasks; figures are of the plans by {self.asked.methods[0]}: effort,"
-            " chart margin, errors and spread in the median over the tasks, peaks and contacts the"
-            " largest. Contacts: load over that at which one slips, and motor torque: that of motor"
-            " 1, on 99 % of the machines; motor power: that times the largest speed. E:"
-            " largest joint error at any time, in the median; error at the end: of 95 % of them"
-            "; spread: largest standard deviation of a joint at the end"
+            f"{self.tasks} tasks; figures of the plans by {self.asked.methods[0]}: effort, chart"
+            " margin, errors and spread are medians over the tasks, peaks and loads the largest."
+            " Contacts: load over the load at which a contact slips; motor torque: of motor 1;"
+            " both are the 99th percentile of the machines; motor power: motor torque times the"
+            " largest speed. E: largest joint error at any time, median; error at the end: 95th"
+            " percentile; spread: largest standard deviation of a joint at the end"
             f" ({replay.samples} machines, {before}, seed {replay.seed}). Least link:"
             " the length that the parts need to clear each other. Front: no other design beats it"
             f" in {' and '.join(figure.title for figure in self.front_by)}.{self._price}"

@@ -127,8 +127,8 @@ def test_where_few_tasks_are_solved_it_says_so(known: Known) -> None:
     study = known([[results(1.0, 1.0), None, None, None]])
     assert study.recommended is None
     assert study.reason.startswith(
-        "No design solves half of the tasks by polynomial or has effort and spread otherwise: no"
-        " plan of any kind exists"
+        "No design has values of effort and spread, which need half of the tasks solved by"
+        " polynomial: no plan of any kind exists"
     )
 
 

@@ -204,7 +204,7 @@ BOX = {"start_deg": [5, 15], "goal_deg": [20, 45]}
         (changed(grid={}), "the file names no design; give"),
         (changed(grid={"r1": [1.0, -2.0]}), r"design r1 = -2: 'r1' = -2.0: must be greater than 0"),
         (changed(grid={"rho": []}), r"'grid.rho' = \[\]: must be a list of at least 1"),
-        (changed(grid={"rho": [1.0], "r1": [1.0]}), "rho gives r1; give one of the two"),
+        (changed(grid={"rho": [1.0], "r1": [1.0]}), "rho sets r1; give one of the two"),
         (changed(grid={"joints": [2, 9]}), "'joints' = 9: must be at most 8"),
         (changed(grid={"joints": [2, 3]}), "task 1: start_deg has 2 angles, and a design has 3"),
         (changed(grid={"link_lengths": [[1.0]]}), "link_lengths has 1 values for 2 joints"),
@@ -220,8 +220,8 @@ BOX = {"start_deg": [5, 15], "goal_deg": [20, 45]}
         (changed(grid={"contact_force_n": [9.0]}), "contact_force_n needs radii in metres; give"),
         (changed(problem="nowhere.toml"), "there is no file nowhere.toml"),
         (changed(problem="problems/unicycle.toml"), "a design study needs a 'manipulator'"),
-        (changed(set={"goal.travel": 0.5}), "goal.travel = 0.5 of the problem is for one"),
-        (changed(problem={**PROBLEM, **TIP}), "goal.tip_m of the problem is for the links of one"),
+        (changed(set={"goal.travel": 0.5}), "goal.travel = 0.5 of the problem suits one"),
+        (changed(problem={**PROBLEM, **TIP}), "goal.tip_m of the problem suits the links of one"),
         (changed(problem={**PROBLEM, **UNEVEN}), "belong to stages of different radii; give the"),
         (changed(replay={"samples": 0}), "'replay.samples' = 0: must be at least 2"),
         (changed(grid={"kappa": [1, 1]}), "has the value 1 twice"),
@@ -304,7 +304,7 @@ def test_a_given_force_makes_larger_wheels_transmit_more(quick: Tables) -> None:
 
 def test_designs_have_stages_that_are_alike(quick: Tables) -> None:
     gear = {"r1": [0.03, 0.04], "R": 0.04, "r3": 0.03, "lambda": 1.0, "eta": 1.0}
-    with pytest.raises(planner.InputError, match="stages that are alike: give numbers"):
+    with pytest.raises(planner.InputError, match="all stages are equal: give numbers"):
         asked(quick, gear=gear, grid={"R": [0.05]})
 
 

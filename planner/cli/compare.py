@@ -190,7 +190,7 @@ def _say_results(
     """Print where the results are, whether they are complete, and what to try without a plan."""
     if not complete:
         where = "shown above" if written is None else f"written to {written}"
-        say(f"interrupted: a partial result is {where}", "red")
+        say(f"interrupted: partial result, {where}", "red")
     elif written is not None:
         look = f"open {written}/report.html" if report else f"pictures in {written}/figures"
         note(f"written to {written}; {look}")

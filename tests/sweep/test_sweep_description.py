@@ -131,7 +131,7 @@ SAMPLE = {"count": 4, "goal.travel": {"uniform": [0.8, 0.82]}}
         ({"sample": {"count": 4, "goal.travel": {"log_uniform": [0, 1]}}}, "must be positive"),
         ({"count": 4}, "'count' is outside of all tables: put it under \\[sample\\]"),
         ({"samples": 4}, "'samples' is outside of all tables: put it under \\[replay\\]"),
-        ({"limits.z2_margin": EVEN}, "belongs under \\[set\\] .* or \\[sample\\]"),
+        ({"limits.z2_margin": EVEN}, "put it under \\[set\\] .* or \\[sample\\]"),
         ({"goal": {"travel": EVEN}}, "'goal' is outside of all tables: put it under"),
         ({"grid": {"goal.travel": EVEN}}, "'grid.goal.travel' is drawn at random: put it under"),
         ({"grid": {"count": 20}}, "'grid.count' belongs under \\[sample\\]"),

@@ -264,7 +264,7 @@ def test_a_lack_of_memory_is_no_bug(run: Callable, law: Callable, error: Excepti
     result = run(*SOLVED)
     assert result.status == 2
     assert result.err.startswith("planner: there is not enough memory for this (")
-    assert "12 GiB); ask for less" in result.err
+    assert "12 GiB); use fewer machines" in result.err
     assert run(*SOLVED, "--json").json["status"] == "bad_input"
 
 

@@ -172,7 +172,7 @@ def test_the_chart_needs_no_angle_at_the_last_joint(paper: planner.Problem) -> N
 def test_plain_disks_are_excluded_by_numbers(made: Reproduction) -> None:
     found = next(f for f in made.findings if f.where == "(6)")
     assert found.verdict == "does not hold"
-    assert "0.866 in place of 0.955 at 10 deg" in found.ours
+    assert "0.866 instead of 0.955 at 10 deg" in found.ours
     degrees = np.array([0.0, 12.0, 25.0, 40.0])
     expected = np.maximum(np.cos(3 * np.deg2rad(degrees)), 0)
     assert turned_ratio(degrees, 1.0) == pytest.approx(expected, abs=1e-12)

@@ -236,11 +236,11 @@ def find_remedy(
         for change in (*nearer, *duration_changes(problem), *path_changes(problem))
         for name in able
     ]
-    found = try_changes(changes, attempt, say)
-    if found.change is None or found.plan is None:
+    tried = try_changes(changes, attempt, say)
+    if tried.change is None or tried.plan is None:
         return None
-    words = str(replace(found.change, method=""))
-    return Remedy(found.change.keys, found.change.method, plan_summary(found.plan), words)
+    words = str(replace(tried.change, method=""))
+    return Remedy(tried.change.keys, tried.change.method, plan_summary(tried.plan), words)
 
 
 def _outcome(problem: Problem, name: str) -> dict[str, Any]:

@@ -72,17 +72,17 @@ def compensate_plan(
 
     plan = plan if plan.verified else judge_plan(plan)[0]
     problem = plan.problem
-    used = machine_for(problem.machine, machine)
+    machine = machine_for(problem.machine, machine)
     began = time.perf_counter()
     tell("compensating")
     try:
-        made = _compensate_in_duration(plan, used, options)
+        fastest = _compensate_in_duration(plan, machine, options)
     except TimeUpError:
         raise TimeLimitError(
             f"{problem.source}: the time was too short to compensate the plan",
             advice=time_advice(),
         ) from None
-    compensated, check = _with_room(made, used, options)
+    compensated, check = _with_room(fastest, machine, options)
     compensated = replace(compensated, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
     changes = [*compensation_changes(compensated, check.violations, options), NO_COMPENSATION]
     if not check.ok:
@@ -90,15 +90,17 @@ def compensate_plan(
         if meets_before_start(compensated, check.violations):
             where += f" in the preparation, the first {compensated.lead_s:.3g} s, before the plan"
             where += " starts"
-        tried = _try_settings(plan, used, options, compensated, check, time.perf_counter() - began)
+        tried = _try_settings(
+            plan, machine, options, compensated, check, time.perf_counter() - began
+        )
         raise refusal(compensated, check, where, "; or ".join([*tried, *changes]))
     ways = "; or ".join(changes)
-    said = compensated.notes["compensation"]
-    if not said["E_deg"] < said["plain_E_deg"]:
+    errors = compensated.notes["compensation"]
+    if not errors["E_deg"] < errors["plain_E_deg"]:
         warnings.warn(
             f"{problem.source}: on the nominal machine the compensated plan leaves the path by"
-            f" {said['E_deg']:.3g} deg, the uncompensated one by"
-            f" {said['plain_E_deg']:.3g} deg; {ways}",
+            f" {errors['E_deg']:.3g} deg, the uncompensated one by"
+            f" {errors['plain_E_deg']:.3g} deg; {ways}",
             InputWarning,
             stacklevel=3,
         )
@@ -125,21 +127,21 @@ def _try_settings(
         for key, value in change.keys.items():
             table, _, name = key.partition(".")
             tables[table][name] = value
-        own = options.model_copy(update=tables["compensation"])
+        settings = options.model_copy(update=tables["compensation"])
         other = machine.with_(**tables["machine"])
-        return _with_room(_compensate_in_duration(plan, other, own), other, own)[0]
+        return _with_room(_compensate_in_duration(plan, other, settings), other, settings)[0]
 
     out = []
     with time_limit(max(LEAST_S, MOST_TIMES_REFUSAL * seconds), "the time for trying changes"):
         for change in map(Change, settings_to_try(refused, check.violations)):
             tries = try_changes([change], attempt, lambda doing: tell(f"no plan; {doing}"))
-            said = "home the arm first; " if "machine.start_state" in change.keys else ""
+            words = "home the arm first; " if "machine.start_state" in change.keys else ""
             if tries.plan is not None:
-                made = tries.plan.notes["compensation"]
-                said += f"tried: path error {made['E_deg']:.2g} deg, uncompensated"
-                out.append(f"{change} ({said} {made['plain_E_deg']:.2g} deg)")
+                errors = tries.plan.notes["compensation"]
+                words += f"tried: path error {errors['E_deg']:.2g} deg, uncompensated"
+                out.append(f"{change} ({words} {errors['plain_E_deg']:.2g} deg)")
             elif tries.left:
-                out.append(f"{change} ({said}not tried for lack of time)")
+                out.append(f"{change} ({words}not tried for lack of time)")
     return out
 
 
@@ -171,28 +173,28 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
 
     problem, most, why = plan.problem, plan.problem.duration_max, ""
     most = np.inf if most is None else most
-    made = follow(plan, machine, options)
-    least = made
+    compensated = follow(plan, machine, options)
+    least = compensated
     for _ in range(MOST_SHORTER):
-        if made.duration <= most:
-            return made
-        added = made.duration - plan.duration
+        if compensated.duration <= most:
+            return compensated
+        added = compensated.duration - plan.duration
         seconds = float(f"{most - added:.6g}") - 1e-5
         try:
             plan = _plan_near(problem.changed({"goal.duration": seconds}), plan)
         except (NoPlanError, InputError) as error:
             if seconds > 0:
-                said = str(error).splitlines()[0].removeprefix(f"{problem.source}: ")
-                said = said.rpartition(". ")[0] if said.endswith(":") else said  # of a list
-                why = f", and there is no plan of {seconds:.4g} s: {said}"
+                reason = str(error).splitlines()[0].removeprefix(f"{problem.source}: ")
+                reason = reason.rpartition(". ")[0] if reason.endswith(":") else reason  # of a list
+                why = f", and there is no plan of {seconds:.4g} s: {reason}"
             break
-        made = follow(plan, machine, options)
-        least = min(least, made, key=lambda each: each.duration)
-    if made.duration > most and (fastest := _fastest(plan)) is not None:
-        made = follow(fastest, machine, options)
-        least = min(least, made, key=lambda each: each.duration)
-    if made.duration <= most:
-        return made
+        compensated = follow(plan, machine, options)
+        least = min(least, compensated, key=lambda each: each.duration)
+    if compensated.duration > most and (fastest := _fastest(plan)) is not None:
+        compensated = follow(fastest, machine, options)
+        least = min(least, compensated, key=lambda each: each.duration)
+    if compensated.duration <= most:
+        return compensated
     seconds = least.clock.seconds
     room = (SLOWER[-1] - 1) * seconds if problem.duration is None else 0.0
     raise NoPlanError(
@@ -228,15 +230,15 @@ def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> t
     return tried if _is_good(*tried) else judged
 
 
-def _is_good(made: Plan, check: Check) -> bool:
+def _is_good(plan: Plan, check: Check) -> bool:
     """Return whether a slower plan cannot help: this one works, or its preparation does not."""
     from planner.machine.feedforward.advice import meets_before_start
 
-    if "ended_early" in made.notes:
+    if "ended_early" in plan.notes:
         return True
-    said = made.notes["compensation"]
-    helps = check.ok and said["E_deg"] < said["plain_E_deg"]
-    return helps or meets_before_start(made, check.violations)
+    errors = plan.notes["compensation"]
+    helps = check.ok and errors["E_deg"] < errors["plain_E_deg"]
+    return helps or meets_before_start(plan, check.violations)
 
 
 def _slower(plan: Plan, factor: float) -> Plan:
@@ -256,9 +258,9 @@ def _fastest(plan: Plan) -> Plan | None:
     """Return the plan of least duration for the same problem; None if none is found."""
     free = {"goal.duration": "free", "goal.duration_max": None}
     try:
-        found = _plan_near(plan.problem.changed(free), plan)
-        seconds = float(f"{1.0001 * found.duration:.6g}")
-        return _plan_near(plan.problem.changed({"goal.duration": seconds}), found)
+        fastest = _plan_near(plan.problem.changed(free), plan)
+        seconds = float(f"{1.0001 * fastest.duration:.6g}")
+        return _plan_near(plan.problem.changed({"goal.duration": seconds}), fastest)
     except (NoPlanError, InputError):
         return None
 

@@ -164,12 +164,12 @@ def made_by(how: str) -> Callable[[Class], Class]:
         signature = inspect.signature(fill)
 
         @wraps(fill)
-        def checked(*given: Any, **by_name: Any) -> None:
+        def checked(*args: Any, **kwargs: Any) -> None:
             try:
-                fill(*given, **by_name)
+                fill(*args, **kwargs)
             except TypeError:
                 try:
-                    signature.bind(*given, **by_name)
+                    signature.bind(*args, **kwargs)
                 except TypeError as error:
                     name = cls.__name__
                     raise InputError(f"planner.{name}(...): {error}; {how} makes one") from None

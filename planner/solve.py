@@ -119,9 +119,9 @@ def solve_and_check(
 
     def attempt(change: Change) -> Plan:
         changed = problem.changed(change.keys)
-        given = {} if change.defaults else options
+        overrides = {} if change.defaults else options
         return judge_plan(
-            _plan_by_method(changed, entry, merged_options(changed, entry, given), None)
+            _plan_by_method(changed, entry, merged_options(changed, entry, overrides), None)
         )[0]
 
     limit_s = getattr(merged, "time_limit_s", None) or time_limit_s
@@ -211,6 +211,6 @@ def compensate(
         plan = solve(plain, method)
     refuse_inexecutable(plan)
     plan = plan.compensates or plan
-    given = plan.problem.compensation.model_dump(exclude_unset=True)
-    table = parse(CompensationTable, {**given, **options, "on": True}, "options of compensate")
+    settings = plan.problem.compensation.model_dump(exclude_unset=True)
+    table = parse(CompensationTable, {**settings, **options, "on": True}, "options of compensate")
     return compensate_plan(plan, machine, table)[0]

@@ -206,7 +206,7 @@ def identify(
         machine = load_machine(str(machine))
     with job("reading the runs") as tell:
         names = _columns(columns)
-        found = run_identification(
+        result = run_identification(
             [read_log(path, names) for path in logs],
             task,
             machine,
@@ -216,26 +216,26 @@ def identify(
         )
         if figure is not None:
             tell("drawing", 1.0)
-            found.plot().savefig(figure, dpi=110)
-    for text in found.warnings:
+            result.plot().savefig(figure, dpi=110)
+    for text in result.warnings:
         say(f"warning: {text}", "yellow")
-    data = {**found.to_dict(), "written": None if out is None else found.save(out)}
-    return finish(data, found.table(), "", *_words(found), where="machine written to {}")
+    data = {**result.to_dict(), "written": None if out is None else result.save(out)}
+    return finish(data, result.table(), "", *_words(result), where="machine written to {}")
 
 
-def _words(found: Identification) -> Iterator[str]:
+def _words(result: Identification) -> Iterator[str]:
     yield "+-: standard deviation (bootstrap). told: how far the runs determine it, 0 to 1."
-    for text in found.merged:
+    for text in result.merged:
         yield f"One number for several parameters: {text}."
-    if found.untold:
-        yield f"Not determined by these runs, kept from the preset: {', '.join(found.untold)}."
-    rms = (np.sqrt(np.mean(e**2, axis=0)) for e in (found.residual_deg, found.noise_deg))
+    if result.untold:
+        yield f"Not determined by these runs, kept from the preset: {', '.join(result.untold)}."
+    rms = (np.sqrt(np.mean(e**2, axis=0)) for e in (result.residual_deg, result.noise_deg))
     left, usual = map(numbers, rms)
     yield f"residual of the runs: {left} deg (rms); noise of the encoders: {usual} deg"
-    for name, error in found.errors.items():
-        assert found.kept_out is not None
+    for name, error in result.errors.items():
+        assert result.kept_out is not None
         yield (
-            f"{found.kept_out.source}, not fitted, predicted by the {name} machine: largest error"
+            f"{result.kept_out.source}, not fitted, predicted by the {name} machine: largest error"
             f" {numbers(error.largest_deg)} deg, rms {numbers(error.rms_deg)} deg"
         )
 

@@ -162,23 +162,23 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
             rows.append(plan_row(problem, spec))
         notice("differentiating")
         spread = spreads(problem.system, problem.methods.desensitised)
-        found = sensitivities({row.label: row.plan for row in rows}, spread)
-        written = out and save_sensitivities(found, out)
+        comparison = sensitivities({row.label: row.plan for row in rows}, spread)
+        written = out and save_sensitivities(comparison, out)
     refused = {row.label: row.why for row in rows if not row.solved}
-    data = {"source": str(source), **found.to_dict(), "refused": refused, "written": written}
+    data = {"source": str(source), **comparison.to_dict(), "refused": refused, "written": written}
     notes = [""] * bool(refused) + [
-        f"{label}: {'refused' if label in found.found else 'no plan'}, {why}"
+        f"{label}: {'refused' if label in comparison.found else 'no plan'}, {why}"
         for label, why in refused.items()
     ]
-    table = terminal_table(found.columns(), found.found)
+    table = terminal_table(comparison.columns(), comparison.found)
     title = f"{problem.name}: one standard deviation of each of {', '.join(spread)}"
     parts: list[str | Table] = [
         title,
         "",
         table,
         "",
-        found.sentence,
-        found.verdict,
+        comparison.sentence,
+        comparison.verdict,
         "",
         MEANINGS,
         *([""] if notes else []),

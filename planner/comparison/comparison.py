@@ -275,8 +275,8 @@ def worst_command(comparison: Comparison, row: Row) -> str | None:
 def _settings(comparison: Comparison) -> dict[str, Any] | None:
     problem, machine = comparison.problem, comparison.machine
     try:
-        given = machine.source and {"machine": load_machine(machine.source).to_dict()}
-        filed = load_problem(problem.source, given or None)
+        changes = machine.source and {"machine": load_machine(machine.source).to_dict()}
+        filed = load_problem(problem.source, changes or None)
     except InputError:
         return None
     settings = _changes(filed.to_dict(), problem.to_dict())
@@ -368,10 +368,10 @@ TINY_S = 1e-6
 
 def _longer_words(comparison: Comparison) -> str:
     """Return a sentence about plans longer than `goal.duration`, after a space; "" if none is."""
-    asked = comparison.problem.duration
+    duration = comparison.problem.duration
     longer = [
-        f"{row.label} by {number(row.duration_s - asked)} s"
+        f"{row.label} by {number(row.duration_s - duration)} s"
         for row in comparison.rows
-        if asked is not None and row.duration_s > asked + TINY_S
+        if duration is not None and row.duration_s > duration + TINY_S
     ]
     return f" Longer than goal.duration: {', '.join(longer)}." if longer else ""

@@ -115,13 +115,13 @@ class Row(PlanFigures):
             check: Its verification.
             why: Reason of the refusal, or what ended the search early.
         """
-        known = cls.measure(plan, check)
-        made = plan.notes.get("compensation", {}) if plan.compensates else {}
-        away, plain = made.get("E_deg", 0.0), made.get("plain_E_deg", np.inf)
+        values = cls.measure(plan, check)
+        compensation = plan.notes.get("compensation", {}) if plan.compensates else {}
+        away, plain = compensation.get("E_deg", 0.0), compensation.get("plain_E_deg", np.inf)
         if plan.executable and away > OTHER_WAY_DEG:
             more = "" if away < plain else f", no better than {plain:.3g} deg uncompensated"
-            known["note"] = f"leaves the original path by up to {away:.3g} deg{more}"
-        return cls(label, method, plan.verified, why, plan, **known)
+            values["note"] = f"leaves the original path by up to {away:.3g} deg{more}"
+        return cls(label, method, plan.verified, why, plan, **values)
 
     def __repr__(self) -> str:
         state = "solved" if self.solved else f"refused, {self.why}"

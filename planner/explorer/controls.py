@@ -155,9 +155,9 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
     active = {**first.effects, **now.effects}
     static = now.fidelity == "quasi-static"
     names = [k for k, e in EFFECTS.items() if k in active and not (static and e.dynamic_only)]
-    given = {name: State(state.base).value(f"machine.{name}") for name in names}
+    settings = {name: State(state.base).value(f"machine.{name}") for name in names}
     of_mechanism = [_compensation(state), _start_state(now)] if compensable(problem.system) else []
-    return [count, *of_mechanism, *(_effect(name, first, now, given[name]) for name in names)]
+    return [count, *of_mechanism, *(_effect(name, first, now, settings[name]) for name in names)]
 
 
 def _start_state(machine: Machine) -> Control:
@@ -182,8 +182,8 @@ def _compensation(state: State) -> Control:
     return Control(MACHINE_TITLE, label, "switch", key, on, shown=on, help=help_text)
 
 
-def _effect(name: str, first: Machine, now: Machine, given: Any) -> Control:
-    """Return the control of an effect; `given` is its value in the initial problem."""
+def _effect(name: str, first: Machine, now: Machine, setting: Any) -> Control:
+    """Return the control of an effect; `setting` is its value in the initial problem."""
     usual = (first if name in first.effects else now).effects[name].to_setting()
     on = name in now.effects
     whole = now.effects[name].to_setting() if on else usual
@@ -197,7 +197,7 @@ def _effect(name: str, first: Machine, now: Machine, given: Any) -> Control:
     if isinstance(number, list):
         return Control(
             MACHINE_TITLE, label, "choice", key, whole, shown="on" if on else "off",
-            choices=["on", "off"], writes=[given, False], help=help_text,
+            choices=["on", "off"], writes=[setting, False], help=help_text,
         )  # fmt: skip
     position = whole[part[0]] if part else whole
     low, high = _effect_range(effect, float(number), spread=part == ("spread",))

@@ -185,9 +185,9 @@ def path_line(outcome: ScreenOutcome, took_s: float) -> str:
     if plan.verified and not plan.domain.ok:
         parts.append("leaves the chart (allowed)")
     if plan.compensates is not None:
-        made = plan.notes["compensation"]
-        now, plain = (f"{made[key]:.3g} deg" for key in ("E_deg", "plain_E_deg"))
-        if not made["E_deg"] < made["plain_E_deg"]:
+        errors_deg = plan.notes["compensation"]
+        now, plain = (f"{errors_deg[key]:.3g} deg" for key in ("E_deg", "plain_E_deg"))
+        if not errors_deg["E_deg"] < errors_deg["plain_E_deg"]:
             parts.append(f"path error {now}, no better than {plain} uncompensated")
     parts += plan.reservations
     parts.append(f"planned in {took_s:.2g} s")

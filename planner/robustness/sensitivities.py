@@ -85,11 +85,11 @@ class Sensitivities:
         totals = {k: each.total_deg(self.spread) for k, each in self.found.items()}
         cheapest, calm = (min(each, key=lambda k: each[k]) for each in (spent, totals))
         if calm == cheapest:
-            said = f"{calm} has the smallest total and the least effort"
+            text = f"{calm} has the smallest total and the least effort"
         else:
             gain = worth(totals[cheapest], totals[calm], spent[calm] / spent[cheapest])
-            said = f"{calm} instead of {cheapest}: {gain}"
-        return f"{said}. {next_step(self.found[cheapest].plan.problem, cheapest, calm)}"
+            text = f"{calm} instead of {cheapest}: {gain}"
+        return f"{text}. {next_step(self.found[cheapest].plan.problem, cheapest, calm)}"
 
     @property
     def sizes(self) -> list[tuple[float, str]]:
@@ -115,18 +115,18 @@ class Sensitivities:
 
     def columns(self) -> list[Column[str]]:
         """Return the columns of the table; its rows are labels of plans."""
-        found, spread = self.found, self.spread
+        plans, spread = self.found, self.spread
 
         def spent(label: str) -> float:
-            return effort(found[label].plan.trajectory)
+            return effort(plans[label].plan.trajectory)
 
         return [
             Column("plan", "", lambda k: k, left=True, code=True),
-            Column("passive block", "deg", lambda k: found[k].passive_block_deg(spread), _degrees),
-            Column("total", "deg", lambda k: found[k].total_deg(spread), _degrees),
-            Column("irreducible", "deg", lambda k: found[k].floor_deg(spread), _degrees),
+            Column("passive block", "deg", lambda k: plans[k].passive_block_deg(spread), _degrees),
+            Column("total", "deg", lambda k: plans[k].total_deg(spread), _degrees),
+            Column("irreducible", "deg", lambda k: plans[k].floor_deg(spread), _degrees),
             Column("effort", effort_unit(self.system), spent, number),
-            Column("turns", "", lambda k: len(turns(found[k].plan.trajectory))),
+            Column("turns", "", lambda k: len(turns(plans[k].plan.trajectory))),
         ]
 
     def to_dict(self) -> dict[str, Any]:

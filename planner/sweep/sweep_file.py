@@ -162,8 +162,8 @@ class SweepFile(Table):
         """Refuse a key in the wrong place and name the table where it belongs."""
         if not isinstance(data, dict):
             return data
-        own = {field.alias or name for name, field in cls.model_fields.items()}
-        for key in data.keys() - own:
+        keys = {field.alias or name for name, field in cls.model_fields.items()}
+        for key in data.keys() - keys:
             if place := _place_of(key):
                 raise ValueError(f"'{key}' is outside of all tables: put it under {place}")
         grid = data.get("grid")

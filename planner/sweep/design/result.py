@@ -185,10 +185,10 @@ class DesignStudy:
         if not self.asked.table.compensated:
             return ""
         most = sum(self.seconds.values())
-        own = self.seconds.get(self.asked.reaching, 0.0)
+        part = self.seconds.get(self.asked.reaching, 0.0)
         return (
-            f" Planning and replays took {number(most)} s of one processor, {number(own)} s of them"
-            " for the compensated plans."
+            f" Planning and replays took {number(most)} s of one processor, {number(part)} s of"
+            " them for the compensated plans."
         )
 
     def plot(self, *, axes: Any = None) -> tuple[Picture, Any]:

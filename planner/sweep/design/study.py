@@ -74,7 +74,7 @@ def design_study(
             continue
         of_tasks = [{m: next(cases) for m in study.methods} for _ in study.tasks[each.joints]]
         outcomes = [outcome(each, next(windows), of_methods) for of_methods in of_tasks]
-        for method, case in chain.from_iterable(found.items() for found in of_tasks):
+        for method, case in chain.from_iterable(task.items() for task in of_tasks):
             seconds[method] += case["case_time_s"] or 0.0
         first = [of_methods[study.reaching] for of_methods in of_tasks]
         whys = Counter(case["why"] for case in first if not case["solved"]).most_common(1)

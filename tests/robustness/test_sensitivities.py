@@ -19,7 +19,7 @@ def test_each_plan_has_its_own_and_the_sentence_names_the_least(
     found = planner.sensitivities({**plans, "none": None})
     for label, plan in plans.items():
         assert found.passive_block_deg[label] == planner.sensitivity(plan).passive_block_deg()
-    assert "least for piecewise (0.508 deg)" in found.sentence
+    assert "smallest for piecewise (0.508 deg)" in found.sentence
     assert "0.958 deg of each total is irreducible" in found.sentence
     one = planner.sensitivities({"a": plans["polynomial"], "b": plans["polynomial"]})
     assert "0.561 deg for every plan" in one.sentence

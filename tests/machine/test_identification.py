@@ -131,6 +131,39 @@ def test_doubts_are_told(paper: Problem, motion: Plan, plan: Plan) -> None:
     assert any("does what the model lacks (inertia" in text for text in heavy.warnings)
 
 
+@pytest.mark.parametrize(
+    ("joint", "off"),
+    [
+        (1, 1.0),
+        (2, -5.0),
+        *(pytest.param(*each, marks=pytest.mark.campaign) for each in ((1, 5.0), (2, 1.0))),
+    ],
+)
+def test_an_encoder_whose_zero_is_off_is_named(
+    paper: Problem, motion: Plan, found: Identification, joint: int, off: float
+) -> None:
+    log = emulate_log(motion, ARM, sample=3)
+    shift = np.deg2rad(off) * (np.arange(3) == joint - 1)
+    shifted = identify(replace(log, theta=log.theta + shift), paper, starts=1)
+    assert abs(shifted[f"zero{joint}"].value - off) < 0.15
+    (text,) = shifted.warnings
+    assert text.startswith(f"theta{joint} reads {shifted[f'zero{joint}'].value:.2f} +- 0.0")
+    np.testing.assert_allclose(lost_deg(shifted.machine), lost_deg(found.machine), atol=0.03)
+    for key, true in (("ratio2", 1.0), ("ratio3", -0.9)):  # one degree moved the latter by 1.15 %
+        assert abs(shifted[key].value - true) < 0.4
+    prediction = shifted.predict(replace(log, theta=log.theta + shift))
+    assert np.std(prediction.theta - shift - log.theta, axis=0).max() < np.deg2rad(0.06)
+
+
+@pytest.mark.parametrize(
+    "sample", [0, *(pytest.param(k, marks=pytest.mark.campaign) for k in range(1, 8))]
+)
+def test_zeros_that_are_right_give_no_warning(paper: Problem, motion: Plan, sample: int) -> None:
+    found = identify(emulate_log(motion, PRESET, sample=sample, seed=sample), paper, starts=1)
+    assert not found.warnings
+    assert "zero1" not in {each.parameter.key for each in found.estimates}
+
+
 @pytest.mark.campaign
 def test_an_arm_of_four_joints_is_found(tmp_path: Path) -> None:
     problem = load_problem(Path(__file__).parents[2] / "problems/four-joint.toml")

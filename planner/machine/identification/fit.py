@@ -121,6 +121,27 @@ def fit(
     return Fit(x, spread, np.array(residual))
 
 
+def step_with_zeros(models: Sequence[LogModel], parameters: Parameters, known: Fit) -> Fit:
+    """One step from a fit without the zeros of encoders towards one with them.
+
+    Args:
+        models: The logs, of these parameters.
+        parameters: With zeros of encoders, which come last.
+        known: The fit of the others.
+
+    Returns:
+        Where the step leads, its uncertainty, and the residual before it.
+    """
+    problem, count = _LeastSquares(models, parameters), len(parameters.rows)
+    z = np.zeros(problem.size)
+    z[: len(known.x)] = known.x
+    z = problem.with_settled_offsets(z)
+    _, hessian, gradient = problem.normal_equations(z)
+    z -= np.linalg.solve(hessian, gradient.sum(axis=0) + z)
+    spread = np.sqrt(np.diag(np.linalg.inv(hessian)))
+    return Fit(z[:count], spread[:count], known.residual)
+
+
 def _share(tell: Tell, start: int, starts: int, count: int) -> None:
     """Report the progress of the searches after `count` evaluations of one."""
     tell(f"fitting, start {start + 1} of {starts}", (start + min(1.0, count / MOST_STEPS)) / starts)
@@ -200,8 +221,8 @@ class _LeastSquares:
         width = np.diag(moved[1 : 1 + count] - moved[1 + count :])
         return values[0], ((values[1 : 1 + count] - values[1 + count :]) / width[:, None]).T
 
-    def bootstrap(self, z: Array, random: np.random.Generator) -> Array:
-        """Standard deviation of the parameters, (P,)."""
+    def normal_equations(self, z: Array) -> tuple[int, Array, Array]:
+        """Number of blocks of data, the Hessian of the cost, and its gradient by block at z."""
         residuals, slopes = self._evaluate(z)
         data = len(residuals) - self.size
         per_block = max(1, round(BLOCK_S * INDEPENDENT_HZ * 2)) * self._joints
@@ -211,6 +232,11 @@ class _LeastSquares:
         gradient = np.zeros((blocks, self.size))
         np.add.at(gradient, block, slopes[:data] * (soft * residuals[:data])[:, None])
         hessian = slopes[:data].T @ (soft[:, None] * slopes[:data]) + np.eye(self.size)
+        return blocks, hessian, gradient
+
+    def bootstrap(self, z: Array, random: np.random.Generator) -> Array:
+        """Standard deviation of the parameters, (P,)."""
+        blocks, hessian, gradient = self.normal_equations(z)
         counts = random.multinomial(blocks, np.full(blocks, 1 / blocks), size=REPLICATES)
         priors = random.normal(size=(REPLICATES, self.size))
         pull = counts @ gradient + z - priors

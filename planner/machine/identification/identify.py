@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -13,7 +13,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.machine.identification.diagnosis import refuse_misfit
-from planner.machine.identification.fit import Fit, fit
+from planner.machine.identification.fit import Fit, fit, step_with_zeros
 from planner.machine.identification.model import KNOWN_DEG, LogModel, known_row
 from planner.machine.identification.parameters import Parameter, Parameters
 from planner.machine.machine import Machine, machine_for
@@ -43,6 +43,10 @@ NOISE_RATIO = 1.5
 COARSE_DEG = 0.3
 """Above this resolution the encoder's steps exceed all unmodelled effects; 12 bits are 0.088
 degrees."""
+
+ZERO_OFF_DEG, ZERO_SPREADS = 0.3, 5.0
+"""Error of an encoder's zero, and multiple of its standard deviation, above which it is reported.
+On emulated arms that are read without one, it is 0.12 degrees or 2.5 deviations at most."""
 
 UNTOLD_SHARE = 0.9
 """The logs do not determine a parameter that keeps this fraction of its prior's deviation."""
@@ -146,7 +150,16 @@ class Identification:
         Raises:
             InputError: If the log is of another arm, or a joint does not move in it.
         """
-        return predict_run(log, self.problem, self.machine if machine is None else machine)
+        machine = self.machine if machine is None else machine
+        shifted = replace(log, theta=log.theta - self._zeros)
+        found = predict_run(shifted, self.problem, machine)
+        return replace(found, theta=found.theta + self._zeros)
+
+    @property
+    def _zeros(self) -> Array:
+        """What each encoder reads where its joint stands at zero, (n,), rad."""
+        known = {each.parameter.key: np.deg2rad(each.value) for each in self.estimates}
+        return np.array([known.get(f"zero{i}", 0.0) for i in range(1, self.problem.system.size)])
 
     def error(self, log: Log, machine: Machine | None = None) -> PredictionError:
         """Error of the prediction once the arm's state is known; arguments as for `predict`."""
@@ -247,9 +260,11 @@ def identify(
     """Identify the machine of an arm from recorded runs.
 
     Lost motion, ratios, lags, gains, biases and the gearheads' backlash are fitted to the runs,
-    with a prior about the preset (see `planner.machine.identification.parameters` and `fit`). The
-    result names parameters that stand for several effects or that the runs do not determine. If
-    there are several runs, the last is kept out, to test how well the machine predicts it.
+    with a prior about the preset (see `planner.machine.identification.parameters` and `fit`); and
+    where the runs show that one is off, the zeros of all encoders but the last, whose angle no rate
+    depends on. The result names parameters that stand for several effects or that the runs do not
+    determine. If there are several runs, the last is kept out, to test how well the machine
+    predicts it.
 
     Args:
         logs: One run or several; see `planner.read_log`. The motion of `planner.excitation`
@@ -290,10 +305,17 @@ def identify(
         known_row(log)  # raises if a joint does not move
         refuse_misfit(log, system)
     kept_out = every.pop() if len(every) > 1 else None
+    tell = progress or (lambda what, share: None)
     models = [LogModel(log, problem, parameters) for log in every]
-    result = fit(models, parameters, starts, seed, progress or (lambda what, share: None))
-    noise = np.rad2deg([model.noise for model in models])
+    result = fit(models, parameters, starts, seed, tell)
+    more = Parameters(preset, system, zeros=True)
+    also = [LogModel(log, problem, more) for log in every]
     estimates = tuple(_estimates(parameters, result))
+    if any(_wrong_zeros(_estimates(more, step_with_zeros(also, more, result)))):
+        again = fit(also, more, starts, seed, tell)
+        if any(_wrong_zeros(found := tuple(_estimates(more, again)))):
+            parameters, result, estimates = more, again, found
+    noise = np.rad2deg([model.noise for model in models])
     residual = np.rad2deg(result.residual)
     return Identification(
         machine=parameters.machine(result.x),
@@ -353,7 +375,7 @@ def _warnings(
                 f"{log.source}: theta{joint + 1} is off by {left[joint]:.3g} deg (rms), and its"
                 f" encoder's noise is {usual[joint]:.2g} deg: the arm does what the model lacks"
                 " (inertia in fast motions, which a machine of fidelity 'dynamic' has; an encoder"
-                " that is eccentric or whose zero is off; something loose)"
+                " that is eccentric; something loose)"
             )
     if still := [
         i for i in range(1, logs[0].theta.shape[1]) if not any(_turns(x, i) for x in logs)
@@ -363,12 +385,25 @@ def _warnings(
             f"{names} never turns back in these runs, so that nothing tells the lost motion:"
             " record planner.excitation(problem)"
         )
+    for zero in _wrong_zeros(estimates):
+        yield (
+            f"theta{zero.parameter.key[4:]} reads {zero.value:.2f} +- {zero.spread:.2f} deg where"
+            " it stands at zero (which this fit allows for); subtract that from its readings, here"
+            " and where the arm is run"
+        )
     for each in estimates:
         if each.at_edge:
             yield (
                 f"{each.parameter.name} ended at the edge of its range,"
                 f" {each.value:.4g} {each.parameter.unit}"
             )
+
+
+def _wrong_zeros(estimates: Iterable[Estimate]) -> Iterator[Estimate]:
+    for each in estimates:
+        least = max(ZERO_OFF_DEG, ZERO_SPREADS * each.spread)
+        if each.parameter.key.startswith("zero") and abs(each.value) > least:
+            yield each
 
 
 def _encoder_step_deg(log: Log, joint: int) -> float:

@@ -66,13 +66,14 @@ class LogModel:
         """Angles (S, R, n), rad, of machines x (S, P) that start at the first reading plus offsets
         (S, n)."""
         start = np.repeat(self._plan.q(0.0)[:, None], len(x), axis=1)
-        start[1:] += offsets.T
+        zeros = self._parameters.zeros(x)
+        start[1:] += offsets.T - zeros.T
         draws = self._parameters.draws(x)
         desired = np.zeros((len(self._command.t), len(start) - 1, 1))
         motion = make_motion(self._plan, self._machine, draws, start)
         motion.begin(self._command, desired, self._rows)
         motion.advance(len(self._command.t) - 1)
-        return np.asarray(motion.q[:, :, 1:])
+        return np.asarray(motion.q[:, :, 1:] + zeros[:, None])
 
     def settled_offsets(self, x: Array) -> Array:
         """Offsets (S, n) with which machines x (S, P) agree with the readings once the state is

@@ -58,6 +58,10 @@ LEAST_LAG_S = 0.001
 """A servo with less lag counts as having none; the steps of the simulation are longer."""
 
 
+ZERO_PRIOR_DEG, ZERO_MOST_DEG = 2.0, 20.0
+"""Standard deviation of the prior of an encoder's zero, and the end of its range, degrees."""
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One fitted number.
@@ -129,6 +133,12 @@ DIRECT = (
 )  # fmt: skip
 
 
+def _zero(joint: int) -> Parameter:
+    prior, most = ZERO_PRIOR_DEG * DEG, ZERO_MOST_DEG * DEG
+    words = f"zero{joint}", f"zero of encoder {joint}", "deg"
+    return Parameter(*words, DEG, 0.0, prior, -most, most)
+
+
 class Parameters:
     """The parameters of a machine as a vector x: preset plus x standard deviations of the prior.
 
@@ -136,6 +146,7 @@ class Parameters:
         machine: The preset: start of the search, source of the priors, and values of all effects
             that are not fitted.
         system: The arm.
+        zeros: Whether the zeros of its encoders are parameters too.
 
     Attributes:
         system: The arm.
@@ -144,7 +155,7 @@ class Parameters:
         low, high: Ranges of x, (P,).
     """
 
-    def __init__(self, machine: Machine, system: Manipulator) -> None:
+    def __init__(self, machine: Machine, system: Manipulator, zeros: bool = False) -> None:
         self.preset = machine.nominal().without(*OF_A_RUN).with_(start_state="unwound")
         self._machine, self.system = machine, system
         self._base = draw(self.preset, system.n, np.zeros(1, dtype=np.int64), 0)
@@ -153,7 +164,7 @@ class Parameters:
         rubs = bool(np.all(self._twist > 0))
         self._has_inertia = machine.fidelity == "dynamic" and rubs
         self._has_friction = rubs and (self._has_inertia or machine.effects.keys() >= LOADED)
-        self.rows = tuple(self._rows())
+        self.rows = (*self._rows(), *(_zero(i) for i in range(1, system.n) if zeros))
         self._value = np.array([row.value for row in self.rows])
         self._prior = np.array([row.prior for row in self.rows])
         self.low = (np.array([row.low for row in self.rows]) - self._value) / self._prior
@@ -211,6 +222,16 @@ class Parameters:
             for j, share in zip(numbers, self._twist / self._lost, strict=True):
                 words, prior = (f"twist{j}", f"twist in w{j}", "%"), PRIOR_SPREADS * SHARE_SPREAD
                 yield Parameter(*words, 0.01, share, prior, 0.05, 0.95)
+
+    def zeros(self, x: Array) -> Array:
+        """What encoders read where joints stand at zero, (S, n), rad, from x (S, P).
+
+        The last joint's is zero: no rate depends on its angle.
+        """
+        rows = [k for k, row in enumerate(self.rows) if row.key.startswith("zero")]
+        out = np.zeros((len(x), self.system.n))
+        out[:, : len(rows)] = self.values(x)[:, rows]
+        return out
 
     # -- machines ------------------------------------------------------------------------------
 

@@ -45,7 +45,7 @@ class Bump(Requirement):
     width: float
 
     key, reads = "bump", frozenset({"q"})
-    numbers = ("at", "width")
+    row_fields = ("at", "width")
     table = list[float], "Where it is and how wide.", [0.5, 0.1]
 
     @classmethod

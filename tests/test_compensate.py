@@ -311,7 +311,7 @@ class InputProduct(Requirement):
 
     most: float
 
-    key, reads, speed = "test_product", frozenset({"u"}), 2
+    key, reads, speed_power = "test_product", frozenset({"u"}), 2
     table = float, "Largest |u1 u2|.", 0.2
 
     @property

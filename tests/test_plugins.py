@@ -202,8 +202,8 @@ def test_its_limit_is_a_key_of_every_file(problem_file: Path) -> None:
     for path in (problem_file, *sorted((ROOT / "problems").glob("*.toml"))):
         problem = planner.load_problem(path, {KEY: 0.5})
         assert problem.to_dict()["limits"]["input_product"] == 0.5
-        assert problem.further[0].parts[0].high == 0.5
-        assert not problem.changed({KEY: None}).further
+        assert problem.registered_limits[0].parts[0].high == 0.5
+        assert not problem.changed({KEY: None}).registered_limits
     with pytest.raises(InputError, match=r"'limits.input_product' = -1: must be greater than 0"):
         planner.load_problem(problem_file, {KEY: -1})
     with pytest.raises(InputError, match=r"did you mean 'input_product'\?"):
@@ -484,7 +484,7 @@ class Faulty(TurnRate):
 
 
 FAULTS = [
-    (0.1, "its class Faulty has rows that read a float that `numbers` does not list"),
+    (0.1, "its class Faulty has rows that read a float that `row_fields` does not list"),
     (0.2, "has 1 parts and 0 rows"),
     (0.3, "has 2 parts and 2 rows; their numbers must be equal"),
     (0.4, "has fields that are not strings"),
@@ -607,8 +607,8 @@ def test_a_limit_on_the_way_is_kept_or_said_not_to_be_promised(
     with pytest.raises(planner.VerificationError, match="which this method does not promise"):
         planner.solve(law, "polynomial")
     (change,) = (c for c in path_changes(problem) if "limits.folded" in c.keys)
-    assert problem.changed(change.keys).further == ()
-    (folded,) = problem.further
+    assert problem.changed(change.keys).registered_limits == ()
+    (folded,) = problem.registered_limits
     (part,) = folded.parts
     broken = planner.Violation(part.label, 1.0, 0.4, 0.45, "", 0.05)
     assert Folded.easing([(folded, part, broken)]) == (

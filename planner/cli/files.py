@@ -80,7 +80,7 @@ def export(
         motion = load_plan(plan, strict=True)
         written = write(motion, out, name, rate_hz=rate, joint_names=names, real=real)
         miss = _held_miss(motion, rate) if FORMATS[name].held else {}
-    sent = " and ".join(FORMATS[name].sent(motion))
+    sent = " and ".join(FORMATS[name].command_columns(motion))
     data = {"plan": plan, "format": name, "written": written, "held_miss": miss or None}
     data |= {"only_sampled": motion.only_sampled, "claimed": motion.claimed}
     words = f"; send the motors {sent}" * bool(sent)

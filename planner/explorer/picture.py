@@ -13,7 +13,7 @@ from planner.plan.plan import Plan
 from planner.report.figures.arm import body_points, can_draw, tips_to_pass
 from planner.report.figures.style import colour_numbers, length_unit, times
 from planner.report.panels import (
-    FIGURES,
+    PLAN_FIGURES,
     Panel,
     PlanCurves,
     merge,
@@ -44,7 +44,7 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
     name = f"{plan.method} compensated" if plan.compensates else plan.method
     one = PlanCurves(0, plan, times(plan, CURVE_SAMPLES))
     system = plan.problem.system
-    fit = [figure for figure in FIGURES.values() if figure.fits(system)]
+    fit = [figure for figure in PLAN_FIGURES.values() if figure.fits(system)]
     panels = {p["id"]: p for figure in fit for p in merge(figure.panels([one]))}
     _add_words(panels, one)
     if can_draw(system):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.problem.requirements.limits import JointLimit, Z2Margin
+from planner.problem.requirements.motion_limits import JointLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.requirements.self_collision import SelfCollision

@@ -12,7 +12,7 @@ from planner.plan.plan import Plan
 from planner.plan.plan_file import PlanFile
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Demand, Part
-from planner.problem.tables.kinds import Owner
+from planner.problem.tables.kinds import Provider
 from planner.support.arrays import jsonable
 from planner.support.tables import line, shorten
 from planner.support.user_tables import parse
@@ -23,7 +23,7 @@ from planner.verification.verify import verify
 class ForeignPlans:
     """Plans with a function of another package, and checks that the result is a complete plan."""
 
-    owner: Owner
+    provider: Provider
     function: Callable[..., Any]
 
     def __call__(self, problem: Problem, options: Any, *near: Plan) -> Plan:
@@ -32,22 +32,22 @@ class ForeignPlans:
         Raises:
             MethodError: If the function fails or does not return a plan of this problem.
         """
-        found = self.owner.call(self.function, problem, options, *near)
-        plan: Plan = self.owner.call(self._sound, problem, found)
+        found = self.provider.call(self.function, problem, options, *near)
+        plan: Plan = self.provider.call(self._sound, problem, found)
         return plan
 
     def _sound(self, problem: Problem, found: Any) -> Plan:
         """The returned plan, if all of it is valid."""
         if not isinstance(found, Plan):
-            raise self.owner.error(f"returned {line(repr(found), 60)}, which is no plan")
+            raise self.provider.error(f"returned {line(repr(found), 60)}, which is no plan")
         plan = found.compensates or found
         if plan.problem != problem:
-            raise self.owner.error("returned a plan of another problem")
+            raise self.provider.error("returned a plan of another problem")
         plan = replace(plan, verified=False, certificate=None)
         try:
             parse(PlanFile, jsonable(plan._to_dict()), "its plan")
         except InputError as error:
-            raise self.owner.error(f"returned what no plan file can hold: {error}") from None
+            raise self.provider.error(f"returned what no plan file can hold: {error}") from None
         verify(plan)  # a failure in here is attributed to the package
         return plan
 
@@ -56,7 +56,7 @@ class ForeignPlans:
 class ForeignKeeps:
     """The answers of another package's method to which requirements it keeps."""
 
-    owner: Owner
+    provider: Provider
     keeps: Keeps
 
     def __call__(self, problem: Problem, demand: Demand, part: Part) -> Keeping:
@@ -65,8 +65,8 @@ class ForeignKeeps:
         Raises:
             MethodError: If the function fails or returns anything else.
         """
-        answer = self.owner.call(self.keeps, problem, demand, part)
+        answer = self.provider.call(self.keeps, problem, demand, part)
         if not isinstance(answer, str) or answer not in get_args(Keeping):
             allowed = ", ".join(get_args(Keeping))
-            raise self.owner.error(f"keeps {shorten(repr(answer))}, which is none of {allowed}")
+            raise self.provider.error(f"keeps {shorten(repr(answer))}, which is none of {allowed}")
         return cast("Keeping", answer)

@@ -55,7 +55,7 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
         return [], None
     violated = [plan.problem.asking(v.label) for v in check.violations]
     broken = [pair[0] for pair in violated if pair]
-    speeds = [each.speed if isinstance(each, Requirement) else 0 for each in broken]
+    speeds = [each.speed_power if isinstance(each, Requirement) else 0 for each in broken]
     if len(broken) == len(violated) and all(speeds) and plan.trajectory.kind == "chained":
         sizes = (v.value / v.limit for v in check.violations)
         factor = max(size ** (1 / speed) for size, speed in zip(sizes, speeds, strict=True))

@@ -17,7 +17,7 @@ from planner.errors import NoPlanError
 from planner.methods.refusal import BY_COLLOCATION
 from planner.problem.problem import Problem
 from planner.problem.requirements.ends import Goal, TipGoal
-from planner.problem.requirements.limits import JointLimit, Z2Margin
+from planner.problem.requirements.motion_limits import JointLimit, Z2Margin
 from planner.problem.requirements.places import Waypoint
 from planner.problem.requirements.requirement import Demand, Part, Requirement
 from planner.problem.requirements.user_places import UserGoal
@@ -63,7 +63,7 @@ def convex(problem: Problem, demand: Demand, part: Part) -> Keeping:
     On a one-way path of the arm θ₂ … θₙ are monotonic, so they stay between start and goal. The
     limit of θ₁ is a limit of z₂ alone only for two joints.
     """
-    if not isinstance(demand, Requirement) or demand.final or demand.speed:
+    if not isinstance(demand, Requirement) or demand.final or demand.speed_power:
         return in_chart(problem, demand)
     system = problem.system
     if isinstance(demand, JointLimit) and isinstance(system, Manipulator):
@@ -85,7 +85,7 @@ def law(rates: Rates) -> Keeps:
     def keeps(problem: Problem, demand: Demand, part: Part) -> Keeping:
         if not isinstance(demand, Requirement) or demand.final:
             return in_chart(problem, demand)
-        slowed = demand.speed > 0 and problem.duration is None
+        slowed = demand.speed_power > 0 and problem.duration is None
         if "du" not in demand.reads:
             return "kept" if slowed else "judged"
         answers = rates(problem.travel)

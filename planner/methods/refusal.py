@@ -87,7 +87,7 @@ def duration_changes(problem: Problem) -> list[Change]:
     if (
         problem.duration is None
         or timed
-        or not any(required.speed for required in problem.requirements)
+        or not any(required.speed_power for required in problem.requirements)
     ):
         return free
     duration = Change({"goal.duration": "free"})

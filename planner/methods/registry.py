@@ -12,7 +12,7 @@ from planner.methods import keeping
 from planner.methods.foreign import ForeignKeeps, ForeignPlans
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.problem.tables.kinds import Owner, add_method_table, load_plugins, remember
+from planner.problem.tables.kinds import Provider, add_method_table, load_plugins, remember
 from planner.problem.tables.method_options import (
     CollocationOptions,
     ConvexOptions,
@@ -195,12 +195,12 @@ def register_method(
     if why := next(_faults(entry), None):
         raise InputError(f"method '{name}' cannot be registered: {why}")
     add_method_table(name, options)
-    owner = Owner.of(f"method '{name}'", plan)
+    provider = Provider.of(f"method '{name}'", plan)
     METHODS[name] = replace(
         entry,
-        plan=ForeignPlans(owner, plan),
-        keeps=ForeignKeeps(owner, keeps),
-        replan=replan and ForeignPlans(owner, replan),
+        plan=ForeignPlans(provider, plan),
+        keeps=ForeignKeeps(provider, keeps),
+        replan=replan and ForeignPlans(provider, replan),
     )
     remember(f"method '{name}'")
 

@@ -239,7 +239,7 @@ MISPRINTS = (
 
 FILM = "arm.gif"
 
-FIGURES = (
+PAPER_FIGURES = (
     (
         "mechanism",
         "Figs 2 and 3",
@@ -300,7 +300,7 @@ def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
     ]
     parts.append(markdown_table(columns, MISPRINTS) + "\n")
     parts.append("\n## Figures\n")
-    for name, title, text in FIGURES:
+    for name, title, text in PAPER_FIGURES:
         parts.append(f"### {title}: {text}\n\n![{title}: {text}]({name}.png)\n")
     text = "the arm in motion, at double speed: the paper's law and the plan of least effort"
     parts.append(f"### Film: {text}\n\n![{text}]({FILM})\n")

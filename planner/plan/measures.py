@@ -184,7 +184,7 @@ def slowing_factor(requirements: Sequence[Requirement], trajectory: Trajectory) 
 
     A driftless path does not depend on its timing, so inputs scale with 1/T and rates with 1/T².
     """
-    speed_limits = [required for required in requirements if required.speed]
+    speed_limits = [required for required in requirements if required.speed_power]
     formulas = [required for required in speed_limits if not required.is_direct]
     system, factors = trajectory.system, [0.0]
 

@@ -145,7 +145,7 @@ def tails(values: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class IntegratedMotion:
     """The motion q(t) under an input, by integration of the system's rates.
 
     Attributes:
@@ -225,7 +225,7 @@ def integrate(
     *values: Values,
     system: TriangularSystem | None = None,
     cells: Cells | None = None,
-) -> Motion:
+) -> IntegratedMotion:
     """Integrate a trajectory's input from `start` (N,).
 
     Args:
@@ -250,7 +250,7 @@ def integrate(
 
 @dataclass(frozen=True, eq=False)
 class _Control:
-    """Values at the control points: q (P, C, N) and u (P, C, 2); for the others see `Motion`."""
+    """Values at the control points: q (P, C, N), u (P, C, 2); the rest as in `IntegratedMotion`."""
 
     q: Array
     u: Array
@@ -293,7 +293,7 @@ def _worst(cells: Cells, distances: Array) -> tuple[float, float]:
 
 def _integrate_reading(
     system: TriangularSystem, start: Array, reading: Reading, control: _Control
-) -> Motion:
+) -> IntegratedMotion:
     cells, u = reading.cells, reading.u
     width = cells.width[:, None]
     q = _fixed_point(system, start, width, np.where(np.isfinite(reading.q), reading.q, start), u)
@@ -306,7 +306,7 @@ def _integrate_reading(
     error = np.max(np.abs(again - between)) + np.max(tail)
     gaps = [np.max(np.abs(a - b), axis=-1) for a, b in ((reading.q, q), (control.q, between))]
     gap = _worst(cells, gaps[int(np.argmax([np.max(g) for g in gaps]))])
-    return Motion(
+    return IntegratedMotion(
         cells, q, u, float(error), gap, control.unresolved_input, control.unresolved_values
     )
 

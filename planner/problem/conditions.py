@@ -173,7 +173,7 @@ def self_collision_of(
         raise InputError(f"{source}: 'limits.{SelfCollision.key}': {error}") from None
 
 
-def further_requirements(
+def registered_limits_of(
     tables: ProblemFile, system: TriangularSystem, source: str
 ) -> list[Requirement]:
     """The limits of kinds that apply to all systems.

@@ -19,16 +19,16 @@ from planner.problem.conditions import (
     bare_limits,
     clash_of_times,
     contradiction,
-    further_requirements,
     likely_slip,
     obstacles_of,
+    registered_limits_of,
     self_collision_of,
     tip_of,
     waypoints_of,
     with_changes,
 )
 from planner.problem.requirements.ends import Duration, Goal, LongestDuration, Start, TipGoal
-from planner.problem.requirements.limits import (
+from planner.problem.requirements.motion_limits import (
     ChartDomain,
     InputLimit,
     JointLimit,
@@ -83,7 +83,7 @@ class Problem:
         compensation: Whether and how plans are compensated for the machine.
         waypoints: Places that every plan passes through.
         obstacles: Discs that the links of an arm must not touch.
-        further: Registered limits that any system may have, see `planner.register_requirement`.
+        registered_limits: Limits that any system may have, see `planner.register_requirement`.
         self_collision: Least distance between an arm's links; None if they may cross.
         tip: Goal of an arm's tip, in place of joint angles; None without one.
         source: Origin of the problem, for messages.
@@ -104,7 +104,7 @@ class Problem:
     compensation: CompensationTable
     waypoints: tuple[Waypoint, ...]
     obstacles: tuple[Obstacle, ...]
-    further: tuple[Requirement, ...]
+    registered_limits: tuple[Requirement, ...]
     self_collision: SelfCollision | None
     tip: TipGoal | None
     source: str
@@ -143,7 +143,7 @@ class Problem:
             compensation=tables.compensation,
             waypoints=tuple(waypoints_of(tables, system)),
             obstacles=obstacles,
-            further=tuple(further_requirements(tables, system, source)),
+            registered_limits=tuple(registered_limits_of(tables, system, source)),
             self_collision=self_collision_of(tables, system, source),
             tip=tip_of(tables, system, obstacles, source),
             source=source,
@@ -167,7 +167,7 @@ class Problem:
             )
         if doubt := likely_slip(system, problem.start, problem.goal):
             warnings.warn(f"{source}: {doubt}", InputWarning, stacklevel=2)
-        formulas = [r for r in problem.requirements if r.speed and not r.is_direct]
+        formulas = [r for r in problem.requirements if r.speed_power and not r.is_direct]
         if problem.compensation.on and formulas:
             keys = ", ".join(f"limits.{required.key}" for required in formulas)
             warnings.warn(
@@ -380,7 +380,7 @@ class Problem:
             demands.append(Z2Margin(limits.z2_margin, int(self.z2_sign)))
         if self.self_collision is not None:
             demands.append(self.self_collision)
-        demands += [*self.further, *self.waypoints, *self.obstacles]
+        demands += [*self.registered_limits, *self.waypoints, *self.obstacles]
         return tuple(each for each in demands if each.parts)
 
     @cached_property

@@ -63,9 +63,9 @@ class Format:
         content: Builds the whole file (text or bytes), or a folder's files by name.
         reader: The Python function that reads it, or "".
         options: Names of the `ExportOptions` it has.
-        commanded: Whether motors are to execute it directly.
+        is_command: Whether motors are to execute it directly.
         held: Whether motors hold each row until the next.
-        sent: Names of the columns that are sent to the motors, for a table with named columns.
+        command_columns: Names of the columns for the motors, in a table with named columns.
     """
 
     holds: str
@@ -73,9 +73,9 @@ class Format:
     content: Callable[[Plan, ExportOptions], str | bytes | Mapping[str, str]]
     reader: str = ""
     options: tuple[str, ...] = ("rate_hz",)
-    commanded: bool = True
+    is_command: bool = True
     held: bool = False
-    sent: Callable[[Plan], Sequence[str]] = lambda _: ()
+    command_columns: Callable[[Plan], Sequence[str]] = lambda _: ()
 
 
 FORMATS: dict[str, Format] = {
@@ -85,7 +85,7 @@ FORMATS: dict[str, Format] = {
         lambda plan, asked: _csv(sample(plan, asked.rate_hz)),
         "planner.load_samples",
         held=True,
-        sent=commands,
+        command_columns=commands,
     ),
     "json": Format(
         "the plan itself, exact, as `planner plan --out` writes it (planner schema plan)",
@@ -93,7 +93,7 @@ FORMATS: dict[str, Format] = {
         lambda plan, _: plan.to_json(),
         "planner.load_plan",
         options=(),
-        commanded=False,
+        is_command=False,
     ),
     "ros2": Format(
         "trajectory_msgs/JointTrajectory as YAML, the two motors; needs rest at both ends",
@@ -113,7 +113,7 @@ FORMATS: dict[str, Format] = {
         (".urdf",),
         lambda plan, _: urdf_text(plan),
         options=(),
-        commanded=False,
+        is_command=False,
     ),
     "c": Format(
         "folder with the tracker of the plan in C99, a self-test and a page on its use",
@@ -167,7 +167,7 @@ def export(
     asked = ExportOptions(rate_hz, joint_names, real, machine)
     _refuse_options(name, asked)
     content = FORMATS[name].content(plan, asked)
-    if FORMATS[name].commanded and (moving := moving_inputs(plan, 0.0)):
+    if FORMATS[name].is_command and (moving := moving_inputs(plan, 0.0)):
         warnings.warn(
             f"this {plan.method} plan does not start at rest: {', '.join(moving)} at t = 0;"
             f" {HELD_REST_ADVICE if plan.compensates else REST_ADVICE}",

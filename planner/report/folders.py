@@ -27,7 +27,7 @@ from planner.report.figures.robustness import (
     plot_sensitivity,
 )
 from planner.report.page.page import write_report
-from planner.report.panels import FIGURES
+from planner.report.panels import PLAN_FIGURES
 from planner.robustness.budget import Budget, budget_csv, budget_markdown
 from planner.robustness.machine_sensitivity import MachineSensitivity
 from planner.robustness.sensitivities import Sensitivities
@@ -180,12 +180,12 @@ def save_budget(
 def figures(comparison: Comparison) -> dict[str, Figure]:
     """Draw all figures by name, except those for which no plan has the data.
 
-    Names in `FIGURES` must differ from those of the other pictures here, such as "effort".
+    Names in `PLAN_FIGURES` must differ from those of the other pictures here, such as "effort".
     """
     plans, system = comparison.plans, comparison.problem.system
     motions = [plan for plan in plans.values() if plan is not None]
     out: dict[str, Figure] = {}
-    for name, kind in FIGURES.items():
+    for name, kind in PLAN_FIGURES.items():
         if kind.fits(system) and any(p.executable or not kind.executable for p in motions):
             out[name] = plot(name, plans)[0]
     if can_draw(system) and any(plan.executable for plan in motions):

@@ -1,6 +1,6 @@
 """Figures of plans as panels of plain data, which pictures, the page and the explorer draw.
 
-`FIGURES` lists the figures. A panel is a dictionary with `id`, `kind`, `title`, `unit` and
+`PLAN_FIGURES` lists the figures. A panel is a dictionary with `id`, `kind`, `title`, `unit` and
 `series`. Titles and names of series are the problem's names of coordinates, or words; the code that
 draws formats them. A series belongs to the plan with number `plan`; it has a `name` and a `colour`
 only if these differ from the plan's.
@@ -97,7 +97,7 @@ DrawnPlans = Sequence[PlanCurves]
 
 
 @dataclass(frozen=True)
-class Figure:
+class PlanFigure:
     """A figure of plans: its panels and texts.
 
     Attributes:
@@ -323,30 +323,30 @@ def _chart_range(problem: Problem, i: int) -> tuple[float, float] | None:
 # -- the list -----------------------------------------------------------------------------------
 
 
-FIGURES = {
+PLAN_FIGURES = {
     figure.id: figure
     for figure in (
-        Figure(
+        PlanFigure(
             "joints",
             joint_panels,
             "Coordinates",
             "Dots: start and goal; diamonds: waypoints with a time. Thin lines: the machine of"
             " median error.",
         ),
-        Figure(
+        PlanFigure(
             "inputs",
             input_panels,
             "Inputs and limits",
             "Dotted: the limits. Peaks outside the view are named above it.",
         ),
-        Figure(
+        PlanFigure(
             "map",
             map_panels,
             "Map of the first two joints",
             "Shaded: outside the chart that the start lies in. Dotted: the joints' limits.",
             fits=lambda system: hasattr(system, "arm_points") and system.size > 2,
         ),
-        Figure(
+        PlanFigure(
             "z",
             chained_panels,
             "Chained coordinates",

@@ -26,7 +26,7 @@ from planner.systems.triangular_system import PlanarArm, TriangularSystem
 
 
 @dataclass(frozen=True)
-class Parameter:
+class ErrorParameter:
     """An error: its name ("gain u1", "start theta2", "K3") and unit ("1" for relative errors)."""
 
     name: str
@@ -62,16 +62,16 @@ class Linearisation:
 
 
 @lru_cache(maxsize=32)
-def parameters(system: TriangularSystem) -> tuple[Parameter, ...]:
+def parameters(system: TriangularSystem) -> tuple[ErrorParameter, ...]:
     """The errors of a system, in the order of the module's table."""
     u = system.inputs
     return (
-        *(Parameter(f"gain {i.name}", "1") for i in u),
-        *(Parameter(f"bias {i.name}", i.unit) for i in u),
-        *(Parameter(f"delay {i.name}", "s") for i in u),
-        *(Parameter(f"stretch {i.name}", "1") for i in u),
-        *(Parameter(f"start {c.name}", c.unit) for c in system.coordinates),
-        *(Parameter(f"K{i}", "1") for i in range(2, gear_count(system) + 2)),
+        *(ErrorParameter(f"gain {i.name}", "1") for i in u),
+        *(ErrorParameter(f"bias {i.name}", i.unit) for i in u),
+        *(ErrorParameter(f"delay {i.name}", "s") for i in u),
+        *(ErrorParameter(f"stretch {i.name}", "1") for i in u),
+        *(ErrorParameter(f"start {c.name}", c.unit) for c in system.coordinates),
+        *(ErrorParameter(f"K{i}", "1") for i in range(2, gear_count(system) + 2)),
     )
 
 

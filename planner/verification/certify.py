@@ -19,7 +19,7 @@ from planner.plan.plan import Plan, expect_plan
 from planner.plan.quadrature import JUMP_TOLERANCE
 from planner.plan.retimed import RetimedTrajectory
 from planner.problem.requirements.ends import Duration, Goal, LongestDuration, Start
-from planner.problem.requirements.limits import ChartDomain
+from planner.problem.requirements.motion_limits import ChartDomain
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
 from planner.problem.requirements.self_collision import SelfCollision

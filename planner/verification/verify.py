@@ -21,7 +21,7 @@ from planner.plan.plan import ROUNDING, Plan, expect_plan
 from planner.plan.quadrature import (
     CONTROL_POINTS,
     POINTS,
-    Motion,
+    IntegratedMotion,
     greatest,
     integrate,
     jumps,
@@ -144,8 +144,8 @@ def verify(plan: Plan) -> Check:
 
 
 def examine(
-    plan: Plan, times: Array | None = None, coarse: Motion | None = None
-) -> tuple[Check, Motion | None]:
+    plan: Plan, times: Array | None = None, coarse: IntegratedMotion | None = None
+) -> tuple[Check, IntegratedMotion | None]:
     """As `verify`, with the motion that was judged; None if there is none.
 
     Args:
@@ -241,7 +241,7 @@ def _flaw(plan: Plan) -> str:
 _SAID_ERROR = "largest error on the nominal machine, which the plan gives,"
 
 
-def _motion_on_machine(plan: Plan) -> tuple[Motion, Array, float]:
+def _motion_on_machine(plan: Plan) -> tuple[IntegratedMotion, Array, float]:
     """Motion of the nominal machine under a compensated plan, its end (N,), and E in degrees.
 
     The inputs of such a plan allow for lost motion and lag, so the ideal kinematics would lead
@@ -282,7 +282,7 @@ def _motion_on_machine(plan: Plan) -> tuple[Motion, Array, float]:
     cells = cells.split(np.where(kinked, _parts(cells.width, machine.step_s), 1))[0]
     _, u = plan.trajectory.piece_values(cells.piece, cells.fractions(points(POINTS)))
     q = q_in(cells, POINTS)
-    return Motion(cells, q, u, 0.0, gap), prediction.end, prediction.error_deg
+    return IntegratedMotion(cells, q, u, 0.0, gap), prediction.end, prediction.error_deg
 
 
 def _claimed_findings(plan: Plan, error_deg: float) -> Iterator[_Finding]:
@@ -313,7 +313,7 @@ def _angular(plan: Plan) -> list[int]:
 
 
 def _motion_findings(
-    plan: Plan, motion: Motion, end: Array, error: Array, tolerance: float
+    plan: Plan, motion: IntegratedMotion, end: Array, error: Array, tolerance: float
 ) -> list[_Finding]:
     """Check start, goal, duration, the plan's own q(t), and the accuracy of the integration."""
     out = []
@@ -370,7 +370,7 @@ def _chart_findings(plan: Plan) -> Iterator[_Finding]:
 
 
 def _limit_findings(
-    plan: Plan, motion: Motion, which: Callable[[Requirement], bool]
+    plan: Plan, motion: IntegratedMotion, which: Callable[[Requirement], bool]
 ) -> list[_Finding]:
     """Check some smooth requirements at all times, by the extremes of their series."""
     problem, cells = plan.problem, motion.cells
@@ -398,7 +398,7 @@ def _limit_findings(
     return out
 
 
-def _corner_findings(plan: Plan, motion: Motion) -> list[_Finding]:
+def _corner_findings(plan: Plan, motion: IntegratedMotion) -> list[_Finding]:
     """Check the requirements with corners at all times, except those that cannot be broken."""
     system, out = plan.problem.system, []
     for required in plan.problem.requirements:
@@ -430,7 +430,9 @@ def failed_check(plan: Plan, violation: Violation) -> Check:
     )
 
 
-def _waypoint_distances(plan: Plan, motion: Motion, tolerance: float) -> Iterator[_Finding]:
+def _waypoint_distances(
+    plan: Plan, motion: IntegratedMotion, tolerance: float
+) -> Iterator[_Finding]:
     """Check the distance at which the motion passes each waypoint.
 
     A waypoint with a time is passed at that time of the plan's clock, any other where the motion
@@ -447,7 +449,9 @@ def _waypoint_distances(plan: Plan, motion: Motion, tolerance: float) -> Iterato
         yield _Finding(part, value, 0.0, when, tolerance)
 
 
-def _least_values(motion: Motion, function: Callable[[Array], Array]) -> tuple[Array, Array]:
+def _least_values(
+    motion: IntegratedMotion, function: Callable[[Array], Array]
+) -> tuple[Array, Array]:
     """Least values of functions (…, F) of q (…, N) over all time, and their times, both (F,).
 
     The functions have corners, so dips between samples are narrowed without derivatives, those of

@@ -84,7 +84,7 @@ GROUPS = {
         " tests/methods/collocation/test_places.py tests/verification/test_verdict.py",
     ),
     "requirements": (
-        ["problem/requirements/limits.py", "problem/requirements/places.py"],
+        ["problem/requirements/motion_limits.py", "problem/requirements/places.py"],
         "tests/problem/test_requirements.py tests/problem/test_doubts.py"
         " tests/verification/test_verify.py tests/methods/collocation/test_places.py",
     ),

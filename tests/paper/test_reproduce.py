@@ -19,7 +19,7 @@ from planner.paper.numbers import (
     margins_at_paper_point,
     turned_ratio,
 )
-from planner.paper.reproduce import FIGURES, FILM, Reproduction, reproduce
+from planner.paper.reproduce import FILM, PAPER_FIGURES, Reproduction, reproduce
 from planner.plan.measures import effort
 from planner.report.film import LAST_FRAME_S
 
@@ -52,10 +52,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Reproduction:
 
 def test_every_figure_is_made_and_shown(made: Reproduction) -> None:
     page = (made.path / "README.md").read_text(encoding="utf-8")
-    for name, _, _ in FIGURES:
+    for name, _, _ in PAPER_FIGURES:
         assert (made.path / f"{name}.png").stat().st_size > 10_000
         assert f"({name}.png)" in page
-    assert {p.stem for p in made.path.glob("*.png")} == {name for name, _, _ in FIGURES}
+    assert {p.stem for p in made.path.glob("*.png")} == {name for name, _, _ in PAPER_FIGURES}
 
 
 def test_the_film_shows_the_arm_at_twice_its_speed_and_is_small(made: Reproduction) -> None:

@@ -153,7 +153,7 @@ class InputProduct(Requirement):
 
     most: float
 
-    key, reads, speed = "input_product", frozenset({"u"}), 2
+    key, reads, speed_power = "input_product", frozenset({"u"}), 2
     table = Positive, "Largest |u1 u2|, in the product of the inputs' units.", 0.2
 
     @property

@@ -13,7 +13,7 @@ import pytest
 
 import planner
 from planner import Violation
-from planner.problem.requirements.limits import JointLimit, Z2Margin
+from planner.problem.requirements.motion_limits import JointLimit, Z2Margin
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.systems.triangular_system import Coordinate
@@ -85,8 +85,8 @@ def test_the_certificate_proves_it_or_says_that_nothing_does(paper: planner.Prob
     problem = planner.load_problem(plan.problem.source)
     shaped = InputProduct(-1.0, 1.0)
 
-    def certified(*further: Requirement) -> planner.Certificate:
-        asked = replace(problem, further=further)
+    def certified(*limits: Requirement) -> planner.Certificate:
+        asked = replace(problem, registered_limits=limits)
         return planner.certify(planner.Plan(asked, plan.method, {}, plan.trajectory))
 
     certificate = certified(Faster(least - 1e-3))

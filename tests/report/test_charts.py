@@ -19,7 +19,15 @@ from planner.report.figures.style import COLOURS, METHOD_COLOURS, PALETTE, colou
 from planner.report.folders import replay_data
 from planner.report.page.page import report_page
 from planner.report.page.series import page_data
-from planner.report.panels import FIGURES, Figure, Panel, PlanCurves, merge, near_limits, time_panel
+from planner.report.panels import (
+    PLAN_FIGURES,
+    Panel,
+    PlanCurves,
+    PlanFigure,
+    merge,
+    near_limits,
+    time_panel,
+)
 
 PROBLEM = Path(__file__).parents[2] / "problems/paper.toml"
 
@@ -122,7 +130,7 @@ def test_a_limit_is_drawn_on_the_side_that_is_near() -> None:
 
 def test_the_band_marks_where_its_edge_is_crossed() -> None:
     plan = outside()
-    (z2, *_) = FIGURES["z"].panels([PlanCurves(0, plan, np.linspace(0, plan.duration, 50))])
+    (z2, *_) = PLAN_FIGURES["z"].panels([PlanCurves(0, plan, np.linspace(0, plan.duration, 50))])
     assert [t for t, _ in z2["marks"]] == list(plan.domain.exits_s)
 
 
@@ -131,8 +139,8 @@ def test_a_figure_is_one_entry_and_is_drawn_everywhere(monkeypatch: pytest.Monke
         one = [s.curve(np.gradient(s.q[:, 1], s.t)) for s in drawn]
         return [time_panel("speed", "speed of theta1", "rad/s", one)]
 
-    speed = Figure("speed", speeds, "Speeds", "How fast the first joint turns.")
-    monkeypatch.setitem(FIGURES, "speed", speed)
+    speed = PlanFigure("speed", speeds, "Speeds", "How fast the first joint turns.")
+    monkeypatch.setitem(PLAN_FIGURES, "speed", speed)
     found = quick_comparison()
     (panel,) = next(f["panels"] for f in page_data(found, {})["figures"] if f["id"] == "speed")
     assert [series["plan"] for series in panel["series"]] == [0, 1]
@@ -150,20 +158,20 @@ def test_a_figure_is_one_entry_and_is_drawn_everywhere(monkeypatch: pytest.Monke
 def test_panels_of_one_id_and_unit_become_one() -> None:
     plan = quick_comparison()["polynomial"].plan
     drawn = [PlanCurves(0, plan, np.linspace(0, plan.duration, 50))]
-    (one,) = merge(FIGURES["inputs"].panels(drawn))
+    (one,) = merge(PLAN_FIGURES["inputs"].panels(drawn))
     assert [(s["name"], s["colour"]) for s in one["series"]] == [("u1", 0), ("u2", 1)]
     assert one["limits"] == [-0.6, 0.6]
-    views = [panel["view"] for panel in FIGURES["inputs"].panels(drawn)]
+    views = [panel["view"] for panel in PLAN_FIGURES["inputs"].panels(drawn)]
     assert one["view"] == [min(v[0] for v in views), max(v[1] for v in views)]
     car = planner.solve(planner.load_problem(PROBLEM.with_name("car.toml")), "polynomial")
     drawn = [PlanCurves(0, car, np.linspace(0, car.duration, 50))]
-    ids = [panel["id"] for panel in merge(FIGURES["joints"].panels(drawn))]
+    ids = [panel["id"] for panel in merge(PLAN_FIGURES["joints"].panels(drawn))]
     assert ids == ["joints", "joints m"]
 
 
 def test_several_plans_to_a_free_goal_have_no_common_end_on_the_map() -> None:
     plan = planner.solve(planner.load_problem(PROBLEM.with_name("tip.toml")))
     drawn = [PlanCurves(k, plan, np.linspace(0, plan.duration, 50)) for k in range(2)]
-    (one,), (both,) = (FIGURES["map"].panels(some) for some in (drawn[:1], drawn))
+    (one,), (both,) = (PLAN_FIGURES["map"].panels(some) for some in (drawn[:1], drawn))
     np.testing.assert_allclose(one["ends"][1], np.rad2deg(plan.q(plan.duration)[1:3]), atol=1e-9)
     assert both["ends"] == one["ends"][:1]

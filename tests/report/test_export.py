@@ -347,7 +347,7 @@ def test_a_format_is_one_entry(
         "times alone",
         (".ends",),
         lambda plan, asked: f"{plan.t[-1]} {asked.rate_hz}",
-        commanded=False,
+        is_command=False,
     )
     monkeypatch.setitem(FORMATS, "ends", ends)
     written = planner.export(law, tmp_path / "x.ends", rate_hz=7.0)

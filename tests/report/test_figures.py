@@ -27,7 +27,7 @@ from planner.report.figures.over_time import plot_inputs, plot_joints, plot_map,
 from planner.report.figures.style import COLOURS, curves, symbol
 from planner.report.folders import replay_data
 from planner.report.page.series import page_data
-from planner.report.panels import FIGURES, z2_band
+from planner.report.panels import PLAN_FIGURES, z2_band
 
 MIDDLE, BEST = "polynomial:travel=middle", "polynomial"
 
@@ -339,7 +339,7 @@ def test_a_plan_keeps_its_colour_in_all_figures(plans: dict[str, planner.Plan]) 
 
 def test_titles_and_legends_fit_into_the_figure() -> None:
     figures = quick_comparison().figures()
-    assert list(figures) == [*FIGURES, "arm", "errors", "effort", "replay"]
+    assert list(figures) == [*PLAN_FIGURES, "arm", "errors", "effort", "replay"]
     for name, figure in figures.items():
         figure.draw_without_rendering()
         width, height = figure.get_size_inches() * figure.dpi

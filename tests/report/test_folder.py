@@ -10,9 +10,9 @@ from compared import quick_comparison
 
 import planner
 from planner.report import folders as report_folder
-from planner.report.panels import FIGURES
+from planner.report.panels import PLAN_FIGURES
 
-DRAWN = (*FIGURES, "arm", "errors", "effort", "replay")
+DRAWN = (*PLAN_FIGURES, "arm", "errors", "effort", "replay")
 
 
 @pytest.fixture(scope="module")

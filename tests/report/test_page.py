@@ -22,7 +22,7 @@ from planner.report.charts.scripts import stylesheet
 from planner.report.figures.style import readable_name
 from planner.report.page.page import report_page, write_report
 from planner.report.page.series import page_data
-from planner.report.panels import FIGURES
+from planner.report.panels import PLAN_FIGURES
 from planner.report.saved import load_comparison
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
@@ -79,7 +79,7 @@ def test_curves_of_the_page_are_those_of_the_plans(saved: Path) -> None:
     json.dumps(data, allow_nan=False)
     assert [plan["refused"] for plan in data["plans"]] == [True, False]
     figures = {figure["id"]: figure["panels"] for figure in data["figures"]}
-    assert list(figures) == [*FIGURES, "trade", "errors"]
+    assert list(figures) == [*PLAN_FIGURES, "trade", "errors"]
     plan = quick_comparison()["polynomial"].plan
     t = np.array(data["plans"][1]["t"])
     drawn = next(s for s in figures["inputs"][1]["series"] if s["plan"] == 1)["y"]
@@ -192,5 +192,5 @@ def test_the_page_of_an_arm_shows_its_mechanism(
 
 
 def test_what_one_asks_first_is_drawn_first_and_not_covered() -> None:
-    assert list(FIGURES) == ["joints", "inputs", "map", "z"]
+    assert list(PLAN_FIGURES) == ["joints", "inputs", "map", "z"]
     assert "sticky" not in stylesheet("planner.report.page", "page.css")

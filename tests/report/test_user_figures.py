@@ -10,7 +10,7 @@ from planner.explorer.controls import motion_controls
 from planner.explorer.state import State
 from planner.report.figures.arm import body_points, can_draw, tips_to_pass
 from planner.report.page.words import task_facts
-from planner.report.panels import FIGURES, PlanCurves
+from planner.report.panels import PLAN_FIGURES, PlanCurves
 from planner.verification.summary import plan_summary
 
 ROOT = Path(__file__).parents[2]
@@ -30,7 +30,7 @@ def plan(problem: planner.Problem) -> planner.Plan:
 
 def test_figures_show_user_coordinates_with_their_limits_and_waypoints(plan: planner.Plan) -> None:
     t = np.linspace(0.0, plan.duration, 101)
-    panels = FIGURES["joints"].panels([PlanCurves(0, plan, t)])
+    panels = PLAN_FIGURES["joints"].panels([PlanCurves(0, plan, t)])
     assert [panel["title"] for panel in panels] == NAMES
     x, y, heading, roll = panels
     np.testing.assert_array_equal(x["series"][0]["y"], plan.user(t)[:, 0])

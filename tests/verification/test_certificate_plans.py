@@ -104,7 +104,7 @@ class _Turning(Requirement):
 
 
 def test_a_function_of_the_rates_is_undecided_and_says_why(optimal: planner.Plan) -> None:
-    asked = replace(optimal.problem, further=(_Turning(),))
+    asked = replace(optimal.problem, registered_limits=(_Turning(),))
     claim = planner.certify(replace(optimal, problem=asked))["square of a rate"]
     assert claim.status == "undecided"
     assert "no proof is written" in claim.why

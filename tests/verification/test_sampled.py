@@ -112,7 +112,7 @@ def test_a_bump_narrower_than_what_is_known_of_the_motion_is_read_again(
 ) -> None:
     """The enclosure of a chained plan is wider than the bump, so that nothing is proven of it."""
     at = float(law.q(0.4321 * law.duration)[1])
-    asks = replace(law, problem=replace(law.problem, further=(Bump(at, 1e-10),)))
+    asks = replace(law, problem=replace(law.problem, registered_limits=(Bump(at, 1e-10),)))
     assert verify(asks).ok
     assert planner.certify(asks)["bump"].status == "undecided"
     found, check = judge(asks)

@@ -96,7 +96,7 @@ class InputNorm(Requirement):
     """‖u‖ ≤ most, whose rows have no corner at zero: u²/most."""
 
     most: float
-    reads, numbers, speed = frozenset({"u"}), ("most",), 1
+    reads, row_fields, speed_power = frozenset({"u"}), ("most",), 1
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -116,14 +116,16 @@ def test_a_margin_is_that_of_the_values_that_verify_reads(
     plan: planner.Plan = request.getfixturevalue(made)
     size = np.hypot(*plan.u(np.linspace(0.0, plan.duration, 20001)).T)
     most = 1.7 * float(np.max(size))
-    asks = replace(plan, problem=replace(plan.problem, further=(InputNorm(most),)))
+    asks = replace(plan, problem=replace(plan.problem, registered_limits=(InputNorm(most),)))
     margin = planner.verify(asks).margins["norm of the inputs"]
     claim = planner.certify(asks)["norm of the inputs"]
     assert most - margin == pytest.approx(np.max(size), rel=1e-3)
     assert claim.status == "proven"
     assert claim.guaranteed == 0.0
     assert claim.attained == pytest.approx(margin, rel=1e-5)
-    broken = replace(plan, problem=replace(plan.problem, further=(InputNorm(most / 1.8),)))
+    broken = replace(
+        plan, problem=replace(plan.problem, registered_limits=(InputNorm(most / 1.8),))
+    )
     said = planner.certify(broken)["norm of the inputs"]
     assert said.status == "violated"
     assert said.attained == pytest.approx(most / 1.8 - (most - margin), abs=1e-5)

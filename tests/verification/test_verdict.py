@@ -28,9 +28,9 @@ def bumps() -> Iterator[None]:
         yield
 
 
-def asked(plan: planner.Plan, *further: Requirement) -> planner.Plan:
+def asked(plan: planner.Plan, *limits: Requirement) -> planner.Plan:
     """The plan for a problem that asks for more."""
-    return replace(plan, problem=replace(plan.problem, further=further))
+    return replace(plan, problem=replace(plan.problem, registered_limits=limits))
 
 
 def way(plan: planner.Plan) -> tuple[float, float]:

@@ -370,7 +370,7 @@ def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
     q = np.stack([iterate.nodes[:-1], iterate.nodes[1:]])[..., : problem.system.size]
     at, factors = MotionPoint.of(problem.system, q, u, np.stack([slope, slope])), [0.0]
     for required in problem.requirements:
-        if required.speed:
+        if required.speed_power:
             values = np.stack([np.ravel(value) for value in required.values(at)])
             factors += required.slowing_factor(values.min(axis=1), values.max(axis=1)).tolist()
     return iterate.duration * float(np.max(factors))

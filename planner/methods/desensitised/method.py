@@ -47,7 +47,7 @@ from planner.problem.tables.method_options import CollocationOptions, Desensitis
 from planner.support import progress
 from planner.support.arrays import Array
 from planner.support.deadline import TimeUpError, time_limit, time_share
-from planner.systems.linearisation import Parameter, parameters
+from planner.systems.linearisation import ErrorParameter, parameters
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.verify import verify
 
@@ -163,7 +163,7 @@ def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str,
     Raises:
         InputError: If a list does not have one number per input, joint or constant, or is all zero.
     """
-    families: dict[str, list[Parameter]] = {}
+    families: dict[str, list[ErrorParameter]] = {}
     for parameter in parameters(system):
         families.setdefault(parameter.family, []).append(parameter)
     starts = families["start"][1:]
@@ -190,7 +190,7 @@ def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str,
 
 
 def _family(
-    key: str, members: Sequence[Parameter], numbers: float | list[float], unit: float
+    key: str, members: Sequence[ErrorParameter], numbers: float | list[float], unit: float
 ) -> Mapping[str, float]:
     values = numbers if isinstance(numbers, list) else [numbers] * len(members)
     if len(values) != len(members):

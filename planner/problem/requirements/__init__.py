@@ -1,2 +1,2 @@
-"""Conditions on a motion: `requirement` (the base classes), `limits`, `places`, `self_collision`,
-`ends`, `user_places` (limits and goals of user coordinates)."""
+"""Conditions on a motion: `requirement` (the base classes), `motion_limits`, `places`,
+`self_collision`, `ends`, `user_places` (limits and goals of user coordinates)."""

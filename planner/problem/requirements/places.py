@@ -88,7 +88,7 @@ class Obstacle(Requirement):
     reach: float = 1.0
 
     reads = frozenset({"q"})
-    numbers = ("x", "y", "radius", "clearance")
+    row_fields = ("x", "y", "radius", "clearance")
     divides, smooth = True, False
 
     @property

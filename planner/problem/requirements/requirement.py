@@ -122,9 +122,9 @@ class Requirement(Demand):
 
     Attributes:
         reads: Arguments of its rows, a subset of "q", "u" and "du".
-        numbers: Names of the floats that the rows read; the other floats are only bounds.
-        speed: Power of the speed with which its values grow: 0 for coordinates, 1 for inputs, 2 for
-            their rates and products. If it is not 0, a slow enough motion satisfies it.
+        row_fields: Names of the floats that the rows read; the other floats are only bounds.
+        speed_power: Power of the speed with which its values grow: 0 for coordinates, 1 for inputs,
+            2 for their rates and products. If it is not 0, a slow enough motion satisfies it.
         divides: Whether paths can pass it on different sides, so that several optima exist.
         smooth: Whether its values are differentiable everywhere; if not, its parts have no high.
         final: Whether it applies only at the end; then it reads "q" and is smooth.
@@ -133,8 +133,8 @@ class Requirement(Demand):
     """
 
     reads: ClassVar[frozenset[str]]
-    numbers: ClassVar[tuple[str, ...]] = ()
-    speed: ClassVar[int] = 0
+    row_fields: ClassVar[tuple[str, ...]] = ()
+    speed_power: ClassVar[int] = 0
     divides: ClassVar[bool] = False
     smooth: ClassVar[bool] = True
     final: ClassVar[bool] = False
@@ -168,7 +168,7 @@ class Requirement(Demand):
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """The change that removes its key; None for a limit that depends on the speed."""
-        if self.speed or not self.key:
+        if self.speed_power or not self.key:
             return None
         what = f"the limit on {self.parts[0].label}"
         return {f"limits.{self.key}": None}, f"leave out limits.{self.key}", what
@@ -222,7 +222,7 @@ class Requirement(Demand):
         low, high, _ = self.bounds
         with np.errstate(divide="ignore", invalid="ignore"):
             over = np.where(high > 0, most / high, 0.0), np.where(low < 0, least / low, 0.0)
-        return np.asarray(np.maximum(*over) ** (1 / self.speed))
+        return np.asarray(np.maximum(*over) ** (1 / self.speed_power))
 
     @property
     def is_direct(self) -> bool:
@@ -232,13 +232,13 @@ class Requirement(Demand):
     @cached_property
     def template(self) -> Self:
         """The same requirement with numbers zero; one expression serves all with its structure."""
-        erased = {f.name: _erase_numbers(getattr(self, f.name)) for f in fields(self)}
+        erased = {f.name: _erase_floats(getattr(self, f.name)) for f in fields(self)}
         return replace(self, **{name: value for name, value in erased.items() if value is not None})
 
     @property
-    def number_values(self) -> list[float]:
+    def row_field_values(self) -> list[float]:
         """Values of the numbers that the rows read."""
-        return [float(getattr(self, name)) for name in self.numbers]
+        return [float(getattr(self, name)) for name in self.row_fields]
 
     def fault(self, system: TriangularSystem) -> str | None:
         """Describe how the class contradicts itself; None if it does not."""
@@ -249,7 +249,7 @@ class Requirement(Demand):
         places = ca.DM(np.linspace(0.1, 0.4, system.size)), ca.DM([0.3, 0.2]), ca.DM([0.1, 0.5])
         whole, rebuilt = (
             [float(row) for row in each.rows(MotionPoint(system, *places))]
-            for each in (self, self.template.with_numbers(self.number_values))
+            for each in (self, self.template.with_row_fields(self.row_field_values))
         )
         if not len(whole) == len(self.parts) == len(self.template.parts):
             return (
@@ -257,7 +257,7 @@ class Requirement(Demand):
                 " and not depend on its floats"
             )
         if whole != rebuilt:
-            return "has rows that read a float that `numbers` does not list"
+            return "has rows that read a float that `row_fields` does not list"
         many = [np.broadcast_to(np.asarray(x).ravel(), (2, 3, x.numel())) for x in places]
         values = [np.asarray(value) for value in self.values(MotionPoint.of(system, *many))]
         if [value.shape for value in values] != [(2, 3)] * len(self.parts) or any(
@@ -266,16 +266,16 @@ class Requirement(Demand):
             return f"has {len(self.parts)} parts, but its values are not one real array for each"
         return None
 
-    def with_numbers(self, values: Sequence[Any]) -> Self:
+    def with_row_fields(self, values: Sequence[Any]) -> Self:
         """Return the same requirement with other numbers, or symbols in their place."""
-        new = dict(zip(self.numbers, values, strict=True))
+        new = dict(zip(self.row_fields, values, strict=True))
         return replace(self, **new) if new else self
 
 
-def _erase_numbers(value: Any) -> Any:
+def _erase_floats(value: Any) -> Any:
     """Replace numbers by zero; infinity stays, since it means that there is no limit."""
     if isinstance(value, float):
         return value if np.isinf(value) else 0.0
     if isinstance(value, tuple) and all(isinstance(v, float) for v in value):
-        return tuple(_erase_numbers(v) for v in value)
+        return tuple(_erase_floats(v) for v in value)
     return None

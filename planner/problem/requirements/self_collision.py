@@ -41,7 +41,7 @@ class SelfCollision(Requirement):
     clearance: float
 
     reads = frozenset({"q"})
-    numbers = ("clearance",)
+    row_fields = ("clearance",)
     smooth = False
     key = "self_clearance_m"
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from planner.problem.requirements.limits import JointLimit
+from planner.problem.requirements.motion_limits import JointLimit
 from planner.problem.requirements.requirement import Breach, MotionPoint, Part, Requirement
 from planner.systems.triangular_system import Coordinate
 

@@ -98,7 +98,7 @@ LONGEST_MESSAGE = 300
 
 
 @dataclass(frozen=True)
-class Owner:
+class Provider:
     """The package that provides a method or a limit.
 
     Attributes:
@@ -110,8 +110,8 @@ class Owner:
     package: str
 
     @classmethod
-    def of(cls, what: str, brought: Any) -> Owner:
-        """The owner of a function or class that is being registered."""
+    def of(cls, what: str, brought: Any) -> Provider:
+        """The provider of a function or class that is being registered."""
         return cls(what, _plugins.caller or f"module {line(str(brought.__module__))}")
 
     def error(self, what: str, trace: str = "") -> MethodError:
@@ -231,10 +231,10 @@ def register_requirement(kind: type[Requirement]) -> None:
         why = "that key is taken, by a kind of system or by another requirement"
     if why:
         raise InputError(f"requirement '{line(str(key))}' cannot be registered: {why}")
-    owner = Owner.of(f"limit '{key}'", kind)
+    provider = Provider.of(f"limit '{key}'", kind)
     for name in ("rows", "values"):  # they may fail at some states only, in the middle of a search
         if (method := getattr(kind, name)) is not getattr(Requirement, name):
-            setattr(kind, name, owner.named(method))
+            setattr(kind, name, provider.named(method))
     REQUIREMENTS[key] = kind
     _add_requirement_keys()
     remember(f"requirement '{key}'")

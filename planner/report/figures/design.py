@@ -18,7 +18,7 @@ from planner.report.figures.style import (
     write_beside,
 )
 from planner.support.tables import number
-from planner.sweep.design.figures import CONTACT_LOAD, DesignRow, Figure
+from planner.sweep.design.figures import CONTACT_LOAD, DesignFigure, DesignRow
 from planner.sweep.design.result import DesignStudy
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def plot_design(study: DesignStudy, *, axes: Any = None) -> tuple[Picture, Any]:
     return figure, axes
 
 
-def _decisive_figures(study: DesignStudy) -> list[Figure]:
+def _decisive_figures(study: DesignStudy) -> list[DesignFigure]:
     """Choose up to five figures: traded ones, contacts, one-way tasks, another method's tasks."""
     by_key = {figure.key: figure for figure in study.figures}
     solved = [key for key in by_key if key.startswith("solved ")]
@@ -146,7 +146,7 @@ def _scale_axis(axis: Any, values: Sequence[float]) -> tuple[float, float]:
     return ends
 
 
-def _figure_title(study: DesignStudy, figure: Figure) -> str:
+def _figure_title(study: DesignStudy, figure: DesignFigure) -> str:
     words = {
         CONTACT_LOAD: "contacts: load over that of slip",
         "motor_torque_nm": "torque of motor 1",
@@ -163,7 +163,7 @@ def _figure_title(study: DesignStudy, figure: Figure) -> str:
     return escape_math(f"{title} ({figure.unit})" if figure.unit else title)
 
 
-def _value(study: DesignStudy, figure: Figure, row: DesignRow) -> tuple[float, str]:
+def _value(study: DesignStudy, figure: DesignFigure, row: DesignRow) -> tuple[float, str]:
     """The value as a number and as text."""
     value = row.figures.get(figure.key, np.nan)
     if figure.reduction == "part":
@@ -183,7 +183,7 @@ def _variables(study: DesignStudy) -> tuple[str, str] | None:
     return (keys[0], keys[1]) if min(across, up) > 1 and across * up <= 2 * len(rows) else None
 
 
-def _map(ax: Any, study: DesignStudy, figure: Figure) -> None:
+def _map(ax: Any, study: DesignStudy, figure: DesignFigure) -> None:
     """Draw one figure of merit over two design variables, one cell per design."""
     from matplotlib.patches import Rectangle
 
@@ -233,7 +233,7 @@ def _map(ax: Any, study: DesignStudy, figure: Figure) -> None:
     ax.set_title(_figure_title(study, figure), fontsize=9)
 
 
-def _bars(ax: Any, study: DesignStudy, figure: Figure) -> None:
+def _bars(ax: Any, study: DesignStudy, figure: DesignFigure) -> None:
     """Draw one figure of merit, one bar per design."""
     values = [_value(study, figure, row) for row in study.rows]
     most = max((v for v, _ in values if np.isfinite(v)), default=1.0)

@@ -35,7 +35,7 @@ from planner.report.figures.style import (
     times,
     write_beside,
 )
-from planner.report.panels import FIGURES, Panel, PlanCurves
+from planner.report.panels import PLAN_FIGURES, Panel, PlanCurves
 from planner.support.arrays import Array
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
 
 
 def plot(name: str, plans: Plans, axes: Any = None) -> tuple[Figure, Any]:
-    """Draw a figure of `FIGURES`: all plans in each panel, or one column per plan.
+    """Draw a figure of `PLAN_FIGURES`: all plans in each panel, or one column per plan.
 
     Args:
         name: Name of the figure.
@@ -138,7 +138,7 @@ def plot(name: str, plans: Plans, axes: Any = None) -> tuple[Figure, Any]:
     Raises:
         InputError: If there is nothing to draw or `axes` do not fit.
     """
-    kind = FIGURES[name]
+    kind = PLAN_FIGURES[name]
     drawn = curves(plans, executable=kind.executable)
     problem = drawn[0].plan.problem
     if not kind.fits(problem.system):
@@ -152,7 +152,7 @@ def plot(name: str, plans: Plans, axes: Any = None) -> tuple[Figure, Any]:
     return figure, axes
 
 
-def _panels(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
+def _panels(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
     """Draw all plans in each panel."""
     plan_panels = kind.panels(_plan_curves(drawn))
     over_time = plan_panels[0]["kind"] == "time"
@@ -173,7 +173,7 @@ def _panels(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Fig
     return figure, axes
 
 
-def _columns(kind: panels.Figure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
+def _columns(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
     """Draw one column per plan; its panels with the same id share axes."""
     plan_panels = [kind.panels([one]) for one in _plan_curves(drawn)]
     columns = [

@@ -20,7 +20,7 @@ from planner.report.figures.mechanism import mechanism_svg
 from planner.report.figures.style import readable_name
 from planner.report.page.series import page_data
 from planner.report.page.words import answer, colour_places, question, task_facts, verdict_html
-from planner.report.panels import FIGURES
+from planner.report.panels import PLAN_FIGURES
 from planner.report.saved import load_comparison, load_replays
 from planner.support.files import expect_path, read_json, write_text
 from planner.support.tables import Column, Markup, R, html_table, number
@@ -136,7 +136,7 @@ def _figures() -> str:
     return "\n".join(
         f'<figure id="fig-{one.id}" hidden>\n<figcaption><b>{html.escape(one.title)}.</b>'
         f' {html.escape(one.caption)}</figcaption>\n<div class="panels"></div>\n</figure>'
-        for one in FIGURES.values()
+        for one in PLAN_FIGURES.values()
     )
 
 

@@ -23,7 +23,7 @@ from planner.report.figures.style import (
 )
 from planner.report.page.words import colour_places
 from planner.report.panels import (
-    FIGURES,
+    PLAN_FIGURES,
     Panel,
     PlanCurves,
     screen_data,
@@ -116,14 +116,14 @@ def _motion(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
 def _figures(
     drawn: Sequence[Curve], closed: Collection[str], replays: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
-    """Yield every figure of `FIGURES`; plans with feedback are left out, their path is the same."""
+    """Yield the figures of `PLAN_FIGURES`; plans with feedback are left out (same path)."""
     system = drawn[0].plan.problem.system
     every = [
         PlanCurves(k, one.plan, _times(one.plan))
         for k, one in enumerate(drawn)
         if one.label not in closed
     ]
-    for figure in FIGURES.values():
+    for figure in PLAN_FIGURES.values():
         fit = [one for one in every if one.plan.executable or not figure.executable]
         if not fit or not figure.fits(system):
             continue

@@ -95,7 +95,7 @@ def task_facts(comparison: Comparison) -> list[tuple[str, str]]:
     if problem.self_collision is not None:
         clearance = problem.self_collision.clearance
         out.append(("Distance of links from each other", f"at least {clearance:g} m"))
-    out += [_limit_fact(part) for each in problem.further for part in each.parts]
+    out += [_limit_fact(part) for each in problem.registered_limits for part in each.parts]
     machine = comparison.machine
     name = machine.source or machine.preset
     machines = f"{comparison.samples} drawn from “{name}”"

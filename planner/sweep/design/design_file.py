@@ -23,7 +23,7 @@ from planner.support.files import read_toml
 from planner.support.tables import line, number
 from planner.support.user_tables import Positive, Table, allowed_hint, parse
 from planner.sweep.description import base_problem
-from planner.sweep.design.figures import Figure, default_front, figures_of
+from planner.sweep.design.figures import DesignFigure, default_front, figures_of
 from planner.sweep.design.geometry import Design, design, gear_of, gear_table
 from planner.sweep.sweep_file import Point, Range, SweepFile, Whole, points, varied_keys
 from planner.systems.manipulator import Gear, Manipulator, stage_gears
@@ -201,8 +201,8 @@ class StudyInput:
     designs: tuple[Design, ...]
     tasks: Mapping[int, tuple[Task, ...]]
     methods: tuple[str, ...]
-    figures: tuple[Figure, ...]
-    front_by: tuple[Figure, ...]
+    figures: tuple[DesignFigure, ...]
+    front_by: tuple[DesignFigure, ...]
 
     @property
     def reaching(self) -> str:

@@ -25,7 +25,7 @@ Outcome = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Figure:
+class DesignFigure:
     """One figure of a design.
 
     Attributes:
@@ -64,28 +64,28 @@ class Figure:
 
 CONTACT_LOAD = "contact_load"
 
-FIGURES = (
-    Figure("effort", "effort", "rad^2/s"),
-    Figure("duration_s", "duration", "s"),
-    Figure("one_way", "one-way", "", 1, share=True, reduction="part"),
-    Figure("window", "window", "", 1, share=True),
-    Figure("margin", "chart margin", "", 1, share=True, column="domain_margin"),
-    Figure("peak_u1_rad_s", "peak |u1|", "rad/s", reduction="largest"),
-    Figure("peak_u2_rad_s", "peak |u2|", "rad/s", reduction="largest"),
-    Figure("contact_torque_nm", "torque", "N m", reduction="largest"),
-    Figure(CONTACT_LOAD, "contacts", reduction="largest"),
-    Figure("motor_torque_nm", "motor torque", "N m", reduction="largest"),
-    Figure("motor_power_w", "motor power", "W", reduction="largest"),
-    Figure("E_deg", "E", "deg", column="E_median_deg"),
-    Figure("end_deg", "error at the end", "deg", column="end_p95_deg"),
-    Figure("spread_deg", "spread", "deg", column="end_spread_deg"),
-    Figure(
+DESIGN_FIGURES = (
+    DesignFigure("effort", "effort", "rad^2/s"),
+    DesignFigure("duration_s", "duration", "s"),
+    DesignFigure("one_way", "one-way", "", 1, share=True, reduction="part"),
+    DesignFigure("window", "window", "", 1, share=True),
+    DesignFigure("margin", "chart margin", "", 1, share=True, column="domain_margin"),
+    DesignFigure("peak_u1_rad_s", "peak |u1|", "rad/s", reduction="largest"),
+    DesignFigure("peak_u2_rad_s", "peak |u2|", "rad/s", reduction="largest"),
+    DesignFigure("contact_torque_nm", "torque", "N m", reduction="largest"),
+    DesignFigure(CONTACT_LOAD, "contacts", reduction="largest"),
+    DesignFigure("motor_torque_nm", "motor torque", "N m", reduction="largest"),
+    DesignFigure("motor_power_w", "motor power", "W", reduction="largest"),
+    DesignFigure("E_deg", "E", "deg", column="E_median_deg"),
+    DesignFigure("end_deg", "error at the end", "deg", column="end_p95_deg"),
+    DesignFigure("spread_deg", "spread", "deg", column="end_spread_deg"),
+    DesignFigure(
         "compensated_end_deg",
         "error at the end, compensated",
         "deg",
         column="compensated_end_p95_deg",
     ),
-    Figure(
+    DesignFigure(
         "compensated_spread_deg", "spread, compensated", "deg", column="compensated_end_spread_deg"
     ),
 )
@@ -102,14 +102,14 @@ def default_front(compensated: bool) -> list[str]:
     return [end, "motor_torque_nm", "motor_power_w", CONTACT_LOAD]
 
 
-def figures_of(methods: Sequence[str], compensated: bool) -> tuple[Figure, ...]:
+def figures_of(methods: Sequence[str], compensated: bool) -> tuple[DesignFigure, ...]:
     """Return the figures of a study with these methods, as written."""
-    figures = [f for f in FIGURES if compensated or not f.key.startswith("compensated_")]
+    figures = [f for f in DESIGN_FIGURES if compensated or not f.key.startswith("compensated_")]
     solved = [
-        Figure(f"solved {method}", f"solved, {method}", "", 1, share=True, reduction="part")
+        DesignFigure(f"solved {method}", f"solved, {method}", "", 1, share=True, reduction="part")
         for method in methods
     ]
-    return (*figures, *solved, Figure("least_link", "least link"))
+    return (*figures, *solved, DesignFigure("least_link", "least link"))
 
 
 def outcome(
@@ -183,7 +183,7 @@ class DesignRow:
 
 
 def recommend(
-    rows: Sequence[DesignRow], front_by: Sequence[Figure], method: str, tasks: int
+    rows: Sequence[DesignRow], front_by: Sequence[DesignFigure], method: str, tasks: int
 ) -> tuple[tuple[DesignRow, ...], DesignRow | None, str]:
     """Mark the Pareto front, choose a design, and give the reason in sentences.
 
@@ -225,7 +225,7 @@ def recommend(
     return marked, choice, _reason(marked, candidates, choice, front_by, method, tasks)
 
 
-def _refusal(rows: Sequence[DesignRow], front_by: Sequence[Figure], method: str) -> str:
+def _refusal(rows: Sequence[DesignRow], front_by: Sequence[DesignFigure], method: str) -> str:
     whys = Counter(row.why for row in rows if row.why).most_common(1)
     most = f": {whys[0][0]}" if whys else ""
     if not any(row.figures.get(f"solved {method}", 0.0) > 0 for row in rows):
@@ -238,7 +238,7 @@ def _reason(
     rows: Sequence[DesignRow],
     candidates: Sequence[DesignRow],
     choice: DesignRow,
-    front_by: Sequence[Figure],
+    front_by: Sequence[DesignFigure],
     method: str,
     tasks: int,
 ) -> str:
@@ -277,11 +277,11 @@ def _reason(
     return " ".join(sentences)
 
 
-def _values(row: DesignRow, figures: Sequence[Figure]) -> str:
+def _values(row: DesignRow, figures: Sequence[DesignFigure]) -> str:
     return ", ".join(f"{f.title} {number(row[f.key])} {f.unit}".rstrip() for f in figures)
 
 
-def _why(figures: Sequence[Figure]) -> str:
+def _why(figures: Sequence[DesignFigure]) -> str:
     """Return why a design is recommended, as the end of a sentence."""
     titles = _join_titles(figures)
     if len(figures) > 1:
@@ -289,6 +289,6 @@ def _why(figures: Sequence[Figure]) -> str:
     return f"it has the best {titles}"
 
 
-def _join_titles(figures: Sequence[Figure]) -> str:
+def _join_titles(figures: Sequence[DesignFigure]) -> str:
     *others, last = (figure.title for figure in figures)
     return f"{', '.join(others)} and {last}" if others else last

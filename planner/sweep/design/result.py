@@ -29,7 +29,7 @@ from planner.support.tables import (
     terminal_table,
 )
 from planner.sweep.design.design_file import StudyInput
-from planner.sweep.design.figures import DesignRow, Figure
+from planner.sweep.design.figures import DesignFigure, DesignRow
 from planner.sweep.design.geometry import gear_table
 
 if TYPE_CHECKING:
@@ -57,8 +57,8 @@ class DesignStudy:
 
     asked: StudyInput
     rows: tuple[DesignRow, ...]
-    figures: tuple[Figure, ...]
-    front_by: tuple[Figure, ...]
+    figures: tuple[DesignFigure, ...]
+    front_by: tuple[DesignFigure, ...]
     recommended: DesignRow | None
     reason: str
     bugs: int = 0

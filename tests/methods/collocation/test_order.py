@@ -15,7 +15,7 @@ from planner.methods.collocation.transcription.augmented import Augmented
 from planner.methods.collocation.transcription.form import TERMS, Form, Kind, Mesh, uniform
 from planner.methods.collocation.transcription.transcription import transcription
 from planner.methods.collocation.transcription.unknowns import Iterate
-from planner.problem.requirements.limits import JointLimit, Z2Margin
+from planner.problem.requirements.motion_limits import JointLimit, Z2Margin
 from planner.systems.chained_form import chained_form
 from planner.systems.linearisation import parameters
 from planner.systems.manipulator import Manipulator

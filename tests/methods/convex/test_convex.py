@@ -150,7 +150,7 @@ def test_rate_limits_make_v2_continuous_and_are_kept(paper: planner.Problem) -> 
 class RatesTogether(Requirement):
     """du₁/dt + du₂/dt ≤ 5."""
 
-    reads, speed = frozenset({"du"}), 2
+    reads, speed_power = frozenset({"du"}), 2
     parts = (Part("rates together", "rad/s²", -np.inf, 5.0, 5.0),)
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
@@ -159,13 +159,13 @@ class RatesTogether(Requirement):
 
 def test_a_limit_on_rates_of_any_kind_makes_v2_continuous(paper: planner.Problem) -> None:
     slow = paper.changed({"goal.duration": 400.0, "goal.travel": 0.829})
-    plan = plan_only(replace(slow, further=(RatesTogether(),)))
+    plan = plan_only(replace(slow, registered_limits=(RatesTogether(),)))
     assert "continuous" in optimality(plan)["of"]
     check = planner.verify(plan)
     assert check.ok
     assert check.margins["rates together"] >= 0
     # The fastest clock turns u2 round within microseconds, but does not jump: slowed as a whole.
-    free = plan_only(replace(slow, duration=None, further=(RatesTogether(),)))
+    free = plan_only(replace(slow, duration=None, registered_limits=(RatesTogether(),)))
     assert "slowed for other limits" in free.notes["timing"]
     check = planner.verify(free)
     assert check.ok
@@ -174,7 +174,8 @@ def test_a_limit_on_rates_of_any_kind_makes_v2_continuous(paper: planner.Problem
 
 def test_a_path_whose_input_jumps_keeps_no_limit_on_rates(paper: planner.Problem) -> None:
     free = replace(
-        paper.changed({"goal.duration": "free", "goal.travel": 0.829}), further=(RatesTogether(),)
+        paper.changed({"goal.duration": "free", "goal.travel": 0.829}),
+        registered_limits=(RatesTogether(),),
     )
     with pytest.raises(planner.NotConvergedError, match="something else is asked of their rates"):
         planner.solve(free, "convex", pieces=PIECES, input="constant")

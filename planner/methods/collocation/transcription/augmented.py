@@ -162,4 +162,4 @@ def backs_off(required: Requirement) -> bool:
     Rows that depend on fields of the requirement (`numbers`) are not backed off, since their slope
     is not a function of q alone.
     """
-    return required.reads == {"q"} and required.smooth and not required.numbers
+    return required.reads == {"q"} and required.smooth and not required.row_fields

@@ -97,7 +97,7 @@ def bounds(
     lower, upper = _limits(problem, made, mesh, demands, inside, edges)
     _fix(lower, upper, problem, made, mesh, demands)
     reads = [required.reads for required in requirements for _ in required.parts]
-    speeds = [required.speed for required in requirements for _ in required.parts]
+    speeds = [required.speed_power for required in requirements for _ in required.parts]
     units, of_unknowns = made.form.units, made.layout.units(made.form.units)
     row_lower, row_upper = np.zeros((2, made.form.intervals, made.height))
     ends = [part for required in problem.final for part in required.parts]
@@ -128,7 +128,7 @@ def bounds(
         row_upper[:, where] = (high[r] - amounts) * unit
     numbers: list[float] = []
     for required in (*requirements, *problem.final):
-        numbers += required.number_values
+        numbers += required.row_field_values
     known = [] if problem.duration is None else [problem.duration / units.time_s]
     weights = units.weights(objective.weights)
     parameters = np.concatenate([weights, numbers, known, mesh.widths])

@@ -236,8 +236,8 @@ def _limit_rows(
     units, seconds = ca.DM(form.units.inputs), form.units.time_s
     part, first = 0, TERMS
     for blank in form.kept:
-        last = first + len(blank.numbers)
-        required, first = blank.with_numbers(ca.vertsplit(x.weights[first:last])), last
+        last = first + len(blank.row_fields)
+        required, first = blank.with_row_fields(ca.vertsplit(x.weights[first:last])), last
         places = [*[0.0] * (not blank.is_direct), *at_points]
         if "q" not in blank.reads:
             places = LIMITED_PLACES if "u" in blank.reads and form.input == "linear" else [0.0]
@@ -255,13 +255,13 @@ def _limit_rows(
             for tau in places
         ]
         for k in range(len(blank.parts)):
-            own = [seconds**blank.speed * values[k] for values in found]
+            own = [seconds**blank.speed_power * values[k] for values in found]
             rows.add("kept", part, np.array(places), own)
             part += 1
     part = 0
     for blank in form.final:
-        last = first + len(blank.numbers)
-        required, first = blank.with_numbers(ca.vertsplit(x.weights[first:last])), last
+        last = first + len(blank.row_fields)
+        required, first = blank.with_row_fields(ca.vertsplit(x.weights[first:last])), last
         for row in required.rows(MotionPoint(system, after[: system.size])):
             rows.add("final", part, np.ones(1), [row])
             part += 1

@@ -113,13 +113,13 @@ class SymmetricLimit(Requirement):
 class InputLimit(SymmetricLimit):
     """|uᵢ| ≤ most."""
 
-    words, reads, speed = "input", frozenset({"u"}), 1
+    words, reads, speed_power = "input", frozenset({"u"}), 1
 
 
 class RateLimit(SymmetricLimit):
     """|duᵢ/dt| ≤ most; at a jump of an input its rate is infinite."""
 
-    words, reads, speed = "rate of input", frozenset({"du"}), 2
+    words, reads, speed_power = "rate of input", frozenset({"du"}), 2
 
     def _unit(self, named: Coordinate) -> str:
         return named.rate_unit

@@ -177,7 +177,7 @@ def test_a_path_whose_input_jumps_keeps_no_limit_on_rates(paper: planner.Problem
         paper.changed({"goal.duration": "free", "goal.travel": 0.829}),
         registered_limits=(RatesTogether(),),
     )
-    with pytest.raises(planner.NotConvergedError, match="something else is asked of their rates"):
+    with pytest.raises(planner.NotConvergedError, match="another requirement limits its rate"):
         planner.solve(free, "convex", pieces=PIECES, input="constant")
 
 

@@ -182,7 +182,7 @@ class IntegratedMotion:
         """q (…, R, N) at x (…, R) in [−1, 1] of the cells with indices (R,)."""
         return _values_in_cells(self.series[:, cell], x)
 
-    def input_distance(self, other: Motion) -> float:
+    def input_distance(self, other: IntegratedMotion) -> float:
         """Largest distance of another's input from this one's series, over its greatest value.
 
         Args:

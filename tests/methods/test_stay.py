@@ -9,7 +9,7 @@ import pytest
 
 from planner import METHODS, Problem, check, load_plan, load_problem, solve
 
-KINDS = ("four-joint", "unicycle", "car", "trailers", "custom", "coin")
+KINDS = ("crossing", "four-joint", "unicycle", "car", "trailers", "custom", "coin")
 
 
 def resting(kind: str, duration: float | str, **goal: Any) -> Problem:

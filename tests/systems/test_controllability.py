@@ -1,6 +1,8 @@
 """Brackets and ranks against an independent SymPy computation, and against known results."""
 
+import re
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -118,6 +120,20 @@ def test_growth_vectors_against_sympy(name: str, at: list[Any], growth: tuple[in
     usual = tuple(range(2, len(at) + 1))
     assert found.regular == (found.growth == usual)
     assert all(around[: len(usual)] == usual for around in found.neighbours)
+
+
+def test_the_page_of_the_theory_has_these_growth_vectors() -> None:
+    """In its order: θ₁ = 0, elsewhere, θ₂ = 0 alone, both zero; and what the first bracket does."""
+    page = (Path(__file__).parents[2] / "docs" / "theory.md").read_text(encoding="utf-8")
+    section = page.partition("\n## Controllability\n")[2].partition("\n## ")[0]
+    said = [tuple(map(int, v.split(", "))) for v in re.findall(r"\((\d(?:, \d)+)\)", section)]
+    places = ([0, 0, D30, D30], [0, D30, D30, D30], [0, D30, 0, D30], [0, 0, 0, D30])
+    found = [controllability(ARM, place) for place in places]
+    assert said == [each.growth for each in found]
+    first = [np.linalg.norm(brackets(ARM).values(np.array(place), 2)) for place in places]
+    assert [value > 1e-12 for value in first] == [False, True, True, False]
+    assert re.search(r"At \$\\theta_1 = 0\$ the first bracket vanishes", section)
+    assert re.search(r"At \$\\theta_2 = 0\$ alone the\s+first bracket does not vanish", section)
 
 
 def test_values_of_brackets_and_depth() -> None:

@@ -44,14 +44,15 @@ def found(paper: Problem) -> Plan:
 def test_fewer_iterations_to_the_same_optimum(
     paper: Problem, base: dict[str, Any], changes: dict[str, Any], solver: Any
 ) -> None:
-    options = CollocationOptions(solver=solver, start="straight")
+    # on one mesh: the plan's own, which is finer, would settle the objective 3e-4 lower
+    options = CollocationOptions(solver=solver, start="straight", refinements=0)
     problem = paper.changed(base | changes)
     cold = plan_collocation(problem, options)
     warm = replan_collocation(problem, options, plan_collocation(paper.changed(base), options))
     # the paper's straight line is so near the answer that Fatrop takes no fewer from a plan
     easy = changes is NEIGHBOUR and solver == "auto"
     assert warm.iterations < cold.iterations + easy
-    assert warm.objective == pytest.approx(cold.objective, rel=1e-3)  # to what a mesh is refined
+    assert warm.objective == pytest.approx(cold.objective, rel=1e-6)
     assert warm.notes["start"] == "warm"
     assert planner.verify(warm).ok
 
@@ -112,9 +113,11 @@ def builds(monkeypatch: pytest.MonkeyPatch) -> list[object]:
 
 
 def test_other_numbers_or_guesses_build_nothing(paper: Problem, builds: list[object]) -> None:
-    first = plan_collocation(paper, CollocationOptions())
+    """On one mesh: each finer one is built for."""
+    once = CollocationOptions(refinements=0)
+    first = plan_collocation(paper, once)
     assert len(builds) == 1
-    again = plan_collocation(paper, CollocationOptions())
+    again = plan_collocation(paper, once)
     assert first.build_time_s > 0 == again.build_time_s
     np.testing.assert_array_equal(again.q(first.t), first.q(first.t))
     numbers: list[dict[str, Any]] = [
@@ -123,13 +126,15 @@ def test_other_numbers_or_guesses_build_nothing(paper: Problem, builds: list[obj
         {"goal.travel": 0.83},
         {"goal.duration": 11.0},
         {"limits.input_rad_s": [0.4, 0.3]},
+        {"limits.input_rate_rad_s2": 0.5},
         {"limits.joint_deg": 70},
         {"limits.z2_margin": 0.02},
     ]
     for changes in numbers:
-        assert plan_collocation(paper.changed(changes), CollocationOptions()).build_time_s == 0
-    replan_collocation(paper.changed(NEIGHBOUR), CollocationOptions(), first)
-    plan_collocation(paper, CollocationOptions(start="straight", max_iterations=80))
+        assert plan_collocation(paper.changed(changes), once).build_time_s == 0
+    plan_collocation(paper, CollocationOptions(rest=True, refinements=0))
+    replan_collocation(paper.changed(NEIGHBOUR), once, first)
+    plan_collocation(paper, CollocationOptions(start="straight", max_iterations=80, refinements=0))
     assert len(builds) == 1
 
 

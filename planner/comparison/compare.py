@@ -197,7 +197,8 @@ class _ComparisonRun:
             row = replace(row, effort=effort, peak_u=(first, second), duration_s=runs.run_s)
         if not runs.angles:
             return row
-        return replace(row, **machine_figures(runs))
+        errors = np.stack([runs.index_E_deg, runs.terminal_E_deg])
+        return replace(row, machine_errors_deg=errors, **machine_figures(runs))
 
 
 def specs_of(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec]:

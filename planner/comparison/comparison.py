@@ -101,7 +101,7 @@ class Comparison:
     @property
     def headline(self) -> str:
         """Which plan to take, why, and what it costs, in a few sentences."""
-        return headline(self.rows, self.threshold_deg)
+        return headline(self.rows, self.threshold_deg, self.machine.fidelity)
 
     @property
     def recommended(self) -> Row | None:

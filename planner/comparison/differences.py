@@ -151,11 +151,11 @@ def csv_machines(comparison: Comparison) -> str:
     """Return CSV of E and the error at the end, for every plan and machine, full precision."""
     lines = ["plan,machine,E_deg,end_deg"]
     for row in comparison.rows:
-        if row.replay is None:
+        if row.machine_errors_deg is None:
             continue
-        figures = zip(row.replay.index_E_deg, row.replay.terminal_E_deg, strict=True)
+        figures = row.machine_errors_deg.T.tolist()
         label = '"' + row.label.replace('"', '""') + '"'
-        lines += [f"{label},{k},{float(E)!r},{float(end)!r}" for k, (E, end) in enumerate(figures)]
+        lines += [f"{label},{k},{E!r},{end!r}" for k, (E, end) in enumerate(figures)]
     return "\n".join(lines) + "\n"
 
 

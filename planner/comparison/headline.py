@@ -32,9 +32,8 @@ def paired(
         which: Whether to compare E or the largest joint error at the end.
         threshold_deg: A smaller difference does not matter, degrees.
     """
-    kept = {row.label: row.replay for row in rows if row.worst is not None and row.replay}
-    by_E = {label: run.index_E_deg for label, run in kept.items()}
-    by_end = {label: run.terminal_E_deg for label, run in kept.items()}
+    kept = {row.label: row.machine_errors_deg for row in rows}
+    by_E, by_end = ({k: each[i] for k, each in kept.items() if each is not None} for i in (0, 1))
     errors, beside = (by_E, by_end) if which == "E" else (by_end, by_E)
     return differences(errors, threshold_deg, beside)
 
@@ -69,8 +68,14 @@ def _worse_than(row: Row, rows: Sequence[Row], threshold_deg: float) -> set[str]
     return out - {row.label}
 
 
-def headline(rows: Sequence[Row], threshold_deg: float) -> str:
-    """Return as plain text which plan to take, why, and what it costs."""
+def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
+    """Return as plain text which plan to take, why, and what it costs.
+
+    Args:
+        rows: The rows of a comparison.
+        threshold_deg: A smaller difference of E does not matter, degrees.
+        fidelity: That of the machines; the errors of an arm depend on it.
+    """
     row = recommended(rows, threshold_deg)
     if row is None:
         return "None of the methods found a plan that keeps every limit."
@@ -93,7 +98,7 @@ def headline(rows: Sequence[Row], threshold_deg: float) -> str:
     reason += f" {_degrees(other.E_median_deg)} ({other.label}),"
     reason += " but" if row.end_median_deg > other.end_median_deg else ""
     reason += f" {_degrees(row.end_median_deg)} instead of {_degrees(other.end_median_deg)} at the"
-    reason += f" end{_fidelity(row)}."
+    reason += f" end{_fidelity(row, fidelity)}."
     if other is not rival and (costs := _costs(row, other)):
         reason += f" Compensation costs {costs}." if other is plain else f" It costs {costs}."
     if rival is not None:
@@ -124,12 +129,12 @@ def _against(row: Row, rival: Row, worse: bool) -> str:
     return f" The paired test cannot tell it from {name}{more}."
 
 
-def _fidelity(row: Row) -> str:
-    """Return whether an arm's machines have inertia, on which errors depend; "" for others."""
-    if row.plan is None or row.replay is None or not compensable(row.plan.problem.system):
+def _fidelity(row: Row, fidelity: str) -> str:
+    """Return whether the machines of an arm have inertia; "" for other systems."""
+    if row.plan is None or not compensable(row.plan.problem.system):
         return ""
-    inertia = "with" if row.replay.machine.fidelity == "dynamic" else "without"
-    return f", on machines {inertia} inertia ({row.replay.machine.fidelity})"
+    inertia = "with" if fidelity == "dynamic" else "without"
+    return f", on machines {inertia} inertia ({fidelity})"
 
 
 def _swing(row: Row) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from planner.machine.replay import Replay
 from planner.plan.plan import COMPENSATED, Plan
-from planner.support.arrays import jsonable
+from planner.support.arrays import Array, jsonable
 from planner.support.statistics import percentile_interval
 from planner.support.tables import Column, digits, number
 from planner.systems.triangular_system import TriangularSystem
@@ -67,6 +67,8 @@ class Row(PlanFigures):
         solve_time_s: Part of `took_s` that the method spent on solving, as it reports.
         build_time_s: Part of `took_s` spent on building the optimisation problem.
         replay: The replays on the machines; None for a plan that cannot be executed.
+        machine_errors_deg: E and the largest error at the end on each machine, shape (2, S); None
+            without angles. Unlike `replay` it is restored from a saved folder.
         feedback: Whether the replays used feedback. If so, `effort` is the median over machines of
             the commands' effort, and `peak_u` the largest motor speeds on any machine.
         note: Why feedback gains little, or how far a compensated plan leaves the original path;
@@ -100,6 +102,7 @@ class Row(PlanFigures):
     solve_time_s: float = figure(plan=lambda plan, _: plan.solve_time_s, sweep=False)
     build_time_s: float = figure(plan=lambda plan, _: plan.build_time_s, sweep=False)
     replay: Replay | None = None
+    machine_errors_deg: Array | None = field(default=None, compare=False)
     feedback: bool = False
     note: str = ""
     advice: str = ""
@@ -154,7 +157,7 @@ class Row(PlanFigures):
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready data without curves; None if a number is undefined."""
-        skipped = {"plan", "replay"}
+        skipped = {"plan", "replay", "machine_errors_deg"}
         first = ("label", "method", "solved", "why")
         data = {key: getattr(self, key) for key in first}
         data |= {key: value for key, value in vars(self).items() if key not in skipped}

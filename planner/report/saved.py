@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from csv import DictReader
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from planner.comparison.comparison import FORMAT, VERSION, Comparison
 from planner.comparison.rows import Row
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.problem.problem import Problem
-from planner.support.files import expect_path, read_json
+from planner.support.arrays import Array
+from planner.support.files import JSON_BYTES, expect_path, read_json, read_text
 from planner.support.tables import line
 from planner.verification.load_plan import load_plan
 
@@ -20,10 +24,9 @@ from planner.verification.load_plan import load_plan
 def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
     """Read the folder that `Comparison.save` wrote, and verify its plans again.
 
-    Rows and plans are restored, replays are not, since the folder keeps only their errors (see
-    `load_replays`). A row that is marked as solved but has no valid plan of this problem becomes
-    unsolved: its `why` says what is wrong, and its numbers, which belong to another motion, are
-    dropped.
+    Rows, plans and the errors on each machine are restored, replays are not (see `load_replays`). A
+    row that is marked as solved but has no valid plan of this problem becomes unsolved: its `why`
+    says what is wrong, and its numbers, which belong to another motion, are dropped.
 
     Args:
         folder: The folder.
@@ -45,7 +48,8 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
         )
     try:
         problem = Problem.from_dict(data["problem"], data["source"])
-        rows = [_row(row, place, problem) for row in data["rows"]]
+        errors = _machine_errors(place / "machines.csv")
+        rows = [_row(row, place, problem, errors.get(row["label"])) for row in data["rows"]]
         whys = (row["why"] for row in data["rows"])
         fallen = [row.why for row, why in zip(rows, whys, strict=True) if row.why != why]
         if fallen and strict:
@@ -81,7 +85,20 @@ def _task_tables(problem: Problem) -> dict[str, Any]:
     return {key: value for key, value in problem.to_dict().items() if key != "title"}
 
 
-def _row(data: Mapping[str, Any], place: Path, problem: Problem) -> Row:
+def _machine_errors(path: Path) -> dict[str, Array]:
+    """E and the error at the end on each machine, (2, S), degrees, by label; {} without a file."""
+    if not path.exists():
+        return {}
+    pairs: dict[str, list[list[float]]] = {}
+    try:
+        for row in DictReader(read_text(path, JSON_BYTES, "it should be CSV").splitlines()):
+            pairs.setdefault(row["plan"], []).append([float(row["E_deg"]), float(row["end_deg"])])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path} is damaged: {error!r}") from None
+    return {label: np.array(each).T for label, each in pairs.items()}
+
+
+def _row(data: Mapping[str, Any], place: Path, problem: Problem, errors: Array | None) -> Row:
     file = data.get("plan_file")
     plan = None if file is None else load_plan(place / file)
     fault = "" if plan is None else plan.why
@@ -92,11 +109,11 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem) -> Row:
     if fault:
         why = f"{file} was changed after it was made: {fault}; compare again"
         return Row(data["label"], data["method"], False, why, plan=plan, feedback=data["feedback"])
-    known = {field.name for field in fields(Row)} - {"replay"}
+    known = {field.name for field in fields(Row)} - {"replay", "machine_errors_deg"}
     values = {**data, "peak_u": data["peak_u_rad_s"]}
     values = {k: _read_back(v) for k, v in values.items() if k in known}
     values["domain_ok"] = data["domain_ok"]
-    return Row(**values, plan=plan)
+    return Row(**values, plan=plan, machine_errors_deg=errors)
 
 
 def _read_back(value: Any) -> Any:

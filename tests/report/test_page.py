@@ -46,6 +46,7 @@ def test_a_comparison_comes_back_from_its_folder(saved: Path) -> None:
     assert back.problem == there.problem
     assert back.machine == there.machine
     assert (back.samples, back.seed) == (there.samples, there.seed)
+    assert (back.headline, back.differences) == (there.headline, there.differences)
     for old, new in zip(there.rows, back.rows, strict=True):
         for key in ("label", "method", "solved", "why", "domain_ok"):
             assert getattr(new, key) == getattr(old, key)

@@ -53,9 +53,9 @@ METHOD_COLOURS = {
     "sinusoid": 2,
     "sinusoid compensated": 10,
     "collocation": 3,
-    "collocation compensated": 4,
+    "collocation compensated": 6,
     "convex": 5,
-    "piecewise": 6,
+    "piecewise": 4,
     "desensitised": 7,
     "sinusoid_steps": 8,
 }

@@ -32,7 +32,7 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import MotionPoint
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.arrays import Array
-from planner.systems.manipulator import Manipulator
+from planner.systems.manipulator import Manipulator, chain_inertia
 from planner.systems.triangular_system import TriangularSystem
 
 MOST_THETA1_DEG = 75.0
@@ -54,6 +54,10 @@ that counts as an error: the joints wait for that long, and the correction remov
 WAY_BACK_SHARE = 0.95
 """Fraction of the way back after which a joint of the nominal machine would follow. Creep and the
 machine's true pose may make it follow a little earlier."""
+
+SLIP_DEG = 0.3
+"""How far a passive joint may slip when joint 1 swings back on a machine with inertia. The other
+errors that remain on the prototype are as large; half of it takes 0.7 times as long again."""
 
 END_S = 1.0
 """Rest after a plan whose drive reverses, so that corrections up to the end take effect, s."""
@@ -203,12 +207,34 @@ def preparation(
     q[:, 1] = angles
     drive, miss = evenest_drive(axis_rates(system, q), needs)
     swing = angles - start[1]
-    seconds = 2 * _seconds(plan, machine, 1, swing) + _seconds(plan, machine, 0, drive)
-    cost = np.rad2deg(miss) + PRICE_DEG_S * seconds
+    away_s, drive_s = _seconds(plan, machine, 1, swing), _seconds(plan, machine, 0, drive)
+    back_s = np.maximum(away_s, _gentle_s(system, machine, swing))
+    cost = np.rad2deg(miss) + PRICE_DEG_S * (away_s + drive_s + back_s)
     best = int(np.argmin(np.where(_reachable(plan.problem, q, start[1]), cost, np.inf)))
-    moves = ((1, swing[best]), (0, way * drive[best]), (1, -swing[best]))
+    moves = (
+        (1, swing[best], away_s[best]),
+        (0, way * drive[best], drive_s[best]),
+        (1, -swing[best], back_s[best]),
+    )
     misses = np.abs(axis_rates(system, q[best]) * drive[best] - needs)
-    return Leg(0.0, _motion(plan, machine, moves, tick), misses)
+    return Leg(0.0, _motion(moves, tick), misses)
+
+
+def _gentle_s(system: Manipulator, machine: Machine, swing: Array) -> Array:
+    """Time of a swing of joint 1, s, in which no passive joint slips by more than `SLIP_DEG`; 0
+    without inertia.
+
+    After the take-up the shafts press the links as hard as friction allows. Any acceleration of
+    joint 1 towards the press then makes a link slip, by the twist that its inertia is worth.
+    """
+    if machine.fidelity != "dynamic":
+        return np.zeros(swing.shape)
+    names = ("link_inertia_kgm2", "link_length_m", "link_moment_kgm")
+    links = [np.broadcast_to(machine.mean(name, system.n), system.n)[:, None] for name in names]
+    straight = chain_inertia(*links, np.zeros((system.n, 1)))[..., 0]
+    carried = np.cumsum(straight.sum(axis=1)[::-1])[::-1][1:]
+    twist = carried / machine.mean("shaft_stiffness_nm_per_rad", system.n)
+    return np.sqrt(6 * np.abs(swing) * np.max(twist) / np.deg2rad(SLIP_DEG))
 
 
 def _reachable(problem: Problem, q: Array, start: float) -> Array:
@@ -248,7 +274,8 @@ def take_ups(
         last = min([len(s), *far[far >= PLACES]])
         drive, miss = evenest_drive(axis_rates(system, q[first:last]), needs)
         best = int(np.argmin(np.rad2deg(miss) + AWAY_SHARE * away[first:last]))
-        angles = _motion(plan, machine, ((0, way * drive[best]),), tick)
+        seconds = float(_seconds(plan, machine, 0, drive[best]))
+        angles = _motion(((0, way * drive[best], seconds),), tick)
         misses = np.abs(axis_rates(system, q[first + best]) * drive[best] - needs)
         out.append(Leg(float(s[first + best]), angles, misses))
     return out
@@ -269,7 +296,8 @@ def return_leg(plan: Plan, system: Manipulator, machine: Machine, needs: Array, 
         return Leg(plan.duration, np.zeros((1, 2)))
     used = axis_rates(system, plan.q(plan.duration)) / np.maximum(lost, 1e-12)
     angle = -way * WAY_BACK_SHARE * 2 / float(used.max())
-    return Leg(plan.duration, _motion(plan, machine, ((0, angle),), tick, rest=0.0))
+    seconds = float(_seconds(plan, machine, 0, np.asarray(angle)))
+    return Leg(plan.duration, _motion(((0, angle, seconds),), tick, rest=0.0))
 
 
 def _seconds(plan: Plan, machine: Machine, motor: int, angle: Array) -> Array:
@@ -280,18 +308,16 @@ def _seconds(plan: Plan, machine: Machine, motor: int, angle: Array) -> Array:
 
 
 def _motion(
-    plan: Plan,
-    machine: Machine,
-    moves: tuple[tuple[int, float], ...],
-    tick: float,
-    rest: float = REST_S,
+    moves: tuple[tuple[int, float, float], ...], tick: float, rest: float = REST_S
 ) -> Array:
-    """Angles (m+1, 2), rad, at the ticks of motors that turn one after the other and then rest."""
+    """Angles (m+1, 2), rad, at the ticks of motors that turn one after the other and then rest.
+
+    Each move is a motor, its angle in rad, and its time in s.
+    """
     out = [np.zeros((1, 2))]
-    for motor, angle in moves:
+    for motor, angle, seconds in moves:
         if angle == 0:
             continue
-        seconds = float(_seconds(plan, machine, motor, np.asarray(angle)))
         count = max(1, int(np.ceil(seconds / tick)))
         x = np.arange(1, count + 1) / count
         move = np.zeros((len(x), 2))

@@ -122,6 +122,13 @@ def test_the_preparation_moves_no_passive_joint_and_never_back(plan: Plan) -> No
     assert np.max(np.abs(follows)) < np.deg2rad(0.4)
 
 
+def test_loaded_joints_of_an_arm_with_inertia_hardly_slip_in_the_preparation(plan: Plan) -> None:
+    heavy, light = (planner.Machine.prototype(fidelity=f) for f in ("dynamic", "quasi-static"))
+    made, other = (follow(plan, m, CompensationTable(correction=False)) for m in (heavy, light))
+    slips = np.abs(made.theta(made.lead_s) - made.theta(0.0))[1:]
+    assert np.rad2deg(np.max(slips)) < 0.5 < 1.0 < made.lead_s - other.lead_s < 3.0
+
+
 def test_backing_off_moves_no_joint_of_the_nominal_machine(plan: Plan, compensated: Plan) -> None:
     made = compensated
     assert 0.5 < made.tail_s < 2.0

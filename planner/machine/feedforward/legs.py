@@ -229,12 +229,14 @@ def _gentle_s(system: Manipulator, machine: Machine, swing: Array) -> Array:
     """
     if machine.fidelity != "dynamic":
         return np.zeros(swing.shape)
-    names = ("link_inertia_kgm2", "link_length_m", "link_moment_kgm")
-    links = [np.broadcast_to(machine.mean(name, system.n), system.n)[:, None] for name in names]
-    straight = chain_inertia(*links, np.zeros((system.n, 1)))[..., 0]
+    inertia, length, moment = (
+        np.broadcast_to(machine.mean(name, system.n), system.n)[:, None]
+        for name in ("link_inertia_kgm2", "link_length_m", "link_moment_kgm")
+    )
+    straight = chain_inertia(inertia, length, moment, np.zeros((system.n, 1)))[..., 0]
     carried = np.cumsum(straight.sum(axis=1)[::-1])[::-1][1:]
     twist = carried / machine.mean("shaft_stiffness_nm_per_rad", system.n)
-    return np.sqrt(6 * np.abs(swing) * np.max(twist) / np.deg2rad(SLIP_DEG))
+    return np.asarray(np.sqrt(6 * np.abs(swing) * np.max(twist) / np.deg2rad(SLIP_DEG)))
 
 
 def _reachable(problem: Problem, q: Array, start: float) -> Array:

@@ -71,7 +71,7 @@ class Remedy:
         return f"{self.words}: the method '{self.method}' then has a verified plan{took} (tried)"
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form (NaN where undefined)."""
+        """Return JSON-ready data; NaN where undefined."""
         return {"changes": self.changes, "method": self.method, "plan": self.plan}
 
 
@@ -145,7 +145,7 @@ class Analysis:
         return text if self.remedy is None else f"{text} Change {self.remedy}."
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form (NaN where undefined)."""
+        """Return JSON-ready data; NaN where undefined."""
         system = self.problem.system
         return {
             "problem": self.problem.name,
@@ -224,7 +224,7 @@ def check(
 def find_remedy(
     problem: Problem, names: Sequence[str], say: Progress, reach: Reach | None = None
 ) -> Remedy | None:
-    """The first change of the problem with which a method has a verified plan."""
+    """Return the first change of the problem with which a method has a verified plan."""
 
     def attempt(change: Change) -> Plan:
         return solve_and_check(problem.changed(change.keys), change.method, advice=False)[0]

@@ -40,7 +40,7 @@ from planner.support.package import version as installed_version
 from planner.support.tables import clean_text, shorten
 
 MAX_MESSAGE = 5000
-"""Most characters of a message, about what a terminal shows at once."""
+"""Maximum length of a message in characters, about what a terminal shows at once."""
 DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
 """Error numbers of a full disk."""
 

@@ -204,7 +204,7 @@ def _say_results(
 
 
 def _sets(changes: list[str] | None) -> list[str]:
-    """Return the `--set` words that repeat the changes in a command."""
+    """Return the `--set` options of these changes, for a command line."""
     return [word for change in changes or [] for word in ("--set", change)]
 
 

@@ -108,7 +108,7 @@ def _held_miss(plan: Plan, rate_hz: float) -> dict[str, float]:
 def animate(
     plans: Annotated[
         list[Path],
-        typer.Argument(metavar="PLAN", help="Plan files (JSON) of `planner plan --out`."),
+        typer.Argument(metavar="PLAN", help="Plan files (JSON) from `planner plan --out`."),
     ],
     out: Annotated[Path, out_option("FILE", "The film: FILE.gif or FILE.mp4.")],
     fps: Annotated[int, typer.Option("--fps", help="Frames per second, 1 to 60.")] = 25,
@@ -151,7 +151,7 @@ def _plans_by_label(paths: Sequence[Path]) -> dict[str, Plan]:
 
 def report(
     folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="A folder of `planner compare --out`.")
+        Path, typer.Argument(metavar="FOLDER", help="A folder from `planner compare --out`.")
     ],
     out: Annotated[
         Path | None, out_option("FILE", "The page. Default: report.html in FOLDER.")

@@ -369,7 +369,7 @@ def _knee(curve: TradeOff) -> str:
 
 
 def _use(curve: TradeOff, file: Path) -> str:
-    """Return whether the knee is worth its cost, its plan's file, and the commands that use it."""
+    """Say whether the knee is worth its cost, where its plan is, and which commands use it."""
     first, k = curve.points[0], curve.knee
     lines = []
     if k is not first:

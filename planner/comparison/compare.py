@@ -78,7 +78,7 @@ def compare(
         samples: Number of random machines, at least 1, or a list of sample numbers.
         seed: Random seed; the same seed gives the same machines.
         feedback: Whether to replay every plan a second time with feedback by the tracker. With the
-            default methods only that of the last one, which is compensated for arms.
+            default methods, only the plan of the last method is (for arms a compensated one).
         progress: Called with the current step and the finished share, 0 … 1; see `Progress`.
         time_limit_s: Seconds for planning with each method; see `planner.solve`.
         threshold_deg: A difference of E below this is too small to matter, degrees: the plan counts

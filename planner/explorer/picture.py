@@ -102,7 +102,7 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
 
 
 def _handles(plan: Plan) -> list[dict[str, Any]]:
-    """Return the constraint points; those set in the problem can be dragged by their controls."""
+    """Return the constraint points; only points set in the problem have controls to drag."""
     if plan.method != "polynomial":
         return []
     options = plan.options["points"]

@@ -33,7 +33,7 @@ PER_JOINT = {
     "goal.theta_deg": 0,
     "limits.joint_deg": 0,
 }
-"""Lists of an arm, each with the number of joints minus its length."""
+"""Keys with lists of an arm. The value is the number of joints minus the length of the list."""
 
 
 @dataclass(frozen=True)

@@ -170,7 +170,7 @@ def check_keys(
 
 
 def _extreme_values(values: Iterable[Any]) -> list[Any]:
-    """Return the smallest and largest finite number, and every other kind of value."""
+    """Return the smallest and the largest finite number, and all values that are no such number."""
     numbers, others = [], {}
     for value in values:
         if type(value) in (int, float) and math.isfinite(value):

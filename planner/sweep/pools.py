@@ -84,7 +84,7 @@ class SerialPool:
         return future
 
     def close(self) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
 
 class LocalPool:
@@ -104,7 +104,7 @@ class LocalPool:
         self._closed = False
 
     def submit(self, request: Request) -> Future[Row]:
-        """Hand over a case."""
+        """Submit a case."""
         return self._threads.submit(self._run, request)
 
     def close(self) -> None:
@@ -303,7 +303,7 @@ class ClusterPool:
             ) from None
 
     def submit(self, request: Request) -> Future[Row]:
-        """Hand over a case."""
+        """Submit a case."""
         answer: Future[Row] = Future()
 
         def done(future: Future[Row]) -> None:

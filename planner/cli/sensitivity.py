@@ -167,10 +167,10 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
     refused = {row.label: row.why for row in rows if not row.solved}
     data = {"source": str(source), **comparison.to_dict(), "refused": refused, "written": written}
     notes = [""] * bool(refused) + [
-        f"{label}: {'refused' if label in comparison.found else 'no plan'}, {why}"
+        f"{label}: {'refused' if label in comparison.plans else 'no plan'}, {why}"
         for label, why in refused.items()
     ]
-    table = terminal_table(comparison.columns(), comparison.found)
+    table = terminal_table(comparison.columns(), comparison.plans)
     title = f"{problem.name}: one standard deviation of each of {', '.join(spread)}"
     parts: list[str | Table] = [
         title,

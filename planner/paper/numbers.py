@@ -238,16 +238,16 @@ def _machine(cases: Cases) -> list[PaperNumber]:
 
 def _sensitivity(cases: Cases) -> PaperNumber:
     calm = solve(cases.best.problem.changed(CALM_LIMITS), "desensitised")
-    plans = sensitivities({"valid": cases.valid, "best": cases.best, "calm": calm})
-    law, best, calm_block = (f"{value:.3f}" for value in plans.passive_block_deg.values())
-    totals = [each.total_deg() for each in plans.found.values()]
+    comparison = sensitivities({"valid": cases.valid, "best": cases.best, "calm": calm})
+    law, best, calm_block = (f"{value:.3f}" for value in comparison.passive_block_deg.values())
+    totals = [each.total_deg() for each in comparison.plans.values()]
     return PaperNumber(
         "5",
         "the path will be very different when input control changes slightly",
         f"errors of 1 % in both inputs and 0.5 deg at the start move the end by {totals[0]:.2f} deg"
-        f" (one standard deviation); {plans.found['valid'].floor_deg():.3f} deg of it is the same"
-        " for all open-loop plans between these ends. The part that depends on the path (passive"
-        f" block) is {law} deg for the paper's law and {best} deg for the plan of least effort, so"
+        f" (one standard deviation); {comparison.plans['valid'].floor_deg():.3f} deg of it is the"
+        " same for all open-loop plans between these ends. The part that depends on the path"
+        f" (passive block) is {law} deg for the paper's law and {best} deg for the plan of least effort, so"
         f" the law is not the cause. A desensitised plan has {calm_block} deg, and a total of"
         f" {totals[2]:.2f} deg",
         "true of every plan alike",

@@ -245,12 +245,12 @@ def save_sensitivities(found: Sensitivities, path: str | Path) -> Path:
     with folder(path) as place:
         text = json.dumps(jsonable(found.to_dict()), indent=1, allow_nan=False)
         write_text(place / "sensitivities.json", text + "\n")
-        table = markdown_table(found.columns(), found.found)
+        table = markdown_table(found.columns(), found.plans)
         write_text(place / "sensitivities.md", f"{table}\n\n{found.sentence}\n")
-        write_text(place / "sensitivities.csv", csv_table(found.columns(), found.found))
+        write_text(place / "sensitivities.csv", csv_table(found.columns(), found.plans))
         found.figure().savefig(place / "sensitivities.png", dpi=120)
         (place / "plans").mkdir()
-        for label, each in found.found.items():
+        for label, each in found.plans.items():
             each.plan.save(place / "plans" / f"{_file_name(label)}.json")
     return Path(path)
 

@@ -38,11 +38,11 @@ class Sensitivities:
     """The sensitivities of several plans.
 
     Attributes:
-        found: The sensitivities of the plans by label.
+        plans: The sensitivities of the plans by label.
         spread: Standard deviations of the errors; see `Sensitivity.total_deg`.
     """
 
-    found: Mapping[str, Sensitivity]
+    plans: Mapping[str, Sensitivity]
     spread: Mapping[str, float]
 
     def __repr__(self) -> str:
@@ -54,12 +54,12 @@ class Sensitivities:
     @property
     def system(self) -> TriangularSystem:
         """The system of all plans."""
-        return next(iter(self.found.values())).plan.problem.system
+        return next(iter(self.plans.values())).plan.problem.system
 
     @property
     def passive_block_deg(self) -> dict[str, float]:
         """The passive block of each plan, degrees."""
-        return {k: each.passive_block_deg(self.spread) for k, each in self.found.items()}
+        return {k: each.passive_block_deg(self.spread) for k, each in self.plans.items()}
 
     @property
     def sentence(self) -> str:
@@ -67,7 +67,7 @@ class Sensitivities:
         blocks = self.passive_block_deg
         least, most = min(blocks, key=lambda k: blocks[k]), max(blocks, key=lambda k: blocks[k])
         low, high = blocks[least], blocks[most]
-        floors = [each.floor_deg(self.spread) for each in self.found.values()]
+        floors = [each.floor_deg(self.spread) for each in self.plans.values()]
         floor = f"{_degrees(max(floors))} deg of each total is irreducible"
         if high - low <= ALIKE * low:
             return f"The passive block is {_degrees(low)} deg for every plan; {floor}."
@@ -81,20 +81,20 @@ class Sensitivities:
     @property
     def verdict(self) -> str:
         """Whether the smallest total is worth its effort, and which command to run next."""
-        spent = {k: effort(each.plan.trajectory) for k, each in self.found.items()}
-        totals = {k: each.total_deg(self.spread) for k, each in self.found.items()}
+        spent = {k: effort(each.plan.trajectory) for k, each in self.plans.items()}
+        totals = {k: each.total_deg(self.spread) for k, each in self.plans.items()}
         cheapest, calm = (min(each, key=lambda k: each[k]) for each in (spent, totals))
         if calm == cheapest:
             text = f"{calm} has the smallest total and the least effort"
         else:
             gain = worth(totals[cheapest], totals[calm], spent[calm] / spent[cheapest])
             text = f"{calm} instead of {cheapest}: {gain}"
-        return f"{text}. {next_step(self.found[cheapest].plan.problem, cheapest, calm)}"
+        return f"{text}. {next_step(self.plans[cheapest].plan.problem, cheapest, calm)}"
 
     @property
     def sizes(self) -> list[tuple[float, str]]:
         """Standard deviation and unit of each error with a nonzero standard deviation."""
-        first = next(iter(self.found.values()))
+        first = next(iter(self.plans.values()))
         sigma = first.standard_deviation(self.spread)
         return [(float(sigma[p]), first.units[p]) for p in np.flatnonzero(sigma)]
 
@@ -105,9 +105,9 @@ class Sensitivities:
         A response is the root sum of squares over all angles at the end, shape (m,), degrees, for
         one standard deviation.
         """
-        first = next(iter(self.found.values()))
+        first = next(iter(self.plans.values()))
         keep = np.flatnonzero(first.standard_deviation(self.spread))
-        values = {k: each.contribution_deg(self.spread) for k, each in self.found.items()}
+        values = {k: each.contribution_deg(self.spread) for k, each in self.plans.items()}
         return (
             [first.parameters[p] for p in keep],
             {k: np.linalg.norm(each[:, keep], axis=0) for k, each in values.items()},
@@ -115,7 +115,7 @@ class Sensitivities:
 
     def columns(self) -> list[Column[str]]:
         """Return the columns of the table; its rows are labels of plans."""
-        plans, spread = self.found, self.spread
+        plans, spread = self.plans, self.spread
 
         def spent(label: str) -> float:
             return effort(plans[label].plan.trajectory)
@@ -131,7 +131,7 @@ class Sensitivities:
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready data: `Sensitivity.to_dict` of each plan, sentence and verdict."""
-        plans = {k: each.to_dict(self.spread) for k, each in self.found.items()}
+        plans = {k: each.to_dict(self.spread) for k, each in self.plans.items()}
         return {"plans": plans, "sentence": self.sentence, "verdict": self.verdict}
 
     def figure(self) -> Figure:

@@ -30,7 +30,7 @@ def test_errors_add_up_to_the_total(plans: dict[str, planner.Plan]) -> None:
     names, responses = found.responses
     assert names == ["gain u1", "gain u2", "start theta1"]
     assert found.sizes == [(0.02, "1"), (0.02, "1"), (0.01, "rad")]
-    for label, each in found.found.items():
+    for label, each in found.plans.items():
         assert np.linalg.norm(responses[label]) == pytest.approx(each.total_deg(found.spread))
 
 

@@ -86,7 +86,7 @@ def _front(ax: Any, study: DesignStudy) -> None:
     load = next(figure for figure in study.figures if figure.key == CONTACT_LOAD)
     y = rest[0] if rest else load
     built = [row for row in study.rows if row.figures]
-    solved = f"solved {study.asked.reaching}"
+    solved = f"solved {study.input.reaching}"
     most = max((row[solved] for row in built), default=0.0)
     fewer = [r for r in built if r[solved] < most]
     slipping = [r for r in built if r[solved] == most and not r.holds]

@@ -37,7 +37,7 @@ def plot_sensitivities(found: Sensitivities, *, axes: Any = None) -> tuple[Figur
     """
     expect(Sensitivities, found, "planner.sensitivities(plans) makes one")
     ours = axes is None
-    high = 0.34 * len(found.found) + 1.8
+    high = 0.34 * len(found.plans) + 1.8
     figure, axes = grid(1, 2, axes, size=(5.4, max(high, 3.0)))
     _sums(axes[0, 0], found)
     _errors(axes[0, 1], found)
@@ -49,10 +49,10 @@ def _sums(ax: Any, found: Sensitivities) -> None:
     """Draw bars of each plan's passive block and total, and a line at the irreducible part."""
     from matplotlib.patches import Patch  # slow to import
 
-    labels, spread = list(found.found), found.spread
+    labels, spread = list(found.plans), found.spread
     places, colour = np.arange(len(labels)), colours(labels)
     rows = (
-        ("total", [each.total_deg(spread) for each in found.found.values()], -0.2, PALE),
+        ("total", [each.total_deg(spread) for each in found.plans.values()], -0.2, PALE),
         ("passive block", list(found.passive_block_deg.values()), 0.2, 1.0),
     )
     handles = []
@@ -61,7 +61,7 @@ def _sums(ax: Any, found: Sensitivities) -> None:
         bars = ax.barh(places + offset, values, height=0.36, color=colour_list, alpha=alpha)
         ax.bar_label(bars, fmt="%.3f", fontsize=8, padding=2)
         handles.append(Patch(color=LIMIT_COLOUR, alpha=alpha, label=name))
-    floor = max(each.floor_deg(spread) for each in found.found.values())
+    floor = max(each.floor_deg(spread) for each in found.plans.values())
     handles.append(ax.axvline(floor, color=LIMIT_COLOUR, linestyle=":", label="irreducible"))
     ax.set_yticks(places, [escape_math(label) for label in labels])
     ax.set_ylim(len(labels) - 0.4, -1.2)  # room for the legend above the bars

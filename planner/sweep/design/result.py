@@ -45,7 +45,7 @@ class DesignStudy:
     """Designs of the mechanism, compared on a set of tasks; see `design_study`.
 
     Attributes:
-        asked: The contents of the design file.
+        input: The contents of the design file.
         rows: The designs in the order of the file; the base mechanism, if included, is first.
         figures: The figures that compare the designs.
         front_by: The figures to trade off.
@@ -55,7 +55,7 @@ class DesignStudy:
         seconds: Total time of the cases of each method, in seconds, without parallelism.
     """
 
-    asked: StudyInput
+    input: StudyInput
     rows: tuple[DesignRow, ...]
     figures: tuple[DesignFigure, ...]
     front_by: tuple[DesignFigure, ...]
@@ -68,7 +68,7 @@ class DesignStudy:
         choice = self.recommended
         answer = "no design solves a task" if choice is None else f"take {choice.design.name}"
         tasks = f"{self.tasks} task{'s' if self.tasks > 1 else ''}"
-        return f"DesignStudy({self.asked.title!r}, {len(self.rows)} designs, {tasks}: {answer})"
+        return f"DesignStudy({self.input.title!r}, {len(self.rows)} designs, {tasks}: {answer})"
 
     def __getitem__(self, name: str) -> DesignRow:
         by_name = {row.design.name: row for row in self.rows}
@@ -79,12 +79,12 @@ class DesignStudy:
     @property
     def title(self) -> str:
         """The question of the study."""
-        return self.asked.title
+        return self.input.title
 
     @property
     def tasks(self) -> int:
         """Number of tasks of each design."""
-        return len(next(iter(self.asked.tasks.values())))
+        return len(next(iter(self.input.tasks.values())))
 
     @property
     def front(self) -> tuple[DesignRow, ...]:
@@ -106,9 +106,9 @@ class DesignStudy:
             "format": FORMAT,
             "version": VERSION,
             "title": self.title,
-            "source": self.asked.source,
+            "source": self.input.source,
             "tasks": self.tasks,
-            "methods": self.asked.methods,
+            "methods": self.input.methods,
             "front_by": [figure.key for figure in self.front_by],
             "recommended": None if self.recommended is None else self.recommended.design.name,
             "reason": self.reason,
@@ -118,7 +118,7 @@ class DesignStudy:
                 | {"values": row.design.values, "figures": row.figures, "why": row.why}
                 for row in self.rows
             ],
-            "study": self.asked.table.model_dump(mode="json", by_alias=True, exclude_unset=True),
+            "study": self.input.table.model_dump(mode="json", by_alias=True, exclude_unset=True),
             "versions": versions(),
         }
         return dict(jsonable(data))
@@ -138,7 +138,7 @@ class DesignStudy:
     def table(self) -> Table:
         """Return a table for `rich.print(study.table())`."""
         narrow = {"design", "front", *(figure.title for figure in self.front_by), *TERMINAL_COLUMNS}
-        narrow.add(f"solved, {self.asked.reaching}")
+        narrow.add(f"solved, {self.input.reaching}")
         return terminal_table(
             [column for column in self.columns if column.title in narrow],
             self.rows,
@@ -165,10 +165,10 @@ class DesignStudy:
 
     @property
     def _caption(self) -> str:
-        replay = self.asked.table.replay
-        before = Machine.from_table(self.asked.base.machine).start_words
+        replay = self.input.table.replay
+        before = Machine.from_table(self.input.base.machine).start_words
         return (
-            f"{self.tasks} tasks; figures of the plans by {self.asked.methods[0]}: effort, chart"
+            f"{self.tasks} tasks; figures of the plans by {self.input.methods[0]}: effort, chart"
             " margin, errors and spread are medians over the tasks, peaks and loads the largest."
             " Contacts: load over the load at which a contact slips; motor torque: of motor 1;"
             " both are the 99th percentile of the machines; motor power: motor torque times the"
@@ -182,10 +182,10 @@ class DesignStudy:
     @property
     def _price(self) -> str:
         """The computing time, and the part of compensated plans; "" without compensation."""
-        if not self.asked.table.compensated:
+        if not self.input.table.compensated:
             return ""
         most = sum(self.seconds.values())
-        part = self.seconds.get(self.asked.reaching, 0.0)
+        part = self.seconds.get(self.input.reaching, 0.0)
         return (
             f" Planning and replays took {number(most)} s of one processor, {number(part)} s of"
             " them for the compensated plans."
@@ -206,7 +206,7 @@ class DesignStudy:
             InputError: If the folder or a file cannot be written.
         """
         place = make_folder(folder)
-        again = made_by(f"planner design {self.asked.source} --out {folder}")
+        again = made_by(f"planner design {self.input.source} --out {folder}")
         text = f"{self.markdown()}\n![The study](design.png)\n\n{again}\n"
         write_text(place / "design.md", text)
         write_text(place / "design.csv", csv_table(self.columns, self.rows))

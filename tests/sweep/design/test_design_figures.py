@@ -161,7 +161,7 @@ def test_an_unsolved_task_counts_as_worse_than_any(known: Known, quick: dict[str
     }  # fmt: skip
     assert np.isnan([less["effort"], less["margin"], less["compensated_end_deg"]]).all()
     assert less["peak_u1_rad_s"] == 4.0
-    posed = (study.asked.problem_of(less.design, task) for task in study.asked.tasks[3])
+    posed = (study.input.problem_of(less.design, task) for task in study.input.tasks[3])
     *windows, none = map(planner.travel_window, posed)
     assert none is not None
     assert none.empty

@@ -244,7 +244,7 @@ def test_a_goal_that_leaves_a_joint_free_has_no_window_and_is_planned() -> None:
 
 def asked(quick: Tables, **tables: Any) -> Any:
     """What is planned of designs and tasks, none of which can be solved."""
-    return planner.design_study({**quick, **tables}, workers=0).asked
+    return planner.design_study({**quick, **tables}, workers=0).input
 
 
 def test_the_dry_run_refuses_unknown_figures_too(

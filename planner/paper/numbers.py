@@ -247,9 +247,9 @@ def _sensitivity(cases: Cases) -> PaperNumber:
         f"errors of 1 % in both inputs and 0.5 deg at the start move the end by {totals[0]:.2f} deg"
         f" (one standard deviation); {comparison.plans['valid'].floor_deg():.3f} deg of it is the"
         " same for all open-loop plans between these ends. The part that depends on the path"
-        f" (passive block) is {law} deg for the paper's law and {best} deg for the plan of least effort,"
-        f" so the law is not the cause. A desensitised plan has {calm_block} deg, and a total of"
-        f" {totals[2]:.2f} deg",
+        f" (passive block) is {law} deg for the paper's law and {best} deg for the plan of least"
+        f" effort, so the law is not the cause. A desensitised plan has {calm_block} deg, and a"
+        f" total of {totals[2]:.2f} deg",
         "true of every plan alike",
     )
 

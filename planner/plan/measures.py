@@ -179,8 +179,7 @@ def turns(trajectory: Trajectory) -> Array:
 
 
 def slowing_factor(requirements: Sequence[Requirement], trajectory: Trajectory) -> float:
-    """Factor by which to slow a motion so that it meets the requirements on speed; NaN if
-    undefined.
+    """Factor by which to slow a motion to meet the requirements on speed; NaN if undefined.
 
     A driftless path does not depend on its timing, so inputs scale with 1/T and rates with 1/T².
     """

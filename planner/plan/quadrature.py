@@ -97,10 +97,10 @@ class Reading:
 
 
 def read_trajectory(trajectory: Trajectory, *values: Values, start: Cells | None = None) -> Reading:
-    """Split cells until they resolve the given functions (by default the input), and return q and
-    u.
+    """Read q and u on cells that are split until they resolve the given functions.
 
-    Functions that are not finite are never resolved; their values are returned as they are.
+    By default they resolve the input. Functions that are not finite are never resolved; their
+    values are returned as they are.
     """
     functions = values or (input_values,)
     open_ = Cells.of(trajectory.breaks) if start is None else start

@@ -92,13 +92,13 @@ class Samples:
         """
         size = (len(columns) - 7) // 2
         if size < 2 or table.ndim != 2 or table.shape[1] != len(columns):
-            raise ValueError(f"{len(columns)} columns")
+            raise ValueError(f"it has {len(columns)} columns")
         cuts = np.cumsum([1, size, 2, 2, size])
         t, q, u, motors, z, v = np.split(table, cuts, axis=1)
         names, u1, u2, *axes = (tuple(columns[1 : 1 + size]), *columns[1 + size : 5 + size])
         samples = cls(names, (u1, u2), (axes[0], axes[1]), t[:, 0], q, u, motors, z, v)
         if samples.columns != tuple(columns):
-            raise ValueError(f"columns {', '.join(columns)}")
+            raise ValueError(f"its columns are {', '.join(columns)}")
         return samples
 
 

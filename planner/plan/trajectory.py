@@ -26,8 +26,7 @@ from planner.systems.triangular_system import TriangularSystem
 class Trajectory(ABC):
     """q(t), u(t), z(t) and v(t) on [0, duration], vectorised over t.
 
-    At times before 0 and after the duration, coordinates are those of the nearest end; inputs are
-    0.
+    Before 0 and after the duration, coordinates are those of the nearest end; inputs are zero.
     """
 
     kind: ClassVar[str]

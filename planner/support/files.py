@@ -346,7 +346,7 @@ def read_json(path: str | Path, otherwise: str = "") -> dict[str, Any]:
     except ValueError as error:
         raise InputError(f"{path} is not JSON: {error}{otherwise and '; '}{otherwise}") from None
     if not isinstance(data, dict):
-        raise InputError(f"{path} does not hold one object{otherwise and '; '}{otherwise}")
+        raise InputError(f"{path} must hold one JSON object{otherwise and '; '}{otherwise}")
     return data
 
 

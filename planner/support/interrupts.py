@@ -233,7 +233,7 @@ def osqp_result(solver: Any) -> Any:
 
 @cache
 def _osqp_interrupt_query() -> Callable[[], int]:
-    """OSQP's function that tells whether Ctrl-C was pressed in the last solve, if exported."""
+    """Function of OSQP's library: was Ctrl-C pressed in the last solve? 0 if it is not exported."""
     try:
         from osqp import ext_builtin
 

@@ -145,7 +145,7 @@ def test_folders_that_are_none(copied: Path, tmp_path: Path) -> None:
         with pytest.raises(planner.InputError, match=says):
             write_report(copied)
     path.write_text("[]")
-    with pytest.raises(planner.InputError, match="does not hold one object"):
+    with pytest.raises(planner.InputError, match="must hold one JSON object"):
         write_report(copied)
     assert not (copied / "report.html").exists()
 

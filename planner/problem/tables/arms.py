@@ -198,8 +198,8 @@ class ArmFile(ProblemFile):
         if len(tip) > free:
             keys = ["goal.tip_m"] * ("x" in tip) + ["goal.tip_angle_deg"] * ("angle" in tip)
             raise ValueError(
-                f"{' and '.join(keys)} ask{'s' * (len(keys) == 1)} for {len(tip)} numbers, which"
-                f" need as many free joints; goal.theta_deg leaves {free}"
+                f"{' and '.join(keys)} need{'s' * (len(keys) == 1)} {len(tip)} free joints, but"
+                f" goal.theta_deg leaves {free} free"
             )
         if "x" in tip and self.system.link_lengths is None:
             raise ValueError(
@@ -327,7 +327,7 @@ class GearTable(Table):
             if isinstance(value, list) and len(value) != count:
                 raise ValueError(
                     f"gear.{field.alias or name} has {len(value)} values; joints ="
-                    f" {count + 1} needs {count}, one a stage, or one number for all"
+                    f" {count + 1} needs {count}, one per stage, or one number for all"
                 )
             columns.append(value if isinstance(value, list) else [value] * count)
         return [Gear(*row) for row in zip(*columns, strict=True)]

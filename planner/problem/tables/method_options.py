@@ -45,7 +45,7 @@ Rest = Annotated[
 
 
 def rests(asked: Rest, input_rate: Array) -> bool:
-    """Whether inputs are zero at both ends, given their rate limits (2,), infinite if none."""
+    """Decide the option `rest`: are inputs zero at both ends? Rate limits (2,) may be infinite."""
     return bool(np.any(np.isfinite(input_rate))) if asked == "auto" else asked
 
 

@@ -1,4 +1,4 @@
-// What every figure shares: frame, axes, key, reading of values by pointer and keys.
+// Common parts of all figures: frame, axes, legend, reading values with the pointer or keys.
 
 const EDGE = { left: 50, right: 12, top: 8, bottom: 38 };
 const HEIGHT = 220;
@@ -7,8 +7,8 @@ let charts = 0;
 class Chart {
   /**
    * @param host element to draw into
-   * @param panel what to draw: kind, title, unit, series or points; another one may be set later
-   * @param page plans, which are shown, whether machines are, and the clock's setter
+   * @param panel data to draw: kind, title, unit, series or points; it may be replaced later
+   * @param page plans, which of them are visible, whether machines are, and a function to set the clock
    */
   constructor(host, panel, page) {
     Object.assign(this, { host, panel, page, reading: null, clock: null });
@@ -45,7 +45,7 @@ class Chart {
     this.read(this.nearest(event.clientX - box.left, event.clientY - box.top));
   }
 
-  /** Where the keys lead; undefined for keys that mean nothing here. */
+  /** The position that a key moves to; undefined for other keys. */
   key({ key, shiftKey }) {
     const now = this.reading ?? this.first();
     if (key in this.arrows) return this.step(now, this.arrows[key], shiftKey);
@@ -58,7 +58,7 @@ class Chart {
     return undefined;
   }
 
-  /** Where keys lead forward and backward. */
+  /** Positions of the next step forward and backward. */
   arrows = { ArrowRight: 1, ArrowLeft: -1 };
 
   step(now, way, far) {
@@ -66,12 +66,12 @@ class Chart {
     return this.nearest(this.x(now) + (way * (last - first)) / (far ? 20 : 100));
   }
 
-  /** The first place that can be read, and the last. */
+  /** The first and the last position that can be read. */
   get ends() {
     return [this.x.low, this.x.high];
   }
 
-  /** The place that is read when the keys come. */
+  /** The position at which reading with keys starts. */
   first() {
     return this.ends[0];
   }
@@ -80,7 +80,7 @@ class Chart {
     return Math.min(this.x.high, Math.max(this.x.low, this.x.invert(px)));
   }
 
-  /** What the horizontal axis is called. */
+  /** Label of the horizontal axis. */
   across() {
     return this.panel.across;
   }
@@ -91,7 +91,7 @@ class Chart {
     return this.page.shown[item.plan] && (!item.machine || this.page.ghost);
   }
 
-  /** Draw the panel, in the width of its place or one that is known. */
+  /** Draw the panel, in the width of its host or a given width. */
   render(wide = this.host.clientWidth) {
     const width = Math.max(200, wide);
     this.size = { width, right: width - EDGE.right, bottom: HEIGHT - EDGE.bottom };
@@ -113,7 +113,7 @@ class Chart {
     this.read(this.reading);
   }
 
-  /** Title, unit, a few words; then what the panel's own curves, bands and marks are called. */
+  /** Title, unit and note; then names of the panel's own curves, bands and marks. */
   heading() {
     const { title, unit, note, series = [], band, marks = [], key = [] } = this.panel;
     const words = [unit, this.y.log && "log scale"].filter(Boolean).join(", ");
@@ -135,7 +135,7 @@ class Chart {
     axes(this.svg, this.x, this.y, { ...EDGE, right, bottom }, { percent: this.percent, across: this.across() });
   }
 
-  /** Show values at a place (null: none); `aloud` tells them to a screen reader too. */
+  /** Show values at a position (null: none); with `aloud` also to a screen reader. */
   read(place, aloud = false) {
     if (place !== this.reading) this.page.follow?.(this, place);
     this.reading = place;
@@ -168,7 +168,7 @@ class Chart {
     }
   }
 
-  /** A line at the time of the motion's clock, where the figure has time. */
+  /** A line at the time of the motion's clock, in figures over time. */
   setCursor(t) {
     this.clock = t;
   }
@@ -178,7 +178,7 @@ class Chart {
     return ["time", "plane"].includes(this.panel.kind) && new Set(this.panel.series.map((s) => s.plan)).size > 1;
   }
 
-  /** What an item (a series, a point, a row of values) is called. */
+  /** Name of an item (a series, a point, a row of values). */
   named(item) {
     return item.name ?? this.page.plans[item.plan].label;
   }
@@ -213,12 +213,12 @@ function axes(svg, x, y, box, { across, percent = false, square = false }) {
   make("text", { class: "across", x: right, y: bottom + 33, "text-anchor": "end", text }, svg);
 }
 
-/** How a plan's lines are drawn: with feedback dotted, refused dashed, under its compensated one wide. */
+/** Style of a plan's lines: with feedback dotted, refused dashed, below its compensated plan wide. */
 function styleOf(plan) {
   return plan.closed ? "closed" : plan.refused ? "dashed" : plan.followed ? "followed" : "";
 }
 
-/** Least and greatest of finite numbers, a little apart from the frame. */
+/** Least and greatest of finite numbers, with a margin to the frame. */
 function range(lists, room = 0.06) {
   let low = Infinity;
   let high = -Infinity;

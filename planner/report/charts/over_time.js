@@ -72,7 +72,7 @@ class TimeChart extends Chart {
     this.drawNotes();
   }
 
-  /** When the clock of a compensated plan is held, where the panel shows that plan alone. */
+  /** Times at which a compensated plan's clock is held, if the panel shows only that plan. */
   holds() {
     const plans = new Set(this.panel.series.filter((s) => this.shown(s)).map((s) => s.plan));
     return plans.size === 1 ? (this.page.plans[[...plans][0]].holds ?? []) : [];

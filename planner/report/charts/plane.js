@@ -1,7 +1,7 @@
-// A figure in a plane: a path, with bodies on it or edges around it; values by pointer and keys.
+// A figure in a plane: paths, with poses or shaded edges; values with the pointer or keys.
 
 class PlaneChart extends Chart {
-  /** Equal on both axes, so that angles look as they are; or `view`, which fills the frame. */
+  /** Equal scale on both axes, to show true angles; or `view`, which fills the frame. */
   scales() {
     const { series, poses = [], discs = [], view } = this.panel;
     const { right, bottom } = this.size;
@@ -23,7 +23,7 @@ class PlaneChart extends Chart {
     return `${this.panel.title}. Arrow keys go along the path.`;
   }
 
-  /** The paths that are shown, each with the times of its plan. */
+  /** The visible paths, each with the times of its plan. */
   paths() {
     const visible = this.panel.series.filter((s) => this.shown(s));
     return visible.map((s) => ({ ...s, t: this.page.plans[s.plan].t }));
@@ -43,7 +43,7 @@ class PlaneChart extends Chart {
   draw() {
     const { inside, panel } = this;
     const { right, bottom } = this.size;
-    // Beyond the edges of a region: what lies outside its box is shaded, by the rule of evenness.
+    // Shade everything outside the region's box, with the even-odd rule.
     if (panel.region) {
       const [[left, east], [south, north]] = panel.region;
       const [a, b, c, d] = [this.x(left), this.x(east), this.y(north), this.y(south)];
@@ -77,7 +77,7 @@ class PlaneChart extends Chart {
     return (value) => (value === null ? null : scale(value));
   }
 
-  /** Time of the place on a path that is nearest. */
+  /** Time of the nearest point on a path. */
   nearest(px, py) {
     let [best, least] = [0, Infinity];
     for (const { x: xs, y: ys, t } of this.paths())
@@ -95,7 +95,7 @@ class PlaneChart extends Chart {
     return Math.min(last, Math.max(first, now + (way * (last - first)) / (far ? 20 : 100)));
   }
 
-  /** Where each path is at a time: [series, x, y]; those that are nowhere are missing. */
+  /** Position of each path at a time: [series, x, y]; undefined positions are left out. */
   where(t) {
     const found = this.paths().map((s) => [s, ...[s.x, s.y].map((values) => at(s.t, values, Math.max(s.t[0], Math.min(t, s.t.at(-1)))))]);
     return found.filter(([, x, y]) => x !== null && y !== null);

@@ -42,7 +42,7 @@ function short(x, digits = 4) {
   return text.replaceAll("-", "−");
 }
 
-/** Place in increasing `t` of the piece that holds `x`, and how far along it. */
+/** Index of the interval of increasing `t` that contains `x`, and the fraction inside it. */
 function place(t, x) {
   let a = 0;
   let b = t.length - 1;
@@ -85,7 +85,7 @@ function diamond(x, y, r = 6) {
 
 const VECTORS = new Set("svg g path line rect circle text polyline clipPath".split(" "));
 
-/** A new element; `svg` elements by their name. */
+/** Create an element; SVG elements are recognised by name. */
 function make(name, attributes = {}, parent = null) {
   const node = VECTORS.has(name)
     ? document.createElementNS("http://www.w3.org/2000/svg", name)

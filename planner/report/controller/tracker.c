@@ -1,5 +1,5 @@
-/* Read, estimate, predict, optimise, command: what planner/machine/feedback does for many machines
- * at once, here for one. Where Python asks OSQP, an exact active-set method answers. */
+/* Read, estimate, predict, optimise, command: the tracker of planner/machine/feedback for a single
+ * machine. An exact active-set method replaces OSQP. */
 #include "tracker.h"
 
 #include <math.h>
@@ -31,7 +31,7 @@ static real negative(real x) { return x < 0 ? x : 0; }
 
 /* -- prediction on the nominal machine ---------------------------------------------------------- */
 
-/* After both motors have turned by `travel`; contacts pass on a part of each joint's rate. */
+/* The state after both motors have turned by `travel`; contacts transmit a part of each joint's rate. */
 static void turn(tracker_pose *pose, const real travel[2], const real *lost, const real *error,
                  const real *passing) {
     const real moved = pose->side + travel[0];
@@ -58,7 +58,7 @@ static void tell(tracker *self, const real speed[2]) {
     self->ticks++;
 }
 
-/* How far motor m has been told to turn until `after` ticks after tick `base`. */
+/* Commanded turn of motor m from tick `base` until `after` ticks later. */
 static real travel_of(const tracker *self, int m, int base, real after) {
     int whole = base + (int)FN(floor)(after + ROUNDING_TICKS);
     real part = after - (real)(whole - base);
@@ -68,7 +68,7 @@ static real travel_of(const tracker *self, int m, int base, real after) {
     return self->travel[whole % TRACKER_RING][m] + part * TICK_S * self->told[whole % TRACKER_RING][m];
 }
 
-/* Carry out each motor's commands from `done` to `until`, in ticks after tick `base`. */
+/* Apply each motor's commands from `done` to `until`, in ticks after tick `base`. */
 static void forecast(const tracker *self, tracker_pose *pose, int base, const real done[2],
                      const real until[2]) {
     const real span[2] = {until[0] - done[0], until[1] - done[1]};
@@ -142,7 +142,7 @@ static void read_joint(tracker *self, int j, real seen) {
 
 /* -- the programme of one period: least |c|^2 within low <= value + T c <= high ------------------- */
 
-/* c is the deviation from the regulator over the horizon; value is what it makes of each row. */
+/* c is the deviation from the regulator over the horizon; value is each row under the regulator. */
 static struct {
     real value[ROWS], low[ROWS], high[ROWS], length[ROWS], T[ROWS][C];
     real basis[C][C], triangle[C][C]; /* of the active rows */
@@ -174,7 +174,7 @@ static void advance(int i, real state[X], real correction[2]) {
     memcpy(state + N, correction, 2 * sizeof(real));
 }
 
-/* Fill in rows for c = 0 from period k on; whether one is beyond its limits. */
+/* Compute the rows for c = 0 from period k on; return whether one violates its limits. */
 static int roll_out(int k, real state[X]) {
     int bound = 0;
     for (int row = 0; row < ROWS; row++) set_row(row, 0, -FREE, FREE);
@@ -201,7 +201,7 @@ static int roll_out(int k, real state[X]) {
     return bound;
 }
 
-/* How rows change with c. */
+/* Derivatives of the rows by c. */
 static void respond(int k) {
     memset(work.T, 0, sizeof work.T);
     memset(work.change, 0, sizeof work.change);
@@ -248,8 +248,8 @@ static real at(int row, const real c[C]) {
     return sum;
 }
 
-/* The unit normal of a row into its limits, without what lies along the first n of the basis;
- * coefficients of that in d. Its square. Twice, against rounding. */
+/* The inward unit normal of a row, orthogonalised against the first n basis vectors, with their
+ * coefficients in d. Returns its squared norm. Done twice, against rounding. */
 static real normal(int row, real side, int n, real z[C], real d[C]) {
     real square = 0;
     for (int a = 0; a < C; a++) z[a] = side * work.T[row][a] / work.length[row];
@@ -273,9 +273,9 @@ static void extend(int n, const real z[C], const real d[C], real square) {
 }
 
 /* The dual active-set method for a unit Hessian (D. Goldfarb, A. Idnani, A numerically stable dual
- * method for solving strictly convex quadratic programs, Mathematical Programming 27, 1983): begin
- * with the free optimum, and make the row most broken active, until none is broken; a row whose
- * multiplier would become negative on the way is dropped. Returns the number of steps. */
+ * method for solving strictly convex quadratic programs, Mathematical Programming 27, 1983): start
+ * at the unconstrained optimum, and activate the most violated row until none is violated; a row
+ * whose multiplier would become negative is dropped. Returns the number of steps. */
 enum { NO_POINT = -1, TOO_LONG = -2 };
 
 static int minimise(real c[C]) {
@@ -336,7 +336,7 @@ static int minimise(real c[C]) {
     }
 }
 
-/* The c of the regulator with each correction clipped to its limits in turn. */
+/* The c of the regulator if each correction is clipped to its limits, period by period. */
 static void clipped_regulator(real c[C]) {
     memset(c, 0, C * sizeof(real));
     for (int j = 0; j < C; j += 2) {
@@ -353,8 +353,8 @@ static void clipped_regulator(real c[C]) {
     }
 }
 
-/* Corrections of the next H periods. State limits that cannot be kept are widened to what the
- * clipped regulator makes of them; when the method takes too long, earlier corrections go on. */
+/* Corrections of the next H periods. State limits that cannot be kept are widened to the values
+ * under the clipped regulator. If the method needs too many steps, earlier corrections are kept. */
 static void optimise(tracker *self, int k, real state[X]) {
     real c[C];
     self->steps = 0;
@@ -384,7 +384,7 @@ static void optimise(tracker *self, int k, real state[X]) {
 
 /* -- commands --------------------------------------------------------------------------------------- */
 
-/* Deviation from the course, last corrections, rate errors and lost motion. */
+/* The state: deviation from the course, last corrections, rate errors and lost motion. */
 static void state_of(const tracker *self, int k, const tracker_pose *pose, real state[X]) {
     state[0] = pose->q[0] - Q[k][0];
     state[1] = pose->q[1] - Q[k][1];
@@ -401,7 +401,7 @@ static void state_of(const tracker *self, int k, const tracker_pose *pose, real 
     }
 }
 
-/* Within the limits of speed and of its change from tick to tick. */
+/* Clip to the limits on speed and on its change per tick. */
 static void limit_commands(const tracker *self, real speed[M][2]) {
     for (int i = 0; i < M; i++)
         for (int m = 0; m < 2; m++) speed[i][m] = clip(speed[i][m], -LIMIT[m], LIMIT[m]);
@@ -419,7 +419,7 @@ static void limit_commands(const tracker *self, real speed[M][2]) {
 #endif
 }
 
-/* Add what reverses a motor through its play; it stands where less than that is asked for soon. */
+/* Add the travel through the play of a reversing motor; hold it if it will soon turn by less. */
 static void cross_play(const tracker *self, int k, const tracker_pose *pose, real speed[M][2]) {
     const real half[2] = {DRIVE_PLAY / 2, self->lost_motion[0]};
     const real side[2] = {pose->side, pose->axis[0] - pose->q[1]};
@@ -441,7 +441,7 @@ static void cross_play(const tracker *self, int k, const tracker_pose *pose, rea
     }
 }
 
-/* Commands of one period, from when they can act. */
+/* Commands of one period, from the first tick at which they can act. */
 static void decide(tracker *self, int k) {
     const real now[2] = {-SHIFT_TICKS[0], -SHIFT_TICKS[1]};
     const real until[2] = {TRACKER_LATENCY_TICKS, TRACKER_LATENCY_TICKS};

@@ -23,7 +23,7 @@ typedef struct {
     tracker_real corrections[TRACKER_HORIZON][2];
     tracker_real told[TRACKER_RING][2], travel[TRACKER_RING][2];
     int period, ticks;  /* readings so far; ticks whose commands are known */
-    int fallbacks;      /* periods whose correction was cruder than it should be */
+    int fallbacks;      /* periods whose correction could not be optimised as intended */
     int steps;          /* of the active-set method in the last period; 0: no limit was in the way */
 } tracker;
 

@@ -81,7 +81,7 @@ def _decisive_figures(study: DesignStudy) -> list[DesignFigure]:
 
 
 def _front(ax: Any, study: DesignStudy) -> None:
-    """Draw the first two traded figures; a single one against the contacts' load."""
+    """Plot the designs over the first two traded figures, or over one and the contacts' load."""
     x, *rest = study.front_by
     load = next(figure for figure in study.figures if figure.key == CONTACT_LOAD)
     y = rest[0] if rest else load

@@ -168,7 +168,7 @@ def colours(labels: Sequence[str]) -> dict[str, str]:
 
 
 def colour_numbers(labels: Sequence[str]) -> dict[str, int]:
-    """Index in `PALETTE` of each plan's colour: its method's, if the label names a method."""
+    """Index in `PALETTE` of each plan's colour; plans of a method usually have its colour."""
     plans = list(dict.fromkeys(label.removesuffix(FEEDBACK) for label in labels))
     usual = {plan: METHOD_COLOURS.get(plan, METHOD_COLOURS.get(_method(plan))) for plan in plans}
     spare = [k for k in range(len(PALETTE)) if k not in usual.values()]

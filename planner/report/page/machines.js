@@ -1,4 +1,4 @@
-// Figures over many machines: shares of them, and effort against error with a point for each plan.
+// Figures over many machines: distribution of the error, and effort against error for each plan.
 
 class ShareChart extends Chart {
   scales() {
@@ -43,7 +43,7 @@ class ShareChart extends Chart {
   }
 }
 
-/** Quantile of increasing values, linear between them. */
+/** Quantile of increasing values, with linear interpolation. */
 function quantile(values, share) {
   const p = share * (values.length - 1);
   const k = Math.floor(p);
@@ -69,7 +69,7 @@ class PointsChart extends Chart {
     return `Effort against error. ${said.join("; ")}. Arrow keys go from plan to plan.`;
   }
 
-  /** The points of the plans that are shown. */
+  /** The points of the visible plans. */
   get places() {
     return this.panel.points.filter((p) => this.shown(p));
   }
@@ -83,7 +83,7 @@ class PointsChart extends Chart {
     this.drawNames();
   }
 
-  /** The plans' names beside their points, where they meet neither points, bars nor each other. */
+  /** Write the plans' names beside their points, without overlap of points, bars or other names. */
   drawNames() {
     const list = this.places.sort((a, b) => this.y(a.y) - this.y(b.y));
     const taken = list.map((p) => {
@@ -148,7 +148,7 @@ class PointsChart extends Chart {
   }
 }
 
-/** A box about its middle. */
+/** A box, given by its centre. */
 function around(x, y, half, high) {
   return { left: x - half, right: x + half, top: y - high, bottom: y + high };
 }

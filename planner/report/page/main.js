@@ -1,4 +1,4 @@
-// Puts the page together from its data.
+// Builds the page from its data.
 
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);

@@ -1,6 +1,6 @@
-// The arms (or vehicles) of two plans on one clock.
+// The motions of two plans (arms or vehicles) with a common clock.
 
-/** Points or values at time t, evenly between the two samples around it. */
+/** Points or values at time t, interpolated linearly between samples. */
 function between(motion, key, t) {
   const [a, b, s] = place(motion.t, Math.min(t, motion.t[motion.t.length - 1]));
   const mix = (p, q) => (Array.isArray(p) ? p.map((x, i) => mix(x, q[i])) : p + s * (q - p));
@@ -126,7 +126,7 @@ class Player {
     ghost.addEventListener("change", () => page.showMachines(ghost.checked));
   }
 
-  /** Corners of what all motions touch. */
+  /** Bounding box of all motions. */
   bounds(plans) {
     const { discs, tips } = this.page.space;
     const corners = discs.flatMap(([x, y, r]) => [[x - r, y - r], [x + r, y + r]]);
@@ -166,7 +166,7 @@ class Player {
     this.playing = true;
     this.show("Pause");
     let last = performance.now();
-    // Those who asked for less motion get still pictures, two a second.
+    // If the user prefers reduced motion, show two still pictures per second.
     const calm = matchMedia("(prefers-reduced-motion: reduce)");
     const step = (now) => {
       if (!this.playing) return;

@@ -737,12 +737,12 @@ BREAKDOWNS: list[tuple[Any, str]] = [
     (refuses_input, "failed: InputError: 'goal.duration' = 20: too long for mine"),
     (exits, "failed: SystemExit: 0"),
     (drops_out, "failed: Mute"),
-    (plans_nothing, "returned None, which is no plan"),
+    (plans_nothing, "returned None, which is not a plan"),
     (plans_another, "returned a plan of another problem"),
-    (junk(objective="high"), "returned what no plan file can hold"),
-    (junk(notes=None), "returned what no plan file can hold: its plan: 'notes' = None"),
+    (junk(objective="high"), "returned a plan that cannot be saved"),
+    (junk(notes=None), "returned a plan that cannot be saved: its plan: 'notes' = None"),
     (junk(compensation="much"), "failed: AttributeError"),
-    (junk(trajectory=Shaky()), "returned what no plan file can hold"),
+    (junk(trajectory=Shaky()), "returned a plan that cannot be saved"),
     (junk(trajectory=None), "failed: AttributeError"),
 ]
 

@@ -224,9 +224,9 @@ def _refuse_light_links(inertia: Array, lengths: Array, moments: Array) -> None:
     least = np.linalg.eigvalsh(np.moveaxis(straight, -1, 0))[:, 0]
     if np.any(least < -ROUNDING * inertia.max(axis=0)):
         raise InputError(
-            "machine: links of this link_length_m and link_moment_kgm have more inertia than"
-            " link_inertia_kgm2; raise that (of each link with what it carries at the next joint:"
-            " at least length times moment), or lessen link_length_m"
+            "machine: link_inertia_kgm2 is too small for link_length_m and link_moment_kgm; raise"
+            " it (each link's includes the mass carried at the next joint: at least length times"
+            " moment), or reduce link_length_m"
         )
 
 

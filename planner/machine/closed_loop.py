@@ -166,7 +166,7 @@ class FeedbackCommand:
             raise InputError(f"feedback returns shape {values.shape}; it must be {expected}")
         if not np.all(np.isfinite(values)):
             raise InputError(
-                f"feedback asks for what is not finite at t = {self.readings[i]:.6g} s"
+                f"feedback returns a command that is not finite at t = {self.readings[i]:.6g} s"
             )
         room[:] = values[: len(room)]
 

@@ -186,14 +186,14 @@ def _refuse_too_large(plan: Plan, kept: int, settle: float, record: float | None
     room = int(MOST_BYTES / (rows * width))
     if room >= max(kept, 1):
         return
-    ways = [f"motions = {room} or fewer, for errors are kept of all samples"] if room else []
+    ways = [f"motions = {room} or fewer (errors are kept for all samples)"] if room else []
     if (least := MOST_BYTES / (width * max(kept, 1)) - 3) > 1:
         ways.append(f"record_s = {np.ceil(1e3 * span / least) / 1e3:g} or more")
     ways.append("record_s = None")
     raise InputError(
         f"the motions of {kept} samples, recorded {rows:.4g} times each, take"
-        f" {kept * rows * width / 1e9:.3g} GB of memory, and at most {MOST_BYTES / 1e9:g} GB are"
-        f" used for them; give {', or '.join(ways)}"
+        f" {kept * rows * width / 1e9:.3g} GB of memory, more than the limit of"
+        f" {MOST_BYTES / 1e9:g} GB; give {', or '.join(ways)}"
     )
 
 

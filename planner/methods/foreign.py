@@ -39,7 +39,7 @@ class ForeignPlans:
     def _sound(self, problem: Problem, found: Any) -> Plan:
         """The returned plan, if all of it is valid."""
         if not isinstance(found, Plan):
-            raise self.provider.error(f"returned {line(repr(found), 60)}, which is no plan")
+            raise self.provider.error(f"returned {line(repr(found), 60)}, which is not a plan")
         plan = found.compensates or found
         if plan.problem != problem:
             raise self.provider.error("returned a plan of another problem")
@@ -47,7 +47,7 @@ class ForeignPlans:
         try:
             parse(PlanFile, jsonable(plan._to_dict()), "its plan")
         except InputError as error:
-            raise self.provider.error(f"returned what no plan file can hold: {error}") from None
+            raise self.provider.error(f"returned a plan that cannot be saved: {error}") from None
         verify(plan)  # a failure in here is attributed to the package
         return plan
 
@@ -68,5 +68,5 @@ class ForeignKeeps:
         answer = self.provider.call(self.keeps, problem, demand, part)
         if not isinstance(answer, str) or answer not in get_args(Keeping):
             allowed = ", ".join(get_args(Keeping))
-            raise self.provider.error(f"keeps {shorten(repr(answer))}, which is none of {allowed}")
+            raise self.provider.error(f"keeps {shorten(repr(answer))}; it must be one of {allowed}")
         return cast("Keeping", answer)

@@ -143,7 +143,7 @@ def refuse_unkept(problem: Problem, name: str, keeps: Keeps) -> None:
                 changes=[BY_COLLOCATION],
             )
         names = ", ".join(problem.system.coordinates[i].name for i in problem.free)
-        words = ", which finds them; then give all, its plan's end, as goal.theta_deg"
+        words = ", which chooses them; then give the end of its plan as goal.theta_deg"
         raise NoPlanError(
             f"{problem.source}: methods in the chart need every joint at the goal, and [goal]"
             f" leaves {names} free",

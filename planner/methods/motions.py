@@ -255,7 +255,7 @@ def _motion(
     except InputError as error:
         why = str(error).removeprefix(f"{problem.source}: ")
         raise InputError(
-            f"{problem.source}: the {name} motion ends where no plan may: {why}"
+            f"{problem.source}: the {name} motion has an end that is not allowed: {why}"
         ) from None
     plan, check = judge(Plan(task, name, {}, trajectory, objective_name="none", notes=notes))
     if check.ok:

@@ -51,7 +51,7 @@ smaller difference does not matter, since a limit may be exceeded by as much."""
 PLAN_DEVIATION = Part("plan's q(t) against its integrated input", "", -np.inf, 0.0, 1.0)
 """The distance of the plan's own q(t) from the motion, with the label that `verify` uses."""
 
-NO_PROOF_ON_MACHINE = "nothing is proven of the emulated machine, on which the inputs act"
+NO_PROOF_ON_MACHINE = "nothing is proven about the emulated machine, on which the inputs act"
 
 
 def certify(plan: Plan) -> Certificate:
@@ -111,7 +111,7 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int, Array]:
     try:
         evidence = _evidence(plan)
     except UnboundedError as error:
-        return _claims_on_inputs(plan, f"nothing bounds {error}"), *nothing
+        return _claims_on_inputs(plan, f"there is no bound for {error}"), *nothing
     proofs = [each for demand in problem.demands for each in prove(demand, evidence)]
     claims, path, plan_q = decide(proofs), evidence.path, evidence.plan_q
     gaps = [a - b for a, b in zip(plan_q, path.enclosure.states, strict=True)]
@@ -160,7 +160,7 @@ def _undecided_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = N
 @singledispatch
 def prove(demand: Demand, evidence: Evidence) -> Iterable[Proof]:
     """Obligations that prove a demand, or claims that are decided already."""
-    return _undecided(demand, "no proof is written for this kind of requirement")
+    return _undecided(demand, "there is no proof for this kind of requirement")
 
 
 def _undecided(demand: Demand, why: str, required: bool = True) -> list[Claim]:
@@ -172,7 +172,7 @@ def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
     """Prove a requirement by its rows, at all times or only at the end."""
     reads = required.reads
     if "du" in reads and not required.is_direct:
-        return _undecided(required, "no proof is written for this kind of requirement")
+        return _undecided(required, "there is no proof for this kind of requirement")
     motion, margins_of = evidence.motion_for(reads), dict[str, MarginAt]()
     if required.is_direct:
         models = (
@@ -187,7 +187,7 @@ def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
         try:
             motion, values = _row_models(required, evidence, motion)
         except UnboundedError as error:
-            return _undecided(required, f"nothing bounds {error}")
+            return _undecided(required, f"there is no bound for {error}")
         margins_of = _own_margins(required, evidence.plan.problem.system, motion, values)
     proofs: list[Proof] = []
     for part, value in zip(required.parts, values, strict=True):
@@ -304,7 +304,7 @@ def _(chart: ChartDomain, evidence: Evidence) -> Iterable[Proof]:
     try:
         balls = _rows(evidence.plan.problem.system, chart)(evidence.path.enclosure.q)
     except UnboundedError as error:
-        return _undecided(chart, f"nothing bounds {error}", required)
+        return _undecided(chart, f"there is no bound for {error}", required)
     (part,) = chart.parts
     margins: list[Margin] = [
         (1.0, value, -part.low) for value in evidence.path.enclosure.models(*balls)
@@ -389,13 +389,13 @@ def _(point: Waypoint, evidence: Evidence) -> Iterable[Proof]:
     try:
         states = user_models(point.system, motion)
     except UnboundedError as error:
-        return [undecided_claim(part.label, "", f"nothing bounds {error}")]
+        return [undecided_claim(part.label, "", f"there is no bound for {error}")]
     if time_s is None:
         (when, nowhere), doubt = nearest_time(motion.cells, states, point, GOAL_TOLERANCE), 0.0
     else:
         (when, doubt), nowhere = path_time(evidence.plan.trajectory, time_s), True
     if not np.isfinite(doubt):
-        why = f"where the motion is at t = {time_s:.6g} s is not known"
+        why = f"the position at t = {time_s:.6g} s is not known"
         return [undecided_claim(part.label, "", why)]
     low, high = distance_bounds(motion.cells, states, point, when, doubt)
     best = GOAL_TOLERANCE - low if nowhere else np.nan

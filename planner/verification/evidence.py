@@ -28,7 +28,7 @@ from planner.verification.models import Margin, Model, least_values
 
 NO_BOUND_REASON = "no bound on the motion or its inputs is known on all of it"
 
-SUBSTITUTE_REASON = "its rows, which the proof reads, are a substitute for its values"
+SUBSTITUTE_REASON = "the proof uses rows that only replace the values of this limit"
 
 STANDSTILL_REASON = (
     "the inputs of a retimed path are quotients of zeros where the path stands still"

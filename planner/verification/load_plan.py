@@ -65,8 +65,8 @@ def _correct_objective(plan: Plan, path: str | Path) -> Plan:
     claimed = ["objective"] if true is None and not np.isnan(plan.objective) else []
     if true is not None and not abs(plan.objective - true) <= OBJECTIVE_TOLERANCE * abs(true):
         warnings.warn(
-            f"{path}: the objective is said to be {plan.objective:.6g}, but that of the plan in it"
-            f" is {true:.6g}, which is taken; the file was changed",
+            f"{path}: the file gives the objective {plan.objective:.6g}, but that of its plan is"
+            f" {true:.6g}, which is used; the file was changed",
             InputWarning,
             stacklevel=5,
         )
@@ -82,7 +82,7 @@ def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:
     if said.trajectory.flaw:
         return unknown, said.trajectory.flaw
     if said.compensates is not None and not said.compensates.verified:
-        return unknown, "of the plan that it compensates, it is not verified"
+        return unknown, "in its original plan, it is not verified"
     with np.errstate(all="ignore"):  # a changed file may contain any numbers
         try:
             plan, check = judge(unknown)

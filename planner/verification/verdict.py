@@ -40,7 +40,7 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
         inside, check = judge(plan.compensation.plan)
         plan = replace(plan, compensation=replace(plan.compensation, plan=inside))
         if not check.ok:
-            words = (f"of the plan that it compensates, {v}" for v in check.violations)
+            words = (f"in its original plan, {v}" for v in check.violations)
             return plan, _refused(check, [_flaw(text) for text in words])
     check, motion = examine(plan)
     if not check.ok:

@@ -234,11 +234,11 @@ def _flaw(plan: Plan) -> str:
     if inside is None:
         return ""
     if inside.problem != problem:
-        return "the plan that it compensates solves another problem"
-    return plan.clock.flaw and f"the clock of the plan that is compensated: {plan.clock.flaw}"
+        return "its original plan solves another problem"
+    return plan.clock.flaw and f"the clock of the original plan: {plan.clock.flaw}"
 
 
-_SAID_ERROR = "largest error on the nominal machine, which the plan gives,"
+_SAID_ERROR = "largest error on the nominal machine, against the plan's own figure,"
 
 
 def _motion_on_machine(plan: Plan) -> tuple[IntegratedMotion, Array, float]:
@@ -290,7 +290,7 @@ def _claimed_findings(plan: Plan, error_deg: float) -> Iterator[_Finding]:
 
     An error of the clock changes E, since errors are measured against the plan at the clock's time.
     """
-    part = Part("end of the clock of the plan that is compensated", "s", 0.0, 0.0, 1.0)
+    part = Part("end of the original plan's clock", "s", 0.0, 0.0, 1.0)
     takes, ends = plan.duration, plan.clock.t[-1]
     yield _Finding(part, ends, takes, None, ROUNDING * max(1.0, takes), ends > takes)
     said = plan.notes.get("compensation")
@@ -343,9 +343,9 @@ def _motion_findings(
     out.append(_Finding(part, gap, 0.0, when, INTERPOLANT_TOLERANCE))
     if not compensated:
         read = (
-            ("plan's u(t) against the series it is judged by", motion.unresolved_input),
+            ("plan's u(t) against the verification's series", motion.unresolved_input),
             (
-                "requirements' values against the series they are judged by",
+                "requirements' values against the verification's series",
                 motion.unresolved_values,
             ),
         )

@@ -46,15 +46,15 @@ def test_what_arms_do_is_not_refused(paper: Problem, log: Log) -> None:
         (lambda x: replace(x, u=x.u * [RPM, 1]), r"fits if u1 is in rpm"),
         (lambda x: replace(x, u=x.u / [DEG, 1]), r"u1 is in radians/s where the header says deg"),
         (lambda x: replace(x, u=x.u / [1, 6]), r"fits if u2 is in rpm where the header says"),
-        (lambda x: replace(x, u=x.u[:, ::-1]), r"fits if u1 and u2 change places"),
+        (lambda x: replace(x, u=x.u[:, ::-1]), r"fits if u1 and u2 are exchanged"),
         (lambda x: replace(x, theta=x.theta * [1, 1, -1]), r"fits if theta3 has the other sign"),
         (
             lambda x: replace(x, theta=x.theta[:, [0, 2, 1]]),
-            r"columns of angles are, .*: theta1, theta3, theta2",
+            r"columns of angles belong, .* theta1, theta3, theta2",
         ),
         (
             lambda x: replace(x, theta=x.theta[:, [1, 2, 0]]),
-            r"columns of angles are, .*: theta2, theta3, theta1",
+            r"columns of angles belong, .* theta2, theta3, theta1",
         ),
         (lambda x: replace(x, u=x.u[::-1].copy()), r"no sign, unit or order .* makes it fit"),
         (lambda x: late(x, 40), r"turn 0\.36 s before the commands"),
@@ -67,7 +67,7 @@ def test_a_mistake_is_named(paper: Problem, log: Log, change, words: str) -> Non
 
 
 def test_a_run_is_given_once(paper: Problem, log: Log) -> None:
-    with pytest.raises(InputError, match="the same run; a run that is kept out of its own fit"):
+    with pytest.raises(InputError, match="are the same run; give each run once"):
         identify([log, replace(log, source="copy")], paper)
 
 
@@ -95,5 +95,5 @@ def test_a_pose_is_of_an_arm_that_rests() -> None:
             _ = replace(still, theta=moving).pose_deg
     cut = theta.copy()
     cut[-5, 1] = np.deg2rad(18.0)
-    with pytest.raises(InputError, match=r"readings of theta2 lie 2 deg apart"):
+    with pytest.raises(InputError, match=r"readings of theta2 differs by 2 deg from their median"):
         _ = replace(still, theta=cut).pose_deg

@@ -124,11 +124,11 @@ def test_the_machine_is_one_like_any_other(
 
 def test_doubts_are_told(paper: Problem, motion: Plan, plan: Plan) -> None:
     one_way = identify(emulate_log(plan, ARM, sample=1), paper, starts=1)
-    assert any("joint 2, joint 3 never turns back" in text for text in one_way.warnings)
+    assert any("joint 2, joint 3 never reverses" in text for text in one_way.warnings)
     assert "backlash of gearhead 1" in one_way.untold
     assert min(one_way[key].spread for key in ("w2", "w3")) > 0.5
     heavy = identify(emulate_log(motion, ARM.with_(fidelity="dynamic")), paper, starts=1)
-    assert any("does what the model lacks (inertia" in text for text in heavy.warnings)
+    assert any("has an effect that the model lacks (inertia" in text for text in heavy.warnings)
 
 
 @pytest.mark.parametrize(

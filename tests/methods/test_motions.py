@@ -70,7 +70,7 @@ def test_an_excitation_is_made_smaller_until_the_joints_keep_their_limits(paper:
     plan = excitation(narrow)
     assert plan.notes["size"] < 1
     assert np.rad2deg(np.abs(plan.q(plan.t)[:, 1:])).max() <= 35
-    with pytest.raises(InputError, match="the excitation motion ends where no plan may"):
+    with pytest.raises(InputError, match="the excitation motion has an end that is not allowed"):
         excitation(paper.changed({"limits.joint_deg": 5, "goal.theta_deg": [2, 2, 2]}))
     with pytest.raises(VerificationError, match="the homing motion breaks 1 requirement"):
         homing(

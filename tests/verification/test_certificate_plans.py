@@ -91,7 +91,7 @@ def test_a_goal_of_the_tip_is_proven_at_the_end_alone(optimal: planner.Plan) -> 
 
 @dataclass(frozen=True)
 class _Turning(Requirement):
-    """(du₁/dt)² ≤ 1, of which no proof is written."""
+    """(du₁/dt)² ≤ 1, of which there is no proof."""
 
     reads = frozenset({"du"})
 
@@ -107,7 +107,7 @@ def test_a_function_of_the_rates_is_undecided_and_says_why(optimal: planner.Plan
     asked = replace(optimal.problem, registered_limits=(_Turning(),))
     claim = planner.certify(replace(optimal, problem=asked))["square of a rate"]
     assert claim.status == "undecided"
-    assert "no proof is written" in claim.why
+    assert "there is no proof" in claim.why
 
 
 def test_a_certificate_lists_requirements_in_the_order_of_the_problem(

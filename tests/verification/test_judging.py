@@ -246,7 +246,7 @@ def test_a_clock_of_one_piece_over_a_path_of_many(paper: planner.Problem) -> Non
     assert np.all(peak_inputs(trajectory) >= peak * (1 - 1e-9))
     tight = paper.changed({"limits.input_rad_s": (peak * 0.99).tolist()})
     check = planner.verify(planner.Plan(tight, "by hand", {}, trajectory))
-    judged = "plan's u(t) against the series it is judged by"  # none follows a jump inside a piece
+    judged = "plan's u(t) against the verification's series"  # none follows a jump inside a piece
     assert {v.label for v in check.violations} == {"input u1", "input u2", judged}
 
 

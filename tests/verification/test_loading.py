@@ -209,7 +209,7 @@ def test_a_false_objective_is_corrected_with_a_warning(plan: planner.Plan, tmp_p
     """Of all that are a sum of duration and efforts; 0.3 % less is as false as nothing."""
     for false in (1e-3, 0.997 * plan.objective):
         path = edited(plan, tmp_path / "x.json", put("objective", false))
-        with pytest.warns(planner.InputWarning, match=r"x\.json: the objective is said to be"):
+        with pytest.warns(planner.InputWarning, match=r"x\.json: the file gives the objective"):
             back = planner.load_plan(path, strict=True)
         assert back.verified
         assert back.objective == pytest.approx(plan.objective, rel=1e-12)
@@ -237,7 +237,7 @@ def test_every_objective_of_collocation_is_told_by_its_name(
     true = planner.load_plan(plan.save(tmp_path / "true.json"))
     assert (true.objective, true.claimed) == (plan.objective, ())
     path = edited(plan, tmp_path / "x.json", put("objective", 0.9 * plan.objective))
-    with pytest.warns(planner.InputWarning, match="the objective is said to be"):
+    with pytest.warns(planner.InputWarning, match="the file gives the objective"):
         assert planner.load_plan(path).objective == pytest.approx(plan.objective, rel=1e-6)
 
 
@@ -283,7 +283,7 @@ def test_a_false_proof_of_a_convex_plan_is_dropped(
     assert (true.objective, true.notes) == (plan.objective, plan.notes)
     assert (plan.claimed, true.claimed) == ((), ("notes.optimality",))
     false = edited(plan, tmp_path / "false.json", put("objective", 0.9 * plan.objective))
-    with pytest.warns(planner.InputWarning, match="the objective is said to be"):
+    with pytest.warns(planner.InputWarning, match="the file gives the objective"):
         back = planner.load_plan(false)
     assert back.objective == pytest.approx(plan.objective, rel=1e-6)
     assert "optimality" not in back.notes

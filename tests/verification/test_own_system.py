@@ -136,7 +136,7 @@ def test_the_plan_that_a_compensated_one_compensates_is_judged_too(
     assert isinstance(path, StateTrajectory)
     bent = replace(path, u_curve=path.u_curve.slowed(1.0, 1.1))
     for inside, words in (
-        (replace(made.plan, trajectory=bent), "of the plan that it compensates, "),
+        (replace(made.plan, trajectory=bent), "in its original plan, "),
         (replace(made.plan, problem=paper.changed({"limits.input_rad_s": 9.0})), "another problem"),
     ):
         found, check = judge(replace(compensated, compensation=replace(made, plan=inside)))

@@ -113,7 +113,7 @@ def test_what_no_proof_reads_is_asked_between_the_points_too(optimal: planner.Pl
     assert check.ok
     assert found.certificate is not None
     assert [claim.label for claim in found.certificate.open] == ["bump"]
-    words = "only sampled: bump (nothing bounds the function fmax of an expression)"
+    words = "only sampled: bump (there is no bound for the function fmax of an expression)"
     assert words in str(found.certificate)
     assert "verified, only sampled: bump" in repr(found)
     assert found.certificate.to_dict()["only_sampled"] == ["bump"]
@@ -254,13 +254,13 @@ def _beyond(data: dict[str, Any]) -> None:
 
 
 EDITS = [
-    (_inner_problem, "the plan that it compensates solves another problem"),
-    (_earlier, "largest error on the nominal machine, which the plan gives, is "),
-    (_beyond, "end of the clock of the plan that is compensated is 16.46 s, must be 15.46 s"),
+    (_inner_problem, "its original plan solves another problem"),
+    (_earlier, "largest error on the nominal machine, against the plan's own figure, is "),
+    (_beyond, "end of the original plan's clock is 16.46 s, must be 15.46 s"),
     (_bent, "plan's q(t) against the nominal machine's motion"),
-    (_inner_limit, "of the plan that it compensates, input u"),
-    (_inner_motion, "of the plan that it compensates, "),
-    (_inner_claim, "of the plan that it compensates, it is not verified"),
+    (_inner_limit, "in its original plan, input u"),
+    (_inner_motion, "in its original plan, "),
+    (_inner_claim, "in its original plan, it is not verified"),
 ]
 
 

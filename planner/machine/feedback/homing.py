@@ -38,7 +38,7 @@ class HomingController:
 
     def __init__(self, plan: Plan, machine: Machine, count: int) -> None:
         if "until" not in plan.notes:
-            raise InputError(f"this {plan.method} plan is none of planner.homing(problem)")
+            raise InputError(f"this {plan.method} plan was not made by planner.homing(problem)")
         hold = machine.effects.get("control_period_s")
         self.period_s = self.tick_s = hold.value[0] if hold else DEFAULT_TICK_S
         self.lead_s, self.end_s = 0.0, plan.duration

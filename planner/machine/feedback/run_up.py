@@ -134,7 +134,7 @@ def hindrance(plan: Plan, machine: Machine) -> str:
     if system.n > 3:
         return f"one drive cannot take up the play of {system.n - 1} joints before the start"
     if turns_back(plan) and plan.compensates is None:
-        return "the drive turns back on its way, which costs the play of every joint again"
+        return "the drive reverses during the plan, and every joint must then cross its play again"
     return ""
 
 

@@ -15,7 +15,7 @@ from planner.problem.tables.problem_file import CompensationTable
 
 NO_COMPENSATION = "no compensation (compensation.on = false)"
 
-LARGER_INPUTS = "larger limits.input_rad_s, which shorten both"
+LARGER_INPUTS = "larger limits.input_rad_s, which shorten plan and compensation"
 
 LEAST_UNEVEN_DEG = 1.0
 """Largest angle that an axis may lack after a take-up without being reported, half of the error
@@ -68,12 +68,12 @@ def compensation_changes(
     uneven = [leg for leg in legs if leg["t_s"] > 0 and leg["deg"] > LEAST_UNEVEN_DEG]
     if near or uneven:
         other = "another goal" + f" or {problem.travel_key}" * (problem.travel is not None)
-        why = f"at t = {near[0][0]:.3g} s the drive turns back" if near else ""
+        why = f"at t = {near[0][0]:.3g} s the drive reverses" if near else ""
         if uneven:
             worst = max(uneven, key=lambda each: each["deg"])
-            why = f"at t = {worst['t_s']:.3g} s the drive turns back, and {worst['joint']} is left"
+            why = f"at t = {worst['t_s']:.3g} s the drive reverses, and {worst['joint']} is left"
             why += f" {worst['deg']:.2g} deg short"
-        out.append(f"{other}, so that the drive turns back elsewhere or not at all ({why})")
+        out.append(f"{other}, so that the drive reverses elsewhere or not at all ({why})")
     if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # the error that spreads leave
         less = (
             "larger limits.input_rad_s" if problem.duration is None else "a shorter goal.duration"

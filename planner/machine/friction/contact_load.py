@@ -123,10 +123,11 @@ def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
     worst = np.argmax(load.share)
     if load.share[worst] >= 1:
         raise InputError(
-            f"machine: on this slope gravity asks {load.torque_nm[worst]:.3g} N m of a friction"
-            f" contact that passes {load.capacity_nm[worst]:.3g} N m, so the arm slides by itself;"
-            " lessen machine.incline_deg or link_moment_kgm, raise friction_capacity_nm, or set"
-            ' fidelity = "dynamic", which computes how it slides'
+            "machine: on this slope gravity loads a friction contact with"
+            f" {load.torque_nm[worst]:.3g} N m, and it transmits at most"
+            f" {load.capacity_nm[worst]:.3g} N m, so the arm slides by itself; reduce"
+            " machine.incline_deg or link_moment_kgm, raise friction_capacity_nm, or set"
+            ' fidelity = "dynamic", which simulates the sliding'
         )
 
 

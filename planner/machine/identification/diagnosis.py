@@ -65,8 +65,8 @@ def refuse_misfit(log: Log, system: Manipulator) -> None:
     if abs(late) > MOST_LATE_S:
         raise InputError(
             f"{log.source}: the joints turn {abs(late):.2g} s {'after' if late > 0 else 'before'}"
-            " the commands; were both recorded by the same clock, and each command in the row from"
-            " which on it holds?"
+            " the commands; check that both were recorded with the same clock, and that each row"
+            " has the command that holds from its time on"
         )
     left = _left(log, system)
     if np.all(left < FIT_SHARE):
@@ -76,8 +76,8 @@ def refuse_misfit(log: Log, system: Manipulator) -> None:
     fits = np.max(_left(found[1], system)) < FIT_SHARE
     advice = f"it fits if {found[0]}" if fits else "no sign, unit or order of columns makes it fit"
     raise InputError(
-        f"{log.source}: theta{worst + 1} does not turn as the commands and the gears (K, k_g) of"
-        f" the problem ask for; {advice}"
+        f"{log.source}: theta{worst + 1} does not turn as the commands and the problem's gears"
+        f" (K, k_g) require; {advice}"
     )
 
 
@@ -118,7 +118,7 @@ def _mistakes(log: Log) -> Iterator[tuple[str, Log]]:
             f"{names} {'are' if len(which) > 1 else 'is'} in {unit}",
             replace(log, u=log.u * scale),
         )
-    yield "u1 and u2 change places", replace(log, u=log.u[:, ::-1])
+    yield "u1 and u2 are exchanged", replace(log, u=log.u[:, ::-1])
     joints = tuple(range(log.theta.shape[1]))
     for i in joints:
         mirrored = np.array([-1.0 if i == k else 1.0 for k in joints])
@@ -132,7 +132,7 @@ def _mistakes(log: Log) -> Iterator[tuple[str, Log]]:
     for order in orders:
         names = ", ".join(f"theta{i + 1}" for i in order)
         yield (
-            f"the columns of angles are, in this order, of joints: {names}",
+            f"the columns of angles belong, in this order, to the joints {names}",
             replace(log, theta=log.theta[:, np.argsort(order)]),
         )
 

@@ -334,8 +334,8 @@ def _refuse_twice(logs: Sequence[Log]) -> None:
     for first, second in combinations(logs, 2):
         if np.array_equal(first.theta, second.theta) and np.array_equal(first.u, second.u):
             raise InputError(
-                f"{first.source} and {second.source} are the same run; a run that is kept out of"
-                " its own fit shows nothing, so give each run once"
+                f"{first.source} and {second.source} are the same run; give each run once, since"
+                " the last one tests the fit of the others"
             )
 
 
@@ -367,23 +367,23 @@ def _warnings(
             coarse = _encoder_step_deg(log, joint)
             if coarse > COARSE_DEG:
                 yield (
-                    f"{log.source}: theta{joint + 1} is read in steps of {coarse:.3g} deg, which is"
-                    " all that is left of it; a finer encoder tells more"
+                    f"{log.source}: theta{joint + 1} is read in steps of {coarse:.3g} deg, which"
+                    " explain its residual; a finer encoder would tell more"
                 )
                 continue
             yield (
-                f"{log.source}: theta{joint + 1} is off by {left[joint]:.3g} deg (rms), and its"
-                f" encoder's noise is {usual[joint]:.2g} deg: the arm does what the model lacks"
-                " (inertia in fast motions, which a machine of fidelity 'dynamic' has; an encoder"
-                " that is eccentric; something loose)"
+                f"{log.source}: theta{joint + 1} has a residual of {left[joint]:.3g} deg (rms), and"
+                f" its encoder's noise is {usual[joint]:.2g} deg: the arm has an effect that the"
+                " model lacks (inertia in fast motions, which a machine of fidelity 'dynamic' has;"
+                " an encoder that is eccentric; something loose)"
             )
     if still := [
         i for i in range(1, logs[0].theta.shape[1]) if not any(_turns(x, i) for x in logs)
     ]:
         names = ", ".join(f"joint {i + 1}" for i in still)
         yield (
-            f"{names} never turns back in these runs, so that nothing tells the lost motion:"
-            " record planner.excitation(problem)"
+            f"{names} never reverses in these runs, so the lost motion cannot be determined: record"
+            " planner.excitation(problem)"
         )
     for zero in _wrong_zeros(estimates):
         yield (

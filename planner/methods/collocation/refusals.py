@@ -42,7 +42,7 @@ def no_goal(problem: Problem) -> NoPlanError:
         off = f"{np.rad2deg(reach.missed):.3g} deg" if angle else f"{reach.missed:.3g} m"
         why += f"; the nearest found is {off} off"
     return NotConvergedError(
-        f"{problem.source}: no place of the joints within their limits was found that {why}",
+        f"{problem.source}: no joint angles within the limits were found that {why}",
         changes=[*reach_changes(problem, reach), *path_changes(problem)],
         advice="another goal",
     )
@@ -58,7 +58,7 @@ def too_short(
     why = f"{proof}. The" if proof else f"goal.duration = {wanted:g} s is too short: the"
     plan, broken = iterate_plan(problem, fastest.task, fastest.solution, options)
     return (InfeasibleError if proof else NotConvergedError)(
-        f"{problem.source}: {why} fastest motion found takes {found:.4g} s. Squeezed into"
+        f"{problem.source}: {why} fastest motion found takes {found:.4g} s. Shortened to"
         f" {wanted:g} s it breaks:",
         plan=plan,
         violations=broken,
@@ -93,7 +93,7 @@ def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
         changes.append(Change({"method.collocation": {}}, words, defaults=True))
     count = len(search.log)
     starts = f"{count} start{'s' * (count != 1)}" if search.pathless else "the paths found"
-    said = f" (it says {solution.status} after {solution.iterations} iterations)"
+    said = f" (solver status: {solution.status} after {solution.iterations} iterations)"
     return (InfeasibleError if proof else NotConvergedError)(
         f"{problem.source}: {f'{proof}; and ' if proof else ''}the solver found no motion from"
         f" {starts}{'' if solution.ok else said}",

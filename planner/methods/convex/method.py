@@ -263,9 +263,10 @@ def _no_path(problem: Problem, shape: Shape, band: Band, found: BestTravel) -> N
     first = found.refusals[0]
     steepest = "" if band.complete else f" and |dz2/dtau| up to {MOST_SLOPE:.0e}"
     proof = (
-        f"of {_class_words(shape)} none {band.words}{steepest} reaches the goal at travel"
-        f" {first.frame.travel:.6g}: certificate of {int(np.sum(first.proof.multipliers > 1e-9))}"
-        f" conditions, margin {first.proof.margin:.2g}"
+        f"no path {band.words}{steepest} reaches the goal at travel {first.frame.travel:.6g}, of"
+        f" {_class_words(shape)}: certificate of"
+        f" {int(np.sum(first.proof.multipliers > 1e-9))} conditions, margin"
+        f" {first.proof.margin:.2g}"
     )
     window = travel_window(problem)
     if window is not None:

@@ -196,7 +196,7 @@ def test_methods_in_the_chart_ask_for_all_joints(problem: planner.Problem, metho
         planner.solve(problem, method)
     text = str(refused.value)
     assert "need every joint at the goal, and [goal] leaves theta1, theta2, theta3 free" in text
-    assert "use the method 'collocation', which finds them; then give all" in text
+    assert "use the method 'collocation', which chooses them; then give the end" in text
 
 
 def test_the_way_out_works(problem: planner.Problem, plan: planner.Plan) -> None:

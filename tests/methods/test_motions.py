@@ -124,7 +124,7 @@ def test_homing_by_the_encoders_pushes_every_joint_of_every_machine(paper: Probl
 
 
 def test_the_homing_rule_refuses_other_plans(paper: Problem) -> None:
-    with pytest.raises(InputError, match=r"none of planner\.homing"):
+    with pytest.raises(InputError, match=r"not made by planner\.homing"):
         replay(solve(paper, "collocation"), feedback=HomingRule())
 
 

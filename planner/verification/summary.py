@@ -43,7 +43,7 @@ class Heading:
 
 
 @dataclass(frozen=True)
-class Figure:
+class FigureField:
     """How a figure is computed and shown: the metadata of its field.
 
     Attributes:
@@ -64,11 +64,11 @@ class Figure:
 
 
 def figure(*headings: Heading, default: Any = np.nan, **how: Any) -> Any:
-    """A dataclass field that is a figure; see `Figure`. Undefined numbers are NaN."""
-    return field(default=default, metadata={"figure": Figure(headings, **how)})
+    """A dataclass field that is a figure; see `FigureField`. Undefined numbers are NaN."""
+    return field(default=default, metadata={"figure": FigureField(headings, **how)})
 
 
-def figures(kind: type) -> Mapping[str, Figure]:
+def figures(kind: type) -> Mapping[str, FigureField]:
     """The figures among the fields of a class, by name, in order."""
     found: tuple[Field[Any], ...] = fields(kind)
     return {f.name: f.metadata["figure"] for f in found if "figure" in f.metadata}

@@ -14,7 +14,7 @@ import planner
 from planner import Plan
 from planner.machine.feedforward.follow import follow
 from planner.machine.feedforward.legs import preparation
-from planner.machine.feedforward.shaping import Shape, _on_grid
+from planner.machine.feedforward.shaping import CommandShape, _on_grid
 from planner.problem.tables.problem_file import CompensationTable
 
 NONE: dict[str, Any] = {
@@ -37,9 +37,9 @@ def compensated(plan: Plan) -> Plan:
     return planner.compensate(plan)
 
 
-def shape(plan: Plan, machine: planner.Machine, **options: Any) -> Shape:
+def shape(plan: Plan, machine: planner.Machine, **options: Any) -> CommandShape:
     table = CompensationTable(**{**NONE, **options})
-    return Shape(plan, plan.problem.system, machine, table)  # type: ignore[arg-type]
+    return CommandShape(plan, plan.problem.system, machine, table)  # type: ignore[arg-type]
 
 
 def told(plan: Plan, machine: planner.Machine, **options: Any) -> np.ndarray:

@@ -24,7 +24,7 @@ from planner.machine.feedforward.legs import (
     stopping_s,
     take_ups,
 )
-from planner.machine.feedforward.shaping import MotorCommands, Shape
+from planner.machine.feedforward.shaping import CommandShape, MotorCommands
 from planner.machine.feedforward.variants import Runs, Variants
 from planner.plan.plan import Compensation
 from planner.problem.tables.problem_file import CompensationTable
@@ -122,7 +122,7 @@ def test_commands_of_limited_rates_are_foretold_as_they_are_held_and_end_at_rest
     machine = planner.Machine.prototype(step_s=0.01, control_period_s=0.02)
     plain = planner.solve(paper.changed({"limits.input_rate_rad_s2": 1.0}), intervals=20)
     asked = plain.problem.changed({"goal.travel": float(plain.q(plain.duration)[0])})
-    shape = Shape(plain, plain.problem.system, machine, CompensationTable())  # type: ignore[arg-type]
+    shape = CommandShape(plain, plain.problem.system, machine, CompensationTable())  # type: ignore[arg-type]
     variants = Variants(plain, machine, shape)
     nothing = np.zeros((len(variants.knots), 2, 1))
     sent = shape.commands(nothing, variants.knots)
@@ -212,7 +212,7 @@ def test_the_cheapest_step_that_leaves_little_of_a_miss_is_taken(
         return Runs(100 * np.abs(steps), 1 - steps, np.ones_like(steps))
 
     monkeypatch.setattr(Variants, "run", run)
-    shape = Shape(turning, turning.problem.system, MACHINE, CompensationTable())  # type: ignore[arg-type]
+    shape = CommandShape(turning, turning.problem.system, MACHINE, CompensationTable())  # type: ignore[arg-type]
     correction = Correction(turning, MACHINE, shape)
     now = correction._variants.run(correction.values[:, :, None])[0]
     steps = np.full((len(correction.knots), 2, 1), size)

@@ -87,7 +87,7 @@ def reading_variance(resolution: Array, swings: bool) -> Array:
     return rounding + swings * SWING_SPREAD_RAD**2
 
 
-class Estimate:
+class StateEstimate:
     """The estimated state of S samples.
 
     Args:
@@ -239,7 +239,7 @@ class Forecast:
         self._half, self._tick, self.rates = play / 2, tick, system.rates
 
     def __call__(
-        self, known: Estimate, done: Array, until: Array, history: History, passing: Array
+        self, known: StateEstimate, done: Array, until: Array, history: History, passing: Array
     ) -> Pose:
         """Predict the positions of S samples.
 

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from planner.errors import expect
 from planner.machine.feedback.course import Course, timing
 from planner.machine.feedback.estimate import (
-    Estimate,
     Forecast,
     History,
     Pose,
+    StateEstimate,
     reading_variance,
 )
 from planner.machine.feedback.means import (
@@ -121,7 +121,9 @@ class TrackerControl:
         self._answer = design.programme.empty_decision(count)
         self._forecast = design.forecast
         start = np.repeat(ref.start[:, None], count, axis=1)
-        self._estimate = Estimate(start, design.resolution, design.lost_motion, design.variance)
+        self._estimate = StateEstimate(
+            start, design.resolution, design.lost_motion, design.variance
+        )
 
     def __call__(self, t: float, measured: Array) -> Array:
         """Commands of the ticks from t to the next reading, (M, 2, S), rad/s.

@@ -20,7 +20,7 @@ import osqp
 import scipy.sparse as sp
 
 from planner.errors import solver_answer
-from planner.machine.feedforward.shaping import Shape
+from planner.machine.feedforward.shaping import CommandShape
 from planner.machine.feedforward.variants import SAFE, Runs, Variants
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
@@ -105,7 +105,7 @@ class Correction:
         keeps_all: Whether the corrected motion ends at the goal and breaks no requirement.
     """
 
-    def __init__(self, plan: Plan, machine: Machine, shape: Shape) -> None:
+    def __init__(self, plan: Plan, machine: Machine, shape: CommandShape) -> None:
         self._variants, self._shape = Variants(plan, machine, shape), shape
         self.knots = self._variants.knots
         self.values = np.zeros((len(self.knots), 2))

@@ -14,7 +14,7 @@ from planner.errors import InputError
 from planner.machine.feedforward.correction import Correction
 from planner.machine.feedforward.legs import MOST_AWAYS_DEG
 from planner.machine.feedforward.prediction import Prediction, predict
-from planner.machine.feedforward.shaping import MotorCommands, Shape
+from planner.machine.feedforward.shaping import CommandShape, MotorCommands
 from planner.machine.machine import Machine
 from planner.machine.replay import replay
 from planner.plan.plan import Compensation, Plan, mark_cut_short
@@ -48,13 +48,13 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
             f" 'manipulator'); a {system.kind} has no mechanism between motors and motion to"
             " compensate"
         )
-    tried: list[tuple[tuple[bool, bool, float], Correction, Shape, Plan, float]] = []
+    tried: list[tuple[tuple[bool, bool, float], Correction, CommandShape, Plan, float]] = []
     was_cut_short, plain_E_deg = False, predict(plan, machine).error_deg
     without = options.model_copy(update={"take_up": False})
     ways = [(options, most_away) for most_away in MOST_AWAYS_DEG] + [(without, MOST_AWAYS_DEG[0])]
     with time_limit(None) as span:
         for done, most_away in ways:
-            shape = Shape(plan, system, machine, done, most_away)
+            shape = CommandShape(plan, system, machine, done, most_away)
             correction = Correction(plan, machine, shape)
             try:
                 if done.correction:
@@ -86,7 +86,7 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
     return mark_cut_short(made, span, CUT_SHORT_WORDS) if was_cut_short else made
 
 
-def _uneven(shape: Shape, system: Manipulator) -> list[dict[str, Any]]:
+def _uneven(shape: CommandShape, system: Manipulator) -> list[dict[str, Any]]:
     """For each leg: its start, s, the joint with the largest error, and that error, degrees."""
     out, earlier = list[dict[str, Any]](), 0.0
     for leg in shape.legs:

@@ -76,7 +76,7 @@ def compensable(system: TriangularSystem) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Leg:
+class MotorLeg:
     """Motion of the motors while the plan's clock is held.
 
     Attributes:
@@ -114,7 +114,7 @@ def legs_of(
     options: CompensationTable,
     tick: float,
     most_away: float = MOST_AWAYS_DEG[0],
-) -> list[Leg]:
+) -> list[MotorLeg]:
     """The legs of a plan, in their order.
 
     Args:
@@ -125,7 +125,7 @@ def legs_of(
         tick: Length of a tick, s.
         most_away: One of `MOST_AWAYS_DEG`.
     """
-    out: list[Leg] = []
+    out: list[MotorLeg] = []
     lost = lost_motion(system, machine)
     if not np.any(lost > 0):
         return out
@@ -139,7 +139,7 @@ def legs_of(
         out.append(return_leg(plan, system, machine, needs, tick))
     if options.correction:
         still_s = END_S * bool(turns) + stopping_s(plan, machine)
-        out.append(Leg(plan.duration, np.zeros((1 + int(np.ceil(still_s / tick - 1e-9)), 2))))
+        out.append(MotorLeg(plan.duration, np.zeros((1 + int(np.ceil(still_s / tick - 1e-9)), 2))))
     return [leg for leg in out if len(leg.angles) > 1]
 
 
@@ -192,14 +192,14 @@ def evenest_drive(rates: Array, needs: Array) -> tuple[Array, Array]:
 
 def preparation(
     plan: Plan, system: Manipulator, machine: Machine, way: float, needs: Array, tick: float
-) -> Leg:
+) -> MotorLeg:
     """Move joint 1 to where all axes need the same travel, turn the drive, and move joint 1 back.
 
     The angle of joint 1 minimises the largest error of the axes plus the cost of the time.
     """
     start, limits = plan.q(0.0), plan.problem.limits
     if not np.any(needs > 0):
-        return Leg(0.0, np.zeros((1, 2)))
+        return MotorLeg(0.0, np.zeros((1, 2)))
     most = min(np.deg2rad(MOST_THETA1_DEG), limits.joint[1])
     side = 1.0 if start[1] >= 0 else -1.0
     angles = np.append(start[1], side * np.linspace(0.0, most, PLACES))
@@ -217,7 +217,7 @@ def preparation(
         (1, -swing[best], back_s[best]),
     )
     misses = np.abs(axis_rates(system, q[best]) * drive[best] - needs)
-    return Leg(0.0, _motion(moves, tick), misses)
+    return MotorLeg(0.0, _motion(moves, tick), misses)
 
 
 def _gentle_s(system: Manipulator, machine: Machine, swing: Array) -> Array:
@@ -262,7 +262,7 @@ def take_ups(
     needs: Array,
     tick: float,
     most_away: float,
-) -> list[Leg]:
+) -> list[MotorLeg]:
     """A leg for each reversal of the drive, whose first motion has the direction `way`."""
     edges = [0.0, *((a + b) / 2 for a, b in pairwise(turns)), plan.duration]
     out = []
@@ -279,11 +279,13 @@ def take_ups(
         seconds = float(_seconds(plan, machine, 0, drive[best]))
         angles = _motion(((0, way * drive[best], seconds),), tick)
         misses = np.abs(axis_rates(system, q[first + best]) * drive[best] - needs)
-        out.append(Leg(float(s[first + best]), angles, misses))
+        out.append(MotorLeg(float(s[first + best]), angles, misses))
     return out
 
 
-def return_leg(plan: Plan, system: Manipulator, machine: Machine, needs: Array, tick: float) -> Leg:
+def return_leg(
+    plan: Plan, system: Manipulator, machine: Machine, needs: Array, tick: float
+) -> MotorLeg:
     """Turn the drive back through just less than twice the lost motion of the fastest axis.
 
     On the nominal machine no joint follows. On a machine with less lost motion the joints have gone
@@ -295,11 +297,11 @@ def return_leg(plan: Plan, system: Manipulator, machine: Machine, needs: Array, 
     """
     lost, way = lost_motion(system, machine), float(first_motion(plan)[0])
     if way == 0 or turns_back(plan) or np.any(needs <= 0):
-        return Leg(plan.duration, np.zeros((1, 2)))
+        return MotorLeg(plan.duration, np.zeros((1, 2)))
     used = axis_rates(system, plan.q(plan.duration)) / np.maximum(lost, 1e-12)
     angle = -way * WAY_BACK_SHARE * 2 / float(used.max())
     seconds = float(_seconds(plan, machine, 0, np.asarray(angle)))
-    return Leg(plan.duration, _motion(((0, angle, seconds),), tick, rest=0.0))
+    return MotorLeg(plan.duration, _motion(((0, angle, seconds),), tick, rest=0.0))
 
 
 def _seconds(plan: Plan, machine: Machine, motor: int, angle: Array) -> Array:

@@ -61,7 +61,7 @@ class MotorCommands:
         return StateTrajectory(system, q_curve, Bernstein(np.stack([self.u, after]), self.t))
 
 
-class Shape:
+class CommandShape:
     """The commands of one plan for one machine, as functions of a correction of the motors' angles.
 
     Args:

@@ -15,7 +15,7 @@ import numpy as np
 from planner.machine.feedback.run_up import REST_S
 from planner.machine.feedforward.legs import stopping_s
 from planner.machine.feedforward.prediction import end_of
-from planner.machine.feedforward.shaping import Shape
+from planner.machine.feedforward.shaping import CommandShape
 from planner.machine.machine import Machine
 from planner.machine.replay import SETTLE_S
 from planner.machine.simulate import simulate_variants
@@ -65,7 +65,7 @@ class Variants:
         knots: Times of the knots, (m,), s; the correction is zero at the first.
     """
 
-    def __init__(self, plan: Plan, machine: Machine, shape: Shape) -> None:
+    def __init__(self, plan: Plan, machine: Machine, shape: CommandShape) -> None:
         self._plan, self._machine, self.shape = plan, machine.nominal(), shape
         self._coarse = replace(
             self._machine.with_(velocity_resolution_rad_s=False),

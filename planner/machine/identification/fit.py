@@ -54,7 +54,7 @@ Tell = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class MachineFit:
     """A minimum of the fit.
 
     Attributes:
@@ -74,7 +74,7 @@ def fit(
     starts: int,
     seed: int,
     tell: Tell,
-) -> Fit:
+) -> MachineFit:
     """The best of the minima found from several starts.
 
     Args:
@@ -118,7 +118,7 @@ def fit(
         np.sqrt(np.mean(g[m.known :] ** 2, axis=0)) for m, g in zip(models, gaps, strict=True)
     ]
     spread = problem.bootstrap(best.x, random)
-    return Fit(x, spread, np.array(residual))
+    return MachineFit(x, spread, np.array(residual))
 
 
 def step_with_zeros(models: Sequence[LogModel], parameters: Parameters, known: Fit) -> Fit:

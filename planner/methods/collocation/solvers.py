@@ -232,7 +232,7 @@ class _Fatrop:
         if row.barrier is not None:
             options["mu_init"] = row.barrier * (row.weight if settings.near else 1.0)
         program = made.program
-        functions = {"nlp_grad_f": program.gradient, "nlp_hess_l": program.hessian}
+        functions = {"nlp_grad_f": program.gradient, "nlp_hess_l": program.gradient_and_hessian}
         functions["nlp_grad"] = _values(program)
         self._made, self._functions = made, functions
         self._options: dict[str, Any] = {"fatrop": options, **_stages(made)}

@@ -10,7 +10,13 @@ from scipy.integrate import solve_ivp
 
 import planner
 from planner import Machine, Manipulator, Plan
-from planner.machine.feedback.estimate import Estimate, Forecast, History, Pose, reading_variance
+from planner.machine.feedback.estimate import (
+    Forecast,
+    History,
+    Pose,
+    StateEstimate,
+    reading_variance,
+)
 from planner.machine.feedback.means import gearhead_play, lost_motion
 from planner.machine.feedback.reference import _direction
 from planner.machine.feedback.run_up import STEP_S, hindrance, run_up
@@ -68,7 +74,7 @@ def test_a_reversing_motor_first_crosses_its_play(smooth: Plan) -> None:
     told[:10], told[10:] = 0.2, -0.2
     history, zero, all_passed = History(0.01, told, 1), np.zeros(2), np.ones((3, 1))
     q = np.zeros((4, 1))
-    known = Estimate(q, np.zeros((4, 1)), lost, np.full((3, 1), 1e-18))
+    known = StateEstimate(q, np.zeros((4, 1)), lost, np.full((3, 1), 1e-18))
     known.pose = Pose(q, q[1:] + lost, np.full(1, half))  # in contact upwards
     before = known.pose = forecast(known, zero, zero + 0.1, history, all_passed)
     assert before.q[1, 0] == pytest.approx(0.02)
@@ -87,13 +93,13 @@ def test_each_motor_carries_out_what_it_was_told_until_its_own_time(smooth: Plan
     assert history.travel(np.array([9.0, 0.1]))[:, 0] == pytest.approx([0.3, 1.0])
 
 
-def estimate(resolution_deg: float, lost_deg: float = 0.0) -> Estimate:
+def estimate(resolution_deg: float, lost_deg: float = 0.0) -> StateEstimate:
     resolution = np.deg2rad([[np.inf], [resolution_deg], [resolution_deg], [resolution_deg]])
     lost, variance = np.full((3, 1), np.deg2rad(lost_deg)), reading_variance(resolution, False)
-    return Estimate(np.zeros((4, 1)), resolution, lost, variance)
+    return StateEstimate(np.zeros((4, 1)), resolution, lost, variance)
 
 
-def forecast_by(found: Estimate, advance: np.ndarray) -> None:
+def forecast_by(found: StateEstimate, advance: np.ndarray) -> None:
     """The axes turn by `advance` (3, 1), and joints follow as the estimate has it."""
     axis = found.pose.axis + (1 + found.rate_error) * advance
     q = found.pose.q.copy()

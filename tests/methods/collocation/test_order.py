@@ -149,7 +149,7 @@ def test_derivatives_agree_with_casadi_on_the_whole_graph(
     rng = np.random.default_rng(0)
     w, v, lam = rng.random(x.numel()) + 0.1, rng.random(p.numel()), rng.random(g.numel())
     gradient, jacobian, slope, hessian = (dense(m) for m in reference(w, v, lam))
-    ours = program.hessian(w, v, 1.3, lam)
+    ours = program.gradient_and_hessian(w, v, 1.3, lam)
     close = {"rtol": 1e-9, "atol": 1e-9}
     np.testing.assert_allclose(dense(program.gradient(w, v)), gradient, **close)
     np.testing.assert_allclose(dense(program.value_gradient(w, v)[1]), gradient, **close)

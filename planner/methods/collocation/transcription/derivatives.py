@@ -29,8 +29,8 @@ class IntervalFunctions:
         rows: Gives the rows, the first being minus the next state.
         gradient: Gives the gradient of the cost.
         jacobian: Gives the rows, and the nonzeros of (identity; Jacobian of the rows) by columns.
-        hessian: With lam_f and lam_g also as arguments, gives the gradient of the Lagrangian and
-            the nonzeros of its Hessian.
+        gradient_and_hessian: With lam_f and lam_g also as arguments, gives the gradient of the
+            Lagrangian and the nonzeros of its Hessian.
         points: Gives the coordinates at the collocation points.
         jacobian_pattern: Rows and columns of the Jacobian's nonzeros; the identity's rows belong to
             the previous interval, so they are negative.
@@ -41,7 +41,7 @@ class IntervalFunctions:
     rows: Any
     gradient: Any
     jacobian: Any
-    hessian: Any
+    gradient_and_hessian: Any
     points: Any
     jacobian_pattern: Pattern
     hessian_pattern: Pattern
@@ -69,7 +69,9 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
         rows=_function(chain, "rows", inputs, [rows]),
         gradient=_function(chain, "gradient", inputs, [chain.jacobian(stage.cost).T]),
         jacobian=_function(chain, "jacobian", inputs, [rows, jacobian.nz[:]]),
-        hessian=_function(chain, "hessian", [*inputs, scale, duals], [gradient, hessian.nz[:]]),
+        gradient_and_hessian=_function(
+            chain, "hessian", [*inputs, scale, duals], [gradient, hessian.nz[:]]
+        ),
         points=_function(chain, "points", inputs, [ca.vec(stage.points)]),
         jacobian_pattern=leading,
         hessian_pattern=_pattern(hessian),

@@ -51,7 +51,8 @@ class Program:
         gradient: Function from (x, p) to the gradient of f.
         value_gradient: Function from (x, p) to f and its gradient.
         jacobian: Function from (x, p) to g and its Jacobian.
-        hessian: Function from (x, p, lam_f, lam_g) to gradient and Hessian of lam_f f + lam_g g.
+        gradient_and_hessian: Function from (x, p, lam_f, lam_g) to the gradient and the Hessian of
+            lam_f f + lam_g g.
         triangle: Function from (x, p, lam_f, lam_g) to the Hessian's upper triangle only.
         outcome: Function of arrays (x, p) to one array of f, g, and the coordinates at the
             collocation points.
@@ -63,7 +64,7 @@ class Program:
     gradient: Any
     value_gradient: Any
     jacobian: Any
-    hessian: Any
+    gradient_and_hessian: Any
     triangle: Any
     outcome: Call
 
@@ -99,7 +100,7 @@ class _Assembly:
                 "nlp_grad_f", self._xp, [f, gradient], names, ["f", "grad_f_x"]
             ),
             jacobian=self._jacobian(),
-            hessian=self._hessian(),
+            gradient_and_hessian=self._gradient_and_hessian(),
             triangle=self._triangle(),
             outcome=Call(ca.Function("outcome", self._xp, [outcome])),
         )
@@ -135,13 +136,13 @@ class _Assembly:
         scale, duals = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.K * self.height)
         columns = ca.reshape(duals, self.height, self.K)
         scales = ca.repmat(scale, 1, self.K)
-        gradients, nonzeros = self._mapped(self.functions.hessian, scales, columns)
+        gradients, nonzeros = self._mapped(self.functions.gradient_and_hessian, scales, columns)
         following = ca.vertcat(ca.MX.zeros(self.nc, self.K), columns[: self.ny, :])
         gradient = ca.vertcat(ca.vec(gradients), ca.MX.zeros(self.ny))
         gradient += ca.vertcat(ca.MX.zeros(self.ny), ca.vec(following))
         return [*self._xp, scale, duals], gradient + scale * self.slope, nonzeros
 
-    def _hessian(self) -> Any:
+    def _gradient_and_hessian(self) -> Any:
         inputs, gradient, nonzeros = self._lagrangian()
         names = ["x", "p", "lam_f", "lam_g"], ["grad_gamma_x", "hess_gamma_x_x"]
         whole = self._blocks(nonzeros, *self.functions.hessian_pattern) + inputs[2] * self.bend

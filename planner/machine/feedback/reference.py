@@ -188,7 +188,7 @@ def reference(
 
 
 def _pushes(forecast: Forecast, q: Array, travel: Array, lost: Array) -> tuple[Array, ...]:
-    """Direction, gap and distance of each axis's next push of its joint, and of the push after it.
+    """Find how each axis pushes its joint next: direction, gap before the push, distance.
 
     Args:
         forecast: The model of the nominal machine.
@@ -197,7 +197,8 @@ def _pushes(forecast: Forecast, q: Array, travel: Array, lost: Array) -> tuple[A
         lost: Lost motion of each axis, (N−2, 1).
 
     Returns:
-        Direction, gap, `push` and `next_push` of `Reference` at the edges, (m+1, N−2).
+        At the edges, (m+1, N−2): direction; gap; distance of the next push, and of the one after
+        it (see `push` and `next_push` of `Reference`).
     """
     change = forecast.rates((q[:-1] + q[1:]) / 2, travel)[:, 2:]
     place, pushed = np.zeros((len(q), change.shape[1])), np.zeros_like(change)

@@ -285,10 +285,10 @@ class Correction:
         return worse, tried[:, :, k], runs[k]
 
     def _knot_steps(self, missed: float) -> Array:
-        """Constant changes of one motor from a knot on, sized by the miss, (m, 2, S), rad.
+        """Steps that turn one motor by a constant angle from a knot on, (m, 2, S), rad.
 
-        They need no derivative, which may have the wrong sign: where a joint comes to rest, both
-        directions of the change may move it the same way.
+        The angle is proportional to the miss. These steps use no derivatives, which are not
+        reliable where a joint comes to rest: a change may move it the same way in both directions.
         """
         m, out = len(self.knots), []
         for k in range(m - m // LAST_KNOTS, m):

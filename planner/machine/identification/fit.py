@@ -121,16 +121,18 @@ def fit(
     return MachineFit(x, spread, np.array(residual))
 
 
-def step_with_zeros(models: Sequence[LogModel], parameters: Parameters, known: Fit) -> Fit:
-    """One step from a fit without the zeros of encoders towards one with them.
+def step_with_zeros(
+    models: Sequence[LogModel], parameters: Parameters, known: MachineFit
+) -> MachineFit:
+    """Extend a fit by the zeros of encoders, in one linear step.
 
     Args:
-        models: The logs, of these parameters.
-        parameters: With zeros of encoders, which come last.
-        known: The fit of the others.
+        models: The logs, for these parameters.
+        parameters: The parameters, of which the zeros of encoders come last.
+        known: The fit without zeros.
 
     Returns:
-        Where the step leads, its uncertainty, and the residual before it.
+        Parameters after the step and their uncertainty, with the residual before it.
     """
     problem, count = _LeastSquares(models, parameters), len(parameters.rows)
     z = np.zeros(problem.size)
@@ -139,7 +141,7 @@ def step_with_zeros(models: Sequence[LogModel], parameters: Parameters, known: F
     _, hessian, gradient = problem.normal_equations(z)
     z -= np.linalg.solve(hessian, gradient.sum(axis=0) + z)
     spread = np.sqrt(np.diag(np.linalg.inv(hessian)))
-    return Fit(z[:count], spread[:count], known.residual)
+    return MachineFit(z[:count], spread[:count], known.residual)
 
 
 def _share(tell: Tell, start: int, starts: int, count: int) -> None:

@@ -97,8 +97,8 @@ def known_row(log: Log, has_inertia: bool = False) -> int:
 
     Args:
         log: The log.
-        has_inertia: Whether joints must have been pushed in both directions, except joints that the
-            log pushes in only one.
+        has_inertia: Whether links have inertia. Each joint must then have been pushed in both
+            directions, unless the log pushes it in only one.
 
     Raises:
         InputError: If a joint does not move.

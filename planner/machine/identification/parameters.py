@@ -133,10 +133,10 @@ DIRECT = (
 )  # fmt: skip
 
 
-def _zero(joint: int) -> Parameter:
+def _zero(joint: int) -> MachineParameter:
     prior, most = ZERO_PRIOR_DEG * DEG, ZERO_MOST_DEG * DEG
     words = f"zero{joint}", f"zero of encoder {joint}", "deg"
-    return Parameter(*words, DEG, 0.0, prior, -most, most)
+    return MachineParameter(*words, DEG, 0.0, prior, -most, most)
 
 
 class Parameters:

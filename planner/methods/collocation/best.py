@@ -20,7 +20,7 @@ SHORT_OF_TIME_S = 30.0
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A solution with its task and origin; it is a motion only if the solution has not failed.
+    """A solution with its task and origin. If `solution.ok` is false, it is not a motion.
 
     Attributes:
         start: Name of the first guess.

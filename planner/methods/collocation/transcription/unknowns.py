@@ -186,7 +186,7 @@ def _runner(system: MovingSystem, intervals: int, through: bool) -> Call:
 
 @lru_cache(maxsize=32)
 def _interval(system: MovingSystem) -> Any:
-    """Function to the end of one interval and all its samples, step by step."""
+    """CasADi function that integrates one interval and gives its end and all samples."""
     q, seconds, a, b = (
         ca.SX.sym(name, size) for name, size in zip("qsab", (system.size, 1, 2, 2), strict=True)
     )

@@ -209,7 +209,7 @@ def test_a_run_up_is_made_only_where_it_helps(smooth: Plan, machine: Machine) ->
 def test_why_play_cannot_be_taken_up_first(smooth: Plan, machine: Machine) -> None:
     problem = planner.load_problem(PROBLEMS / "paper-fig4.toml")
     turning = planner.solve(problem, "collocation", intervals=20)
-    assert "turns back" in hindrance(turning, machine)
+    assert "reverses" in hindrance(turning, machine)
     assert design(turning, machine, FeedbackTable()).ref.timing.begin == 0.0
     assert hindrance(smooth, machine) == hindrance(turning, Machine.ideal()) == ""
     assert design(smooth, machine, FeedbackTable()).ref.timing.begin < -5.0

@@ -215,7 +215,9 @@ def _add_budgets(shares: dict[str, Budget], result: Comparison) -> bool:
         with job() as progress:
             # `update` adds pairs one by one, so that budgets finished before Ctrl-C stay.
             shares.update(
-                budgets(plans, result.machine, BUDGET_SAMPLES, BUDGET_BASE, result.seed, progress)
+                budgets(
+                    plans, result.machine, BUDGET_SAMPLES, BUDGET_BASE, result.seed, False, progress
+                )
             )
     except KeyboardInterrupt:
         return False
@@ -243,6 +245,10 @@ def budget(
         int, typer.Option("--base", min=2, help="Base samples of the Sobol indices, a power of 2.")
     ] = 256,
     seed: Seed = 0,
+    feedback: Annotated[
+        bool,
+        typer.Option("--feedback", help="Drive the machines with feedback by the tracker."),
+    ] = False,
     changes: Changes = None,
     out: Annotated[
         Path | None, out_option("FOLDER", "Save tables, figures and data in this folder.")
@@ -258,6 +264,7 @@ def budget(
     Examples:
       planner budget problems/paper.toml --methods sinusoid,collocation -o budget
       planner budget plan.json --samples 500 --base 512
+      planner budget plan.json --feedback     effects of encoders count only with feedback
     """
     refuse_without_salib()
     if out is not None:
@@ -267,9 +274,10 @@ def budget(
         problem = next(iter(plans.values())).problem.changed(parse_changes(changes or []))
         machine = Machine.from_table(problem.machine)
         report = partial(_report_share, progress, 0.3, 1.0)
-        shares = dict(budgets(plans, machine, samples, base, seed, report))
+        shares = dict(budgets(plans, machine, samples, base, seed, feedback, report))
     words = ["planner", "budget", str(subject), *(["--methods", methods] if methods else [])]
     words += ["--samples", str(samples), "--base", str(base), "--seed", str(seed), *_sets(changes)]
+    words += ["--feedback"] * feedback
     written = out and save_budget(shares, out, shlex.join([*words, "--out", str(out)]))
     data = {label: each.to_dict() for label, each in shares.items()}
     tables = [part for each in shares.values() for part in (each.table(), "")]
@@ -277,7 +285,13 @@ def budget(
 
 
 def budgets(
-    plans: dict[str, Plan], machine: Machine, samples: int, base: int, seed: int, progress: Progress
+    plans: dict[str, Plan],
+    machine: Machine,
+    samples: int,
+    base: int,
+    seed: int,
+    feedback: bool,
+    progress: Progress,
 ) -> Iterator[tuple[str, Budget]]:
     """Yield the label and budget of each plan as soon as it is done."""
     for k, (label, plan) in enumerate(plans.items()):
@@ -285,10 +299,8 @@ def budgets(
         def tell(doing: str, share: float, k: int = k, label: str = label) -> None:
             progress(f"{label}: {doing}", (k + share) / len(plans))
 
-        yield (
-            label,
-            error_budget(plan, machine, samples=samples, base=base, seed=seed, progress=tell),
-        )
+        numbers = {"samples": samples, "base": base, "seed": seed}
+        yield label, error_budget(plan, machine, **numbers, feedback=feedback, progress=tell)
 
 
 def executable_plans(rows: Sequence[Row]) -> dict[str, Plan]:

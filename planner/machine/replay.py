@@ -299,7 +299,7 @@ def replay(
             period.
     """
     refuse_inexecutable(plan)
-    closing = _feedback(feedback, plan)
+    closing = feedback_of(plan, feedback)
     numbers = sample_numbers(samples)
     _check(seed, settle_s, record_s, motions)
     expect_listener(progress)
@@ -324,7 +324,8 @@ def replay(
     )
 
 
-def _feedback(feedback: bool | Feedback, plan: Plan) -> Feedback | None:
+def feedback_of(plan: Plan, feedback: bool | Feedback) -> Feedback | None:
+    """Return the feedback that `replay` is asked for; None for open loop."""
     if feedback is True:
         from planner.machine.feedback.tracker import Tracker  # imports OSQP, needed only here
 

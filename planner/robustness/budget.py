@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
+from planner.machine.closed_loop import Controller, Feedback
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
-from planner.machine.replay import SETTLE_S
+from planner.machine.replay import SETTLE_S, feedback_of
 from planner.machine.simulate import simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS, effect_words
@@ -96,6 +97,7 @@ class Budget:
         E_deg: Median of E with all effects, degrees.
         E_interval_deg: Its 95 % interval.
         none_deg: E without any effect, degrees.
+        feedback: Whether the machines were driven with feedback.
         costs: The effects that change E, sorted by decreasing |`saves_deg`|.
         idle: Effects that are on and can act in the machine's fidelity, but do not change E on the
             first machines.
@@ -109,6 +111,7 @@ class Budget:
     E_deg: float
     E_interval_deg: Interval
     none_deg: float
+    feedback: bool
     costs: tuple[Cost, ...]
     idle: tuple[str, ...]
 
@@ -159,9 +162,10 @@ def error_budget(
     samples: int = 200,
     base: int = 256,
     seed: int = 0,
+    feedback: bool | Feedback = False,
     progress: Progress | None = None,
 ) -> Budget:
-    """Find how much each effect of a machine contributes to a plan's error E (eq. 29), open loop.
+    """Find how much each effect of a machine contributes to a plan's error E (eq. 29).
 
     Args:
         plan: An executable plan.
@@ -170,6 +174,8 @@ def error_budget(
         base: Base samples of the Sobol indices, a power of 2. They take (effects + 2) · base runs
             for effects as switches, and (effects with a spread + 2) · base runs between machines.
         seed: Seed of all draws.
+        feedback: As in `planner.replay`. The tracker knows the machine with all its effects, also
+            where the budget switches some of them off.
         progress: Called with the current step and the finished share, 0 … 1.
 
     Raises:
@@ -185,9 +191,21 @@ def error_budget(
         raise InputError("the error index E is defined for angles, and this system has none")
     if not distribution.effects:
         raise InputError("this machine has no effects, so there is no error to attribute")
-    return _BudgetRun(
-        plan, distribution, count, seed, base, progress or (lambda doing, share: None)
-    ).budget()
+    tell, closing = progress or (lambda doing, share: None), feedback_of(plan, feedback)
+    known = None if closing is None else _InformedFeedback(closing, distribution)
+    return _BudgetRun(plan, distribution, count, seed, base, known, tell).budget()
+
+
+@dataclass(frozen=True)
+class _InformedFeedback:
+    """Feedback that knows the whole machine, whichever effects are switched off."""
+
+    feedback: Feedback
+    machine: Machine
+
+    def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Controller:
+        """Start the feedback; `machine` is ignored."""
+        return self.feedback.start(plan, self.machine, numbers)
 
 
 @dataclass(frozen=True)
@@ -199,6 +217,7 @@ class _BudgetRun:
     samples: int
     seed: int
     base: int
+    feedback: Feedback | None
     tell: Progress
 
     def budget(self) -> Budget:
@@ -240,6 +259,7 @@ class _BudgetRun:
             E_deg=float(np.median(whole)),
             E_interval_deg=_interval(whole),
             none_deg=float(np.median(none)),
+            feedback=self.feedback is not None,
             costs=tuple(costs),
             idle=tuple(k for k in every if k not in active),
         )
@@ -291,7 +311,9 @@ class _BudgetRun:
         return out
 
     def _given(self, machine: Machine, draws: Draws) -> Array:
-        run = simulate(self.plan, machine, draws, settle_s=SETTLE_S, record_s=None)
+        run = simulate(
+            self.plan, machine, draws, settle_s=SETTLE_S, record_s=None, feedback=self.feedback
+        )
         coordinates = self.plan.problem.system.coordinates[1:]
         angles = [i for i, c in enumerate(coordinates) if c.unit == "rad"]
         return np.asarray(np.rad2deg(run.deviation[:, angles].max(axis=1)))
@@ -400,7 +422,8 @@ def total(budget: Budget) -> str:
     """Return in words the median error with its interval, and the error without any effect."""
     low, high = (number(x) for x in budget.E_interval_deg)
     none = _degrees(budget.none_deg, ".3g")
-    return f"median E {number(budget.E_deg)} deg ({low} to {high}), {none} without any effect"
+    way = " with feedback" if budget.feedback else ""
+    return f"median E{way} {number(budget.E_deg)} deg ({low} to {high}), {none} without any effect"
 
 
 def _idle_text(budget: Budget) -> str:

@@ -162,3 +162,19 @@ def test_a_slope_and_turned_contacts_are_in_the_budget(plan: planner.Plan) -> No
     assert budget["lateral_friction"].saves_deg == pytest.approx(
         budget["friction_capacity_nm"].saves_deg, abs=1e-9
     )
+
+
+def test_readings_count_only_with_feedback(plan: planner.Plan) -> None:
+    machine = Machine.ideal(step_s=STEP, control_period_s=0.02, encoder_resolution_deg=2.0)
+    opened, closed = (
+        error_budget(plan, machine, samples=1, base=2, feedback=way) for way in (False, True)
+    )
+    assert "encoder_resolution_deg" in opened.idle
+    coarse, exact = (
+        replay(plan, m, 1, 0, True, record_s=None).percentile(50)
+        for m in (machine, machine.without("encoder_resolution_deg"))
+    )
+    assert closed.E_deg == coarse
+    saved = closed["encoder_resolution_deg"].saves_deg
+    assert saved == pytest.approx(coarse - exact, abs=0.01)
+    assert saved > 0.05

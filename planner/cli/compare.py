@@ -264,7 +264,7 @@ def budget(
     Examples:
       planner budget problems/paper.toml --methods sinusoid,collocation -o budget
       planner budget plan.json --samples 500 --base 512
-      planner budget plan.json --feedback     effects of encoders count only with feedback
+      planner budget plan.json --feedback    # effects of encoders too
     """
     refuse_without_salib()
     if out is not None:

@@ -182,7 +182,7 @@ def test_export_command(run: Callable, tmp_path: Path) -> None:
     assert run(*asked, "--real", "half").status == 2
     for words, says in (
         (["x.yaml"], "rest = true"),
-        (["y.csv", "--real", "float"], "'csv' has no type of numbers"),
+        (["y.csv", "--real", "float"], "'csv' has no option for type of numbers"),
         (["y.csv", "--rate", "0"], "rate_hz = 0"),
         (["y.csv", "--joints", "a,b"], "joint names"),
     ):

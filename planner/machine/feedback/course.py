@@ -93,7 +93,7 @@ class Course:
         return np.where((when < 0)[..., None], before, out)
 
     def commanded_angles(self, t: Array) -> Array:
-        """Motor angles (…, 2) to have commanded by times t (…), rad."""
+        """Integrals (…, 2) of the commands up to times t (…) that follow the course, rad."""
         return np.stack([np.interp(t, when, angle) for when, angle in self._commanded], axis=-1)
 
 

@@ -161,8 +161,8 @@ class TrackingProgramme:
     def _solve(self, step: ControlStep, values: Array, guess: Array) -> tuple[Array | None, bool]:
         """Solve for c, and return whether it is a fallback; c is None without an answer in time.
 
-        State limits that cannot be kept are widened just enough for the regulator, clipped to the
-        input limits, to keep them. Input limits are always kept.
+        Input limits are always kept. If the state limits cannot be kept, they are widened to the
+        states that the regulator reaches when its corrections are clipped to the input limits.
         """
         low, high, d = step.low - values, step.high - values, self._driven
         first = self._inner(step.driven, low[:d], high[:d], guess)

@@ -61,7 +61,7 @@ class Reference:
             s.
         is_counted: Whether the period's effect begins after the start of the motion whose errors
             are measured, (K,).
-        rests: Earlier periods in which the drive rests while θ₁ swings, (K,).
+        rests: Whether the drive rests while θ₁ swings, before that start, (K,).
         q: The course at times s, (K+1, N); passive joints where their axes would push them to.
         joints: Passive joints at times s, (K+1, N−2).
         feed: Mean input of the course in each tick, within the limit, (K, M, 2).
@@ -73,8 +73,8 @@ class Reference:
         B: ∂δqₖ₊₁/∂v, (K, N, 2).
         E: ∂δqₖ₊₁/∂(ε, δw), (K, N, 2(N−2)).
         way: Direction in which each passive axis pushes its joint next, 1 or −1, (K+1, N−2).
-        push: Distance by which it pushes it before it turns back, (K+1, N−2); negative if it does
-            not reach it: the remaining gap.
+        push: Distance by which the axis pushes its joint before the axis turns back, (K+1, N−2); if
+            it does not reach the joint, minus the remaining gap.
         next_push: The same for the following push, (K+1, N−2).
         lost_motion: Lost motion that the course allows for, (N−2, 1).
         low: Least correction, (K, 2).

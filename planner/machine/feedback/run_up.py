@@ -243,7 +243,7 @@ def refuse_excess(plan: Plan, machine: Machine) -> None:
     request = f"{c.name} asks for {peak:.3g} {c.unit}"
     raise UntrackableError(
         f"feedback cannot follow this {plan.method} plan: {request}, {source} {limit[i]:g}, and"
-        f" {share[i]:.0%} of its motion lies beyond; give it more time (goal.duration, or"
+        f" {share[i]:.0%} of its motion exceeds this; give it more time (goal.duration, or"
         " planner.retime)",
         why=f"feedback cannot follow it, {request}, allowed {limit[i]:g}",
     )

@@ -1,9 +1,11 @@
 """Plans with the least response to errors of inputs, start and constants, traded against effort.
 
 The file has, in this order: the plan; the collocation problem with its errors and their sizes; the
-first guesses; and the refusals before and after the search. The first guesses are an easy plan, and
-motions whose second coordinate leaves the straight line to either side and whose first input may
-reverse, since the response has a local optimum for each side and each number of reversals.
+first guesses; and the refusals before and after the search.
+
+The response has a local optimum for each side of the straight line and each number of reversals. So
+the first guesses are an easy plan, and motions in which the second coordinate leaves the straight
+line to either side and the first input reverses.
 """
 
 from __future__ import annotations

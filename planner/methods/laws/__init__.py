@@ -1,5 +1,5 @@
 """Plans in closed form: the paper's polynomials, multirate inputs, sinusoids.
 
-In this order: `law`, `polynomial`, `piecewise`, `legs`, `sinusoids`; `scores` and
-`free_numbers` choose what is left open.
+Read the files in this order: `law`, `polynomial`, `piecewise`, `legs`, `sinusoids`; `scores` and
+`free_numbers` choose the free numbers.
 """

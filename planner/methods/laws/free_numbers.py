@@ -1,8 +1,8 @@
-"""The free numbers of laws: the travel, the offset of the first of two legs, the amplitude.
+"""Choose the free numbers of laws: the travel, the offset of the first of two legs, the amplitude.
 
-A travel that is left free is scanned, what stays in the domain is kept, and the best refined. A
-law of legs that finds none turns back: travel zero, in two legs. The offset is how far the first
-of them goes. For sinusoids it is chosen how far z₁ swings, and how far it travels.
+A free travel is scanned, and the best travel whose motion stays in the domain is refined. If there
+is none, a law of legs goes out and back: its travel is zero, in two legs, and the offset is the
+travel of the first. For sinusoids the amplitude of z₁ and the travel are chosen.
 """
 
 from __future__ import annotations
@@ -42,15 +42,16 @@ from planner.support.arrays import Array
 Make = Callable[[float], ChainedTrajectory | None]
 
 _OPEN_WINDOW = 3.0
-"""Largest travel tried, either way, where no window is known: radians for arms."""
+"""Largest travel tried in either direction if no window is known, rad, for arms."""
 
 _OPEN_RATIO = 10.0
-"""The same for vehicles, in distances between start and goal across the path coordinate."""
+"""The same for vehicles, in units of the distance between start and goal without the path
+coordinate."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A travel chosen, and the ranges of travels it was chosen from.
+    """A chosen travel, and the ranges of travels from which it was chosen.
 
     Attributes:
         travel: The travel.
@@ -67,11 +68,11 @@ Law = Callable[[Problem, Options], Plan]
 
 
 def one_way_or_back(plan: Law[Options]) -> Law[Options]:
-    """A law of legs that, with the travel free, goes out and back where it has no path one way.
+    """A law of legs that goes out and back if its travel is free and it has no one-way path.
 
     Args:
-        plan: The law. With the travel free it seeks a path one way; with travel zero it makes two
-            legs, out and back. It raises `SingularError` where the chart's domain is left.
+        plan: The law. With a free travel it searches a one-way path; with travel zero it has two
+            legs, out and back. It raises `SingularError` if the motion leaves the chart's domain.
     """
 
     @wraps(plan)
@@ -89,7 +90,7 @@ def one_way_or_back(plan: Law[Options]) -> Law[Options]:
             back = plan(replace(problem, travel=0.0), options)
         except SingularError as error:
             failed = refusal or error
-            failed.advise()  # another travel is no advice: they have been tried
+            failed.advise()  # do not advise another travel, since all have been tried
             raise failed from None
         return replace(back, problem=problem, solve_time_s=time.perf_counter() - began)
 
@@ -97,17 +98,17 @@ def one_way_or_back(plan: Law[Options]) -> Law[Options]:
 
 
 _SCANS = (60, 600)
-"""Numbers of travels tried, the next one only if none of the last stays inside."""
+"""Numbers of travels to try; the second only if no travel of the first scan stays inside."""
 
 
 def travel_of(problem: Problem, make: Make, options: TravelOptions) -> Choice:
-    """The problem's travel where it is given; else one that stays inside the chart's domain.
+    """The problem's travel if it is given, else one that stays inside the chart's domain.
 
     Args:
-        problem: Supplies the window of travels, and the limits that scale peaks and are kept where
-            some travel inside the domain keeps them.
-        make: The law, from travel to trajectory; None where it has no solution.
-        options: Supply the rule and the criterion of what is best.
+        problem: The problem, for the window of travels and for the limits, which scale peaks and
+            are kept if any travel inside the domain keeps them.
+        make: The law, as a function from travel to trajectory; None if it has no solution.
+        options: The options, for the rule and the criterion.
 
     Raises:
         SingularError: If the law leaves the domain for every travel tried.
@@ -135,9 +136,9 @@ def travel_of(problem: Problem, make: Make, options: TravelOptions) -> Choice:
 
 
 def candidate_travels(problem: Problem, count: int) -> Array:
-    """About `count` travels, increasing, spread over the window of one-way motions; none is zero.
+    """About `count` travels, increasing, over the window of one-way motions; none is zero.
 
-    Where no window is known, or it is empty, they lie either way of zero.
+    If no window is known, or it is empty, they lie on both sides of zero.
     """
     window = travel_window(problem)
     if window is None or window.empty:
@@ -163,7 +164,7 @@ def _ranges(
     problem: Problem, travels: Array, good: Array, make: Make
 ) -> tuple[tuple[float, float], ...]:
     padded = np.concatenate([[False], good, [False]])
-    reverses = np.diff(np.sign(travels)) != 0  # a range does not reach across travel zero
+    reverses = np.diff(np.sign(travels)) != 0  # a range must not contain zero
     starts = np.flatnonzero(padded[1:] & ~(padded[:-1] & ~np.array([False, *reverses, False])))
     ends = np.flatnonzero(padded[:-1] & ~(padded[1:] & ~np.array([False, *reverses, False]))) - 1
     out = []
@@ -178,7 +179,7 @@ def _ranges(
 
 
 def _edge(problem: Problem, inner: float, outer: float, make: Make) -> float:
-    """The last travel inside the domain between one inside and one outside, by bisection."""
+    """The travel at the edge of the domain, between one inside and one outside, by bisection."""
     for _ in range(28):
         middle = (inner + outer) / 2
         good = score(problem, [make(middle)]).inside[0]
@@ -212,7 +213,7 @@ def _best(
 
 
 _OFFSETS = np.geomspace(0.01, 1.0, 20)
-"""Offsets scanned, over the largest travel tried where no window is known, with both signs."""
+"""Offsets to scan, with both signs, relative to the largest travel tried without a window."""
 
 
 def choose_offset(
@@ -220,17 +221,17 @@ def choose_offset(
 ) -> tuple[float, dict[str, Any]]:
     """Travel of the first of the two legs of step 4: given, the paper's mean of z(0), or the best.
 
-    The paper writes offset = Σzᵢ/n; z has n+1 coordinates, over which the mean is taken here. It
-    adds metres to angles and slopes, so it is as good as any number; "auto" tries it among others.
+    The paper writes offset = Σzᵢ/n; z has n+1 coordinates, so we divide by n+1. The sum adds metres
+    to angles and slopes, so this value has no special meaning; "auto" tries it among others.
 
     Args:
         ends: Start and goal.
-        options: Supply the rule, and the criterion of "auto".
-        name: Of the method.
-        make: The law, from offset to trajectory.
+        options: The options, for the rule and for the criterion of "auto".
+        name: Name of the method.
+        make: The law, as a function from offset to trajectory.
 
     Returns:
-        The offset, and notes for the plan; (0, none) where one leg is enough.
+        The offset, and notes for the plan; (0, none) if one leg is enough.
 
     Raises:
         InputError: If it is zero.
@@ -261,10 +262,10 @@ def choose_offset(
 
 
 _SIZES = np.geomspace(0.02, 4.0, 12)
-"""Amplitudes scanned, over the size of the travel (over 1 where that is zero), with both signs."""
+"""Amplitudes to scan, with both signs, relative to the size of the travel (or to 1 if it is 0)."""
 
 _TRAVELS = 24
-"""Travels scanned where it is free, each with all amplitudes; the best are then bettered."""
+"""Number of travels to scan if the travel is free, each with all amplitudes."""
 
 
 def choose_swing(
@@ -272,10 +273,10 @@ def choose_swing(
     make: Callable[[float, float], ChainedTrajectory],
     options: SinusoidOptions | SinusoidStepsOptions,
 ) -> tuple[float, float, dict[str, Any]]:
-    """Travel and amplitude: the given ones, and the best by the criterion for what is left free.
+    """Travel and amplitude: as given, or the best by the criterion if free.
 
-    The amplitude is a₁/ω or α/ω, in the unit of z₁; a common factor where steps have their own.
-    Where no choice stays inside the domain, the one that leaves it least is returned.
+    The amplitude is a₁/ω or α/ω, in the unit of z₁; if steps have their own amplitudes, it is a
+    common factor. If no choice stays inside the domain, the one that leaves it least is returned.
 
     Returns:
         Travel, amplitude, and notes for the plan.
@@ -310,10 +311,10 @@ def choose_swing(
 
 
 def _swing_travels(problem: Problem) -> Iterator[Array]:
-    """The travel, or those to scan; more where no motion is found with these.
+    """The given travel, or the travels to scan; then more if no motion is found with these.
 
-    A sinusoid turns back within its period, so that the window of one-way motions is a good guess
-    and no limit.
+    A sinusoid reverses within its period, so the window of one-way motions is a good first guess
+    but not a limit.
     """
     if problem.travel is not None:
         yield np.array([problem.travel])
@@ -326,7 +327,7 @@ def _swing_travels(problem: Problem) -> Iterator[Array]:
 
 
 def _grid(problem: Problem, travels: Array, given: float | None) -> tuple[Array, Array]:
-    """Candidates (C, d) and the size of a first step from each."""
+    """Candidates (C, d), and the size of the first step from each."""
     width = np.ptp(travels) / len(travels)
     rows, steps = [], []
     for travel in travels:

@@ -1,6 +1,6 @@
-"""What all laws of the chained form share once their motion is made: timing, refusal, the Plan.
+"""Shared code of all laws of the chained form: timing, refusal, and the plan of a motion.
 
-What every method that plans inside the chart asks first, and how it refuses.
+It also has the first checks of every method that plans in the chart, and their refusals.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Ends:
     """Start and goal in chained coordinates, checked once for every travel a law may try.
 
     Attributes:
-        problem: Whose they are.
+        problem: The problem.
         start: z(0), shape (N,).
     """
 
@@ -42,19 +42,19 @@ class Ends:
         """The ends of a problem.
 
         Raises:
-            SingularError: As `chart_ends`.
+            SingularError: See `chart_ends`.
         """
         return cls(problem, *chart_ends(problem, 0.0))
 
     def goal(self, travel: float) -> Array:
-        """z(T), shape (N,): no other chained coordinate depends on q₁."""
+        """z(T), shape (N,), for a travel; only z₁ depends on it."""
         goal = self._goal.copy()
         goal[0] = self.start[0] + travel
         return goal
 
     @property
     def duration(self) -> float:
-        """Seconds; one where the problem leaves it free, since the path does not depend on it."""
+        """Duration, s; 1 s if it is free, since the path does not depend on it."""
         return self.problem.duration or 1.0
 
 
@@ -69,12 +69,12 @@ def finish(
     """The plan of a law's motion.
 
     Args:
-        problem: What it solves; a free duration is fitted to the input limits.
+        problem: The problem; a free duration is fitted to the input limits.
         name: The method's name.
-        options: As used.
-        trajectory: The motion, over the problem's duration (one second where that is free).
-        notes: Facts of the method.
-        began: When the method began, by `time.perf_counter`.
+        options: The options used.
+        trajectory: The motion, over the problem's duration (one second if it is free).
+        notes: Notes of the method.
+        began: Time at which the method began, by `time.perf_counter`.
 
     Raises:
         SingularError: If the motion leaves the chart's domain, unless `options.allow_singular`.
@@ -111,12 +111,12 @@ def trajectory_of(problem: Problem, motion: LegMotion) -> ChainedTrajectory:
 
 
 def summary(motion: LegMotion) -> dict[str, float]:
-    """How well a motion's linear system was solved, for a plan's notes."""
+    """Residual and condition of a motion's linear system, for a plan's notes."""
     return {"endpoint_residual": motion.residual, "condition_number": motion.condition}
 
 
 def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
-    """z(0) and z(T), shape (N,) each, of a problem that a chart method can take.
+    """z(0) and z(T), shape (N,) each, of a problem that methods in the chart can solve.
 
     Raises:
         SingularError: If the start or goal lies on a singularity of the chart, or the goal lies on
@@ -132,7 +132,7 @@ def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
 
 
 def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
-    """With the duration free, the fastest uniform timing of a path within the input limits.
+    """If the duration is free, scale the time of a path to the fastest within the input limits.
 
     Raises:
         InputError: If the duration is free and no input has a limit.
@@ -145,7 +145,7 @@ def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
             " set one of them"
         )
     factor = slowing_factor(problem.requirements, trajectory)
-    if not np.isfinite(factor):  # outside the domain, which is for the caller to refuse
+    if not np.isfinite(factor):  # outside the domain; the caller refuses it
         return trajectory
     return trajectory.slowed(factor * (1 + 1e-9))
 

@@ -48,8 +48,8 @@ class LegMotion:
     Attributes:
         z: Bernstein with values (N,).
         v: Bernstein with values (2,).
-        residual: Largest |zᵢ(T) − goalᵢ| of the solved motion, each over the largest |zᵢ| on the
-            way (or 1 if that is less).
+        residual: Largest |zᵢ(T) − goalᵢ| of the solved motion, each relative to the largest |zᵢ|
+            of the motion (or 1 if that is less).
         condition: Condition number of the scaled linear system.
     """
 
@@ -64,7 +64,7 @@ def steer(
 ) -> LegMotion:
     """Steer z from start to goal over the given legs, through the given points.
 
-    With more coefficients than conditions, the solution of least ∫(T v₂)² is taken.
+    With more coefficients than conditions, the solution has the least ∫(T v₂)².
 
     Args:
         start: z(0), shape (N,).
@@ -131,8 +131,8 @@ def _conditions(
 ) -> tuple[Array, Array]:
     """The affine map coefficients → (z₂(T) … z_N(T), z₂ at the points): matrix and offset.
 
-    One propagation carries all columns: the first is the drift from `start`, each other one the
-    response to one coefficient alone.
+    All columns are propagated together: the first is the drift from `start`, each other one the
+    response to a single coefficient.
     """
     total = sum(len(block) for block in blocks)
     v2, at = [], 1

@@ -26,8 +26,8 @@ NAME = "piecewise"
 def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
     """Steer with v₁ constant and v₂ constant on each of equally long slots.
 
-    With travel zero there are two legs, out and back, of that many slots each; then and with more
-    slots than needed the v₂ of least ∫v₂² is taken.
+    With travel zero there are two legs, out and back, of that number of slots each. In this case,
+    and with more slots than needed, v₂ has the least ∫v₂².
 
     Raises:
         SingularError: If start or goal are not in one branch of the chart, or the path leaves its

@@ -1,10 +1,9 @@
 """The paper's polynomial law (section 4.2, eqs 25–28), for any n and any constraint points.
 
-The paper's step 5 without the hand: constraint points and travel chosen by the program.
-
-A point at a given time adds one coefficient to v₂ and its value fixes it; another time for the same
-point gives the same family of motions. So k points are k free numbers, their values at k fixed
-times, and the search is over those and the travel.
+The program also does the paper's step 5, which is manual there: it chooses constraint points and
+travel. A point at a given time adds one coefficient to v₂, and its value determines it; with
+another time the family of motions is the same. So k points are k free numbers, their values at k
+fixed times, and the search is over these and the travel.
 """
 
 from __future__ import annotations
@@ -40,8 +39,8 @@ NAME = "polynomial"
 def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
     """Steer with v₁ constant and v₂ a polynomial, through given or chosen constraint points.
 
-    With travel zero the motion has two legs (step 4 of the paper). The paper does not say which
-    z₂ … z_N to pass at the turn; the one that makes ∫v₂² least is taken.
+    With travel zero the motion has two legs (step 4 of the paper). The paper does not give
+    z₂ … z_N at the turn; we choose those with the least ∫v₂².
 
     Raises:
         SingularError: If start or goal are not in one branch of the chart, or the path leaves its
@@ -79,7 +78,7 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
 
 
 def _points_given(problem: Problem, options: PolynomialOptions) -> tuple[Point, ...] | None:
-    """The constraint points of the options, checked; None when they are to be chosen."""
+    """The constraint points of the options, checked; None if the program chooses them."""
     if options.points == "auto":
         return None
     points = tuple(Point(*p) for p in options.points)
@@ -105,7 +104,7 @@ def _motion(ends: Ends, offset: float, travel: float, points: Sequence[Point]) -
     try:
         return steer(ends.start, ends.goal(travel), legs, points)
     except np.linalg.LinAlgError:
-        # A travel scales rows of the conditions and changes no rank: the times alone decide.
+        # The travel only scales rows of the conditions, so the rank depends only on the times.
         times = " and ".join(f"{p.time_s:.4g} s" for p in points)
         raise SingularError(
             f"{ends.problem.source}: constraint points at {times} leave the polynomial's"
@@ -122,7 +121,8 @@ _TRAVELS = (60, 30, 15)
 """Travels scanned with 0, 1 and 2 points."""
 
 _DEVIATIONS = (np.zeros(1), np.linspace(-1.5, 1.5, 13), np.linspace(-1.5, 1.5, 7))
-"""Values scanned at each point: off the plain law's z₂ there, over the largest |z₂|."""
+"""Values scanned at each point: deviations from the z₂ of the law without points, relative to the
+largest |z₂|."""
 
 _SHARES = np.arange(1, 12) / 12
 
@@ -130,15 +130,15 @@ _SHARES = np.arange(1, 12) / 12
 def choose_points(
     ends: Ends, solve: Solve, options: PolynomialOptions
 ) -> tuple[float, tuple[Point, ...], dict[str, Any]]:
-    """Choose 0, 1 or 2 constraint points, and the travel where it is free.
+    """Choose 0, 1 or 2 constraint points, and the travel if it is free.
 
-    More points are taken only where they lower the cost by more than one percent. Where no choice
-    keeps the motion inside the domain, the one that leaves it least is returned.
+    More points are used only if they lower the cost by more than one percent. If no choice keeps
+    the motion inside the domain, the one that leaves it least is returned.
 
     Args:
         ends: Start and goal.
-        solve: The law, from travel and points to a motion.
-        options: Supplies the criterion.
+        solve: The law, as a function from travel and points to a motion.
+        options: The options, for the criterion.
 
     Returns:
         The travel, the points, and notes for the plan: how many motions were tried, and the cost
@@ -167,7 +167,7 @@ def choose_points(
 
 
 class _PointFamily:
-    """All motions with a given number of points: free numbers (travel where free, values)."""
+    """All motions with a given number of points; free numbers: travel if it is free, values."""
 
     def __init__(self, ends: Ends, solve: Solve, count: int) -> None:
         self.ends, self.solve, self.count = ends, solve, count
@@ -175,23 +175,23 @@ class _PointFamily:
         self.times = self._best_times()
 
     def read(self, x: Array) -> tuple[float, tuple[Point, ...]]:
-        """Travel and points of free numbers x."""
+        """Travel and points for free numbers x."""
         given = self.ends.problem.travel
         travel, values = (float(x[0]), x[1:]) if given is None else (given, x)
         return travel, tuple(Point(t, float(v)) for t, v in zip(self.times, values, strict=True))
 
     def motion(self, x: Array) -> LegMotion:
-        """The motion of free numbers x."""
+        """The motion for free numbers x."""
         return self.solve(*self.read(x))
 
     def make(self, x: Array) -> ChainedTrajectory | None:
-        """The trajectory of free numbers x; None where the law has none."""
+        """The trajectory for free numbers x; None if the law has no solution."""
         if self.free and x[0] == 0:
             return None
         return trajectory_of(self.ends.problem, self.motion(x))
 
     def search(self, options: PolynomialOptions, known: LegMotion | None) -> BestCandidate:
-        """The best of the family: from a known motion inside the domain, or from a scan."""
+        """The best of the family, found from a known motion inside the domain or from a scan."""
         travels = self._travels()
         width = np.ptp(travels) / len(travels) if self.free else 0.0
         if known is not None:
@@ -218,14 +218,14 @@ class _PointFamily:
         return np.array([given])
 
     def _around(self, motion: LegMotion, travel: float, deviations: Array) -> tuple[Array, float]:
-        """Free numbers whose values deviate from a motion's z₂, and the size of that z₂."""
+        """Free numbers whose values deviate from a motion's z₂, and the scale of that z₂."""
         z2 = motion.z(np.asarray(self.times, dtype=float))[:, 1]
         size = float(np.max(np.abs(motion.z(np.linspace(0, self.ends.duration, 50))[:, 1])))
         rows = [z2 + size * np.array(d) for d in product(deviations, repeat=self.count)]
         return np.array([[travel, *row] if self.free else row for row in rows]), size
 
     def _best_times(self) -> tuple[float, ...]:
-        """Times that make the points' conditions as independent of the others as can be."""
+        """Times at which the points' conditions are as independent of the others as possible."""
         if self.count == 0:
             return ()
         travel = float(self._travels()[0])

@@ -1,7 +1,7 @@
-"""The choice of a law's free numbers: a scan, then Nelder–Mead from the best of it.
+"""Choose a law's free numbers: a scan, then Nelder–Mead from the best candidates.
 
-A score says how good a trajectory in the chart is, for many candidates at once: their samples go
-through the chart in few calls, which is what makes scans cheap.
+Scores rate trajectories in the chart, many candidates at once: their samples need few calls of the
+chart, which makes scans cheap.
 """
 
 from __future__ import annotations
@@ -25,29 +25,28 @@ from planner.support.calculus.chebyshev import points
 from planner.systems.chained_form import chained_form
 
 _CLOSE = 0.1
-"""Margin, over that of the ends, below which a motion counts as too close to the domain's edge.
-
+"""A motion is too close to the domain's edge if its margin is less than this fraction of the ends'.
 There θ₁ bounces off zero and the inputs are quotients of small numbers."""
 
 SLACK = 1e-6
-"""Slack to a limit, relative to it, that a choice leaves where the ends do: with less, the
-certificate's enclosures cannot tell a coordinate at its limit from one beyond it."""
+"""Relative slack to a limit that a choice leaves if the ends do. With less, the certificate's
+enclosures cannot distinguish a coordinate at its limit from one beyond it."""
 
 ROUNDING = 1e-9
-"""Slack that is missing by rounding alone."""
+"""Missing slack that counts as rounding."""
 
 Criterion = Literal["peak", "margin"]
 
 
 @dataclass(frozen=True)
 class Scores:
-    """What samples of C candidates say; arrays of shape (C,).
+    """Scores of C candidates from samples; arrays of shape (C,).
 
     Attributes:
         margin: Least chart margin (dimensionless, negative outside the domain).
         slack: Least slack to the problem's limits on coordinates, relative to each; infinite where
             the problem has none, negative where one is broken, NaN outside the domain.
-        peak: Largest input, each over its limit where it has one; NaN outside the domain.
+        peak: Largest input, relative to its limit if it has one; NaN outside the domain.
     """
 
     margin: Array
@@ -60,13 +59,13 @@ class Scores:
         return np.asarray(self.margin > 0)
 
     def cost(self, criterion: Criterion, ends: float, slack: float = 0.0) -> Array:
-        """One number to minimise, shape (C,): what is worse in kind always costs more.
+        """One number to minimise, shape (C,), in three ranges.
 
         Below 1: keeps limits and a distance from the domain's edge; 1 to 2: breaks a limit or comes
-        ten times closer to the edge than the ends do; 2 to 3: leaves the domain.
+        ten times closer to the edge than the ends; 2 to 3: leaves the domain.
 
         Args:
-            criterion: "peak" compares peak inputs; "margin" compares margins, and by their peaks
+            criterion: "peak" compares peak inputs; "margin" compares margins, and peak inputs among
                 those that reach the ends' margin, which no path can exceed.
             ends: The least margin of start and goal; see `end_margin`.
             slack: The slack that keeps a limit; see `end_slack`.
@@ -85,7 +84,7 @@ class Scores:
 
 
 MOST_SAMPLES = 20_000
-"""In one call of the chart: half a second with eight joints, before time is asked for again."""
+"""Samples in one call of the chart: half a second with eight joints, between checks of the time."""
 
 
 def score(
@@ -94,9 +93,9 @@ def score(
     """Score candidates of one law by about `samples` samples each.
 
     Args:
-        problem: Supplies limits; where an input has none, its peak counts in its own unit.
-        candidates: Trajectories on equally many pieces; None for one that could not be made.
-            Each is made when it is asked for, so that time can be asked for in between.
+        problem: The problem, for its limits; the peak of an input without a limit is in its unit.
+        candidates: Trajectories with equal numbers of pieces; None for one without a solution.
+            They are computed one by one, so that the time can be checked in between.
 
     Raises:
         TimeUpError: If time is up.
@@ -121,7 +120,7 @@ def score(
 def _score_one(
     problem: Problem, candidates: Sequence[ChainedTrajectory | None], samples: int
 ) -> Scores:
-    """Of candidates whose samples go through the chart together."""
+    """Scores of candidates whose samples are mapped in one call of the chart."""
     out = np.full((3, len(candidates)), np.nan)
     made = [k for k, c in enumerate(candidates) if c is not None]
     if not made:
@@ -145,9 +144,9 @@ def _score_one(
 
 
 def _sample(curves: Sequence[Bernstein], samples: int) -> Array:
-    """Values (C, S, D) of curves with the same pieces, crowded towards each piece's ends.
+    """Values (C, S, D) of curves with the same pieces, denser towards each piece's ends.
 
-    The ends themselves belong to both neighbours, each with its own limit.
+    The ends belong to both neighbours, each with its own one-sided value.
     """
     c = np.stack([curve.c for curve in curves])
     weights = _weights(c.shape[1] - 1, _count(samples, curves[0]))
@@ -161,10 +160,10 @@ def _count(samples: int, curve: Bernstein) -> int:
 
 
 def _dips(values: Array) -> Array:
-    """Least value (C,) of values (C, P, S) between their samples.
+    """Least value (C,) of values (C, P, S), also between their samples.
 
-    A dip can be narrower than the samples are apart; a parabola through the three around each local
-    minimum follows it. Beside a margin of −∞ there is none lower.
+    A dip can be narrower than the distance of samples, so a parabola through the three samples
+    around each local minimum is used, except beside a margin of −∞.
     """
     step = _steps(values.shape[-1])
     before, after, width = step[:-1], step[1:], step[:-1] + step[1:]
@@ -179,7 +178,7 @@ def _dips(values: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def _steps(count: int) -> Array:
-    """From each sample of a piece to the next, (count−1,), over the piece."""
+    """Distances between successive samples of a piece, (count−1,), relative to the piece."""
     return np.diff(points(count))
 
 
@@ -196,14 +195,14 @@ def end_margin(problem: Problem) -> float:
 
 
 def end_slack(problem: Problem) -> float:
-    """The slack to limits that a choice leaves: no more than start and goal do, nor `SLACK`."""
+    """The slack to limits that a choice leaves: that of start and goal, at most `SLACK`."""
     ends = np.stack([problem.start, np.nan_to_num(problem.goal)])
     z = chained_form(problem.system).z(ends)
     return float(np.clip(np.min(list(_rooms(problem, z, ends)), initial=SLACK), 0.0, SLACK))
 
 
 def _slack(problem: Problem, z: Array, q: Array, pieces: int) -> Array:
-    """Least relative slack (C,) of limits on the way; z, q of shape (C, S, N), S on all pieces."""
+    """Least relative slack (C,) to limits along motions z, q of shape (C, S, N)."""
     slack = np.full(len(q), np.inf)
     for room in _rooms(problem, z, q):
         slack = np.minimum(slack, np.min(room, axis=1))
@@ -232,7 +231,7 @@ Make = Callable[[Array], ChainedTrajectory | None]
 
 _RESTARTS = 6
 _COARSE, _FINE = 200, 6000
-"""Samples of a candidate while searching, and of the one found."""
+"""Samples of a candidate during the search, and of the final one."""
 
 
 @dataclass(frozen=True)
@@ -242,7 +241,7 @@ class BestCandidate:
     Attributes:
         x: Its free numbers, shape (d,).
         cost: See `Scores.cost`; below 1 when domain and limits are kept.
-        tried: Number of candidates made.
+        tried: Number of candidates tried.
     """
 
     x: Array
@@ -273,13 +272,13 @@ def search_candidates(
     """Find the free numbers of least cost.
 
     Args:
-        problem: Supplies limits and the chart's branch.
-        make: From free numbers (d,) to a trajectory; None, or a `SingularError`, where the law has
-            no solution.
+        problem: The problem, for limits and the chart's branch.
+        make: Function from free numbers (d,) to a trajectory; it returns None or raises a
+            `SingularError` if the law has no solution.
         grid: Candidates to scan, shape (C, d).
         steps: Size of the first simplex, shape (d,) or (C, d).
-        criterion: What to make best; domain and limits come first.
-        starts: How many of the best candidates to refine; 0 to scan only.
+        criterion: The quantity to optimise; domain and limits come first.
+        starts: Number of the best candidates to refine; 0 to scan only.
     """
     from scipy.optimize import minimize  # slow to import
 
@@ -313,7 +312,7 @@ def search_candidates(
         cost, there = refine(grid[k], steps[k], _COARSE)
         if cost < best:
             best, x, step = cost, there, steps[k]
-    for _ in range(_RESTARTS if starts else 0):  # a fresh simplex frees one collapsed on a kink
+    for _ in range(_RESTARTS if starts else 0):  # restart, since a simplex may collapse at a kink
         cost, there = refine(x, 0.1 * step, _COARSE)
         gain = best - cost
         if gain > 0:
@@ -321,6 +320,6 @@ def search_candidates(
         if gain < 1e-4 * best:
             break
     true = float(costs(x[None], _FINE)[0])
-    if starts and true > best + 1e-3:  # it hid an excursion between samples
+    if starts and true > best + 1e-3:  # an excursion was hidden between the samples
         true, x = refine(x, 0.1 * step, _FINE)
     return BestCandidate(x, true, tried)

@@ -10,10 +10,8 @@ First z₁ and z₂ go to their goals with constant v; then one period each of v
 v₂ = β cos kωt, for k = 1 … N−2, moves z_{k+2} to its goal by (2π/ω)(α/2ω)ᵏ β/k! and returns
 z₁ … z_{k+1} to theirs.
 
-Motions of the chained form under sinusoids, to rounding error.
-
-The pieces of time are so short that what the highest harmonic leaves out of the interpolants is
-below rounding.
+Motions of the chained form under sinusoids are computed to rounding error: the pieces of time are
+so short that the interpolation error of the highest harmonic is below rounding.
 """
 
 from __future__ import annotations
@@ -45,9 +43,9 @@ class SinusoidMotion:
     Attributes:
         grid: Pieces and points.
         z: Values at the points, shape (P, D+1, N).
-        v: The same for v, shape (P, D+1, 2).
+        v: Values of v at the points, shape (P, D+1, 2).
         b: Coefficients of v₂, shape (N−1,).
-        residual: Largest |zᵢ(T) − goalᵢ|, each over the largest |zᵢ| on the way (or 1).
+        residual: Largest |zᵢ(T) − goalᵢ|, each relative to the largest |zᵢ| of the motion (or 1).
         condition: Condition number of the scaled linear system.
     """
 
@@ -244,7 +242,7 @@ def _shares(problem: Problem, options: SinusoidStepsOptions, periods: int) -> Ar
 
 
 def _pattern(problem: Problem, options: SinusoidStepsOptions, periods: int) -> Array:
-    """Amplitudes of the periods over the common one."""
+    """Amplitudes of the periods relative to the common one."""
     given = options.amplitude
     if not isinstance(given, list):
         return np.ones(periods)
@@ -257,8 +255,8 @@ def _pattern(problem: Problem, options: SinusoidStepsOptions, periods: int) -> A
 
 
 _PHASE = 2.4
-"""Radians of the highest harmonic on one piece: the interpolant of degree 14 errs by
-2 (h/2)¹⁵/15! = 7e-16 of it, with h half of that."""
+"""Phase of the highest harmonic on one piece, rad: with h half of it, the interpolant of degree 14
+has a relative error of 2 (h/2)¹⁵/15! = 7e-16."""
 
 
 def period(start: float, end: float, harmonics: int) -> Grid:
@@ -288,6 +286,6 @@ def propagate(grid: Grid, start: Array, v1: Array, v2: Array) -> Array:
 
 
 def joined_curves(curves: list[Bernstein]) -> Bernstein:
-    """Curves of one degree that follow each other in time, as one."""
+    """Join curves of one degree that follow each other in time."""
     breaks = np.concatenate([curves[0].x[:1], *(c.x[1:] for c in curves)])
     return Bernstein(np.concatenate([c.c for c in curves], axis=1), breaks)

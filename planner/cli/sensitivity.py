@@ -338,7 +338,7 @@ def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
         *(
             Column(f"{name} {what}", "deg", partial(_end_error, kind, key=key), None)
             for name, kind in ends[1:]
-            for what, key in (("E 95 %", "E_p95_deg"), ("median", "terminal_median_deg"))
+            for what, key in (("E 95 %", "E_p95_deg"), ("median", "end_median_deg"))
         ),
     ]
 
@@ -347,7 +347,7 @@ def _peak(which: int, point: TradeOffPoint) -> float:
     return point.peak_u[which]
 
 
-def _end_error(which: str, point: TradeOffPoint, key: str = "terminal_p95_deg") -> float | None:
+def _end_error(which: str, point: TradeOffPoint, key: str = "end_p95_deg") -> float | None:
     errors: Mapping[str, Any] = getattr(point, which) or {}
     return errors.get(key)
 

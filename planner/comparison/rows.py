@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.machine.replay import Replay
+from planner.machine.replay import STATISTICS, Replay
 from planner.plan.plan import COMPENSATED, Plan
 from planner.support.arrays import Array, jsonable
 from planner.support.statistics import percentile_interval
@@ -82,14 +82,10 @@ class Row(PlanFigures):
     solved: bool
     why: str
     plan: Plan | None = None
-    E_median_deg: float = figure(Heading("E 50 %", "deg"), replay=lambda run: run.percentile(50))
-    E_p95_deg: float = figure(Heading("E 95 %", "deg"), replay=lambda run: run.percentile(95))
-    end_median_deg: float = figure(
-        Heading("end 50 %", "deg"), replay=lambda run: float(np.median(run.terminal_E_deg))
-    )
-    end_p95_deg: float = figure(
-        Heading("end 95 %", "deg"), replay=lambda run: float(np.percentile(run.terminal_E_deg, 95))
-    )
+    E_median_deg: float = figure(Heading("E 50 %", "deg"), replay=STATISTICS["E_median_deg"])
+    E_p95_deg: float = figure(Heading("E 95 %", "deg"), replay=STATISTICS["E_p95_deg"])
+    end_median_deg: float = figure(Heading("end 50 %", "deg"), replay=STATISTICS["end_median_deg"])
+    end_p95_deg: float = figure(Heading("end 95 %", "deg"), replay=STATISTICS["end_p95_deg"])
     beyond_limits: float = figure(
         Heading("beyond limits", "%"),
         replay=lambda run: 100 * run.limit_share,

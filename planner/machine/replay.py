@@ -239,14 +239,10 @@ class Replay(Recording):
         each angle's terminal error, the longest saturation of each motor, gross slip of friction
         contacts, and the number of fallback steps of the controller.
         """
-        end = self.terminal_E_deg
         return {
             "samples": len(self.numbers),
             "seed": self.seed,
-            "E_median_deg": self.percentile(50),
-            "E_p95_deg": self.percentile(95),
-            "terminal_median_deg": float(np.median(end)),
-            "terminal_p95_deg": float(np.percentile(end, 95)),
+            **{name: statistic(self) for name, statistic in STATISTICS.items()},
             "terminal_error_median_deg": np.median(self.terminal_error_deg, axis=0).tolist(),
             "largest_error_median_deg": np.median(self.largest_error_deg, axis=0).tolist(),
             "saturated_s": self.saturated_s.max(axis=0).tolist(),
@@ -257,6 +253,16 @@ class Replay(Recording):
             "limits": self.limit_words,
             "fallbacks": int(self.fallbacks.sum()),
         }
+
+
+STATISTICS: dict[str, Callable[[Replay], float]] = {
+    "E_median_deg": lambda run: run.percentile(50),
+    "E_p95_deg": lambda run: run.percentile(95),
+    "end_median_deg": lambda run: float(np.median(run.terminal_E_deg)),
+    "end_p95_deg": lambda run: float(np.percentile(run.terminal_E_deg, 95)),
+}
+"""The errors of a replay in four numbers, in degrees: over the machines, the median and the 95th
+percentile of E and of the largest joint error at the end."""
 
 
 def replay(

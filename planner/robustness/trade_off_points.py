@@ -17,7 +17,7 @@ import numpy as np
 from planner.compensation import compensate_plan
 from planner.errors import InputError, NoPlanError
 from planner.machine.machine import Machine
-from planner.machine.replay import replay
+from planner.machine.replay import STATISTICS, replay
 from planner.methods.desensitised.method import plan_desensitised, spreads
 from planner.methods.judgement import judge_plan
 from planner.plan.measures import effort, peak_inputs, turns
@@ -113,15 +113,9 @@ def replay_errors(plan: Plan, machine: Machine, samples: int, seed: int) -> dict
     """Return errors of a plan on random machines, degrees: E of eq. (29), and at the end."""
     run = replay(plan, machine, samples, seed, record_s=None)
     rms = float(np.sqrt(np.mean(np.sum(run.terminal_error_deg**2, axis=1))))
-    figures = {key: value for key, value in run.summary().items() if key in KEPT_FIGURES}
-    return {**figures, "terminal_rms_deg": rms}
+    errors = {name: statistic(run) for name, statistic in STATISTICS.items()}
+    return {"samples": samples, "seed": seed, **errors, "end_rms_deg": rms}
 
-
-KEPT_FIGURES = (
-    *("samples", "seed", "E_median_deg", "E_p95_deg"),
-    *("terminal_median_deg", "terminal_p95_deg"),
-)
-"""Keys of a replay's summary that are kept."""
 
 AIMING_FACTOR = 1.1
 """Factor by which compensation may exceed the effort limit of a point: at the least effort there is

@@ -67,7 +67,7 @@ def test_points_are_saved_plans_and_were_replayed(curve: TradeOff) -> None:
         assert plan.verified
         run = planner.replay(plan, samples=20, seed=0, record_s=None)
         seen = float(np.percentile(run.terminal_E_deg, 95))
-        assert entry["machine"]["terminal_p95_deg"] == pytest.approx(seen)
+        assert entry["machine"]["end_p95_deg"] == pytest.approx(seen)
 
 
 def test_design_errors_alone_show_the_total(two_joints: planner.Problem, curve: TradeOff) -> None:
@@ -75,7 +75,7 @@ def test_design_errors_alone_show_the_total(two_joints: planner.Problem, curve: 
 
     machine = errors_machine(two_joints, curve.options)
     run = replay_errors(curve.points[0].plan, machine, 800, 0)
-    assert run["terminal_rms_deg"] == pytest.approx(curve.points[0].total_deg, rel=0.05)
+    assert run["end_rms_deg"] == pytest.approx(curve.points[0].total_deg, rel=0.05)
 
 
 def test_a_curve_goes_on_from_its_folder(
@@ -152,7 +152,7 @@ def test_the_machine_is_told_with_and_without_compensation(curve: TradeOff) -> N
         plain, compensated = point.machine, point.compensated
         assert plain is not None
         assert compensated is not None
-        assert compensated["terminal_p95_deg"] < 0.7 * plain["terminal_p95_deg"]
+        assert compensated["end_p95_deg"] < 0.7 * plain["end_p95_deg"]
     plan = planner.compensate(curve.points[-1].plan)
     run = planner.replay(plan, samples=20, seed=0, record_s=None)
     assert curve.points[-1].compensated["E_p95_deg"] == pytest.approx(run.percentile(95))  # type: ignore[index]

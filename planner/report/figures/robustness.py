@@ -319,7 +319,7 @@ def _machines(ax: Any, curve: TradeOff) -> None:
     )
     for colour, label, which in rows:
         replays = [getattr(p, which) or {} for p in curve.points]
-        values = [f.get("terminal_p95_deg", np.nan) for f in replays]
+        values = [f.get("end_p95_deg", np.nan) for f in replays]
         none = sum("refused" in f for f in replays)
         if none == len(replays):
             continue

@@ -151,7 +151,7 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
     for c, most, peak in zip(
         system.inputs, problem.limits.input, summary["peak_u_rad_s"], strict=True
     ):
-        allowed = f", allowed {number(most)}" if np.isfinite(most) else ""
+        allowed = f", allowed {number(most)} {c.unit}" if np.isfinite(most) else ""
         peak_text = "undefined" if np.isnan(peak) else f"{number(peak)} {c.unit}"
         yield f"peak |{c.name}|", peak_text + allowed
     nominal = ", on the nominal machine" if "compensation" in notes else ""

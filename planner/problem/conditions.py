@@ -125,7 +125,7 @@ def tip_of(
         raise InputError(
             f"{source}: goal.tip_angle_deg = {np.rad2deg(tip.angle):.6g} is the sum of"
             f" {len(lengths)} joints' angles, each within 90 degrees; it must lie between -{turn:g}"
-            f" and {turn:g}"
+            f" and {turn:g} degrees"
         )
     if tip.place is None:
         return tip
@@ -139,6 +139,7 @@ def tip_of(
         raise InputError(
             f"{where} is {away:.4g} m from the base{slip}, and the stretched arm is {reach:.4g} m"
             f" long; the nearest place that it could reach is [{nearest[0]:.4g}, {nearest[1]:.4g}]"
+            " m"
         )
     if away < least:
         raise InputError(

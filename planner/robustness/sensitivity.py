@@ -76,8 +76,8 @@ class Sensitivity:
     def __repr__(self) -> str:
         return (
             f"Sensitivity({self.plan.method} plan, {len(self.parameters)} parameters: at the end"
-            f" {self.total_deg():.4g} deg, of it irreducible {self.floor_deg():.4g}, passive block"
-            f" {self.passive_block_deg():.4g})"
+            f" {self.total_deg():.4g} deg, of it irreducible {self.floor_deg():.4g} deg, passive"
+            f" block {self.passive_block_deg():.4g} deg)"
         )
 
     @property

@@ -111,10 +111,12 @@ class UserMap:
             raise InputError(
                 f"{self.name}: user.inverse does not undo user.expressions:"
                 f" at {pairs_of(self.own, q[row])} it gives"
-                f" {self.own[column].name} = {again[row, column]:.6g}"
+                f" {pairs_of(self.own[column : column + 1], again[row, column : column + 1])}"
             )
 
 
 def pairs_of(coordinates: Sequence[Coordinate], values: Array) -> str:
     """Format coordinates and their values as text."""
-    return ", ".join(f"{c.name} = {x:.6g}" for c, x in zip(coordinates, values, strict=True))
+    return ", ".join(
+        f"{c.name} = {x:.6g} {c.unit}".rstrip() for c, x in zip(coordinates, values, strict=True)
+    )

@@ -107,7 +107,7 @@ class EnclosedMotion:
         elif upper < -tolerance:
             status, why = "violated", ""
         elif not why:
-            open_ = f"the margin lies between {low:.3g} and {upper:.3g}"
+            open_ = f"the margin lies between {low:.3g} and {upper:.3g} {part.unit}".rstrip()
             why = open_ if np.isfinite(low) else self.why
         return Claim(part.label, status, low, upper, time_s, part.unit, required, why)
 

@@ -92,7 +92,7 @@ class Check:
     def __repr__(self) -> str:
         if self.ok:
             worst = np.max(np.abs(self.terminal_error), initial=0.0)
-            return f"Check(ok, largest error at the goal {worst:.2g})"
+            return f"Check(ok, largest error at the goal {worst:.2g} rad or m)"
         return "Check(broken: " + "; ".join(map(str, self.violations)) + ")"
 
     def _repr_html_(self) -> str:
@@ -106,7 +106,7 @@ class Check:
         above = "verified"
         if not self.ok:
             above = f"{len(broken)} of {len(self.margins)} requirements broken"
-        above += f"; integrated to {self.integration_error:.1g}"
+        above += f"; integrated to {self.integration_error:.1g} rad or m"
         return html_table(columns, self.margins.items(), above)
 
 

@@ -471,11 +471,13 @@ def test_a_plan_that_feedback_cannot_follow_is_refused_with_the_reason(
     assert free.replay is not None
     assert closed.replay is None
     assert not closed.solved
-    assert closed.why.endswith("rad/s, allowed 0.05")
+    assert closed.why.endswith("rad/s, allowed 0.05 rad/s")
     assert np.isnan(closed.effort)
     assert {"effort", "inputs"} <= set(result.figures())
     assert free.plan is not None
-    with pytest.raises(planner.InputError, match=r"u2 asks for \S+ rad/s.*allows 0\.05.*retime"):
+    with pytest.raises(
+        planner.InputError, match=r"u2 asks for \S+ rad/s.*allows 0\.05 rad/s.*retime"
+    ):
         planner.replay(free.plan, feedback=True)
 
 

@@ -90,13 +90,14 @@ def test_an_ordinary_goal_leaves_nothing_free(paper: planner.Problem) -> None:
          "goal.tip_m needs system.link_lengths, the lengths of the links in metres"),
         ({"goal.tip_m": [1.2, 0.5]},
          "goal.tip_m = [1.2, 0.5] is 1.3 m from the base, and the stretched arm is 0.9 m long;"
-         " the nearest place that it could reach is [0.8308, 0.3462]"),
+         " the nearest place that it could reach is [0.8308, 0.3462] m"),
         ({"goal.tip_m": [400.0, 300.0]}, "(in millimetres? The key is in metres)"),
         ({"goal.tip_m": [40.0, 30.0]}, "(in centimetres? The key is in metres)"),
         ({"system.link_lengths": [0.8, 0.1, 0.1], "goal.tip_m": [0.3, 0.4]},
          "the longest link keeps the tip at least 0.6 m away"),
         ({"goal.tip_angle_deg": 271.0},
-         "the sum of 3 joints' angles, each within 90 degrees; it must lie between -270 and 270"),
+         "the sum of 3 joints' angles, each within 90 degrees; it must lie between -270 and"
+         " 270 degrees"),
         ({"obstacles": [{"centre_m": [0.5, 0.6], "radius_m": 0.1}]},
          "m inside obstacle 1; move one of them"),
         ({"goal.tip_m": [0.5]}, "'goal.tip_m'"),

@@ -218,7 +218,8 @@ def _class_words(shape: Shape) -> str:
 
 
 def _notes(problem: Problem, band: Band, found: BestTravel, best: ClassOptimum) -> dict[str, Any]:
-    where = f", at travel {best.frame.travel:.6g}"
+    unit = problem.system.coordinates[0].unit
+    where = f", at travel {best.frame.travel:.6g} {unit}"
     if problem.travel is None:
         where = f", the best of {found.tried} travels tried (not a proof over all travels)"
     proof = "the optimum without the chart's domain stays inside it"
@@ -262,9 +263,10 @@ def _no_path(problem: Problem, shape: Shape, band: Band, found: BestTravel) -> N
         return NotConvergedError(f"{problem.source}: {why}", advice=ways, changes=changes)
     first = found.refusals[0]
     steepest = "" if band.complete else f" and |dz2/dtau| up to {MOST_SLOPE:.0e}"
+    unit = problem.system.coordinates[0].unit
     proof = (
-        f"no path {band.words}{steepest} reaches the goal at travel {first.frame.travel:.6g}, of"
-        f" {_class_words(shape)}: certificate of"
+        f"no path {band.words}{steepest} reaches the goal at travel {first.frame.travel:.6g} {unit},"
+        f" of {_class_words(shape)}: certificate of"
         f" {int(np.sum(first.proof.multipliers > 1e-9))} conditions, margin"
         f" {first.proof.margin:.2g}"
     )

@@ -330,11 +330,13 @@ def _refuse_no_room(job: Task) -> None:
             room = min(part.high - float(value.item()), float(value.item()) - part.low)
             needed = moved.backoff * float(np.linalg.norm(slope @ W))
             if needed > room:
-                name = required.limit_name(part)
+                name, unit = required.limit_name(part), part.unit
+                if unit == "rad":
+                    needed, room, unit = np.rad2deg(needed), np.rad2deg(room), "deg"
                 raise InfeasibleError(
                     f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs a"
-                    f" distance of {needed:.4g} from the limit on {name}, but the start has"
-                    f" only {room:.4g}",
+                    f" distance of {needed:.4g} {unit} from the limit on {name}, but the start"
+                    f" has only {room:.4g} {unit}",
                     advice="method.desensitised.backoff ="
                     f" {moved.backoff * room / needed * 0.99:.3g} or less, or a wider limit on"
                     f" {name}",

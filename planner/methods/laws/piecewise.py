@@ -73,6 +73,7 @@ def _motion(ends: Ends, offset: float, slots: int, travel: float) -> LegMotion:
         return steer(ends.start, ends.goal(travel), legs)
     except np.linalg.LinAlgError:
         raise SingularError(
-            f"{ends.problem.source}: travel {travel:g} leaves the slots' constants undetermined",
+            f"{ends.problem.source}: travel {travel:g} {ends.problem.system.coordinates[0].unit}"
+            " leaves the slots' constants undetermined",
             advice=f"another {ends.problem.travel_key}",
         ) from None

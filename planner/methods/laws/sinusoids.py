@@ -132,7 +132,8 @@ def _motion(ends: Ends, travel: float, amplitude: float) -> SinusoidMotion:
     except np.linalg.LinAlgError:
         raise SingularError(
             f"{ends.problem.source}: amplitude {amplitude:g} with travel {travel:g}"
-            " leaves the sinusoids' coefficients undetermined",
+            f" {ends.problem.system.coordinates[0].unit} leaves the sinusoids'"
+            " coefficients undetermined",
             advice="another method.sinusoid.amplitude",
         ) from None
 

@@ -265,8 +265,8 @@ def _no_path(problem: Problem, shape: Shape, band: Band, found: BestTravel) -> N
     steepest = "" if band.complete else f" and |dz2/dtau| up to {MOST_SLOPE:.0e}"
     unit = problem.system.coordinates[0].unit
     proof = (
-        f"no path {band.words}{steepest} reaches the goal at travel {first.frame.travel:.6g} {unit},"
-        f" of {_class_words(shape)}: certificate of"
+        f"no path {band.words}{steepest} reaches the goal at travel {first.frame.travel:.6g}"
+        f" {unit}, of {_class_words(shape)}: certificate of"
         f" {int(np.sum(first.proof.multipliers > 1e-9))} conditions, margin"
         f" {first.proof.margin:.2g}"
     )

@@ -218,7 +218,7 @@ def test_feedback_closes_the_last_plan_which_is_compensated(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     module = sys.modules["planner.machine.replay"]
-    monkeypatch.setattr(module, "_feedback", lambda on, plan: _Held() if on else None)
+    monkeypatch.setattr(module, "feedback_of", lambda plan, on: _Held() if on else None)
     monkeypatch.setattr(compare_module, "default_methods", lambda problem: [OPTIMAL, COMPENSATED])
     problem = planner.load_problem(ROOT / "problems/paper.toml", {"machine.step_s": 0.01})
     result = planner.compare(problem, samples=1, feedback=True)
@@ -448,7 +448,7 @@ def test_rows_with_feedback_stand_beside_those_without(
     quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module = sys.modules["planner.machine.replay"]
-    monkeypatch.setattr(module, "_feedback", lambda on, plan: _Held() if on else None)
+    monkeypatch.setattr(module, "feedback_of", lambda plan, on: _Held() if on else None)
     result = planner.compare(quick, ["polynomial"], samples=3, feedback=True)
     free, closed = result.rows
     assert (free.label, closed.label) == ("polynomial", "polynomial + feedback")

@@ -76,8 +76,8 @@ class Certificate:
         cells: Number of subintervals used in the proof.
         seconds: Computing time, in seconds.
         edges: Ends of all the cells that the proofs rest on, seconds, in order: closest where the
-            motion's expressions change fast. Empty where the motion is not enclosed, or a file was
-            read.
+            motion's expressions change fast. Empty if the motion is not enclosed, or the
+            certificate was read from a file.
     """
 
     claims: tuple[Claim, ...]

@@ -38,7 +38,7 @@ CLOSENESS = "mean closeness to the domain's edge"
 """Terms of objectives, as their names say them."""
 
 EDGE_MARGIN = 0.05
-"""Margin (sin squared of an angle, for the manipulator) at which closeness has fallen to 1/e."""
+"""Margin (for the manipulator, sin² of an angle) at which the closeness to an edge is 1/e."""
 
 _GAUSS = np.polynomial.legendre.leggauss(4)
 
@@ -115,7 +115,7 @@ def objective_of(trajectory: Trajectory, name: str) -> float | None:
     term = rf"(?:([\d.e+-]+) x )?({'|'.join(map(re.escape, _TERMS))})"
     if not re.fullmatch(rf"{term}(?: \+ {term})*", words):
         return None
-    with np.errstate(all="ignore"):  # the motion of a changed file may be anything
+    with np.errstate(all="ignore"):  # an edited file may contain any motion
         found = re.findall(term, words)
         return float(sum(float(weight or 1) * _TERMS[of](trajectory) for weight, of in found))
 

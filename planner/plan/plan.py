@@ -146,7 +146,7 @@ class Plan:
 
     @property
     def reservations(self) -> list[str]:
-        """In words: the requirements that are only sampled, the figures that are only claimed."""
+        """Name requirements that were only sampled, and figures that only the file claims."""
         said = {"only sampled": self.only_sampled, "only its file says": self.claimed}
         return [f"{words}: {shown_labels(labels)}" for words, labels in said.items() if labels]
 

@@ -183,13 +183,15 @@ class IntegratedMotion:
         return _values_in_cells(self.series[:, cell], x)
 
     def input_distance(self, other: IntegratedMotion) -> float:
-        """Largest distance of another's input from this one's series, over its greatest value.
+        """Largest difference between another reading's input and this one's series.
+
+        It is relative to the input's greatest value.
 
         Args:
-            other: The same trajectory, read on other cells, inside of which it is compared.
+            other: The same trajectory, read on other cells; compared inside these cells.
         """
         cells, share = self.cells, other.cells.fractions(points(POINTS)[1:-1])
-        # Pieces lie two apart, so that none ends where the next begins.
+        # Number the pieces in steps of two, so that no piece ends where the next begins.
         begins, wanted = 2 * cells.piece + cells.low, 2 * other.cells.piece + share
         cell = np.searchsorted(begins, wanted, side="right") - 1
         x = np.clip(2 * (share - cells.low[cell]) / cells.size[cell] - 1, -1.0, 1.0)
@@ -212,7 +214,7 @@ def _values_in_cells(series: Array, x: Array) -> Array:
 
 
 def _share_of_peak(distances: Array, u: Array) -> Array:
-    """Distances (…, 2) of inputs over the greatest values of u (16, C, 2), the larger, (…)."""
+    """The larger of two inputs' distances (…, 2), each relative to its peak in u (16, C, 2)."""
     peaks = np.max(np.abs(u), axis=(0, 1))
     least = max(LESSER_INPUT_SHARE * np.max(peaks), 1e-12)
     return np.asarray(np.max(distances / np.maximum(peaks, least), axis=-1))

@@ -148,7 +148,7 @@ class Bernstein:
 
 
 def length_flaw(pieces: int, degree: int) -> str:
-    """Why a curve is too long for a file, in words; empty where it is not."""
+    """Describe why a curve is too long for a file; empty if it is not."""
     if pieces * (degree + 1) <= MOST_COEFFICIENTS:
         return ""
     most = f"at most {MOST_COEFFICIENTS} coefficients are allowed (pieces times degree + 1)"

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from planner import InputError, Machine, Plan, Replay, Tracker, replay
+from planner.machine.feedback.course import DEFAULT_TICK_S
+from planner.machine.feedback.tracker import COURSE_BYTES, design
 from planner.report import plot_replays
 
 SIMULATE = sys.modules["planner.machine.simulate"]
@@ -189,6 +191,30 @@ def test_memory_does_not_grow_with_the_duration(
     peak(10)
     short, long = peak(20), peak(60)
     assert long - short < 400 * 200  # of which each recorded instant takes 56 bytes
+
+
+def test_feedback_that_takes_too_much_is_refused_beforehand(smooth_plan: Plan) -> None:
+    day = slowed(smooth_plan, 86_400 / smooth_plan.duration)
+    with pytest.raises(InputError) as caught:
+        replay(day, Machine.prototype(), samples=1, record_s=None, feedback=True)
+    told = re.search(r"86400 s takes 13 GB of memory.*plan of (\d+)", str(caught.value))
+    assert told is not None
+    assert 10_000 < int(told[1]) < 20_000
+
+
+def test_a_course_takes_no_more_memory_than_is_said(smooth_plan: Plan) -> None:
+    machine, options = Machine.prototype(), TRACKER.options
+
+    def peak(factor: float) -> int:
+        plan = slowed(smooth_plan, factor)
+        tracemalloc.start()
+        design(plan, machine, options)
+        top = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return top
+
+    seconds = 20 * smooth_plan.duration
+    assert peak(40) - peak(20) < COURSE_BYTES * seconds / DEFAULT_TICK_S
 
 
 def test_motions_is_a_number(smooth_plan: Plan) -> None:

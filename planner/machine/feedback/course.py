@@ -119,14 +119,20 @@ def turns_back(plan: Plan) -> bool:
 PARTS_A_TICK = 16
 """Parts of a tick for integrating a plan's inputs, which may jump inside a tick."""
 
+BLOCK_PARTS = 100_000
+"""Parts whose inputs are computed at once."""
+
 
 def turn_angles(plan: Plan, tick: float) -> tuple[Array, Array]:
     """Times (M,), s, and the angles (M, 2) by which the plan has then turned the motors, rad."""
     count = PARTS_A_TICK * int(np.ceil(plan.duration / tick))
     times = np.unique(np.concatenate([plan.t, np.linspace(0.0, plan.duration, count + 1)]))
-    speeds = plan.u((times[:-1] + times[1:]) / 2)
-    angles = np.cumsum(speeds * np.diff(times)[:, None], axis=0)
-    return times, np.concatenate([np.zeros((1, 2)), angles])
+    angles = np.zeros((len(times), 2))
+    for first in range(0, len(times) - 1, BLOCK_PARTS):  # for inputs take far more memory
+        edges = times[first : first + BLOCK_PARTS + 1]
+        turned = plan.u((edges[:-1] + edges[1:]) / 2) * np.diff(edges)[:, None]
+        angles[first + 1 : first + 1 + len(turned)] = turned
+    return times, np.cumsum(angles, axis=0)
 
 
 def through_play(angles: Array, half: float) -> Array:

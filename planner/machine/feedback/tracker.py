@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import expect
-from planner.machine.feedback.course import Course, timing
+from planner.errors import InputError, expect
+from planner.machine.feedback.course import DEFAULT_TICK_S, Course, timing
 from planner.machine.feedback.estimate import (
     Forecast,
     History,
@@ -35,6 +35,7 @@ from planner.machine.feedback.programme import TrackingProgramme
 from planner.machine.feedback.reference import Reference, Regulator, Weights, reference, regulator
 from planner.machine.feedback.run_up import REST_S, refuse_excess, run_up
 from planner.machine.machine import Machine
+from planner.machine.simulate import MOST_BYTES
 from planner.plan.plan import Plan
 from planner.problem.tables.problem_file import FeedbackTable
 from planner.support.arrays import Array
@@ -282,11 +283,12 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
     """Prepare the tracker of a plan for a machine, of which it uses no sample's parameters.
 
     Raises:
-        InputError: If the options do not fit the machine.
+        InputError: If the options do not fit the machine, or the plan takes too much memory.
         UntrackableError: If the plan's inputs far exceed what may be commanded.
     """
     refuse_excess(plan, machine)
     system = plan.problem.system
+    _refuse_too_long(plan, system.size)
     shift, play = shift_of(system, machine), gearhead_play(system, machine) * options.take_up_play
     before, lost = run_up(plan, machine, options), lost_motion(system, machine)[:, None]
     course = Course(plan, before, shift, play)
@@ -310,6 +312,24 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
         resolution=resolution,
         variance=reading_variance(resolution, machine.fidelity == "dynamic"),
     )
+
+
+COURSE_BYTES, MODEL_BYTES = 1500, 48
+"""Memory for each tick of a course while it is integrated, and of its linear model for each product
+of two coordinates, measured: up to 1412 bytes, and 770 with four coordinates."""
+
+
+def _refuse_too_long(plan: Plan, size: int) -> None:
+    """Refuse a plan whose course takes more memory than a replay's motions may."""
+    each = max(COURSE_BYTES, MODEL_BYTES * size**2)
+    longest = MOST_BYTES / each * DEFAULT_TICK_S
+    if plan.duration > longest:
+        raise InputError(
+            f"feedback during {plan.duration:.6g} s takes"
+            f" {each * plan.duration / DEFAULT_TICK_S / 1e9:.3g} GB of memory, and at most"
+            f" {MOST_BYTES / 1e9:g} GB are used for it; give a plan of {longest:.0f} s or less, or"
+            " replay it without feedback"
+        )
 
 
 def _weights(plan: Plan, machine: Machine, ref: Reference, options: FeedbackTable) -> Weights:

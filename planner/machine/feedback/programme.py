@@ -302,7 +302,7 @@ class Solver:
         return ProgrammeResult(None, status in INFEASIBLE_STATUSES)
 
     def _result(self, T: Array, low: Array, high: Array, guess: Array) -> Any:
-        """What OSQP says."""
+        """The result object of OSQP."""
         if T is not self._loaded:
             length = np.linalg.norm(T, axis=1)
             self._length = np.where(length > 0, length, 1.0)

@@ -321,7 +321,7 @@ class Correction:
 
 
 def _minimum(P: sp.csc_matrix, g: Array, A: sp.csc_matrix, low: Array, high: Array) -> Array:
-    """Where ½ x P x + g x is least, (p,), for low ≤ A x ≤ high; NaN where OSQP finds nothing."""
+    """The x (p,) that minimises ½ x P x + g x for low ≤ A x ≤ high; NaN if OSQP finds none."""
     solver = osqp.OSQP()
     solver.setup(P, g, A, low, high, verbose=False, eps_abs=1e-5, eps_rel=1e-5, max_iter=4000)
     return np.asarray(osqp_result(solver).x, dtype=float)

@@ -56,8 +56,8 @@ WAY_BACK_SHARE = 0.95
 machine's true pose may make it follow a little earlier."""
 
 SLIP_DEG = 0.3
-"""How far a passive joint may slip when joint 1 swings back on a machine with inertia. The other
-errors that remain on the prototype are as large; half of it takes 0.7 times as long again."""
+"""Largest slip of a passive joint when joint 1 swings back on a machine with inertia, degrees. The
+other remaining errors of the prototype are as large; half of it takes 1.7 times as long."""
 
 END_S = 1.0
 """Rest after a plan whose drive reverses, so that corrections up to the end take effect, s."""

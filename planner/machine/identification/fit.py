@@ -54,7 +54,7 @@ Tell = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False)
-class MachineFit:
+class BestFit:
     """A minimum of the fit.
 
     Attributes:
@@ -74,7 +74,7 @@ def fit(
     starts: int,
     seed: int,
     tell: Tell,
-) -> MachineFit:
+) -> BestFit:
     """The best of the minima found from several starts.
 
     Args:
@@ -118,12 +118,10 @@ def fit(
         np.sqrt(np.mean(g[m.known :] ** 2, axis=0)) for m, g in zip(models, gaps, strict=True)
     ]
     spread = problem.bootstrap(best.x, random)
-    return MachineFit(x, spread, np.array(residual))
+    return BestFit(x, spread, np.array(residual))
 
 
-def step_with_zeros(
-    models: Sequence[LogModel], parameters: Parameters, known: MachineFit
-) -> MachineFit:
+def step_with_zeros(models: Sequence[LogModel], parameters: Parameters, known: BestFit) -> BestFit:
     """Extend a fit by the zeros of encoders, in one linear step.
 
     Args:
@@ -141,7 +139,7 @@ def step_with_zeros(
     _, hessian, gradient = problem.normal_equations(z)
     z -= np.linalg.solve(hessian, gradient.sum(axis=0) + z)
     spread = np.sqrt(np.diag(np.linalg.inv(hessian)))
-    return MachineFit(z[:count], spread[:count], known.residual)
+    return BestFit(z[:count], spread[:count], known.residual)
 
 
 def _share(tell: Tell, start: int, starts: int, count: int) -> None:

@@ -13,9 +13,9 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.machine.identification.diagnosis import refuse_misfit
-from planner.machine.identification.fit import MachineFit, fit, step_with_zeros
+from planner.machine.identification.fit import BestFit, fit, step_with_zeros
 from planner.machine.identification.model import KNOWN_DEG, LogModel, known_row
-from planner.machine.identification.parameters import MachineParameter, Parameters
+from planner.machine.identification.parameters import FitParameter, Parameters
 from planner.machine.machine import Machine, machine_for
 from planner.plan.recorded.log import Log, expect_log
 from planner.problem.problem import Problem, expect_problem
@@ -66,7 +66,7 @@ class Estimate:
         at_edge: Whether it ended at an end of its range.
     """
 
-    parameter: MachineParameter
+    parameter: FitParameter
     preset: float
     value: float
     spread: float
@@ -157,7 +157,7 @@ class Identification:
 
     @property
     def _zeros(self) -> Array:
-        """What each encoder reads where its joint stands at zero, (n,), rad."""
+        """Encoder readings at joint angles of zero, (n,), rad."""
         known = {each.parameter.key: np.deg2rad(each.value) for each in self.estimates}
         return np.array([known.get(f"zero{i}", 0.0) for i in range(1, self.problem.system.size)])
 
@@ -339,7 +339,7 @@ def _refuse_twice(logs: Sequence[Log]) -> None:
             )
 
 
-def _estimates(parameters: Parameters, result: MachineFit) -> Iterator[Estimate]:
+def _estimates(parameters: Parameters, result: BestFit) -> Iterator[Estimate]:
     values = parameters.values(result.x)
     for k, row in enumerate(parameters.rows):
         edges = result.x[k] - parameters.low[k], parameters.high[k] - result.x[k]

@@ -63,7 +63,7 @@ ZERO_PRIOR_DEG, ZERO_MOST_DEG = 2.0, 20.0
 
 
 @dataclass(frozen=True)
-class MachineParameter:
+class FitParameter:
     """One fitted number.
 
     Attributes:
@@ -95,12 +95,12 @@ class _Direct:
     Attributes:
         effect: The effect.
         key, name: Key and name of a parameter; "{}" is the number of its motor or joint.
-        unit, scale: See `MachineParameter`.
+        unit, scale: See `FitParameter`.
         usual: Standard deviation between machines if the preset has none.
         low, high: Range.
         first: Number of the motor or joint that the effect's first value belongs to.
         fitted: Index of the first value that is fitted.
-        merged: See `MachineParameter`.
+        merged: See `FitParameter`.
         always: Whether it is fitted even if the effect is off in the preset.
     """
 
@@ -133,10 +133,10 @@ DIRECT = (
 )  # fmt: skip
 
 
-def _zero(joint: int) -> MachineParameter:
+def _zero(joint: int) -> FitParameter:
     prior, most = ZERO_PRIOR_DEG * DEG, ZERO_MOST_DEG * DEG
     words = f"zero{joint}", f"zero of encoder {joint}", "deg"
-    return MachineParameter(*words, DEG, 0.0, prior, -most, most)
+    return FitParameter(*words, DEG, 0.0, prior, -most, most)
 
 
 class Parameters:
@@ -176,7 +176,7 @@ class Parameters:
             np.broadcast_to(self._base[effect][:, 0], EFFECTS[effect].count(self.system.n))
         )
 
-    def _rows(self) -> Iterator[MachineParameter]:
+    def _rows(self) -> Iterator[FitParameter]:
         effects, numbers = self._machine.effects, range(2, self.system.n + 1)
         spreads = np.maximum(
             lost_spread(self._machine, self.system.n), 0.1 * self._lost + 0.1 * DEG
@@ -184,7 +184,7 @@ class Parameters:
         for j, w, spread in zip(numbers, self._lost, spreads, strict=True):
             words, prior = (f"w{j}", f"lost motion of joint {j}", "deg"), PRIOR_SPREADS * spread
             merged = "" if self._has_inertia else "backlash, friction and stiffness"
-            yield MachineParameter(*words, DEG, w, prior, 0.02 * w, 5 * w + 10 * DEG, merged)
+            yield FitParameter(*words, DEG, w, prior, 0.02 * w, 5 * w + 10 * DEG, merged)
         if self._has_friction:
             yield from self._parts_of_lost_motion()
         if {"viscous_friction_nms_per_rad", "shaft_stiffness_nm_per_rad"} <= effects.keys():
@@ -194,13 +194,13 @@ class Parameters:
             for j, lag in zip(numbers, lags, strict=True):
                 words, prior = (f"lag{j}", f"lag of joint {j}", "ms"), PRIOR_SPREADS * 0.3 * lag
                 merged = "viscous friction and stiffness"
-                yield MachineParameter(*words, 1e-3, lag, prior, 0.0, 20 * lag, merged)
+                yield FitParameter(*words, 1e-3, lag, prior, 0.0, 20 * lag, merged)
         if "servo_bandwidth_rad_s" in effects:
             delay = float(self._each("delay_s")[0])
             for i, lag in enumerate(delay + 1 / self._each("servo_bandwidth_rad_s"), start=1):
                 words, prior = (f"servo{i}", f"lag of motor {i}", "ms"), PRIOR_SPREADS * 0.2 * lag
                 merged = "delay and servo bandwidth"
-                yield MachineParameter(*words, 1e-3, lag, prior, delay + LEAST_LAG_S, 0.3, merged)
+                yield FitParameter(*words, 1e-3, lag, prior, delay + LEAST_LAG_S, 0.3, merged)
         for one in DIRECT:
             if one.effect in effects or (one.always and one.effect in EFFECTS):
                 quantity = effects.get(one.effect)
@@ -208,27 +208,27 @@ class Parameters:
                 prior = PRIOR_SPREADS * spread
                 for i, value in list(enumerate(self._each(one.effect)))[one.fitted :]:
                     words = one.key.format(i + one.first), one.name.format(i + one.first), one.unit
-                    yield MachineParameter(
+                    yield FitParameter(
                         *words, one.scale, value, prior, one.low, one.high, one.merged
                     )
 
-    def _parts_of_lost_motion(self) -> Iterator[MachineParameter]:
+    def _parts_of_lost_motion(self) -> Iterator[FitParameter]:
         numbers = range(2, self.system.n + 1)
         friction = self._each("coulomb_friction_nm")
         spreads = self._machine.spread("coulomb_friction_nm", self.system.n)
         spreads = np.maximum(spreads, 0.1 * friction)
         for j, f, spread in zip(numbers, friction, spreads, strict=True):
             words, prior = (f"friction{j}", f"friction of joint {j}", "N m"), spread
-            yield MachineParameter(*words, 1.0, f, PRIOR_SPREADS * prior, 0.1 * f, 10 * f)
+            yield FitParameter(*words, 1.0, f, PRIOR_SPREADS * prior, 0.1 * f, 10 * f)
         if self._has_inertia:
             for j, share in zip(numbers, self._twist / self._lost, strict=True):
                 words, prior = (f"twist{j}", f"twist in w{j}", "%"), PRIOR_SPREADS * SHARE_SPREAD
-                yield MachineParameter(*words, 0.01, share, prior, 0.05, 0.95)
+                yield FitParameter(*words, 0.01, share, prior, 0.05, 0.95)
 
     def zeros(self, x: Array) -> Array:
-        """What encoders read where joints stand at zero, (S, n), rad, from x (S, P).
+        """Encoder readings at joint angles of zero, (S, n), rad, from x (S, P).
 
-        The last joint's is zero: no rate depends on its angle.
+        That of the last joint is set to zero, since no rate depends on its angle.
         """
         rows = [k for k, row in enumerate(self.rows) if row.key.startswith("zero")]
         out = np.zeros((len(x), self.system.n))

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import planner
@@ -20,8 +21,9 @@ from planner.explorer.outcome import path
 from planner.explorer.state import State
 from planner.machine.feedforward import follow
 from planner.methods.collocation.transcription import derivatives
-from planner.methods.laws.scores import score
+from planner.methods.laws import scores
 from planner.support import deadline
+from planner.support.calculus.bernstein import Bernstein
 from planner.support.progress import Progress
 from planner.verification.summary import plan_summary
 
@@ -323,32 +325,37 @@ def test_ctrl_c_while_compensating_loses_nothing(
     assert plan.status == "interrupted" or plan.compensation is not None  # if that was done in time
 
 
+def _straight(x: np.ndarray) -> tuple[Bernstein, Bernstein]:
+    """Candidates of three joints; which do not matter here."""
+    breaks = np.array([0.0, 1.0])
+    values = np.repeat(x[None, None], 2, axis=0)
+    return Bernstein(values * [1.0, -1.0, 1.0, 1.0], breaks), Bernstein(values * [1.0, 0.0], breaks)
+
+
 def test_candidates_are_made_only_while_there_is_time(
     paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock, made = Clock(monkeypatch), []
-    trajectory = planner.solve(paper.changed({"limits": {}}), "polynomial", points=[]).trajectory
 
-    def candidates() -> object:
-        for k in range(10):
-            made.append(k)
-            clock.now += 1.0
-            yield trajectory
+    def make(x: np.ndarray) -> tuple[Bernstein, Bernstein]:
+        made.append(len(x))
+        clock.now += 1.0
+        return _straight(x)
 
+    monkeypatch.setattr(scores, "MOST_SAMPLES", 400)
     with pytest.raises(deadline.TimeUpError), deadline.time_limit(2.5):
-        score(paper, candidates())
-    assert made == [0, 1, 2]
+        scores.score_candidates(paper, make, np.full((10, 1), 0.1))
+    assert made == [2, 2, 2]
 
 
 def test_samples_go_through_the_chart_a_part_at_a_time(
     paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from planner.methods.laws import scores
-
-    plan = planner.solve(paper.changed({"limits": {}}), "polynomial", points=[])
-    whole = score(paper, [plan.trajectory, None, plan.trajectory])
+    x = np.linspace(0.1, 0.4, 3)[:, None]
+    whole = scores.score_candidates(paper, _straight, x)
     monkeypatch.setattr(scores, "MOST_SAMPLES", 1)
-    parts = score(paper, [plan.trajectory, None, plan.trajectory])
+    parts = scores.score_candidates(paper, _straight, x)
+    assert whole.inside.all()
     for name in ("margin", "slack", "peak"):
         assert str(getattr(parts, name)) == str(getattr(whole, name))
 

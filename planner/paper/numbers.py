@@ -13,18 +13,18 @@ import numpy as np
 from planner.machine.friction.contact_load import contact_load
 from planner.machine.friction.contacts import chain_loads
 from planner.machine.machine import Machine
+from planner.methods.laws.law import Ends, Motion
 from planner.methods.laws.legs import Leg, Point, steer
 from planner.methods.laws.scores import score
 from planner.paper.cases import POINT, Z2_MARGIN, Cases, paper_problem
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
-from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.feasibility import travel_window
 from planner.problem.nonholonomy import paper_recursion
 from planner.robustness.sensitivities import sensitivities
 from planner.solve import solve
 from planner.support.arrays import Array
-from planner.support.calculus.extremes import sample_times, zeros
+from planner.support.calculus.extremes import sample_times
 from planner.systems.chained_form import chained_form
 from planner.systems.controllability import controllability
 from planner.systems.manipulator import Manipulator
@@ -333,9 +333,8 @@ def _detour_text(plan: Plan) -> str:
 
 def margins_at_paper_point(travels: int = 301) -> Array:
     """Return the smallest chart margin with the paper's point, at travels from 0.7 to 1 rad."""
-    points = [Point(*POINT)]
-    curves = [_curve(float(travel), points) for travel in np.linspace(0.70, 1.00, travels)]
-    return score(paper_problem(), curves).margin
+    motions = _motions(np.linspace(0.70, 1.00, travels), [Point(*POINT)])
+    return score(paper_problem(), motions.curves).margin
 
 
 @dataclass(frozen=True)
@@ -355,23 +354,18 @@ def scan() -> Scan:
     """Try the value of the paper's point at many times and travels, more densely where it works."""
     travels = np.concatenate([np.linspace(0.70, 1.00, 61), np.linspace(0.7929, 0.7936, 8)])
     times = np.concatenate([np.linspace(0.5, 9.5, 37), np.linspace(3.8, 4.2, 9)])
-    tried, inside = 0, []
-    for travel in travels.tolist():
-        plain = _curve(travel, [])
-        if not zeros(lambda t, z=plain.z: z(t)[..., 1], sample_times(plain.breaks)):  # type: ignore[misc]
-            continue
-        curves = [_curve(travel, [Point(time, POINT[1])]) for time in times.tolist()]
-        tried += len(curves)
-        good = score(paper_problem(), curves).inside
-        inside += [(travel, time) for time in times[good].tolist()]
-    return Scan(tried, np.array(inside).reshape(-1, 2))
+    plain = _motions(travels, []).z
+    signs = np.sign(plain(sample_times(plain.x))[..., 1])
+    crossing = travels[np.ptp(signs, axis=0) > 0]
+    inside = []
+    for time in times.tolist():
+        motions = _motions(crossing, [Point(time, POINT[1])])
+        good = score(paper_problem(), motions.curves).inside
+        inside += [(travel, time) for travel in crossing[good].tolist()]
+    return Scan(len(crossing) * len(times), np.array(inside).reshape(-1, 2))
 
 
-def _curve(travel: float, points: list[Point]) -> ChainedTrajectory:
-    problem = paper_problem()  # its travel is free
-    goal = problem.goal.copy()
-    goal[0] = travel
-    form = chained_form(problem.system)
-    legs = [Leg(10.0, travel, 3 + len(points))]
-    motion = steer(form.z(problem.start), form.z(goal), legs, points)
-    return ChainedTrajectory(problem.system, motion.z, motion.v, problem.branch)
+def _motions(travels: Array, points: list[Point]) -> Motion:
+    ends = Ends.of(paper_problem())  # the travel of its goal is free
+    legs = [Leg(10.0, travels, 3 + len(points))]
+    return steer(ends.start, ends.goal(travels), legs, points)

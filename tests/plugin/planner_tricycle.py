@@ -13,9 +13,8 @@ from pydantic import Field
 
 import planner
 from planner.methods.laws.free_numbers import travel_of
-from planner.methods.laws.law import Ends, finish, summary, trajectory_of
-from planner.methods.laws.legs import Leg, LegMotion, steer
-from planner.plan.trajectory import ChainedTrajectory
+from planner.methods.laws.law import Ends, Motion, finish
+from planner.methods.laws.legs import Leg, steer
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.tables.method_options import TravelOptions
 from planner.problem.tables.vehicles import CarGoal, CarLimits, CarStart, VehicleFile
@@ -131,17 +130,13 @@ def plan_two_speeds(problem: planner.Problem, options: TwoSpeedsOptions) -> plan
     began = time.perf_counter()
     ends, terms = Ends.of(problem), problem.system.size - 1
 
-    def motion(travel: float) -> LegMotion:
+    def motion(travel: float | Array) -> Motion:
         parts = options.first, 1 - options.first
         legs = [Leg(part * ends.duration, travel / 2, terms) for part in parts]
         return steer(ends.start, ends.goal(travel), legs)
 
-    def path(travel: float) -> ChainedTrajectory:
-        return trajectory_of(problem, motion(travel))
-
-    found = motion(travel_of(problem, path, options).travel)
-    trajectory = trajectory_of(problem, found)
-    return finish(problem, "two_speeds", options, trajectory, summary(found), began)
+    best = motion(travel_of(problem, motion, options)[0])
+    return finish(problem, "two_speeds", options, ends.trajectory(best), best.summary, began)
 
 
 # -- the limit ---------------------------------------------------------------------------------

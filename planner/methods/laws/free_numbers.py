@@ -9,25 +9,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import wraps
 from typing import Any, TypeVar
 
 import numpy as np
 
 from planner.errors import InputError, SingularError
-from planner.methods.laws.law import Ends
+from planner.methods.laws.law import Ends, Motion
 from planner.methods.laws.scores import (
-    Criterion,
-    Scores,
-    end_margin,
-    end_slack,
-    score,
+    BestCandidate,
+    Curves,
+    score_candidates,
     search_candidates,
 )
 from planner.methods.refusal import BY_COLLOCATION
 from planner.plan.plan import Plan
-from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import (
@@ -39,7 +36,8 @@ from planner.problem.tables.method_options import (
 )
 from planner.support.arrays import Array
 
-Make = Callable[[float], ChainedTrajectory | None]
+Ranges = list[list[float]]
+"""Ranges [low, high] of travels for which a law stays inside the domain."""
 
 _OPEN_WINDOW = 3.0
 """Largest travel tried in either direction if no window is known, rad, for arms."""
@@ -47,20 +45,6 @@ _OPEN_WINDOW = 3.0
 _OPEN_RATIO = 10.0
 """The same for vehicles, in units of the distance between start and goal without the path
 coordinate."""
-
-
-@dataclass(frozen=True)
-class Choice:
-    """A chosen travel, and the ranges of travels from which it was chosen.
-
-    Attributes:
-        travel: The travel.
-        ranges: Ranges (low, high) of travels for which the law stays inside the domain.
-    """
-
-    travel: float
-    ranges: tuple[tuple[float, float], ...]
-
 
 Options = TypeVar("Options", bound=LawOptions)
 
@@ -101,23 +85,35 @@ _SCANS = (60, 600)
 """Numbers of travels to try; the second only if no travel of the first scan stays inside."""
 
 
-def travel_of(problem: Problem, make: Make, options: TravelOptions) -> Choice:
+def travel_of(
+    problem: Problem, law: Callable[[Array], Motion], options: TravelOptions
+) -> tuple[float, Ranges]:
     """The problem's travel if it is given, else one that stays inside the chart's domain.
 
     Args:
-        problem: The problem, for the window of travels and for the limits, which scale peaks and
-            are kept if any travel inside the domain keeps them.
-        make: The law, as a function from travel to trajectory; None if it has no solution.
-        options: The options, for the rule and the criterion.
+        problem: Supplies the window of travels, and the limits that scale peaks and are kept where
+            some travel inside the domain keeps them.
+        law: From travels (C,) to their motions.
+        options: Supply the rule and the criterion of what is best.
+
+    Returns:
+        The travel, and the ranges that it was chosen from.
 
     Raises:
         SingularError: If the law leaves the domain for every travel tried.
     """
     if problem.travel is not None:
-        return Choice(problem.travel, ())
+        return problem.travel, []
+
+    def make(x: Array) -> Curves:
+        return law(x[:, 0]).curves
+
+    def inside(travels: Array) -> Array:
+        return score_candidates(problem, make, travels.reshape(-1, 1)).inside.reshape(travels.shape)
+
     for count in _SCANS:
         travels = candidate_travels(problem, count)
-        good = score(problem, map(make, travels.tolist())).inside
+        good = inside(travels)
         if good.any():
             break
     else:
@@ -128,11 +124,13 @@ def travel_of(problem: Problem, make: Make, options: TravelOptions) -> Choice:
             advice="other constraint points",
             changes=[BY_COLLOCATION],
         )
-    ranges = _ranges(problem, travels, good, make)
+    ranges = _ranges(travels, good, inside)
     if options.travel == "middle":
-        low, high = max(ranges, key=lambda r: r[1] - r[0])
-        return Choice((low + high) / 2, ranges)
-    return Choice(_best(problem, make, ranges, options.criterion), ranges)
+        return float(np.mean(max(ranges, key=lambda r: r[1] - r[0]))), ranges
+    grids = [np.linspace(low, high, 25) for low, high in ranges]
+    steps = [np.full(25, np.ptp(grid) / 25) for grid in grids]
+    grid, step = np.concatenate(grids)[:, None], np.concatenate(steps)[:, None]
+    return float(search_candidates(problem, make, grid, step, options.criterion).x[0]), ranges
 
 
 def candidate_travels(problem: Problem, count: int) -> Array:
@@ -160,105 +158,91 @@ def _open_window(problem: Problem) -> float:
     return _OPEN_RATIO * max(aside) if aside and max(aside) > 0 else _OPEN_WINDOW
 
 
-def _ranges(
-    problem: Problem, travels: Array, good: Array, make: Make
-) -> tuple[tuple[float, float], ...]:
-    padded = np.concatenate([[False], good, [False]])
-    reverses = np.diff(np.sign(travels)) != 0  # a range must not contain zero
-    starts = np.flatnonzero(padded[1:] & ~(padded[:-1] & ~np.array([False, *reverses, False])))
-    ends = np.flatnonzero(padded[:-1] & ~(padded[1:] & ~np.array([False, *reverses, False]))) - 1
-    out = []
-    for a, b in zip(starts, ends, strict=True):
-        low, high = travels[a], travels[b]
-        if a > 0 and not good[a - 1]:
-            low = _edge(problem, travels[a], travels[a - 1], make)
-        if b < len(travels) - 1 and not good[b + 1]:
-            high = _edge(problem, travels[b], travels[b + 1], make)
-        out.append((float(low), float(high)))
-    return tuple(out)
-
-
-def _edge(problem: Problem, inner: float, outer: float, make: Make) -> float:
-    """The travel at the edge of the domain, between one inside and one outside, by bisection."""
-    for _ in range(28):
-        middle = (inner + outer) / 2
-        good = score(problem, [make(middle)]).inside[0]
-        inner, outer = (middle, outer) if good else (inner, middle)
-    return float(inner)
-
-
-def _best(
-    problem: Problem, make: Make, ranges: tuple[tuple[float, float], ...], criterion: Criterion
-) -> float:
-    from scipy.optimize import minimize_scalar  # slow to import
-
-    ends = end_margin(problem), end_slack(problem)
-
-    def scores(travels: Array) -> Scores:
-        return score(problem, map(make, travels.tolist()))
-
-    def cost(travel: float) -> float:
-        return float(scores(np.array([travel])).cost(criterion, *ends)[0])
-
-    best = (np.inf, ranges[0][0])
-    for low, high in ranges:
-        grid = np.linspace(low, high, 25)
-        costs = scores(grid).cost(criterion, *ends)
-        k = int(np.argmin(costs))
-        bounds = (grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)])
-        xatol = 1e-7 * (bounds[1] - bounds[0])
-        found = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": xatol})
-        best = min(best, (float(found.fun), float(found.x)), (float(costs[k]), float(grid[k])))
-    return best[1]
+def _ranges(travels: Array, good: Array, inside: Callable[[Array], Array]) -> Ranges:
+    reverses = np.concatenate([[False], np.diff(np.sign(travels)) != 0, [False]])
+    padded = np.concatenate([[False], good, [False]])  # a range does not reach across travel zero
+    starts = np.flatnonzero(padded[1:] & ~(padded[:-1] & ~reverses[..., : len(padded) - 1]))
+    ends = np.flatnonzero(padded[:-1] & ~(padded[1:] & ~reverses)) - 1
+    outer = np.concatenate([np.maximum(starts - 1, 0), np.minimum(ends + 1, len(travels) - 1)])
+    inner = np.concatenate([starts, ends])
+    edge, beyond = travels[inner], np.where(good[outer], travels[inner], travels[outer])
+    for _ in range(12):  # the last travel inside, in a quarter of the way at a time
+        nodes = edge[:, None] + (beyond - edge)[:, None] * np.arange(5) / 4
+        first = np.argmin(np.pad(inside(nodes[:, 1:4]), ((0, 0), (0, 1))), axis=1)
+        rows = np.arange(len(nodes))
+        edge, beyond = nodes[rows, first], nodes[rows, first + 1]
+    return edge.reshape(2, -1).T.tolist()  # type: ignore[no-any-return]
 
 
 _OFFSETS = np.geomspace(0.01, 1.0, 20)
 """Offsets to scan, with both signs, relative to the largest travel tried without a window."""
 
 
-def choose_offset(
-    ends: Ends, options: LegOptions, name: str, make: Make
-) -> tuple[float, dict[str, Any]]:
-    """Travel of the first of the two legs of step 4: given, the paper's mean of z(0), or the best.
+def given_reach(ends: Ends, options: LegOptions, name: str) -> float | None:
+    """The travel, or with travel zero that of the first of two legs (step 4); None if it is free.
 
     The paper writes offset = Σzᵢ/n; z has n+1 coordinates, so we divide by n+1. The sum adds metres
     to angles and slopes, so this value has no special meaning; "auto" tries it among others.
 
     Args:
         ends: Start and goal.
-        options: The options, for the rule and for the criterion of "auto".
-        name: Name of the method.
-        make: The law, as a function from offset to trajectory.
-
-    Returns:
-        The offset, and notes for the plan; (0, none) if one leg is enough.
+        options: Supply the rule.
+        name: Of the method.
 
     Raises:
-        InputError: If it is zero.
+        InputError: If the offset is zero.
     """
     if ends.problem.travel != 0:
-        return 0.0, {}
-    mean = float(np.mean(ends.start))
-    if options.offset != "auto":
-        offset = mean if options.offset == "mean" else options.offset
-        if offset == 0:
-            unit = ends.problem.system.coordinates[0].unit
-            raise InputError(
-                f"{ends.problem.source}: a motion in two legs needs an offset that is not zero; set"
-                f' method.{name}.offset ({unit}) to another number or to "auto"'
-            )
-        return offset, {"offset": offset}
+        return ends.problem.travel
+    if options.offset == "auto":
+        return None
+    offset = float(np.mean(ends.start)) if options.offset == "mean" else options.offset
+    if offset == 0:
+        unit = ends.problem.system.coordinates[0].unit
+        raise InputError(
+            f"{ends.problem.source}: a motion in two legs needs an offset that is not zero; set"
+            f' method.{name}.offset ({unit}) to another number or to "auto"'
+        )
+    return offset
 
-    def attempt(x: Array) -> ChainedTrajectory | None:
-        return make(float(x[0])) if x[0] != 0 else None
 
+def candidate_reaches(ends: Ends, count: int) -> tuple[Array, Array]:
+    """Travels, or with travel zero offsets, to scan, and the sizes of first steps from them."""
+    if ends.problem.travel is None:
+        travels = candidate_travels(ends.problem, count)
+        return travels, np.full(len(travels), np.ptp(travels) / len(travels))
     sizes = _OFFSETS * _open_window(ends.problem)
-    grid = np.concatenate([-sizes, sizes, [mean]])[:, None]
-    found = search_candidates(
-        ends.problem, attempt, grid, 0.2 * np.abs(grid), options.criterion, starts=3
-    )
-    notes = {"auto_motions_tried": found.tried, "auto_found_inside": found.inside}
-    return float(found.x[0]), {"offset": float(found.x[0]), **notes}
+    offsets = np.concatenate([-sizes, sizes, [np.mean(ends.start)]])
+    return offsets, 0.2 * np.abs(offsets)
+
+
+def choose_reach(
+    ends: Ends, options: LegOptions, name: str, law: Callable[[Array], Motion]
+) -> tuple[float, dict[str, Any]]:
+    """The given reach of `given_reach`, or the best; and notes for the plan.
+
+    Args:
+        ends, options, name: As there.
+        law: From reaches (C,) to their motions.
+
+    Raises:
+        InputError: As there.
+        SingularError: As `travel_of`.
+    """
+    ranges: Ranges = []
+    reach, notes = given_reach(ends, options, name), {}
+    if ends.problem.travel is None:
+        reach, ranges = travel_of(ends.problem, law, options)
+    elif reach is None:
+        offsets, steps = (a[:, None] for a in candidate_reaches(ends, 0))
+
+        def make(x: Array) -> Curves:
+            return law(x[:, 0]).curves
+
+        best = search_candidates(ends.problem, make, offsets, steps, options.criterion)
+        reach, notes = float(best.x[0]), best.notes
+    turn = {"offset": reach} if ends.problem.travel == 0 else {}
+    return reach, {**turn, **notes, "travel_ranges_in_domain": ranges}
 
 
 _SIZES = np.geomspace(0.02, 4.0, 12)
@@ -270,13 +254,18 @@ _TRAVELS = 24
 
 def choose_swing(
     problem: Problem,
-    make: Callable[[float, float], ChainedTrajectory],
+    law: Callable[[Array, Array], Motion],
     options: SinusoidOptions | SinusoidStepsOptions,
 ) -> tuple[float, float, dict[str, Any]]:
     """Travel and amplitude: as given, or the best by the criterion if free.
 
     The amplitude is a₁/ω or α/ω, in the unit of z₁; if steps have their own amplitudes, it is a
     common factor. If no choice stays inside the domain, the one that leaves it least is returned.
+
+    Args:
+        problem: Supplies travel and limits.
+        law: From travels (C,) and amplitudes (C,) to their motions.
+        options: Supply the amplitude and the criterion.
 
     Returns:
         Travel, amplitude, and notes for the plan.
@@ -286,28 +275,30 @@ def choose_swing(
         given = 1.0 if isinstance(options.amplitude, list) else float(options.amplitude)
     if problem.travel is not None and given is not None:
         return problem.travel, given, {}
+    free = [problem.travel is None, given is None]
 
-    def read(x: Array) -> tuple[float, float]:
-        rest = iter(x.tolist())
-        travel = next(rest) if problem.travel is None else problem.travel
-        return travel, next(rest) if given is None else given
+    def numbers(x: Array) -> Array:
+        """Travels and amplitudes, (2, C)."""
+        out = np.tile([[problem.travel or 0.0], [given or 0.0]], len(x))
+        out[free] = x.T
+        return out
 
-    def attempt(x: Array) -> ChainedTrajectory | None:
-        travel, amplitude = read(x)
-        return make(travel, amplitude) if amplitude != 0 else None
+    def make(x: Array) -> Curves:
+        return law(*numbers(x)).curves
 
-    found, tried = None, 0
+    best: BestCandidate | None = None
+    tried = 0
     for travels in _swing_travels(problem):
-        grid, sizes = _grid(problem, travels, given)
-        other = search_candidates(problem, attempt, grid, sizes, options.criterion, starts=3)
+        grid, steps = (a[:, free] for a in _swings(travels, given))
+        other = search_candidates(problem, make, grid, steps, options.criterion)
         tried += other.tried
-        if found is None or other.cost < found.cost:
-            found = other
-        if found.inside:
+        if best is None or other.cost < best.cost:
+            best = other
+        if best.inside:
             break
-    assert found is not None
-    notes = {"auto_motions_tried": tried, "auto_found_inside": found.inside}
-    return *read(found.x), notes
+    assert best is not None
+    travel, amplitude = numbers(best.x[None])[:, 0].tolist()
+    return travel, amplitude, {**best.notes, "auto_motions_tried": tried}
 
 
 def _swing_travels(problem: Problem) -> Iterator[Array]:
@@ -326,16 +317,13 @@ def _swing_travels(problem: Problem) -> Iterator[Array]:
     yield np.linspace(-widest, widest, _TRAVELS + 1)
 
 
-def _grid(problem: Problem, travels: Array, given: float | None) -> tuple[Array, Array]:
-    """Candidates (C, d), and the size of the first step from each."""
-    width = np.ptp(travels) / len(travels)
-    rows, steps = [], []
-    for travel in travels:
-        sizes = _SIZES * (abs(travel) or 1.0)
-        amplitudes = np.concatenate([-sizes, sizes]) if given is None else np.array([given])
-        for amplitude in amplitudes:
-            row = [travel] if problem.travel is None else []
-            step = [width] if problem.travel is None else []
-            rows.append(row + ([amplitude] if given is None else []))
-            steps.append(step + ([0.3 * amplitude] if given is None else []))
-    return np.array(rows), np.array(steps)
+def _swings(travels: Array, given: float | None) -> tuple[Array, Array]:
+    """Candidates (C, 2), travel and amplitude, and the sizes of first steps from them."""
+    sizes = _SIZES * np.where(travels == 0, 1.0, np.abs(travels))[:, None]
+    amplitudes = np.concatenate([-sizes, sizes], axis=1)
+    if given is not None:
+        amplitudes = np.full((len(travels), 1), given)
+    every = np.broadcast_to(travels[:, None], amplitudes.shape)
+    width = np.full(amplitudes.shape, np.ptp(travels) / len(travels))
+    candidates, steps = ((every, amplitudes), (width, 0.3 * np.abs(amplitudes)))
+    return np.stack(candidates, -1).reshape(-1, 2), np.stack(steps, -1).reshape(-1, 2)

@@ -1,6 +1,9 @@
-"""Shared code of all laws of the chained form: timing, refusal, and the plan of a motion.
+"""What all laws of the chained form share: their ends, their motions, timing, refusal, the Plan.
 
 It also has the first checks of every method that plans in the chart, and their refusals.
+
+A law makes many motions at once, of C candidates that differ in a few numbers: results then have an
+axis of the candidates before that of the coordinates.
 """
 
 from __future__ import annotations
@@ -13,7 +16,6 @@ from typing import Any, NoReturn
 import numpy as np
 
 from planner.errors import InputError, SingularError
-from planner.methods.laws.legs import Leg, LegMotion
 from planner.methods.refusal import BY_COLLOCATION
 from planner.plan.measures import EFFORT, effort, slowing_factor
 from planner.plan.plan import Plan
@@ -21,6 +23,7 @@ from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import LawOptions
 from planner.support.arrays import Array
+from planner.support.calculus.bernstein import Bernstein
 from planner.systems.chained_form import chained_form
 
 
@@ -46,16 +49,100 @@ class Ends:
         """
         return cls(problem, *chart_ends(problem, 0.0))
 
-    def goal(self, travel: float) -> Array:
-        """z(T), shape (N,), for a travel; only z₁ depends on it."""
-        goal = self._goal.copy()
-        goal[0] = self.start[0] + travel
+    def goal(self, travel: float | Array) -> Array:
+        """z(T), shape (…, N), of travels (…): no other chained coordinate depends on q₁."""
+        goal = np.tile(self._goal, (*np.shape(travel), 1))
+        goal[..., 0] = self.start[0] + travel
         return goal
+
+    def goal_of(self, reach: float | Array) -> Array:
+        """z(T) of a law of legs: after a travel, or out and back where the travel is zero."""
+        return self.goal(0.0 * reach if self.problem.travel == 0 else reach)
+
+    def trajectory(self, motion: Motion) -> ChainedTrajectory:
+        """The trajectory of a single motion."""
+        return ChainedTrajectory(self.problem.system, motion.z, motion.v, self.problem.branch)
 
     @property
     def duration(self) -> float:
         """Duration, s; 1 s if it is free, since the path does not depend on it."""
         return self.problem.duration or 1.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A solved motion, or C of them: z and v as piecewise polynomials, and how well it was solved.
+
+    Attributes:
+        z: Bernstein with values (N,) or (C, N).
+        v: Bernstein with values (2,) or (C, 2).
+        coefficients: Of v₂, in the law's own basis, shape (k,) or (C, k).
+        condition: Condition number of the scaled linear system, shape () or (C,); NaN of
+            candidates whose conditions are dependent, which are NaN throughout.
+        residual: Largest |zᵢ(T) − goalᵢ|, each over the largest |zᵢ| on the way (or 1 if that is
+            less), shape () or (C,).
+    """
+
+    z: Bernstein
+    v: Bernstein
+    coefficients: Array
+    condition: Array
+    residual: Array
+
+    @classmethod
+    def of(
+        cls, z: Bernstein, v: Bernstein, coefficients: Array, condition: Array, goal: Array
+    ) -> Motion:
+        """C candidates; the single motion where the goal is one, (N,), and not (C, N).
+
+        Raises:
+            numpy.linalg.LinAlgError: If the conditions of a single motion are dependent.
+        """
+        size = np.maximum(np.max(np.abs(z.c), axis=(0, 1)), 1.0)
+        residual = np.max(np.abs(z.c[-1, -1] - goal) / size, axis=-1)
+        if np.ndim(goal) > 1:
+            return cls(z, v, coefficients, condition, residual)
+        if np.isnan(condition[0]):
+            raise np.linalg.LinAlgError("conditions are dependent")
+        z, v = Bernstein(z.c[:, :, 0], z.x), Bernstein(v.c[:, :, 0], v.x)
+        return cls(z, v, coefficients[0], condition[0], residual[0])
+
+    @property
+    def curves(self) -> tuple[Bernstein, Bernstein]:
+        """z and v."""
+        return self.z, self.v
+
+    @property
+    def summary(self) -> dict[str, float]:
+        """How well the linear system was solved, for a plan's notes."""
+        numbers = self.residual, self.condition
+        return dict(
+            zip(("endpoint_residual", "condition_number"), map(float, numbers), strict=True)
+        )
+
+
+def solve_conditions(rows: Array, wanted: Array) -> tuple[Array, Array]:
+    """The least coefficients (C, k) with rows (C, m, k) times them = wanted (C, m).
+
+    Returns:
+        The coefficients, and the condition numbers (C,) of the systems with rows of length one;
+        both NaN where the rows are dependent.
+    """
+    with np.errstate(all="ignore"):
+        scale = 1 / np.linalg.norm(rows, axis=-1, keepdims=True)
+        matrix = rows * scale
+        good = np.isfinite(matrix).all(axis=(1, 2))
+        matrix[~good] = 0.0
+        condition = np.linalg.cond(matrix)
+        good &= condition < 1e14
+        matrix[~good] = np.eye(*matrix.shape[1:])
+        orthogonal, triangular = np.linalg.qr(np.swapaxes(matrix, 1, 2))
+        lower, out = np.swapaxes(triangular, 1, 2), np.zeros((*matrix.shape[::2], 1))
+        for _ in range(2):  # the second time for what rounding left
+            rest = (wanted[..., None] - rows @ out) * scale
+            out = out + orthogonal @ np.linalg.solve(lower, rest)
+    out[~good], condition[~good] = np.nan, np.nan
+    return out[..., 0], np.broadcast_to(condition, len(out))
 
 
 def finish(
@@ -94,25 +181,6 @@ def finish(
         _refuse_outside(plan)
     fitted = fit_duration(problem, trajectory)
     return replace(plan, trajectory=fitted, objective=effort(fitted))
-
-
-def even_legs(duration: float, travel: float, offset: float, count: int, terms: int) -> list[Leg]:
-    """`count` equal legs over the travel; with travel zero, `count` out by offset and back."""
-    if travel != 0:
-        return [Leg(duration / count, travel / count, terms)] * count
-    out = Leg(duration / 2 / count, offset / count, terms)
-    back = Leg(duration / 2 / count, -offset / count, terms)
-    return [out] * count + [back] * count
-
-
-def trajectory_of(problem: Problem, motion: LegMotion) -> ChainedTrajectory:
-    """The trajectory of a motion made of legs."""
-    return ChainedTrajectory(problem.system, motion.z, motion.v, problem.branch)
-
-
-def summary(motion: LegMotion) -> dict[str, float]:
-    """Residual and condition of a motion's linear system, for a plan's notes."""
-    return {"endpoint_residual": motion.residual, "condition_number": motion.condition}
 
 
 def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:

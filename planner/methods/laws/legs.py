@@ -14,6 +14,7 @@ from math import comb
 
 import numpy as np
 
+from planner.methods.laws.law import Ends, Motion, solve_conditions
 from planner.support.arrays import Array
 from planner.support.calculus.bernstein import Bernstein, basis, elevate, integral
 
@@ -24,80 +25,62 @@ class Leg:
 
     Attributes:
         duration: Seconds.
-        travel: Change of z₁ over the leg.
+        travel: Change of z₁ over the leg; one for each of C candidates, (C,), or one for all.
         terms: Number of coefficients of v₂ (its degree plus one).
     """
 
     duration: float
-    travel: float
+    travel: float | Array
     terms: int
 
 
 @dataclass(frozen=True)
 class Point:
-    """A constraint point: z₂(time_s) = value (eq. 28)."""
+    """A constraint point: z₂(time_s) = value (eq. 28); of C candidates one value or (C,)."""
 
     time_s: float
-    value: float
+    value: float | Array
 
 
-@dataclass(frozen=True)
-class LegMotion:
-    """The solved motion: z and v as piecewise polynomials, and how well the ends are met.
-
-    Attributes:
-        z: Bernstein with values (N,).
-        v: Bernstein with values (2,).
-        residual: Largest |zᵢ(T) − goalᵢ| of the solved motion, each relative to the largest |zᵢ|
-            of the motion (or 1 if that is less).
-        condition: Condition number of the scaled linear system.
-    """
-
-    z: Bernstein
-    v: Bernstein
-    residual: float
-    condition: float
+def even_legs(ends: Ends, reach: float | Array, count: int, terms: int) -> list[Leg]:
+    """`count` equal legs over the travel; with travel zero, `count` out by `reach` and back."""
+    if ends.problem.travel != 0:
+        return [Leg(ends.duration / count, reach / count, terms)] * count
+    out = Leg(ends.duration / 2 / count, reach / count, terms)
+    back = Leg(ends.duration / 2 / count, -reach / count, terms)
+    return [out] * count + [back] * count
 
 
-def steer(
-    start: Array, goal: Array, legs: Sequence[Leg], points: Sequence[Point] = ()
-) -> LegMotion:
+def steer(start: Array, goal: Array, legs: Sequence[Leg], points: Sequence[Point] = ()) -> Motion:
     """Steer z from start to goal over the given legs, through the given points.
 
     With more coefficients than conditions, the solution has the least ∫(T v₂)².
 
     Args:
         start: z(0), shape (N,).
-        goal: z(T), shape (N,); its first entry is the sum of the legs' travels.
+        goal: z(T), shape (N,), or (C, N) of C candidates; the first entry is the sum of the legs'
+            travels.
         legs: In order.
         points: Conditions on z₂ at times within the legs.
 
     Raises:
-        numpy.linalg.LinAlgError: If the conditions are dependent (two points at one time, or a
-            leg without travel alone).
+        numpy.linalg.LinAlgError: If the conditions of a single motion are dependent (two points at
+            one time, or a leg without travel alone). Candidates are NaN there.
     """
     blocks = [_basis(leg.terms) / leg.duration for leg in legs]
-    rows, offset = _conditions(start, legs, points, blocks)
-    wanted = np.concatenate([goal[1:], [p.value for p in points]]) - offset
-    scale = 1.0 / np.linalg.norm(rows, axis=1)
-    matrix = rows * scale[:, None]
-    condition = float(np.linalg.cond(matrix))
-    if condition > 1e14:
-        raise np.linalg.LinAlgError("conditions are dependent")
-    orthogonal, triangular = np.linalg.qr(matrix.T)
-    coefficients = orthogonal @ np.linalg.solve(triangular.T, wanted * scale)
-    remainder = (wanted - rows @ coefficients) * scale
-    coefficients += orthogonal @ np.linalg.solve(triangular.T, remainder)
+    goals = np.atleast_2d(goal)
+    rows, drift = _conditions(start, legs, points, blocks)
+    values = [np.broadcast_to(p.value, len(goals))[:, None] for p in points]
+    wanted = np.concatenate([goals[:, 1:], *values], axis=1)
+    coefficients, condition = solve_conditions(rows, wanted - drift)
     v, v2, at = [], [], 0
     for leg, block in zip(legs, blocks, strict=True):
-        v2.append(coefficients[at : at + leg.terms] @ block)
-        v.append(np.stack([np.full(leg.terms, leg.travel / leg.duration), v2[-1]], axis=1))
+        v2.append(block.T @ coefficients[:, at : at + leg.terms].T)
+        v1 = np.broadcast_to(leg.travel / leg.duration, v2[-1].shape)
+        v.append(np.stack([v1, v2[-1]], axis=-1))
         at += leg.terms
-    z = _propagate(start, legs, v2)
-    curve = _stack(z, legs)
-    size = np.maximum(np.max(np.abs(curve.c), axis=(0, 1)), 1.0)
-    residual = float(np.max(np.abs(z[-1][-1] - goal) / size))
-    return LegMotion(curve, _stack(v, legs), residual, condition)
+    z = [np.moveaxis(c, 1, -1) for c in _propagate(start[:, None], legs, v2)]
+    return Motion.of(_stack(z, legs), _stack(v, legs), coefficients, condition, goal)
 
 
 @lru_cache(maxsize=64)
@@ -111,17 +94,19 @@ def _basis(terms: int) -> Array:
 
 
 def _propagate(start: Array, legs: Sequence[Leg], v2: Sequence[Array]) -> list[Array]:
-    """Bernstein coefficients of z on every leg, each (degree+1, N, …), from start (N, …)."""
+    """Bernstein coefficients of z on every leg, each (degree+1, N, …, C), from start (N, …)."""
     out = []
     for leg, w in zip(legs, v2, strict=True):
         columns = [
-            np.stack([start[0], start[0] + leg.travel]),
+            np.stack(np.broadcast_arrays(start[0], start[0] + leg.travel)),
             start[1] + integral(w) * leg.duration,
         ]
         for i in range(2, len(start)):
             columns.append(start[i] + integral(columns[-1]) * leg.travel)
         degree = len(columns[-1]) - 1
-        out.append(np.stack([elevate(c, degree) for c in columns], axis=1))
+        shape = columns[-1].shape[1:]
+        raised = [elevate(c, degree) for c in columns]
+        out.append(np.stack([np.broadcast_to(c, (degree + 1, *shape)) for c in raised], axis=1))
         start = out[-1][-1]
     return out
 
@@ -129,7 +114,7 @@ def _propagate(start: Array, legs: Sequence[Leg], v2: Sequence[Array]) -> list[A
 def _conditions(
     start: Array, legs: Sequence[Leg], points: Sequence[Point], blocks: Sequence[Array]
 ) -> tuple[Array, Array]:
-    """The affine map coefficients → (z₂(T) … z_N(T), z₂ at the points): matrix and offset.
+    """The affine map coefficients → (z₂(T) … z_N(T), z₂ at the points): (C, m, k), and (C, m).
 
     All columns are propagated together: the first is the drift from `start`, each other one the
     response to a single coefficient.
@@ -137,13 +122,16 @@ def _conditions(
     total = sum(len(block) for block in blocks)
     v2, at = [], 1
     for block in blocks:
-        own = np.zeros((block.shape[1], 1 + total))
-        own[:, at : at + len(block)] = block.T
+        own = np.zeros((block.shape[1], 1 + total, 1))
+        own[:, at : at + len(block), 0] = block.T
         v2.append(own)
         at += len(block)
-    z = _propagate(np.concatenate([start[:, None], np.zeros((len(start), total))], 1), legs, v2)
-    rows = np.concatenate([z[-1][-1, 1:], *(_z2_at(z, legs, p.time_s)[None] for p in points)])
-    return rows[:, 1:], rows[:, 0]
+    columns = np.zeros((len(start), 1 + total, 1))
+    columns[:, 0, 0] = start
+    z = _propagate(columns, legs, v2)
+    at_points = [_z2_at(z, legs, p.time_s)[None] for p in points]
+    rows = np.moveaxis(np.concatenate([z[-1][-1, 1:], *at_points]), -1, 0)
+    return rows[..., 1:], rows[..., 0]
 
 
 def _z2_at(z: Sequence[Array], legs: Sequence[Leg], time: float) -> Array:

@@ -11,13 +11,13 @@ import time
 import numpy as np
 
 from planner.errors import InputError, SingularError
-from planner.methods.laws.free_numbers import choose_offset, one_way_or_back, travel_of
-from planner.methods.laws.law import Ends, even_legs, finish, summary, trajectory_of
-from planner.methods.laws.legs import LegMotion, steer
+from planner.methods.laws.free_numbers import choose_reach, one_way_or_back
+from planner.methods.laws.law import Ends, Motion, finish
+from planner.methods.laws.legs import even_legs, steer
 from planner.plan.plan import Plan
-from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import PiecewiseOptions
+from planner.support.arrays import Array
 
 NAME = "piecewise"
 
@@ -36,25 +36,22 @@ def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
     """
     began = time.perf_counter()
     ends, slots = Ends.of(problem), _slots(problem, options)
-    offset, turn = choose_offset(
-        ends,
-        options,
-        NAME,
-        lambda offset: trajectory_of(problem, _motion(ends, offset, slots, 0.0)),
-    )
 
-    def make(travel: float) -> ChainedTrajectory:
-        return trajectory_of(problem, _motion(ends, offset, slots, travel))
+    def motion(reach: float | Array) -> Motion:
+        legs = even_legs(ends, reach, slots, terms=1)
+        return steer(ends.start, ends.goal_of(reach), legs)
 
-    choice = travel_of(problem, make, options)
-    motion = _motion(ends, offset, slots, choice.travel)
-    notes = {
-        **turn,
-        "slots": slots,
-        "travel_ranges_in_domain": [list(r) for r in choice.ranges],
-        **summary(motion),
-    }
-    return finish(problem, NAME, options, trajectory_of(problem, motion), notes, began)
+    reach, notes = choose_reach(ends, options, NAME, motion)
+    try:
+        best = motion(reach)
+    except np.linalg.LinAlgError:
+        raise SingularError(
+            f"{problem.source}: travel {reach:g} {problem.system.coordinates[0].unit} leaves the"
+            " slots' constants undetermined",
+            advice=f"another {problem.travel_key}",
+        ) from None
+    notes |= {"slots": slots, **best.summary}
+    return finish(problem, NAME, options, ends.trajectory(best), notes, began)
 
 
 def _slots(problem: Problem, options: PiecewiseOptions) -> int:
@@ -65,15 +62,3 @@ def _slots(problem: Problem, options: PiecewiseOptions) -> int:
             f" {least} coordinates; at least {least}"
         )
     return options.slots or least
-
-
-def _motion(ends: Ends, offset: float, slots: int, travel: float) -> LegMotion:
-    legs = even_legs(ends.duration, travel, offset, slots, terms=1)
-    try:
-        return steer(ends.start, ends.goal(travel), legs)
-    except np.linalg.LinAlgError:
-        raise SingularError(
-            f"{ends.problem.source}: travel {travel:g} {ends.problem.system.coordinates[0].unit}"
-            " leaves the slots' constants undetermined",
-            advice=f"another {ends.problem.travel_key}",
-        ) from None

@@ -9,7 +9,6 @@ fixed times, and the search is over these and the travel.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import combinations, product
 from typing import Any
@@ -18,16 +17,15 @@ import numpy as np
 
 from planner.errors import InputError, SingularError
 from planner.methods.laws.free_numbers import (
-    candidate_travels,
-    choose_offset,
+    candidate_reaches,
+    choose_reach,
+    given_reach,
     one_way_or_back,
-    travel_of,
 )
-from planner.methods.laws.law import Ends, even_legs, finish, summary, trajectory_of
-from planner.methods.laws.legs import LegMotion, Point, steer
-from planner.methods.laws.scores import BestCandidate, search_candidates
+from planner.methods.laws.law import Ends, Motion, finish
+from planner.methods.laws.legs import Point, even_legs, steer
+from planner.methods.laws.scores import BestCandidate, Curves, search_candidates
 from planner.plan.plan import Plan
-from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import PolynomialOptions
 from planner.support.arrays import Array
@@ -49,29 +47,24 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
         InputError: If a constraint point lies outside the motion or contradicts another.
     """
     began = time.perf_counter()
-    points = _points_given(problem, options)
+    given = _points_given(problem, options)
     ends = Ends.of(problem)
-    offset, turn = choose_offset(
-        ends,
-        options,
-        NAME,
-        lambda offset: trajectory_of(problem, _motion(ends, offset, 0.0, points or ())),
-    )
-
-    def solve(travel: float, points: Sequence[Point]) -> LegMotion:
-        return _motion(ends, offset, travel, points)
-
-    notes: dict[str, Any]
-    if points is None:
-        travel, points, notes = choose_points(ends, solve, options)
+    if given is None:
+        reach, points, notes = choose_points(ends, options)
     else:
-        given = points
-        choice = travel_of(problem, lambda d: trajectory_of(problem, solve(d, given)), options)
-        travel = choice.travel
-        notes = {"travel_ranges_in_domain": [list(r) for r in choice.ranges]}
-    motion = solve(travel, points)
-    notes = turn | notes | summary(motion)
-    plan = finish(problem, NAME, options, trajectory_of(problem, motion), notes, began)
+        points = given
+        reach, notes = choose_reach(ends, options, NAME, lambda reach: _motion(ends, reach, points))
+    try:
+        motion = _motion(ends, reach, points)
+    except np.linalg.LinAlgError:
+        # The travel only scales rows of the conditions, so the rank depends only on the times.
+        times = " and ".join(f"{p.time_s:.4g} s" for p in points)
+        raise SingularError(
+            f"{problem.source}: constraint points at {times} leave the polynomial's"
+            " coefficients undetermined, at every travel",
+            advice="constraint points at other times",
+        ) from None
+    plan = finish(problem, NAME, options, ends.trajectory(motion), notes | motion.summary, began)
     stretch = plan.duration / ends.duration
     used = [[p.time_s * stretch, p.value] for p in points]
     return replace(plan, notes={"points": used, **plan.notes})
@@ -98,26 +91,14 @@ def _points_given(problem: Problem, options: PolynomialOptions) -> tuple[Point, 
     return points
 
 
-def _motion(ends: Ends, offset: float, travel: float, points: Sequence[Point]) -> LegMotion:
-    terms = len(ends.start) - 1 + len(points)
-    legs = even_legs(ends.duration, travel, offset, 1, terms)
-    try:
-        return steer(ends.start, ends.goal(travel), legs, points)
-    except np.linalg.LinAlgError:
-        # The travel only scales rows of the conditions, so the rank depends only on the times.
-        times = " and ".join(f"{p.time_s:.4g} s" for p in points)
-        raise SingularError(
-            f"{ends.problem.source}: constraint points at {times} leave the polynomial's"
-            " coefficients undetermined, at every travel",
-            advice="constraint points at other times",
-        ) from None
+def _motion(ends: Ends, reach: float | Array, points: tuple[Point, ...]) -> Motion:
+    legs = even_legs(ends, reach, 1, len(ends.start) - 1 + len(points))
+    return steer(ends.start, ends.goal_of(reach), legs, points)
 
-
-Solve = Callable[[float, Sequence[Point]], LegMotion]
 
 MOST_POINTS = 2
 
-_TRAVELS = (60, 30, 15)
+_REACHES = (60, 30, 15)
 """Travels scanned with 0, 1 and 2 points."""
 
 _DEVIATIONS = (np.zeros(1), np.linspace(-1.5, 1.5, 13), np.linspace(-1.5, 1.5, 7))
@@ -128,113 +109,92 @@ _SHARES = np.arange(1, 12) / 12
 
 
 def choose_points(
-    ends: Ends, solve: Solve, options: PolynomialOptions
+    ends: Ends, options: PolynomialOptions
 ) -> tuple[float, tuple[Point, ...], dict[str, Any]]:
-    """Choose 0, 1 or 2 constraint points, and the travel if it is free.
+    """Choose 0, 1 or 2 constraint points, and the travel (or offset) where it is free.
 
     More points are used only if they lower the cost by more than one percent. If no choice keeps
     the motion inside the domain, the one that leaves it least is returned.
 
     Args:
         ends: Start and goal.
-        solve: The law, as a function from travel and points to a motion.
-        options: The options, for the criterion.
+        options: Supplies the criterion.
 
     Returns:
-        The travel, the points, and notes for the plan: how many motions were tried, and the cost
-        reached with 0, 1, 2 points.
+        The travel, or with travel zero the offset; the points; and notes for the plan: how many
+        motions were tried, and the cost reached with 0, 1, 2 points.
     """
+    given, costs, tried = given_reach(ends, options, NAME), [], 0
     best: BestCandidate | None = None
-    known: LegMotion | None = None
-    family, costs, tried = _PointFamily(ends, solve, 0), [], 0
+    known = _PointFamily(ends, given, 0)
     for count in range(MOST_POINTS + 1):
-        wider = _PointFamily(ends, solve, count)
-        if best is not None and best.inside:
-            known = family.motion(best.x)
-        found = wider.search(options, known)
+        family = _PointFamily(ends, given, count)
+        start = None if best is None or not best.inside else known.read(best.x[None])
+        grid, steps = family.candidates(start)
+        found = search_candidates(ends.problem, family.make, grid, steps, options.criterion)
         tried += found.tried
         costs.append(found.cost)
         if best is None or found.cost < 0.99 * best.cost:
-            best, family = found, wider
+            best, known = found, family
     assert best is not None
-    travel, points = family.read(best.x)
-    notes = {
-        "auto_motions_tried": tried,
-        "auto_cost_with_0_1_2_points": costs,
-        "auto_found_inside": best.inside,
-    }
-    return travel, points, notes
+    reach, points = known.read(best.x)
+    notes = {**best.notes, "auto_motions_tried": tried, "auto_cost_with_0_1_2_points": costs}
+    if ends.problem.travel == 0:
+        notes["offset"] = float(reach)
+    return float(reach), tuple(Point(p.time_s, float(p.value)) for p in points), notes
 
 
 class _PointFamily:
-    """All motions with a given number of points; free numbers: travel if it is free, values."""
+    """All motions with a given number of points: free numbers (reach where free, values)."""
 
-    def __init__(self, ends: Ends, solve: Solve, count: int) -> None:
-        self.ends, self.solve, self.count = ends, solve, count
-        self.free = ends.problem.travel is None
+    def __init__(self, ends: Ends, given: float | None, count: int) -> None:
+        self.ends, self.given, self.count = ends, given, count
+        self.reaches, self.widths = candidate_reaches(ends, _REACHES[count])
+        if given is not None:
+            self.reaches, self.widths = np.array([given]), np.zeros(1)
         self.times = self._best_times()
 
-    def read(self, x: Array) -> tuple[float, tuple[Point, ...]]:
-        """Travel and points for free numbers x."""
-        given = self.ends.problem.travel
-        travel, values = (float(x[0]), x[1:]) if given is None else (given, x)
-        return travel, tuple(Point(t, float(v)) for t, v in zip(self.times, values, strict=True))
-
-    def motion(self, x: Array) -> LegMotion:
-        """The motion for free numbers x."""
-        return self.solve(*self.read(x))
-
-    def make(self, x: Array) -> ChainedTrajectory | None:
-        """The trajectory for free numbers x; None if the law has no solution."""
-        if self.free and x[0] == 0:
-            return None
-        return trajectory_of(self.ends.problem, self.motion(x))
-
-    def search(self, options: PolynomialOptions, known: LegMotion | None) -> BestCandidate:
-        """The best of the family, found from a known motion inside the domain or from a scan."""
-        travels = self._travels()
-        width = np.ptp(travels) / len(travels) if self.free else 0.0
-        if known is not None:
-            travel = float(known.z.c[-1, -1, 0] - known.z.c[0, 0, 0])
-            grid, size = self._around(known, travel, np.zeros(1))
+    def read(self, x: Array) -> tuple[Array, tuple[Point, ...]]:
+        """Reaches (…) and points of free numbers x (…, d)."""
+        values = np.moveaxis(x, -1, 0)
+        if self.given is None:
+            reach, values = values[0], values[1:]
         else:
-            around = [
-                self._around(self.solve(float(d), ()), float(d), _DEVIATIONS[self.count])
-                for d in travels
-            ]
-            grid = np.concatenate([g for g, _ in around])
-            size = float(np.median([s for _, s in around]))
-        steps = np.full(grid.shape[1], 0.05 * size)
-        if self.free:
-            steps[0] = width
-        starts = 2 if grid.shape[1] else 0  # where nothing is free there is one candidate
-        given = self.ends.problem, self.make, grid, steps, options.criterion
-        return search_candidates(*given, starts=starts)
+            reach = np.full(x.shape[:-1], self.given)
+        return reach, tuple(Point(t, v) for t, v in zip(self.times, values, strict=True))
 
-    def _travels(self) -> Array:
-        given = self.ends.problem.travel
-        if given is None:
-            return candidate_travels(self.ends.problem, _TRAVELS[self.count])
-        return np.array([given])
+    def make(self, x: Array) -> Curves:
+        """Of free numbers x (C, d)."""
+        return _motion(self.ends, *self.read(x)).curves
 
-    def _around(self, motion: LegMotion, travel: float, deviations: Array) -> tuple[Array, float]:
-        """Free numbers whose values deviate from a motion's z₂, and the scale of that z₂."""
-        z2 = motion.z(np.asarray(self.times, dtype=float))[:, 1]
-        size = float(np.max(np.abs(motion.z(np.linspace(0, self.ends.duration, 50))[:, 1])))
-        rows = [z2 + size * np.array(d) for d in product(deviations, repeat=self.count)]
-        return np.array([[travel, *row] if self.free else row for row in rows]), size
+    def candidates(self, known: tuple[Array, tuple[Point, ...]] | None) -> tuple[Array, Array]:
+        """Candidates (C, d) and steps: z₂ of the plain law, or of a known motion, and off it."""
+        reaches, deviations, widths = self.reaches, _DEVIATIONS[self.count], self.widths
+        if known is not None:
+            reaches, deviations, widths = known[0], np.zeros(1), widths[:1]
+        around = _motion(self.ends, reaches, known[1] if known else ())
+        z2 = around.z(np.array(self.times, dtype=float))[..., 1].T
+        size = np.max(np.abs(around.z(np.linspace(0, self.ends.duration, 50))[..., 1]), axis=0)
+        off = np.array(list(product(deviations, repeat=self.count)))
+        values = z2[:, None] + size[:, None, None] * off
+        steps = np.broadcast_to(0.05 * size[:, None, None], values.shape)
+        if self.given is None:
+            columns = np.broadcast_to([reaches, widths], (2, len(reaches)))[..., None, None]
+            columns = np.broadcast_to(columns, (2, len(reaches), len(off), 1))
+            values = np.concatenate([columns[0], values], axis=-1)
+            steps = np.concatenate([columns[1], steps], axis=-1)
+        shape = len(reaches) * len(off), values.shape[-1]
+        return values.reshape(shape), steps.reshape(shape)
 
     def _best_times(self) -> tuple[float, ...]:
         """Times at which the points' conditions are as independent of the others as possible."""
-        if self.count == 0:
-            return ()
-        travel = float(self._travels()[0])
+        shares = (_SHARES * self.ends.duration).tolist()
 
         def condition(times: tuple[float, ...]) -> float:
             try:
-                return self.solve(travel, [Point(t, 0.0) for t in times]).condition
-            except SingularError:
+                points = tuple(Point(t, 0.0) for t in times)
+                return float(_motion(self.ends, self.reaches[0], points).condition)
+            except np.linalg.LinAlgError:
                 return np.inf
 
-        shares = (_SHARES * self.ends.duration).tolist()
         return min(combinations(shares, self.count), key=condition)

@@ -1,4 +1,4 @@
-"""Choose a law's free numbers: a scan, then Nelder–Mead from the best candidates.
+"""The choice of a law's free numbers: a scan, then an evolution strategy from the best of it.
 
 Scores rate trajectories in the chart, many candidates at once: their samples need few calls of the
 chart, which makes scans cheap.
@@ -6,22 +6,20 @@ chart, which makes scans cheap.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache, partial
-from typing import Literal
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 
-from planner.errors import SingularError
 from planner.plan.measures import worst_margin
-from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import MotionPoint
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.support.calculus.bernstein import Bernstein, basis
-from planner.support.calculus.chebyshev import points
+from planner.support.calculus.chebyshev import apply, points
 from planner.systems.chained_form import chained_form
 
 _CLOSE = 0.1
@@ -83,89 +81,58 @@ class Scores:
         return np.where(np.isnan(cost), 3.0, cost)
 
 
-MOST_SAMPLES = 20_000
-"""Samples in one call of the chart: half a second with eight joints, between checks of the time."""
+Curves = tuple[Bernstein, Bernstein]
+"""z and v of C candidates on the same breaks, values (C, N) and (C, 2); NaN where there is none."""
 
 
-def score(
-    problem: Problem, candidates: Iterable[ChainedTrajectory | None], samples: int = 400
-) -> Scores:
-    """Score candidates of one law by about `samples` samples each.
+def score(problem: Problem, curves: Curves, samples: int | Array = 400) -> Scores:
+    """Score candidates of one law by samples.
 
     Args:
-        problem: The problem, for its limits; the peak of an input without a limit is in its unit.
-        candidates: Trajectories with equal numbers of pieces; None for one without a solution.
-            They are computed one by one, so that the time can be checked in between.
-
-    Raises:
-        TimeUpError: If time is up.
+        problem: Supplies limits; where an input has none, its peak counts in its own unit.
+        curves: The candidates.
+        samples: About how many of each, crowded to the ends of its pieces; or the places on every
+            piece, 0 … 1.
     """
-    parts: list[Scores] = []
-    together: list[ChainedTrajectory | None] = []
-    count = 0
-    deadline.check()
-    for candidate in candidates:
-        deadline.check()
-        together.append(candidate)
-        if candidate is not None:
-            count += len(candidate.z_curve.x[1:]) * _count(samples, candidate.z_curve)
-        if count >= MOST_SAMPLES:
-            parts.append(_score_one(problem, together, samples))
-            together, count = [], 0
-    parts.append(_score_one(problem, together, samples))
-    joined = (np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Scores))
-    return Scores(*joined)
-
-
-def _score_one(
-    problem: Problem, candidates: Sequence[ChainedTrajectory | None], samples: int
-) -> Scores:
-    """Scores of candidates whose samples are mapped in one call of the chart."""
-    out = np.full((3, len(candidates)), np.nan)
-    made = [k for k, c in enumerate(candidates) if c is not None]
-    if not made:
-        return Scores(*out)
-    chosen = [c for c in candidates if c is not None]
-    form, branch = chained_form(problem.system), chosen[0].branch
-    z = _sample([c.z_curve for c in chosen], samples)
-    pieces = z.shape[1] // _count(samples, chosen[0].z_curve)
-    worst = worst_margin(form.margins(z, branch)).reshape(len(chosen), pieces, -1)
-    margin = np.minimum(np.min(worst, axis=(1, 2)), _dips(worst))
-    out[0, made] = margin
-    good = np.flatnonzero(margin > 0)
-    if good.size:
-        v = _sample([chosen[k].v_curve for k in good], samples)
-        q, u = form.both(z[good], v, branch)
-        at = np.asarray(made)[good]
-        out[1, at] = _slack(problem, z[good], q, pieces)
-        peaks = np.max(np.abs(u), axis=1)
-        out[2, at] = np.max(peaks / problem.limits.input_scale, axis=-1)
+    form, branch = chained_form(problem.system), problem.branch
+    places = _places(curves, samples) if isinstance(samples, int) else samples
+    z, v = (_sample(curve, places) for curve in curves)
+    q, u = form.both(z, v, branch)
+    margins = problem.system.chart_margins(q, branch)
+    outside = np.isnan(u).any(axis=(1, 2, 3))  # there q has no margins, but z has
+    margins[outside] = form.margins(z[outside], branch)
+    margin = worst_margin(margins)
+    margin[np.isnan(z).any(axis=(1, 2, 3))] = np.nan
+    out = np.full((3, len(z)), np.nan)
+    out[0] = np.minimum(np.min(margin, axis=(1, 2)), _dips(margin, places))
+    good = out[0] > 0
+    if good.any():
+        room = _room(problem, z[good], q[good])
+        out[1, good] = np.minimum(np.min(room, axis=(1, 2)), _dips(room, places))
+        out[2, good] = np.max(np.abs(u[good]) / problem.limits.input_scale, axis=(1, 2, 3))
     return Scores(*out)
 
 
-def _sample(curves: Sequence[Bernstein], samples: int) -> Array:
-    """Values (C, S, D) of curves with the same pieces, denser towards each piece's ends.
+def _places(curves: Curves, samples: int) -> Array:
+    return points(max(9, samples // (len(curves[0].x) - 1)))
+
+
+def _sample(curve: Bernstein, places: Array) -> Array:
+    """Values (C, P, S, D) of curves with values (C, D) at S places on each piece.
 
     The ends belong to both neighbours, each with its own one-sided value.
     """
-    c = np.stack([curve.c for curve in curves])
-    weights = _weights(c.shape[1] - 1, _count(samples, curves[0]))
-    values = weights @ np.moveaxis(c, 1, 2)  # (C, P, D+1, N) → (C, P, S, N)
-    return np.asarray(values.reshape(len(c), -1, c.shape[-1]))
+    weights = np.ascontiguousarray(basis(curve.degree, places).T)
+    return np.moveaxis(apply(weights, curve.c), 2, 0).swapaxes(1, 2)
 
 
-def _count(samples: int, curve: Bernstein) -> int:
-    """Samples of each piece."""
-    return max(9, samples // len(curve.x[1:]))
-
-
-def _dips(values: Array) -> Array:
-    """Least value (C,) of values (C, P, S), also between their samples.
+def _dips(values: Array, places: Array) -> Array:
+    """Least value (C,) of values (C, P, S) between their samples, at places (S,) of each piece.
 
     A dip can be narrower than the distance of samples, so a parabola through the three samples
     around each local minimum is used, except beside a margin of −∞.
     """
-    step = _steps(values.shape[-1])
+    step = np.diff(places)
     before, after, width = step[:-1], step[1:], step[:-1] + step[1:]
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.diff(values, axis=-1) / step
@@ -174,18 +141,6 @@ def _dips(values: Array) -> Array:
         lowest = values[..., 1:-1] - tangent**2 / (4 * bend)
     is_dip = (slope[..., :-1] <= 0) & (slope[..., 1:] >= 0) & (bend > 0)
     return np.asarray(np.min(np.where(is_dip, lowest, np.inf), axis=(1, 2)))
-
-
-@lru_cache(maxsize=64)
-def _steps(count: int) -> Array:
-    """Distances between successive samples of a piece, (count−1,), relative to the piece."""
-    return np.diff(points(count))
-
-
-@lru_cache(maxsize=64)
-def _weights(degree: int, count: int) -> Array:
-    """Bernstein polynomials (count, degree+1) at Chebyshev–Lobatto points of the unit interval."""
-    return np.ascontiguousarray(basis(degree, points(count)).T)
 
 
 def end_margin(problem: Problem) -> float:
@@ -201,13 +156,12 @@ def end_slack(problem: Problem) -> float:
     return float(np.clip(np.min(list(_rooms(problem, z, ends)), initial=SLACK), 0.0, SLACK))
 
 
-def _slack(problem: Problem, z: Array, q: Array, pieces: int) -> Array:
-    """Least relative slack (C,) to limits along motions z, q of shape (C, S, N)."""
-    slack = np.full(len(q), np.inf)
-    for room in _rooms(problem, z, q):
-        slack = np.minimum(slack, np.min(room, axis=1))
-        slack = np.minimum(slack, _dips(room.reshape(len(q), pieces, -1)))
-    return slack
+def _room(problem: Problem, z: Array, q: Array) -> Array:
+    """The least of `_rooms` (…); infinite where the problem has no such limit."""
+    room = np.full(q.shape[:-1], np.inf)
+    for each in _rooms(problem, z, q):
+        room = np.minimum(room, each)
+    return room
 
 
 def _rooms(problem: Problem, z: Array, q: Array) -> Iterator[Array]:
@@ -227,11 +181,20 @@ def _bound(x: Array) -> Array:
     return np.where(np.isinf(x), 1.0, x / (1 + np.abs(x)))
 
 
-Make = Callable[[Array], ChainedTrajectory | None]
+Make = Callable[[Array], Curves]
+"""A law: from free numbers (C, d) of C candidates to their curves."""
 
-_RESTARTS = 6
-_COARSE, _FINE = 200, 6000
-"""Samples of a candidate during the search, and of the final one."""
+MOST_SAMPLES = 20_000
+"""Samples in one call of the chart: half a second with eight joints, between checks of the time."""
+
+_SCAN, _SEARCH, _FINE = 60, 100, 6000
+"""Samples of a candidate of the scan, of one while searching, and of the one found."""
+
+_POPULATION = 24
+
+_STAGES = ((6, 1.0, 1e-4), (60, 0.3, 1e-5), (40, 0.02, 1e-7))
+"""Of the search, from several starts, from the best of them, and with samples crowded at its peaks:
+most rounds, first steps over those given, and the spread of costs at which it ends."""
 
 
 @dataclass(frozen=True)
@@ -253,12 +216,26 @@ class BestCandidate:
         """Whether it stays inside the chart's domain."""
         return self.cost < 2
 
+    @property
+    def notes(self) -> dict[str, Any]:
+        """For a plan."""
+        return {"auto_motions_tried": self.tried, "auto_found_inside": self.inside}
 
-def _attempt(make: Make, x: Array) -> ChainedTrajectory | None:
-    try:
-        return make(x)
-    except SingularError:
-        return None
+
+def score_candidates(problem: Problem, make: Make, x: Array, samples: int | Array = 200) -> Scores:
+    """Score candidates with free numbers x (C, d) by samples as of `score`, a few at a time.
+
+    Raises:
+        TimeUpError: If time is up.
+    """
+    parts, most = (
+        [],
+        max(1, MOST_SAMPLES // (samples if isinstance(samples, int) else len(samples))),
+    )
+    for k in range(0, len(x), most):
+        deadline.check()
+        parts.append(score(problem, make(x[k : k + most]), samples))
+    return Scores(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Scores)))
 
 
 def search_candidates(
@@ -267,59 +244,109 @@ def search_candidates(
     grid: Array,
     steps: Array,
     criterion: Criterion = "peak",
-    starts: int = 2,
+    starts: int = 3,
 ) -> BestCandidate:
-    """Find the free numbers of least cost.
+    """Find the free numbers of least cost: a scan, then linear programmes from its best.
 
     Args:
-        problem: The problem, for limits and the chart's branch.
-        make: Function from free numbers (d,) to a trajectory; it returns None or raises a
-            `SingularError` if the law has no solution.
+        problem: Supplies limits and the chart's branch.
+        make: The law.
         grid: Candidates to scan, shape (C, d).
-        steps: Size of the first simplex, shape (d,) or (C, d).
+        steps: Sizes of the first steps from each, shape (d,) or (C, d).
         criterion: The quantity to optimise; domain and limits come first.
         starts: Number of the best candidates to refine; 0 to scan only.
-    """
-    from scipy.optimize import minimize  # slow to import
 
+    Raises:
+        TimeUpError: If time is up.
+    """
     ends = end_margin(problem), end_slack(problem)
     tried = 0
 
-    def costs(points: Array, samples: int) -> Array:
+    def costs(x: Array, samples: int | Array) -> Array:
         nonlocal tried
-        tried += len(points)
-        return score(problem, map(partial(_attempt, make), points), samples).cost(criterion, *ends)
+        tried += len(x)
+        return score_candidates(problem, make, x, samples).cost(criterion, *ends)
 
-    def refine(x: Array, step: Array, samples: int) -> tuple[float, Array]:
-        result = minimize(
-            lambda p: float(costs(p[None], samples)[0]),
-            x,
-            method="Nelder-Mead",
-            options={
-                "initial_simplex": np.concatenate([x[None], x + np.diag(step)]),
-                "xatol": 1e-6 * float(np.max(np.abs(step))),
-                "fatol": 1e-8,
-                "maxfev": 80 * len(x),
-            },
-        )
-        return float(result.fun), np.asarray(result.x)
+    first = np.argsort(costs(grid, _SCAN), kind="stable")[: max(starts, 1)]
+    x, step = grid[first], np.abs(np.broadcast_to(steps, grid.shape)[first])
+    samples: int | Array = _SEARCH
+    for stage, (rounds, part, spread) in enumerate(_STAGES if starts and grid.shape[1] else ()):
+        if stage == 2:
+            samples = _crowded(problem, make(x))
+        x, cost = evolve(partial(costs, samples=samples), x, part * step, rounds, spread)
+        best = np.argmin(cost, keepdims=True)
+        x, step = x[best], step[best]
+    return BestCandidate(x[0], float(costs(x[:1], _FINE)[0]), tried)
 
-    scanned = costs(grid, _COARSE)
-    steps = np.broadcast_to(steps, grid.shape)
-    order = np.argsort(scanned, kind="stable")
-    best, x, step = float(scanned[order[0]]), grid[order[0]], steps[order[0]]
-    for k in order[:starts]:
-        cost, there = refine(grid[k], steps[k], _COARSE)
-        if cost < best:
-            best, x, step = cost, there, steps[k]
-    for _ in range(_RESTARTS if starts else 0):  # restart, since a simplex may collapse at a kink
-        cost, there = refine(x, 0.1 * step, _COARSE)
-        gain = best - cost
-        if gain > 0:
-            best, x = cost, there
-        if gain < 1e-4 * best:
+
+def _crowded(problem: Problem, curves: Curves) -> Array:
+    """Places to sample a candidate at: more beside its peaks and where it is closest to limits."""
+    fine, usual = _places(curves, _FINE), _places(curves, _SEARCH)
+    z, v = (_sample(curve, fine)[0] for curve in curves)
+    q, u = chained_form(problem.system).both(z, v, problem.branch)
+    speed = np.nan_to_num(np.abs(u) / problem.limits.input_scale)
+    high = (speed[:, 1:-1] > speed[:, :-2]) & (speed[:, 1:-1] > speed[:, 2:])
+    peaks = np.flatnonzero((high & (speed[:, 1:-1] > 0.8 * np.max(speed))).any(axis=(0, 2))) + 1
+    lows = (
+        np.argmin(_room(problem, z, q)),
+        np.argmin(worst_margin(problem.system.chart_margins(q, problem.branch))),
+    )
+    centres = fine[np.append(peaks, lows) % len(fine)]
+    gaps = np.interp(centres, usual[1:], np.diff(usual))[:, None] * np.linspace(-1, 1, 9)
+    return np.unique(np.clip([*usual, *(centres[:, None] + gaps).ravel()], 0, 1))
+
+
+def evolve(
+    cost: Callable[[Array], Array], x: Array, steps: Array, rounds: int, spread: float
+) -> tuple[Array, Array]:
+    """Least cost by CMA-ES (Hansen, "The CMA Evolution Strategy: A Tutorial", 2016).
+
+    Args:
+        cost: From points (M, d) to costs (M,).
+        x: S starts, shape (S, d), each of a search of its own.
+        steps: Standard deviations of their first steps, shape (S, d).
+        rounds: How many at most.
+        spread: Of costs in a round, at which a search ends.
+
+    Returns:
+        The best point of each search, (S, d), and its cost, (S,).
+    """
+    count, d = x.shape
+    weights = np.log((_POPULATION + 1) / 2) - np.log(np.arange(1, _POPULATION // 2 + 1))
+    weights /= weights.sum()
+    mass = 1 / np.sum(weights**2)
+    path_rate, shape_rate = (mass + 2) / (d + mass + 5), (4 + mass / d) / (d + 4 + 2 * mass / d)
+    damping = 1 + path_rate + 2 * max(0.0, np.sqrt((mass - 1) / (d + 1)) - 1)
+    rank_one = 2 / ((d + 1.3) ** 2 + mass)
+    rank_many = min(1 - rank_one, 2 * (mass - 2 + 1 / mass) / ((d + 2) ** 2 + mass))
+    usual = np.sqrt(d) * (1 - 1 / (4 * d) + 1 / (21 * d**2))
+    random = np.random.default_rng(0)
+    mean, best, least = x, x, np.full(count, np.inf)
+    size, shape = np.ones((count, 1)), np.tile(np.eye(d), (count, 1, 1))
+    path, shape_path = np.zeros((2, count, d))
+    for _ in range(rounds):
+        squares, axes = np.linalg.eigh(shape)
+        widths = np.sqrt(np.maximum(squares, 1e-30))
+        normal = random.standard_normal((count, _POPULATION, d))
+        moves = np.einsum("sij,sj,spj->spi", axes, widths, normal)
+        points = mean[:, None] + (size * steps)[:, None] * moves
+        costs = cost(points.reshape(-1, d)).reshape(count, -1)
+        order = np.argsort(costs, axis=1, kind="stable")[:, : len(weights)]
+        rows = np.arange(count)[:, None]
+        points, moves, costs = points[rows, order], moves[rows, order], costs[rows, order]
+        better = costs[:, 0] < least
+        best, least = np.where(better[:, None], points[:, 0], best), np.minimum(costs[:, 0], least)
+        if np.max(np.ptp(costs, axis=1)) < spread:
             break
-    true = float(costs(x[None], _FINE)[0])
-    if starts and true > best + 1e-3:  # an excursion was hidden between the samples
-        true, x = refine(x, 0.1 * step, _FINE)
-    return BestCandidate(x, true, tried)
+        move = np.einsum("p,spi->si", weights, moves)
+        mean = mean + size * steps * move
+        white = np.einsum("sij,sj,skj,sk->si", axes, 1 / widths, axes, move)
+        path = (1 - path_rate) * path + np.sqrt(path_rate * (2 - path_rate) * mass) * white
+        shape_path = (1 - shape_rate) * shape_path
+        shape_path += np.sqrt(shape_rate * (2 - shape_rate) * mass) * move
+        shape = (1 - rank_one - rank_many) * shape
+        shape += rank_one * np.einsum("si,sj->sij", shape_path, shape_path)
+        shape += rank_many * np.einsum("p,spi,spj->sij", weights, moves, moves)
+        length = np.linalg.norm(path, axis=1, keepdims=True)
+        size = size * np.exp(path_rate / damping * (length / usual - 1))
+    return best, least

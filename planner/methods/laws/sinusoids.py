@@ -17,16 +17,14 @@ so short that the interpolation error of the highest harmonic is below rounding.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from math import factorial, pi
 
 import numpy as np
 
 from planner.errors import InputError, SingularError
 from planner.methods.laws.free_numbers import choose_swing
-from planner.methods.laws.law import Ends, finish
+from planner.methods.laws.law import Ends, Motion, finish, solve_conditions
 from planner.plan.plan import Plan
-from planner.plan.trajectory import ChainedTrajectory
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import SinusoidOptions, SinusoidStepsOptions
 from planner.support.arrays import Array
@@ -34,27 +32,6 @@ from planner.support.calculus.bernstein import Bernstein
 from planner.support.calculus.chebyshev import Grid
 
 SINUSOID = "sinusoid"
-
-
-@dataclass(frozen=True)
-class SinusoidMotion:
-    """A solved motion; see `sinusoids`.
-
-    Attributes:
-        grid: Pieces and points.
-        z: Values at the points, shape (P, D+1, N).
-        v: Values of v at the points, shape (P, D+1, 2).
-        b: Coefficients of v₂, shape (N−1,).
-        residual: Largest |zᵢ(T) − goalᵢ|, each relative to the largest |zᵢ| of the motion (or 1).
-        condition: Condition number of the scaled linear system.
-    """
-
-    grid: Grid
-    z: Array
-    v: Array
-    b: Array
-    residual: float
-    condition: float
 
 
 def plan_sinusoid(problem: Problem, options: SinusoidOptions) -> Plan:
@@ -68,99 +45,64 @@ def plan_sinusoid(problem: Problem, options: SinusoidOptions) -> Plan:
     began = time.perf_counter()
     ends = Ends.of(problem)
 
-    def make(travel: float, amplitude: float) -> ChainedTrajectory:
-        return _trajectory(problem, _motion(ends, travel, amplitude))
-
-    travel, amplitude, notes = choose_swing(problem, make, options)
-    motion = _motion(ends, travel, amplitude)
-    omega = 2 * np.pi / ends.duration
-    notes |= {
-        "amplitude": amplitude,
-        "endpoint_residual": motion.residual,
-        "condition_number": motion.condition,
-        "unit_period": {
-            "a": [travel, float(amplitude * omega * ends.duration)],
-            "b": (motion.b * ends.duration).tolist(),
-        },
-    }
-    return finish(problem, SINUSOID, options, _trajectory(problem, motion), notes, began)
-
-
-def sinusoids(start: Array, goal: Array, amplitude: float, duration: float) -> SinusoidMotion:
-    """Steer z from start to goal by one period.
-
-    Args:
-        start: z(0), shape (N,).
-        goal: z(T), shape (N,).
-        amplitude: a₁/ω, not zero.
-        duration: T, seconds.
-
-    Raises:
-        numpy.linalg.LinAlgError: If z(T) does not fix b (amplitude zero, or one of the few ratios
-            of amplitude to travel for which the system is singular).
-    """
-    m, omega = len(start) - 1, 2 * np.pi / duration
-    grid = period(0.0, duration, 2 * m - 2)
-    t = grid.times
-    v1 = (goal[0] - start[0]) / duration + amplitude * omega * np.sin(omega * t)
-    basis = np.cos(omega * t[..., None] * np.arange(m)) / duration
-    # Column 0 is the drift from the start; the others are responses to one coefficient each.
-    begin = np.concatenate([start[:, None], np.zeros((m + 1, m))], axis=1)
-    columns = propagate(grid, begin, v1, np.concatenate([np.zeros_like(t)[..., None], basis], 2))
-    rows, drift = columns[-1, -1, 1:, 1:], columns[-1, -1, 1:, 0]
-    scale = np.linalg.norm(rows, axis=1)
-    if np.any(scale == 0):
-        raise np.linalg.LinAlgError("a coordinate does not move")
-    scale = 1.0 / scale
-    matrix = rows * scale[:, None]
-    condition = float(np.linalg.cond(matrix))
-    if not condition < 1e14:
-        raise np.linalg.LinAlgError("the coefficients are not determined")
-    b = np.linalg.solve(matrix, (goal[1:] - drift) * scale)
-    b += np.linalg.solve(matrix, (goal[1:] - drift - rows @ b) * scale)
-    v = np.stack([v1, basis @ b], axis=-1)
-    z = columns[..., 0] + columns[..., 1:] @ b
-    z[..., 0] = columns[..., 0, 0]
-    size = np.maximum(np.max(np.abs(z), axis=(0, 1)), 1.0)
-    residual = float(np.max(np.abs(z[-1, -1] - goal) / size))
-    return SinusoidMotion(grid, z, v, b / duration, residual, condition)
-
-
-def _motion(ends: Ends, travel: float, amplitude: float) -> SinusoidMotion:
-    try:
+    def law(travel: float | Array, amplitude: float | Array) -> Motion:
         return sinusoids(ends.start, ends.goal(travel), amplitude, ends.duration)
+
+    travel, amplitude, notes = choose_swing(problem, law, options)
+    try:
+        motion = law(travel, amplitude)
     except np.linalg.LinAlgError:
         raise SingularError(
-            f"{ends.problem.source}: amplitude {amplitude:g} with travel {travel:g}"
+            f"{problem.source}: amplitude {amplitude:g} with travel {travel:g}"
             f" {ends.problem.system.coordinates[0].unit} leaves the sinusoids'"
             " coefficients undetermined",
             advice="another method.sinusoid.amplitude",
         ) from None
+    notes |= {
+        "amplitude": amplitude,
+        **motion.summary,
+        "unit_period": {
+            "a": [travel, 2 * np.pi * amplitude],
+            "b": (motion.coefficients * ends.duration).tolist(),
+        },
+    }
+    return finish(problem, SINUSOID, options, ends.trajectory(motion), notes, began)
 
 
-def _trajectory(problem: Problem, motion: SinusoidMotion) -> ChainedTrajectory:
-    z, v = motion.grid.curve(motion.z), motion.grid.curve(motion.v)
-    return ChainedTrajectory(problem.system, z, v, problem.branch)
+def sinusoids(start: Array, goal: Array, amplitude: float | Array, duration: float) -> Motion:
+    """Steer z from start to goal by one period.
+
+    Args:
+        start: z(0), shape (N,).
+        goal: z(T), shape (N,), or (C, N) of C candidates.
+        amplitude: a₁/ω, not zero; of candidates (C,).
+        duration: T, seconds.
+
+    Returns:
+        The motion, with b as its coefficients.
+
+    Raises:
+        numpy.linalg.LinAlgError: If z(T) of a single motion does not fix b (amplitude zero, or one
+            of the few ratios of amplitude to travel for which the system is singular).
+    """
+    m, omega, goals = len(start) - 1, 2 * np.pi / duration, np.atleast_2d(goal)
+    grid = period(0.0, duration, 2 * m - 2)
+    t = grid.times[..., None]
+    v1 = (goals[:, 0] - start[0]) / duration + amplitude * omega * np.sin(omega * t)
+    basis = np.cos(omega * t * np.arange(m)) / duration
+    # Column 0 is the drift from the start; the others are responses to one coefficient each.
+    begin = np.concatenate([start[:, None], np.zeros((m + 1, m))], axis=1)[..., None]
+    columns = propagate(grid, begin, v1, np.concatenate([0 * t, basis], axis=2)[..., None])
+    ends = np.moveaxis(columns[-1, -1, 1:], -1, 0)
+    b, condition = solve_conditions(ends[..., 1:], goals[:, 1:] - ends[..., 0])
+    z = columns[:, :, :, 0] + np.einsum("pdnkc,ck->pdnc", columns[:, :, :, 1:], b)
+    z[:, :, 0] = columns[:, :, 0, 0]
+    v = np.stack([v1, basis @ b.T], axis=-1)
+    curve = grid.curve(np.swapaxes(z, 2, 3))
+    return Motion.of(curve, grid.curve(v), b / duration, condition, goal)
 
 
 SINUSOID_STEPS = "sinusoid_steps"
-
-
-@dataclass(frozen=True)
-class StepsMotion:
-    """A motion made step by step; see `steps`.
-
-    Attributes:
-        z: Bernstein with values (N,).
-        v: Bernstein with values (2,).
-        betas: β of every period, shape (N−2,).
-        residual: Largest |zᵢ(T) − goalᵢ|, each over the largest |zᵢ| on the way (or 1).
-    """
-
-    z: Bernstein
-    v: Bernstein
-    betas: Array
-    residual: float
 
 
 def plan_sinusoid_steps(problem: Problem, options: SinusoidStepsOptions) -> Plan:
@@ -178,57 +120,54 @@ def plan_sinusoid_steps(problem: Problem, options: SinusoidStepsOptions) -> Plan
     shares = _shares(problem, options, periods)
     pattern = _pattern(problem, options, periods)
 
-    def motion(travel: float, amplitude: float) -> StepsMotion:
-        amplitudes = amplitude * pattern
+    def law(travel: float | Array, amplitude: float | Array) -> Motion:
+        amplitudes = np.multiply.outer(pattern, amplitude)
         return steps(ends.start, ends.goal(travel), amplitudes, shares * ends.duration)
 
-    def make(travel: float, amplitude: float) -> ChainedTrajectory:
-        made = motion(travel, amplitude)
-        return ChainedTrajectory(problem.system, made.z, made.v, problem.branch)
-
-    travel, amplitude, notes = choose_swing(problem, make, options)
-    made = motion(travel, amplitude)
+    travel, amplitude, notes = choose_swing(problem, law, options)
+    motion = law(travel, amplitude)
     notes |= {
         "amplitudes": (amplitude * pattern).tolist(),
-        "endpoint_residual": made.residual,
-        "unit_betas": (made.betas * ends.duration).tolist(),
+        "endpoint_residual": motion.summary["endpoint_residual"],
+        "unit_betas": (motion.coefficients * ends.duration).tolist(),
     }
-    return finish(problem, SINUSOID_STEPS, options, make(travel, amplitude), notes, began)
+    return finish(problem, SINUSOID_STEPS, options, ends.trajectory(motion), notes, began)
 
 
-def steps(start: Array, goal: Array, amplitudes: Array, durations: Array) -> StepsMotion:
+def steps(start: Array, goal: Array, amplitudes: Array, durations: Array) -> Motion:
     """Steer z from start to goal step by step.
 
     Args:
         start: z(0), shape (N,).
-        goal: z(T), shape (N,).
-        amplitudes: α/ω of each period, shape (N−2,), none zero.
+        goal: z(T), shape (N,), or (C, N) of C candidates.
+        amplitudes: α/ω of each period, shape (N−2,) or (N−2, C), none zero.
         durations: Seconds of the first leg and of each period, shape (N−1,).
+
+    Returns:
+        The motion, with β of every period as its coefficients.
     """
     edges = np.concatenate([[0.0], np.cumsum(durations)])
+    goals = np.atleast_2d(goal).T
     grid = Grid(edges[:2])
-    constant = np.ones_like(grid.times)
-    rates = (goal[:2] - start[:2]) / durations[0]
-    v1, v2 = rates[0] * constant, rates[1] * constant
-    z = propagate(grid, start, v1, v2)
-    z_curves, v_curves, betas = [grid.curve(z)], [grid.curve(np.stack([v1, v2], -1))], []
-    for k, amplitude in enumerate(amplitudes, start=1):
-        here = z[-1, -1]
-        omega = 2 * np.pi / durations[k]
-        grid = period(edges[k], edges[k + 1], 2 * len(start) - 4)
-        phase = omega * (grid.times - edges[k])
-        v1 = amplitude * omega * np.sin(phase)
-        per_beta = durations[k] * (amplitude / 2) ** k / factorial(k)
-        beta = (goal[k + 1] - here[k + 1]) / per_beta
-        v2 = beta * np.cos(k * phase)
+    v1, v2 = ((goals[:2] - start[:2, None]) / durations[0])[:, None, None] + 0 * grid.times[
+        ..., None
+    ]
+    here, betas, z_curves, v_curves = start[:, None], [], [], []
+    for k, amplitude in enumerate([None, *amplitudes]):
+        if k:
+            omega = 2 * np.pi / durations[k]
+            grid = period(edges[k], edges[k + 1], 2 * len(start) - 4)
+            phase = omega * (grid.times - edges[k])[..., None]
+            v1 = amplitude * omega * np.sin(phase)
+            per_beta = durations[k] * (amplitude / 2) ** k / factorial(k)
+            betas.append((goals[k + 1] - here[k + 1]) / per_beta)
+            v2 = betas[-1] * np.cos(k * phase)
         z = propagate(grid, here, v1, v2)
-        betas.append(beta)
-        z_curves.append(grid.curve(z))
-        v_curves.append(grid.curve(np.stack([v1, v2], -1)))
-    curve = joined_curves(z_curves)
-    size = np.maximum(np.max(np.abs(curve.c), axis=(0, 1)), 1.0)
-    residual = float(np.max(np.abs(z[-1, -1] - goal) / size))
-    return StepsMotion(curve, joined_curves(v_curves), np.array(betas), residual)
+        here = z[-1, -1]
+        z_curves.append(grid.curve(np.swapaxes(z, 2, 3)))
+        v_curves.append(grid.curve(np.stack([v1, v2], axis=-1)))
+    curves, none = (joined_curves(z_curves), joined_curves(v_curves)), np.zeros(goals.shape[1])
+    return Motion.of(*curves, np.stack(betas, axis=-1), none, goal)
 
 
 def _shares(problem: Problem, options: SinusoidStepsOptions, periods: int) -> Array:
@@ -271,19 +210,18 @@ def propagate(grid: Grid, start: Array, v1: Array, v2: Array) -> Array:
 
     Args:
         grid: Pieces and points.
-        start: z at the first break, shape (N, …).
-        v1: Values of v₁, shape (P, DEGREE+1).
-        v2: Values of v₂, shape (P, DEGREE+1, …).
+        start: z at the first break, shape (N, …, C).
+        v1: Values of v₁ of C candidates, shape (P, DEGREE+1, C).
+        v2: Values of v₂, shape (P, DEGREE+1, …, C).
 
     Returns:
-        Shape (P, DEGREE+1, N, …).
+        Shape (P, DEGREE+1, N, …, C).
     """
-    first = v1.reshape(*v1.shape, *[1] * (v2.ndim - 2))
-    path = grid.integral(first)
-    columns = [start[0] + np.broadcast_to(path, v2.shape), start[1] + grid.integral(v2)]
+    first = v1.reshape(*v1.shape[:2], *[1] * (v2.ndim - 3), -1)
+    columns = [start[0] + grid.integral(first), start[1] + grid.integral(v2)]
     for i in range(2, len(start)):
         columns.append(start[i] + grid.integral(columns[-1] * first))
-    return np.stack(columns, axis=2)
+    return np.stack(np.broadcast_arrays(*columns), axis=2)
 
 
 def joined_curves(curves: list[Bernstein]) -> Bernstein:

@@ -11,11 +11,13 @@ from planner.methods.laws.scores import (
     Scores,
     end_margin,
     end_slack,
+    evolve,
     score,
     search_candidates,
 )
 from planner.plan.trajectory import ChainedTrajectory
 from planner.solve import solve_and_check
+from planner.support.calculus.bernstein import Bernstein
 
 
 @pytest.fixture(scope="module")
@@ -177,8 +179,7 @@ def test_what_is_worse_in_kind_costs_more() -> None:
 
 
 def test_scores_agree_with_the_plan(auto: planner.Plan, paper: planner.Problem) -> None:
-    assert isinstance(auto.trajectory, ChainedTrajectory)
-    found = score(paper, [auto.trajectory, None], samples=8000)
+    found = score(paper, _curves(auto), samples=8000)
     assert found.margin[0] == pytest.approx(auto.domain.margin, rel=1e-6)
     assert found.peak[0] == pytest.approx(np.max(_peaks(auto)) / 0.5, rel=1e-5)
     sure = np.linspace(0, 10, 20001)
@@ -189,17 +190,38 @@ def test_scores_agree_with_the_plan(auto: planner.Plan, paper: planner.Problem) 
     assert list(found.inside) == [True, False]
 
 
-def test_search_survives_laws_without_solution(unlimited: planner.Problem) -> None:
-    def nothing(_: np.ndarray) -> None:
-        return None
+def _curves(plan: planner.Plan) -> tuple[Bernstein, Bernstein]:
+    """Of two candidates: the plan's, and one that has no solution."""
+    assert isinstance(plan.trajectory, ChainedTrajectory)
+    z, v = plan.trajectory.z_curve, plan.trajectory.v_curve
+    return tuple(Bernstein(np.stack([w.c, np.nan * w.c], axis=2), w.x) for w in (z, v))  # type: ignore[return-value]
 
-    def refusing(_: np.ndarray) -> None:
-        raise planner.SingularError("no solution")
 
-    for law in (nothing, refusing):
-        found = search_candidates(unlimited, law, np.zeros((3, 1)), np.ones(1))
-        assert found.cost == 3
-        assert not found.inside
+def test_search_survives_laws_without_solution(
+    auto: planner.Plan, unlimited: planner.Problem
+) -> None:
+    z, v = _curves(auto)
+
+    def nothing(x: np.ndarray) -> tuple[Bernstein, Bernstein]:
+        which = np.ones(len(x), dtype=int)
+        return Bernstein(z.c[:, :, which], z.x), Bernstein(v.c[:, :, which], v.x)
+
+    found = search_candidates(unlimited, nothing, np.zeros((3, 1)), np.ones(1))
+    assert found.cost == 3
+    assert not found.inside
+
+
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_the_search_follows_a_curved_kink(d: int) -> None:
+    """The greatest of several functions, with a valley that bends."""
+
+    def cost(x: np.ndarray) -> np.ndarray:
+        aside = np.abs(x[:, 1:] - x[:, :1] ** 2).sum(axis=1)
+        return np.abs(x[:, 0] - 1.5) + 3 * aside
+
+    x, least = evolve(cost, np.zeros((2, d)), np.ones((2, d)), 400, 1e-12)
+    assert least == pytest.approx(0, abs=1e-6)
+    assert x[:, 0] == pytest.approx(1.5, abs=1e-6)
 
 
 def test_a_choice_leaves_what_the_proof_needs_to_a_limit(paper: planner.Problem) -> None:

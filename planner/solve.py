@@ -7,7 +7,9 @@ and lag are similar on all machines of a kind, so most of their effect needs no 
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from planner.compensation import compensate_in_time, compensate_plan
@@ -117,8 +119,15 @@ def solve_and_check(
     merged = merged_options(problem, entry, options)
     must_compensate = compensate or problem.compensation.on
 
-    def attempt(change: Change) -> Plan:
+    def attempt(change: Change, short: Plan | None) -> Plan:
         changed = problem.changed(change.keys)
+        duration = changed.duration if change.keys.keys() == {"goal.duration"} else None
+        if duration and short is not None and entry.finds_time:  # slow the refused motion
+            slower = short.trajectory.slowed(duration / short.duration)
+            with suppress(NoPlanError):
+                return judge_plan(
+                    replace(short, problem=changed, trajectory=slower, status="solved")
+                )[0]
         overrides = {} if change.defaults else options
         return judge_plan(
             _plan_by_method(changed, entry, merged_options(changed, entry, overrides), None)
@@ -143,7 +152,8 @@ def solve_and_check(
             ) from None
         except NoPlanError as error:
             seconds = time.monotonic() - began
-            advised = advise(error, problem, attempt, seconds) if advice else None
+            tried = partial(attempt, short=error.plan)
+            advised = advise(error, problem, tried, seconds) if advice else None
             if advised is None:
                 raise
             plan, check = judge_plan(replace(advised, problem=problem))

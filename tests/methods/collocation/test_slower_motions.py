@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.methods.collocation import best, pipeline, route_paths
+from planner.methods.collocation import best, method, pipeline, route_paths
 from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.candidates import seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain, cut_finer, ends_of
@@ -216,3 +216,19 @@ def test_the_fastest_motion_is_no_answer_where_time_is_up_before_it_is_slowed_do
     monkeypatch.setattr(pipeline, "polish", ended)
     with pytest.raises(planner.TimeLimitError, match="before it had found a motion"):
         planner.solve(paper.changed({"goal.duration": 2.5}), time_limit_s=600)
+
+
+def test_a_longer_duration_is_tried_with_the_motion_that_was_refused(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One search is enough: whoever has a motion has every slower one."""
+    searches, usual = [], method.plan_collocation
+
+    def plan(problem: planner.Problem, options: CollocationOptions) -> planner.Plan:
+        searches.append(problem.duration)
+        return usual(problem, options)
+
+    monkeypatch.setattr(method, "plan_collocation", plan)
+    with pytest.raises(planner.NoPlanError, match=r"goal\.duration = 3\.1\d* or more \(tried\)"):
+        planner.solve(paper.changed({"goal.duration": 2.5}))
+    assert searches == [2.5]

@@ -102,7 +102,7 @@ def figures(cases: Cases) -> dict[str, Figure]:
 
 def _turned_contacts() -> Figure:
     """Draw the speed of a joint behind three turned contacts, for several friction ratios."""
-    figure, axes = grid(1, 1, size=(6.4, 4.0))
+    figure, axes, _ = grid(1, 1, size=(6.4, 4.0))
     ax, degrees = axes[0, 0], np.linspace(0, 60, 241)
     ax.plot(degrees, np.cos(np.deg2rad(degrees)) ** 3, "k--", label="eq. (6): $\\cos^3\\theta$")
     for k, lateral in enumerate((0.1, 0.3, 1.0)):
@@ -120,7 +120,7 @@ def _turned_contacts() -> Figure:
 
 def _finding(cases: Cases) -> Figure:
     """Draw z₂ of Fig. 5 with the band −g(z₃) < z₂ < 0 in which a real θ₁ exists."""
-    figure, axes = grid(1, 1, size=(6.4, 4.0))
+    figure, axes, _ = grid(1, 1, size=(6.4, 4.0))
     ax, t = axes[0, 0], np.linspace(0, cases.point.duration, 2001)
     z2 = cases.point.z(t)[:, 1]
     low, high = z2_band(cases.point, t)
@@ -136,9 +136,7 @@ def _finding(cases: Cases) -> Figure:
     ax.set_ylabel("$z_2$")
     ax.legend(loc="lower left", fontsize=9)
     heading(
-        figure,
-        "z2 stays negative, yet no arm is there (at pi/4, an inferred travel)",
-        ours=True,
+        figure, "z2 stays negative, yet no arm is there (at pi/4, an inferred travel)", ours=True
     )
     return figure
 
@@ -146,7 +144,7 @@ def _finding(cases: Cases) -> Figure:
 def _motors(cases: Cases) -> Figure:
     """Draw commands and motor speeds of the machine with median error."""
     run = cases.replay
-    figure, axes = grid(1, 2, size=(4.2, 3.0))
+    figure, axes, _ = grid(1, 2, size=(4.2, 3.0))
     commanded, k = run.plan.trajectory.u(run.t), median_sample(run)
     for i, ax in enumerate(axes[0]):
         ax.plot(run.t, commanded[:, i], "k--", linewidth=1.1, label="command")
@@ -240,11 +238,7 @@ MISPRINTS = (
 FILM = "arm.gif"
 
 PAPER_FIGURES = (
-    (
-        "mechanism",
-        "Figs 2 and 3",
-        "how two motors drive the joints, as we read section 3.1",
-    ),
+    ("mechanism", "Figs 2 and 3", "how two motors drive the joints, as we read section 3.1"),
     (
         "eq6-turned-contacts",
         "what eq. (6) neglects",

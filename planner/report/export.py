@@ -254,11 +254,8 @@ def _mat(plan: Plan, samples: Samples, rate_hz: float) -> bytes:
         "problem_json": json.dumps(plan.problem.to_dict()),
     }
     arrays = {name: getattr(samples, name) for name in ARRAYS}
-    names = {
-        "coordinates": np.array(samples.coordinates, dtype=object),
-        "inputs": np.array(samples.inputs, dtype=object),
-        "axes": np.array(samples.axes, dtype=object),
-    }
+    lists = ("coordinates", "inputs", "axes")
+    names = {name: np.array(getattr(samples, name), dtype=object) for name in lists}
     stream = io.BytesIO()
     savemat(stream, {**arrays, **names, "about": about}, oned_as="column", do_compression=True)
     return stream.getvalue()

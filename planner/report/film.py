@@ -171,16 +171,8 @@ def _scene(ax: Any, curve: Curve, times: Array) -> _Scene:
         ax.plot(*points[k].T, "-o", color=TRAIL_COLOUR, linewidth=2, markersize=3, zorder=1)
     ax.plot(*path.T, color=curve.colour, linewidth=0.8, alpha=0.4, zorder=2)
     (trail,) = ax.plot([], [], color=curve.colour, linewidth=2.2, zorder=3)
-    (line,) = ax.plot(
-        [],
-        [],
-        "-o",
-        color=BODY_COLOUR,
-        linewidth=3,
-        markersize=6,
-        markerfacecolor="white",
-        zorder=4,
-    )
+    look = {"linewidth": 3, "markersize": 6, "markerfacecolor": "white", "zorder": 4}
+    (line,) = ax.plot([], [], "-o", color=BODY_COLOUR, **look)
     return _Scene(ax, line, trail, points, path, np.searchsorted(close, times))
 
 

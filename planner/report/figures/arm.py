@@ -48,10 +48,14 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
         InputError: If no plan is executable, `axes` do not fit, or the system has no position in
             the plane (see `can_draw`).
     """
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
     drawn, ours = drawable(plans), axes is None
     problem = drawn[0].plan.problem
     figure, axes = plane_axes(drawn, axes)
-    scale = _time_scale(max(curve.plan.duration for curve in drawn))
+    longest = max(curve.plan.duration for curve in drawn)
+    scale = ScalarMappable(Normalize(0, longest), COLOUR_MAP)
     for curve, ax in zip(drawn, axes.flat, strict=True):
         _draw(ax, curve, scale, poses)
     arm = hasattr(problem.system, "arm_points")
@@ -143,7 +147,7 @@ def plane_axes(drawn: Sequence[Curve], axes: Any = None) -> tuple[Figure, Any]:
     shape, size = (1, len(drawn)), (3.8, 3.6)
     if wide >= 2 * high:
         shape, size = (len(drawn), 1), (7.5, max(1.4, 7 * float(high / wide) + 0.8))
-    figure, axes = grid(*shape, axes, size=size, share=("all", "all"))
+    figure, axes, _ = grid(*shape, axes, size=size, share=("all", "all"))
     unit = length_unit(drawn[0].plan.problem.system)
     for curve, ax in zip(drawn, axes.flat, strict=True):
         ax.set_title(curve.title, fontsize=10)
@@ -183,10 +187,3 @@ def _draw_closest(ax: Any, plan: Plan) -> None:
     ax.plot(*np.stack([one, other]).T, "-", color="crimson", linewidth=2.5, zorder=6)
     words = f"links {away:.2g} m apart" if away > 0 else "links cross"
     write_beside(ax, words, one, (6, 6), zorder=6)
-
-
-def _time_scale(longest: float) -> Any:
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
-    return ScalarMappable(Normalize(0, longest), COLOUR_MAP)

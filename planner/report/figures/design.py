@@ -55,10 +55,9 @@ def plot_design(study: DesignStudy, *, axes: Any = None) -> tuple[Picture, Any]:
         InputError: If `axes` do not fit.
     """
     expect(DesignStudy, study, "planner.design_study(file) makes one")
-    ours = axes is None
     bars = _variables(study) is None
     high = 0.24 * len(study.rows) + 1.0 if bars else 3.3
-    figure, axes = grid(2, 3, axes, size=(4.4, max(high, 3.3)))
+    figure, axes, ours = grid(2, 3, axes, size=(4.4, max(high, 3.3)))
     _front(axes[0, 0], study)
     for ax, each in zip(axes.flat[1:], _decisive_figures(study), strict=False):
         (_bars if bars else _map)(ax, study, each)
@@ -116,19 +115,13 @@ def _front(ax: Any, study: DesignStudy) -> None:
     ):
         if row is not None and not np.isnan([row[x.key], row[y.key]]).any():
             ax.scatter(row[x.key], row[y.key], edgecolor=colour, label=label, **ring)
-    for row in _thin_out(front):
+    some = np.linspace(0, len(front) - 1, min(len(front), MAX_LABELS)).round().astype(int)
+    for row in (front[k] for k in some):
         words = ", ".join(number(v) for v in row.design.values.values() if not isinstance(v, list))
         if not row.design.values:  # marked by its ring already
             continue
         name = escape_math(words or row.design.name)
         write_beside(ax, name, (row[x.key], row[y.key]), (5, 5), fontsize=7, zorder=2)
-
-
-def _thin_out(front: Sequence[DesignRow]) -> list[DesignRow]:
-    """Select some designs of the front, including both ends."""
-    if len(front) <= MAX_LABELS:
-        return list(front)
-    return [front[k] for k in np.linspace(0, len(front) - 1, MAX_LABELS).round().astype(int)]
 
 
 def _scale_axis(axis: Any, values: Sequence[float]) -> tuple[float, float]:
@@ -190,21 +183,15 @@ def _map(ax: Any, study: DesignStudy, figure: DesignFigure) -> None:
     variables = _variables(study)
     assert variables is not None
     rows = [row for row in study.rows if row.design.values]
-    columns, lines = (sorted({row.design.values[key] for row in rows}) for key in variables)
+    across, up = ([row.design.values[key] for row in rows] for key in variables)
+    columns, lines = sorted(set(across)), sorted(set(up))
     shade = np.full((len(lines), len(columns)), np.nan)
-    places = [
-        (
-            columns.index(row.design.values[variables[0]]),
-            lines.index(row.design.values[variables[1]]),
-        )
-        for row in rows
-    ]
+    places = [(columns.index(x), lines.index(y)) for x, y in zip(across, up, strict=True)]
     for (i, j), row in zip(places, rows, strict=True):
         shade[j, i] = _value(study, figure, row)[0]
     known = shade[np.isfinite(shade)]
     if known.size and known.min() > 0 and known.max() > LOG_RATIO * known.min():
-        shade = np.log(shade)
-        known = np.log(known)
+        shade, known = np.log(shade), np.log(known)
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     room = max(high - low, 1e-9)
     ax.grid(False)

@@ -329,6 +329,7 @@ def _write_notes(pen: _Drawing, plan: MechanismLayout) -> None:
     geometry = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
     if len({round(g.r3, 9) for g in plan.gears}) > 1:
         geometry = geometry.replace("$r_3$", "$r_3$ of joint 1")
+    scale = "Not to scale, but with the same K and k_g:" if plan.inferred else "To scale, with"
     lines = [
         (r"Why cos$\theta$", INK_COLOUR, "bold"),
         *((text, INK_COLOUR, "normal") for text in COSINE_NOTE.split("\n")),
@@ -340,20 +341,11 @@ def _write_notes(pen: _Drawing, plan: MechanismLayout) -> None:
         ("blue: motor 2, which turns joint 1", MOTOR_2_COLOUR, "bold"),
         ("red: friction contacts", CONTACT_COLOUR, "bold"),
         ("", INK_COLOUR, "normal"),
-        (
-            "Not to scale, but with the same K and k_g:" if plan.inferred else "To scale, with",
-            INK_COLOUR,
-            "bold",
-        ),
+        (scale, INK_COLOUR, "bold"),
         (geometry + ("," if plan.inferred else "."), INK_COLOUR, "normal"),
         *((text, INK_COLOUR, "normal") for text in textwrap.wrap(plan.inferred, NOTE_LETTERS)),
         ("$r_2$ cancels out. The link lengths are not to scale.", INK_COLOUR, "normal"),
     ]
     for k, (text, colour, weight) in enumerate(lines):
-        pen.write(
-            (plan.notes_x, plan.top_view_z - 0.2 * k * RADII_PER_INCH),
-            text,
-            colour,
-            9.5,
-            weight=weight,
-        )
+        place = (plan.notes_x, plan.top_view_z - 0.2 * k * RADII_PER_INCH)
+        pen.write(place, text, colour, 9.5, weight=weight)

@@ -64,9 +64,8 @@ def plot_replays(
     first = next(iter(runs.values()), None)
     if first is None or not first.angles:
         raise InputError("no plan with angles was replayed, so there is nothing to draw")
-    ours = axes is None
-    angles = first.angles
-    figure, axes = grid(len(runs), len(angles), axes, size=(3.4, 2.2), share=("all", "col"))
+    shape = len(runs), len(first.angles)
+    figure, axes, ours = grid(*shape, axes, size=(3.4, 2.2), share=("all", "col"))
     for row, (label, run) in enumerate(runs.items()):
         _draw_replay(axes[row], run, colour[label])
         curve = Curve(label, run.plan, colour[label])
@@ -124,8 +123,7 @@ def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, A
     if not rows:
         raise InputError("no plan was replayed, so there are no errors to draw")
     colour = colours([row.spec for row in comparison.rows if not row.feedback])
-    ours = axes is None
-    figure, axes = grid(1, 1, axes, size=(6.4, 4.6))
+    figure, axes, ours = grid(1, 1, axes, size=(6.4, 4.6))
     ax = axes[0, 0]
     for row in rows:
         _draw_row(ax, row, colour[row.spec])
@@ -164,15 +162,9 @@ def _draw_row(ax: Any, row: Row, colour: str) -> None:
     low, high = row.E_median_interval_deg
     ax.plot([row.effort] * 2, [row.E_median_deg, row.E_p95_deg], color=colour, linewidth=1.0)
     ax.plot([row.effort] * 2, [low, high], color=colour, linewidth=4.0, alpha=0.5)
-    ax.plot(
-        [row.effort],
-        [row.E_median_deg],
-        "o",
-        color=colour,
-        markerfacecolor="white" if row.feedback else colour,
-        label=None if row.feedback else row.label if row.solved else f"{row.label}{REFUSED_SUFFIX}",
-        linestyle="none",
-    )
+    label = None if row.feedback else row.label + REFUSED_SUFFIX * (not row.solved)
+    look = {"color": colour, "markerfacecolor": "white" if row.feedback else colour, "label": label}
+    ax.plot([row.effort], [row.E_median_deg], "o", linestyle="none", **look)
     if not row.solved:
         ax.plot([row.effort], [row.E_median_deg], "x", color="white", markersize=4)
     ax.plot([row.effort], [row.E_p95_deg], "_", color=colour, markersize=9)
@@ -215,8 +207,7 @@ def plot_errors(
     if not known:
         raise InputError("no plan was replayed, so there are no errors to draw")
     colour = colours(list(errors))
-    ours = axes is None
-    figure, axes = grid(1, 1, axes, size=(6.4, 4.0))
+    figure, axes, ours = grid(1, 1, axes, size=(6.4, 4.0))
     ax = axes[0, 0]
     for label, error in known.items():
         _distribution(ax, label, np.sort(error), colour[label], label in refused)

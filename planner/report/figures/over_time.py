@@ -157,9 +157,9 @@ def _panels(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tuple
     plan_panels = kind.panels(_plan_curves(drawn))
     over_time = plan_panels[0]["kind"] == "time"
     share: tuple[Sharing, Sharing] = ("all" if over_time else "none", "none")
-    figure, axes = grid(
-        *grid_shape(len(plan_panels)), axes, size=PANEL_SIZES.get(kind.id, (3.4, 2.6)), share=share
-    )
+    rows = -(-len(plan_panels) // 4)
+    shape, size = (rows, -(-len(plan_panels) // rows)), PANEL_SIZES.get(kind.id, (3.4, 2.6))
+    figure, axes, _ = grid(*shape, axes, size=size, share=share)
     every = list(axes.flat)
     for ax, panel in zip(every, plan_panels, strict=False):
         _draw(ax, panel, drawn)
@@ -179,7 +179,7 @@ def _columns(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tupl
     columns = [
         [list(same) for _, same in groupby(each, key=itemgetter("id"))] for each in plan_panels
     ]
-    figure, axes = grid(len(columns[0]), len(drawn), axes, share=("col", "row"))
+    figure, axes, _ = grid(len(columns[0]), len(drawn), axes, share=("col", "row"))
     for k, (curve, column) in enumerate(zip(drawn, columns, strict=True)):
         for ax, same in zip(axes[:, k], column, strict=True):
             _draw_same(ax, same, drawn)
@@ -188,12 +188,6 @@ def _columns(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tupl
         axes[0, k].set_title(curve.title, fontsize=10)
         axes[-1, k].set_xlabel(time_label([curve.plan]))
     return figure, axes
-
-
-def grid_shape(count: int) -> tuple[int, int]:
-    """Rows and columns for `count` panels, at most four per row."""
-    rows = -(-count // 4)
-    return rows, -(-count // rows)
 
 
 def _plan_curves(drawn: Sequence[Curve]) -> list[PlanCurves]:
@@ -296,16 +290,9 @@ def _note(ax: Any, curve: Curve, time: float, value: float, above: int) -> None:
     mark = {"color": curve.colour, "markersize": 7, "clip_on": False, "zorder": 5}
     place = ax.get_xaxis_transform()
     ax.plot([time], [float(up)], "^" if up else "v", transform=place, **mark)
-    ax.annotate(
-        f"{curve.label} peaks at {value:.3g}, t = {time:.2g} s",
-        (0.5, 1.0),
-        (0, 6 + 12 * above),
-        xycoords="axes fraction",
-        textcoords="offset points",
-        ha="center",
-        fontsize=8.5,
-        color=curve.colour,
-    )
+    words = f"{curve.label} peaks at {value:.3g}, t = {time:.2g} s"
+    frame = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "center"}
+    ax.annotate(words, (0.5, 1.0), (0, 6 + 12 * above), fontsize=8.5, color=curve.colour, **frame)
 
 
 def _plane(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:

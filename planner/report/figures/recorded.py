@@ -48,8 +48,7 @@ def plot_run(
     expect_log(log)
     expect_plan(plan)
     joints = log.theta.shape[1]
-    ours = axes is None
-    figure, axes = grid(2, joints, axes, size=(3.4, 2.1), share=("all", "none"))
+    figure, axes, ours = grid(2, joints, axes, size=(3.4, 2.1), share=("all", "none"))
     t = log.t - start_of(log, plan)
     planned = np.rad2deg(plan.trajectory.q(t)[:, 1:])
     compensated = plan.compensates is not None

@@ -106,8 +106,7 @@ def plot_responses(
         The figure and its axes.
     """
     expect(Sensitivity, found, "planner.sensitivity(plan) makes one")
-    ours = axes is None
-    figure, axes = grid(1, 1, axes, size=(6.4, 3.4))
+    figure, axes, ours = grid(1, 1, axes, size=(6.4, 3.4))
     ax = axes[0, 0]
     for k, (i, values) in enumerate(zip(found.angles, found.along_deg(spread).T, strict=True)):
         name = symbol(found.plan.problem.system.coordinates[i].name)
@@ -123,9 +122,8 @@ def plot_responses(
 def _heat_map(
     values: Array, rows: Sequence[str], columns: Sequence[str], axes: Any, *, tall: bool = False
 ) -> tuple[Figure, Any, bool]:
-    ours = axes is None
     size = (4.6, 0.28 * len(rows) + 0.9) if tall else (0.72 * len(columns), 0.5 * len(rows) + 1.2)
-    figure, axes = grid(1, 1, axes, size=size)
+    figure, axes, ours = grid(1, 1, axes, size=size)
     ax = axes[0, 0]
     ax.grid(False)
     shade = np.abs(values) ** 0.5  # small responses stay visible beside large ones
@@ -148,11 +146,8 @@ def _box_passive(ax: Any, responses: Sensitivity, columns: Sequence[int]) -> Non
     for name in (f"start {system.coordinates[1].name}", f"gain {system.inputs[1].name}"):
         column = columns.index(responses.parameters.index(name))
         for row in passive:
-            ax.add_patch(
-                Rectangle(
-                    (column - 0.47, row - 0.47), 0.94, 0.94, fill=False, edgecolor="black", lw=1.2
-                )
-            )
+            corner = (column - 0.47, row - 0.47)
+            ax.add_patch(Rectangle(corner, 0.94, 0.94, fill=False, edgecolor="black", lw=1.2))
 
 
 def entry_name(entry: MachineEntry) -> str:
@@ -186,9 +181,8 @@ def plot_budget(budget: Budget, *, axes: Any = None) -> tuple[Figure, Any]:
         The figure and its axes, shape (1, 2).
     """
     expect(Budget, budget, "planner.error_budget(plan) makes one")
-    ours = axes is None
     high = 0.3 * len(budget.costs) + 1.2
-    figure, axes = grid(1, 2, axes, size=(5.2, high), share=("none", "all"))
+    figure, axes, ours = grid(1, 2, axes, size=(5.2, high), share=("none", "all"))
     left, right = axes[0]
     places = np.arange(len(budget.costs))
     costs = budget.costs
@@ -246,8 +240,7 @@ def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
         InputError: If `axes` do not fit.
     """
     expect(TradeOff, curve, "planner.trade_off(problem) makes one")
-    ours = axes is None
-    figure, axes = grid(1, 3, axes, size=(4.3, 3.6))
+    figure, axes, ours = grid(1, 3, axes, size=(4.3, 3.6))
     _responses(axes[0, 0], curve)
     _machines(axes[0, 1], curve)
     _paths(axes[0, 2], curve)
@@ -312,12 +305,11 @@ def _responses(ax: Any, curve: TradeOff) -> None:
 
 def _machines(ax: Any, curve: TradeOff) -> None:
     cost, knee = curve.cost, curve.knee_index
-    rows = (
+    for colour, label, which in (
         (colour_of("collocation"), "machine, plan as it is", "machine"),
         (colour_of("collocation compensated"), "machine, compensated", "compensated"),
         (COLOURS[0], "design errors alone", "errors_alone"),
-    )
-    for colour, label, which in rows:
+    ):
         replays = [getattr(p, which) or {} for p in curve.points]
         values = [f.get("end_p95_deg", np.nan) for f in replays]
         none = sum("refused" in f for f in replays)

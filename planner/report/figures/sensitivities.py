@@ -36,9 +36,8 @@ def plot_sensitivities(found: Sensitivities, *, axes: Any = None) -> tuple[Figur
         InputError: If `axes` do not fit.
     """
     expect(Sensitivities, found, "planner.sensitivities(plans) makes one")
-    ours = axes is None
     high = 0.34 * len(found.plans) + 1.8
-    figure, axes = grid(1, 2, axes, size=(5.4, max(high, 3.0)))
+    figure, axes, ours = grid(1, 2, axes, size=(5.4, max(high, 3.0)))
     _sums(axes[0, 0], found)
     _errors(axes[0, 1], found)
     heading(figure, found.sentence, ours=ours)

@@ -217,8 +217,8 @@ def grid(
     *,
     size: tuple[float, float] = (3.4, 2.6),
     share: tuple[Sharing, Sharing] = ("none", "none"),
-) -> tuple[Figure, Any]:
-    """Return axes (rows, columns) in a new figure, or check the given ones.
+) -> tuple[Figure, Any, bool]:
+    """Return a figure, its axes (rows, columns), and whether it is new, not that of given axes.
 
     Args:
         rows: Number of rows.
@@ -237,7 +237,7 @@ def grid(
                 f"this figure needs {rows * columns} axes ({rows} x {columns}), not {array.size}"
             )
         array = array.reshape(rows, columns)
-        return array[0, 0].figure, array
+        return array[0, 0].figure, array, False
 
     from planner.report.figures.notebook_figure import NotebookFigure  # slow to import
 
@@ -249,7 +249,7 @@ def grid(
         ax.grid(**GRID_STYLE)
         ax.set_axisbelow(True)
         ax.spines[["top", "right"]].set_visible(False)
-    return figure, panels
+    return figure, panels, True
 
 
 def make_logarithmic(axis: Any) -> None:

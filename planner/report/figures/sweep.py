@@ -29,7 +29,7 @@ def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
     rows = [("effort", "effort of the solved cases")]
     if any(record["E_median_deg"] is not None for record in records):
         rows.append(("E_median_deg", "E of the solved cases, median over machines (deg)"))
-    figure, axes = grid(1, 1 + len(rows), size=(4.6, max(2.8, 0.5 * len(counts) + 1.4)))
+    figure, axes, _ = grid(1, 1 + len(rows), size=(4.6, max(2.8, 0.5 * len(counts) + 1.4)))
     ax = axes[0, 0]
     for k, (label, (solved, total)) in enumerate(counts.items()):
         ax.barh(k, total, color="#E8E8E8")

@@ -79,8 +79,7 @@ def compensate_plan(
         fastest = _compensate_in_duration(plan, machine, options)
     except TimeUpError:
         raise TimeLimitError(
-            f"{problem.source}: the time was too short to compensate the plan",
-            advice=time_advice(),
+            f"{problem.source}: the time was too short to compensate the plan", advice=time_advice()
         ) from None
     compensated, check = _with_room(fastest, machine, options)
     compensated = replace(compensated, solve_time_s=plan.solve_time_s + time.perf_counter() - began)

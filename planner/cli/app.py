@@ -154,9 +154,7 @@ def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
         if getattr(sys, name) is None:
             setattr(sys, name, _null_stream())
     if last:
-        os.environ.pop(
-            "MPLBACKEND", None
-        )  # no figure here needs one, and an unknown one would fail
+        os.environ.pop("MPLBACKEND", None)  # no figure needs one, and an unknown one would fail
         gc.disable()  # modules stay loaded, so a collection frees nothing
     if (name := next((word for word in words if not word.startswith("-")), "")) in COMMANDS:
         load_command(name)  # `planner_start` still handles signals here

@@ -159,7 +159,13 @@ def parse_changes(pairs: list[str]) -> dict[str, Any]:
             )
         if key.count(".") > MOST_LEVELS:
             raise InputError(f"--set {shorten(pair)}: the key has more than {MOST_LEVELS} parts")
-        out[key] = _value(shorten(pair), text)
+        try:
+            out[key] = toml_value(text)
+        except ValueError:
+            raise InputError(
+                f"--set {shorten(pair)}: cannot read the value {shorten(text)!r}; write a number,"
+                " true, a [list] or a text in quotes"
+            ) from None
     return out
 
 
@@ -181,13 +187,3 @@ def _mentions(message: str, key: str) -> bool:
     parts = key.split(".")
     names = {".".join(parts[:k]) for k in range(1, len(parts) + 1)} | {parts[-1]}
     return any(re.search(rf"(?<![\w]){re.escape(name)}(?![\w])", message) for name in names)
-
-
-def _value(pair: str, text: str) -> Any:
-    try:
-        return toml_value(text)
-    except ValueError:
-        raise InputError(
-            f"--set {pair}: cannot read the value {shorten(text)!r}; write a number, true, a [list]"
-            " or a text in quotes"
-        ) from None

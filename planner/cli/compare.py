@@ -246,8 +246,7 @@ def budget(
     ] = 256,
     seed: Seed = 0,
     feedback: Annotated[
-        bool,
-        typer.Option("--feedback", help="Drive the machines with feedback by the tracker."),
+        bool, typer.Option("--feedback", help="Drive the machines with feedback by the tracker.")
     ] = False,
     changes: Changes = None,
     out: Annotated[

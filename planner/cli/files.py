@@ -36,11 +36,7 @@ def export(
     ] = None,
     rate: Annotated[
         float,
-        typer.Option(
-            "--rate",
-            metavar="HZ",
-            help=f"For {fitting('rate_hz')}: samples per second.",
-        ),
+        typer.Option("--rate", metavar="HZ", help=f"For {fitting('rate_hz')}: samples per second."),
     ] = RATE_HZ,
     joints: Annotated[
         str | None,
@@ -52,8 +48,7 @@ def export(
         ),
     ] = None,
     real: Annotated[
-        Real,
-        typer.Option("--real", help=f"For {fitting('real')}: type of the numbers."),
+        Real, typer.Option("--real", help=f"For {fitting('real')}: type of the numbers.")
     ] = "double",
 ) -> int:
     """Write a plan as a file for another program.

@@ -197,9 +197,7 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
 def _worst_error(problem: Problem, errors: dict[str, float]) -> str:
     if any(np.isnan(e) for e in errors.values()):
         return "undefined"
-    name, unit = max(
-        ((c.name, c.unit) for c in problem.system.user_coordinates),
-        key=lambda c: abs(errors[c[0]]),
-    )
-    value = np.rad2deg(errors[name]) if unit == "rad" else errors[name]
-    return f"{abs(value):.1e} {'deg' if unit == 'rad' else unit} ({name})"
+    worst = max(problem.system.user_coordinates, key=lambda c: abs(errors[c.name]))
+    value, unit = errors[worst.name], worst.unit
+    value, unit = (np.rad2deg(value), "deg") if unit == "rad" else (value, unit)
+    return f"{abs(value):.1e} {unit} ({worst.name})"

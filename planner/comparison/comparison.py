@@ -154,7 +154,7 @@ class Comparison:
         """
         return terminal_table(
             [
-                replace(c, shown=_yes_or_no) if c.value is verdict else c
+                replace(c, shown=lambda text: text.partition(":")[0]) if c.value is verdict else c
                 for c in self.columns
                 if c.title not in NOT_IN_TERMINALS
             ],
@@ -356,10 +356,6 @@ def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
 
 NOT_IN_TERMINALS = ("travel", "took")
 """Columns left out on a terminal of 80 characters."""
-
-
-def _yes_or_no(verdict: str) -> str:
-    return verdict.partition(":")[0]
 
 
 TINY_S = 1e-6

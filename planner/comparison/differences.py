@@ -25,10 +25,6 @@ def _signed_number(value: float) -> str:
     return f"{value:+.3g}" if np.isfinite(value) else "-"
 
 
-def _signed_hundredths(value: float) -> str:
-    return f"{value:+.2f}" if np.isfinite(value) else "-"
-
-
 def _percent(share: float) -> str:
     return f"{100 * share:.0f} %"
 
@@ -108,7 +104,7 @@ def _narrow(column: Column[Pair]) -> Column[Pair]:
     """Narrow a column for a terminal of 80 characters."""
     if column.left:
         return replace(column, width=14 if column.title == "verdict" else 20)
-    return replace(column, shown=_signed_hundredths)
+    return replace(column, shown=lambda x: f"{x:+.2f}" if np.isfinite(x) else "-")
 
 
 def _pairs(comparison: Comparison) -> list[Pair]:

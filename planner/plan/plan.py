@@ -16,13 +16,7 @@ from numpy.typing import ArrayLike
 from planner.errors import InputError, TimeLimitError, expect, made_by
 from planner.plan.claims import Certificate, shown_labels
 from planner.plan.clock import Clock
-from planner.plan.measures import (
-    DomainReport,
-    domain_report,
-    effort,
-    effort_unit,
-    peak_inputs,
-)
+from planner.plan.measures import DomainReport, domain_report, effort, effort_unit, peak_inputs
 from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Problem
 from planner.support.arrays import Array, jsonable

@@ -298,11 +298,7 @@ class StateTrajectory(Trajectory):
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready form."""
-        return {
-            "kind": self.kind,
-            "q": self.q_curve.to_dict(),
-            "u": self.u_curve.to_dict(),
-        }
+        return {"kind": self.kind, "q": self.q_curve.to_dict(), "u": self.u_curve.to_dict()}
 
     @classmethod
     def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> StateTrajectory:

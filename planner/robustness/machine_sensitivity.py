@@ -151,13 +151,7 @@ class MachineSensitivity:
             "t_s": self.t[::WRITE_STRIDE].tolist(),
             "parameters": [
                 {
-                    "effect": e.effect,
-                    "element": e.element,
-                    "unit": e.unit,
-                    "value": e.value,
-                    "spread": e.spread,
-                    "low": e.low,
-                    "high": e.high,
+                    **{key: value for key, value in vars(e).items() if key != "along"},
                     "response_deg_per_unit": dict(zip(self.angles, e.terminal, strict=True)),
                     "reference": e.reference,
                     "response_deg": dict(zip(self.angles, e.contribution, strict=True)),

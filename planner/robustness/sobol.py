@@ -121,10 +121,7 @@ def check(base: int) -> None:
 
 
 def indices(
-    sizes: Mapping[str, int],
-    evaluate: Callable[[Mapping[str, Array]], Array],
-    base: int,
-    seed: int,
+    sizes: Mapping[str, int], evaluate: Callable[[Mapping[str, Array]], Array], base: int, seed: int
 ) -> dict[str, Index]:
     """Return indices of groups of independent factors, uniform on [0, 1].
 

@@ -187,10 +187,8 @@ def folder(path: str | Path) -> Iterator[Path]:
                 shutil.rmtree(staging, ignore_errors=True)
             if not target.exists():
                 with suppress(OSError):
-                    for (
-                        folder
-                    ) in new_parents:  # innermost first, as far as they are there and empty
-                        folder.rmdir()
+                    for parent in new_parents:  # innermost first, as far as there and empty
+                        parent.rmdir()
 
 
 _STAGING = ".planner."

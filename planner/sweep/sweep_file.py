@@ -10,7 +10,7 @@ import hashlib
 import itertools
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -229,7 +229,7 @@ def points(table: SweepFile, source: str) -> list[Point]:
 def varied_keys(table: SweepFile) -> list[str]:
     """Return the varied keys without duplicates, in the order rows, grid, sample."""
     sampled = table.sample.keys if table.sample else {}
-    return list(dict.fromkeys([*_row_keys(table), *table.grid, *sampled]))
+    return list(dict.fromkeys([*itertools.chain.from_iterable(table.cases), *table.grid, *sampled]))
 
 
 def flatten(tables: Mapping[str, Any]) -> Point:
@@ -250,10 +250,6 @@ def flatten(tables: Mapping[str, Any]) -> Point:
     return out
 
 
-def _row_keys(table: SweepFile) -> Iterable[str]:
-    return itertools.chain.from_iterable(table.cases)
-
-
 def _refuse_clashes(table: SweepFile, keys: list[str], source: str) -> None:
     if not keys:
         raise InputError(
@@ -266,7 +262,7 @@ def _refuse_clashes(table: SweepFile, keys: list[str], source: str) -> None:
             f"{source}: [sample] names no key to draw; add for example"
             ' "limits.z2_margin" = { uniform = [0.0, 0.02] }'
         )
-    blocks = [*dict.fromkeys(_row_keys(table)), *table.grid, *sampled]
+    blocks = [*dict.fromkeys(itertools.chain.from_iterable(table.cases)), *table.grid, *sampled]
     for key in keys:
         if blocks.count(key) > 1:
             raise InputError(f"{source}: '{key}' varies in two of cases, grid and sample; keep one")

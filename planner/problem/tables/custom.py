@@ -75,8 +75,7 @@ class CustomTable(Table):
     input_units: Names = Field(default_factory=lambda: ["", ""], description="Their units.")
 
     user: UserTable | None = Field(
-        None,
-        description="Your own coordinates, if the file does not use the triangular ones.",
+        None, description="Your own coordinates, if the file does not use the triangular ones."
     )
 
     @model_validator(mode="after")

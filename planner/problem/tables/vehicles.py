@@ -51,8 +51,7 @@ class PoseGoal(GoalTable):
     x_m: Free | float = Field(description="Position along the x axis in m, or 'free'.")
     y_m: float = Field(description="Position across it in m.")
     heading_deg: Degrees = Field(
-        0.0,
-        description="Heading from the x axis in degrees; 370 is 10, see turns.",
+        0.0, description="Heading from the x axis in degrees; 370 is 10, see turns."
     )
     turns: Annotated[int, Field(ge=-100, le=100)] | None = Field(
         None,

@@ -50,15 +50,9 @@ def motion_controls(state: State, problem: Problem, plan: Plan | None) -> list[C
 
 def _method(state: State) -> Control:
     return Control(
-        METHOD_TITLE,
-        "method",
-        "choice",
-        "method",
-        state.method,
-        shown=state.method,
-        choices=list(METHODS),
-        help=METHODS[state.method].summary,
-    )
+        METHOD_TITLE, "method", "choice", "method", state.method, shown=state.method,
+        choices=list(METHODS), help=METHODS[state.method].summary,
+    )  # fmt: skip
 
 
 def _travel(state: State, problem: Problem, plan: Plan | None) -> Control:
@@ -99,19 +93,12 @@ def _points(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
     words = ["none", "one", "two", "auto"]
     duration = problem.duration or (10.0 if plan is None else plan.duration)
     count = 3 if whole == "auto" else min(len(whole), 2)
-    controls = [
-        Control(
-            METHOD_TITLE,
-            "constraint points",
-            "choice",
-            POINTS_KEY,
-            whole,
-            shown=words[count],
-            choices=words,
-            writes=[[], _new_points(1, duration, plan), _new_points(2, duration, plan), "auto"],
-            help="times at which z2 must have a given value, eq. (28); drag them in the picture",
-        )
-    ]
+    controls = [Control(
+        METHOD_TITLE, "constraint points", "choice", POINTS_KEY, whole,
+        shown=words[count], choices=words,
+        writes=[[], _new_points(1, duration, plan), _new_points(2, duration, plan), "auto"],
+        help="times at which z2 must have a given value, eq. (28); drag them in the picture",
+    )]  # fmt: skip
     if whole == "auto":
         return controls
     reach = z2_reach(state.base)
@@ -120,11 +107,8 @@ def _points(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
         ends = ("time", 0.01 * duration, 0.99 * duration, "s"), ("z2", -reach, reach, "")
         for part, (what, low, high, unit) in enumerate(ends):
             label, ends_of = f"{name}: {what}", (point[part], round_digits(low), round_digits(high))
-            controls.append(
-                Control(
-                    METHOD_TITLE, label, "slider", POINTS_KEY, whole, (k, part), *ends_of, unit=unit
-                )
-            )
+            place = (POINTS_KEY, whole, (k, part), *ends_of)
+            controls.append(Control(METHOD_TITLE, label, "slider", *place, unit=unit))
     return controls
 
 
@@ -202,21 +186,9 @@ def _effect(name: str, first: Machine, now: Machine, setting: Any) -> Control:
     position = whole[part[0]] if part else whole
     low, high = _effect_range(effect, float(number), spread=part == ("spread",))
     return Control(
-        MACHINE_TITLE,
-        label,
-        "slider",
-        key,
-        whole,
-        part,
-        position,
-        low,
-        high,
-        unit=effect.unit,
-        on=on,
-        off=False,
-        off_word="off",
-        help=help_text,
-    )
+        MACHINE_TITLE, label, "slider", key, whole, part, position, low, high,
+        unit=effect.unit, on=on, off=False, off_word="off", help=help_text,
+    )  # fmt: skip
 
 
 def _label(name: str, part: tuple[str, ...]) -> str:
@@ -269,19 +241,7 @@ def _slider(
         ends, log = (1.0, max(89.0, usual)), False
     else:
         ends, log = log_range(usual), True
-    return Control(
-        LIMITS_TITLE,
-        label,
-        "slider",
-        key,
-        whole,
-        part,
-        shown,
-        low=ends[0],
-        high=ends[1],
-        log=log,
-        **rest,
-    )
+    return Control(LIMITS_TITLE, label, "slider", key, whole, part, shown, *ends, log=log, **rest)
 
 
 def _coordinate_names(problem: Problem, name: str, count: int) -> list[str]:
@@ -331,22 +291,11 @@ def _control(
     log = ends is None and default > 0
     usual = log_range(float(default)) if log else (0.0, 1.0)
     low, high = usual if ends is None else (ends.low, ends.high)
-    integer = isinstance(low, int)
     position = low if number is None else number
     return Control(
-        SOLVER_TITLE,
-        label,
-        "slider",
-        key,
-        whole,
-        (),
-        position,
-        low,
-        high,
-        log=log,
-        integer=integer,
-        **off,
-    )
+        SOLVER_TITLE, label, "slider", key, whole, (), position, low, high,
+        log=log, integer=isinstance(low, int), **off,
+    )  # fmt: skip
 
 
 def _chosen_value(plan: Plan | None, name: str) -> float | None:

@@ -140,16 +140,14 @@ def _controllability() -> list[PaperNumber]:
 def _boundary() -> list[PaperNumber]:
     problem = paper_problem()
     form = chained_form(problem.system)
-    start = form.z(problem.start)[1:]
-    goal = form.z(np.nan_to_num(problem.goal))[1:]
+    start = ", ".join(f"{z:.4f}" for z in form.z(problem.start)[1:])
+    z2, z3, z4 = (f"{z:.4f}" for z in form.z(np.nan_to_num(problem.goal))[1:])
     return [
         PaperNumber(
-            "4.3, z(0)", "(-0.0324, 0.7113, 0.0175)", f"{_triple(start)}; fixes K2 and K3", "agrees"
+            "4.3, z(0)", "(-0.0324, 0.7113, 0.0175)", f"({start}); fixes K2 and K3", "agrees"
         ),
-        PaperNumber("4.3, z2(T)", "-0.532", f"{goal[0]:.4f}: a digit is missing", "misprint"),
-        PaperNumber(
-            "4.3, z3(T), z4(T)", "0.4622, 0.5236", f"{goal[1]:.4f}, {goal[2]:.4f}", "agrees"
-        ),
+        PaperNumber("4.3, z2(T)", "-0.532", f"{z2}: a digit is missing", "misprint"),
+        PaperNumber("4.3, z3(T), z4(T)", "0.4622, 0.5236", f"{z3}, {z4}", "agrees"),
     ]
 
 
@@ -274,10 +272,6 @@ def _drive_torque(plan: Plan) -> PaperNumber:
         f" with plain disks {slips[3]:.2f}: at 1 the joints behind it stop",
         "calibrated",
     )
-
-
-def _triple(values: np.ndarray) -> str:
-    return "(" + ", ".join(f"{v:.4f}" for v in values) + ")"
 
 
 def _times(values: tuple[float, ...]) -> str:

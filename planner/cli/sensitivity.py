@@ -9,7 +9,6 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -48,7 +47,7 @@ from planner.robustness.trade_off import TradeOff, trade_off
 from planner.robustness.trade_off_axis import KINDS
 from planner.robustness.trade_off_points import TradeOffPoint
 from planner.solve import solve
-from planner.support.files import refuse_unwritable_folder, write_bytes, write_text
+from planner.support.files import refuse_unwritable_folder, write_figure, write_text
 from planner.support.tables import Column, csv_table, terminal_table
 from planner.support.user_tables import parse
 from planner.verification.load_plan import load_plan
@@ -126,14 +125,8 @@ def sensitivity(
         written = out and save_sensitivity(responses, machine_responses, spread, out, heading)
     data = {**heading, **responses.to_dict(spread), "written": written}
     data["machine"] = None if machine_responses is None else machine_responses.to_dict()
-    title = f"{plan.problem.name}: {plan.method}"
-    parts: list[str | Table] = [
-        title,
-        "",
-        _response_table(responses, spread),
-        "",
-        _sum_text(responses, spread),
-    ]
+    title, table = f"{plan.problem.name}: {plan.method}", _response_table(responses, spread)
+    parts: list[str | Table] = [title, "", table, "", _sum_text(responses, spread)]
     if machine_responses is not None:
         parts += ["", _machine_table(machine_responses), "", _machine_text(machine_responses)]
     return finish(data, *parts, "", _advice(responses))
@@ -166,25 +159,14 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
         written = out and save_sensitivities(comparison, out)
     refused = {row.label: row.why for row in rows if not row.solved}
     data = {"source": str(source), **comparison.to_dict(), "refused": refused, "written": written}
-    notes = [""] * bool(refused) + [
+    notes = [""] * 2 * bool(refused) + [
         f"{label}: {'refused' if label in comparison.plans else 'no plan'}, {why}"
         for label, why in refused.items()
     ]
     table = terminal_table(comparison.columns(), comparison.plans)
     title = f"{problem.name}: one standard deviation of each of {', '.join(spread)}"
-    parts: list[str | Table] = [
-        title,
-        "",
-        table,
-        "",
-        comparison.sentence,
-        comparison.verdict,
-        "",
-        MEANINGS,
-        *([""] if notes else []),
-        *notes,
-    ]
-    return finish(data, *parts)
+    words = (comparison.sentence, comparison.verdict, "", MEANINGS, *notes)
+    return finish(data, title, "", table, "", *words)
 
 
 def design_errors(plan: Plan) -> DesensitisedOptions:
@@ -301,9 +283,7 @@ def run_trade_off(
         curve = trade_off(
             problem, axis, points, out, samples=machines[0], seed=machines[1], progress=progress
         )
-        drawing = BytesIO()
-        curve.figure().savefig(drawing, format="png", dpi=110)
-        write_bytes(out / PICTURE_FILE, drawing.getvalue())
+        write_figure(out / PICTURE_FILE, curve.figure())
         write_text(out / TABLE_FILE, csv_table(_columns(curve), curve.points))
     table = terminal_table(_columns(curve), curve.points, ruled=True)
     title = f"{problem.name}: least sensitivity against {kind}"
@@ -326,14 +306,9 @@ def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
         Column("irreducible", "deg", lambda p: p.floor_deg, None),
         Column("turns", "", lambda p: p.reversals, key="reversals"),
         *(
-            Column(
-                f"{name.split()[0]} 95 %",
-                "deg",
-                partial(_end_error, kind),
-                number,
-                f"{kind}_95_deg",
-            )
+            Column(f"{name.split()[0]} 95 %", "deg", partial(_end_error, kind), number, key)
             for name, kind in ends
+            for key in (f"{kind}_95_deg",)
         ),
         *(
             Column(f"{name} {what}", "deg", partial(_end_error, kind, key=key), None)

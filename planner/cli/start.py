@@ -293,13 +293,5 @@ def _table_text(
 def _comment_lines(text: str) -> str:
     if not text:
         return ""
-    return (
-        textwrap.fill(
-            text,
-            LINE_WIDTH,
-            initial_indent="#   ",
-            subsequent_indent="#   ",
-            break_on_hyphens=False,
-        )
-        + "\n"
-    )
+    start = {"initial_indent": "#   ", "subsequent_indent": "#   "}
+    return textwrap.fill(text, LINE_WIDTH, break_on_hyphens=False, **start) + "\n"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
-from io import BytesIO
 from pathlib import Path
 from typing import Annotated
 
@@ -16,7 +15,7 @@ from planner.cli.arguments import Cluster, Workers, out_option
 from planner.cli.output import explain_interruption, facts, finish, job, say
 from planner.errors import InputError
 from planner.report.figures.sweep import draw_sweep
-from planner.support.files import refuse_unwritable, write_bytes
+from planner.support.files import refuse_unwritable, write_figure
 from planner.sweep.description import Sweep
 from planner.sweep.design.design_file import StudyInput, read_design
 from planner.sweep.design.study import CASES_FILE, design_study
@@ -86,7 +85,9 @@ def sweep(
     if export_to is not None:
         refuse_unexportable(export_to)
     if figure is not None:
-        _refuse_undrawable(figure)
+        if figure.suffix not in PICTURES:
+            raise InputError(f"--figure {figure}: its name must end in {', '.join(PICTURES)}")
+        refuse_unwritable(figure)
     with explain_interruption("cases", path), job() as progress:
         outcome = run_sweep(
             task, path, workers=workers, cluster=cluster, retry=retry or (), progress=progress
@@ -95,10 +96,7 @@ def sweep(
     columns, records = read(path)
     counts = solved_by_method(records)
     if figure is not None:
-        drawing = BytesIO()
-        picture = draw_sweep(columns, records)
-        picture.savefig(drawing, format=figure.suffix[1:], dpi=110)
-        write_bytes(figure, drawing.getvalue())
+        write_figure(figure, draw_sweep(columns, records))
     if outcome.bugs:
         say(f"{outcome.bugs} cases ended with a bug; see the column 'traceback'", "red")
     same = outcome.points - outcome.cases
@@ -124,13 +122,6 @@ def _refusals(label: str, records: Sequence[Record]) -> str:
     mine = (r["status"] for r in records if r["method"] == label and not r["solved"])
     counts = Counter(status.replace("_", " ") for status in mine)
     return "".join(f", {n} {status}" for status, n in counts.items())
-
-
-def _refuse_undrawable(file: Path) -> None:
-    """Refuse before the work a picture that cannot be written."""
-    if file.suffix not in PICTURES:
-        raise InputError(f"--figure {file}: its name must end in {', '.join(PICTURES)}")
-    refuse_unwritable(file)
 
 
 def _count_cases(task: Sweep) -> int:

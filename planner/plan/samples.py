@@ -133,7 +133,7 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
         axes=(f"motor1_{_travel_unit(first)}", f"motor2_{_travel_unit(second)}"),
         t=t,
         q=plan.user(t),
-        u=_held(plan, t),
+        u=np.concatenate([_turns(plan, t) / np.diff(t)[:, None], np.zeros((1, 2))]),
         motors=motor_angles(plan, t),
         z=plan.z(t),
         v=np.concatenate([plan.v(t[:-1]), np.zeros((1, 2))]),
@@ -170,11 +170,6 @@ def _turns(plan: Plan, t: Array) -> Array:
     u = plan.u(edges[:-1, None] + half * (1 + nodes))
     turned = np.sum((half * weights)[..., None] * u, axis=1)
     return np.asarray(np.add.reduceat(turned, np.searchsorted(edges, t[:-1]), axis=0))
-
-
-def _held(plan: Plan, t: Array) -> Array:
-    """Mean inputs from each time to the next, and a final zero row, (R, 2)."""
-    return np.concatenate([_turns(plan, t) / np.diff(t)[:, None], np.zeros((1, 2))])
 
 
 def held_miss(plan: Plan, rate_hz: float = RATE_HZ) -> Array:

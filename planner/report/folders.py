@@ -33,7 +33,7 @@ from planner.robustness.machine_sensitivity import MachineSensitivity
 from planner.robustness.sensitivities import Sensitivities
 from planner.robustness.sensitivity import Sensitivity
 from planner.support.arrays import jsonable
-from planner.support.files import TOML_BYTES, folder, read_text, write_text
+from planner.support.files import TOML_BYTES, folder, read_text, write_json, write_text
 from planner.support.package import versions
 from planner.support.tables import csv_table, csv_text, markdown_table
 
@@ -68,8 +68,7 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
             write_text(place / "machines.csv", csv_machines(comparison))
         for row, file in zip(data["rows"], _write_plans(comparison, place), strict=True):
             row["plan_file"] = file
-        text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False)
-        write_text(place / "comparison.json", text + "\n")
+        write_json(place / "comparison.json", data)
         write_text(place / "replays.json", json.dumps(replay_data(comparison)) + "\n")
         _copy_problem(comparison, place)
         _write_figures(comparison, place)
@@ -170,8 +169,7 @@ def save_budget(
     with folder(path) as place:
         write_text(place / "budget.md", budget_markdown(budgets, command))
         write_text(place / "budget.csv", budget_csv(budgets))
-        text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False)
-        write_text(place / "budget.json", text + "\n")
+        write_json(place / "budget.json", data)
         for label, budget in budgets.items():
             save_figure(budget.figure(), place / f"budget-{_file_name(label)}")
     return Path(path)
@@ -225,8 +223,7 @@ def save_sensitivity(
             **responses.to_dict(spread),
             "machine": None if machine is None else machine.to_dict(),
         }
-        text = json.dumps(jsonable(data), indent=1, allow_nan=False)
-        write_text(place / "sensitivity.json", text + "\n")
+        write_json(place / "sensitivity.json", jsonable(data))
         write_text(place / "matrix.csv", _csv(responses))
         responses.plan.save(place / "plan.json")
         plot_sensitivity(responses, spread)[0].savefig(place / "heat-map.png", dpi=120)
@@ -243,8 +240,7 @@ def save_sensitivities(found: Sensitivities, path: str | Path) -> Path:
         InputError: If the folder cannot be written or holds something else; nothing is left behind.
     """
     with folder(path) as place:
-        text = json.dumps(jsonable(found.to_dict()), indent=1, allow_nan=False)
-        write_text(place / "sensitivities.json", text + "\n")
+        write_json(place / "sensitivities.json", jsonable(found.to_dict()))
         table = markdown_table(found.columns(), found.plans)
         write_text(place / "sensitivities.md", f"{table}\n\n{found.sentence}\n")
         write_text(place / "sensitivities.csv", csv_table(found.columns(), found.plans))

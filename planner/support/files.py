@@ -9,6 +9,7 @@ device.
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -66,6 +67,19 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
     except OSError as error:
         raise InputError(f"cannot write {target}: {error.strerror or error}") from None
     return target
+
+
+def write_json(path: str | Path, data: Mapping[str, Any]) -> Path:
+    """Write one JSON object in the same way as `write_text`; its values are JSON-ready."""
+    text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False)
+    return write_text(path, text + "\n")
+
+
+def write_figure(path: str | Path, figure: Any) -> Path:
+    """Write a Matplotlib figure in the same way as `write_text`; the ending names the format."""
+    content = io.BytesIO()
+    figure.savefig(content, format=Path(path).suffix[1:], dpi=110)
+    return write_bytes(path, content.getvalue())
 
 
 def refuse_unwritable(path: str | Path) -> None:

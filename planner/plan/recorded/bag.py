@@ -68,9 +68,8 @@ def _table(source: str, reader: Any, columns: Mapping[str, str]) -> NumberTable:
             f"{source}: map columns to topics, as in columns={EXAMPLE}; its topics: {topics}"
         )
     places = {name: _find_topic(source, name, list(known)) for name in columns.values()}
-    clock = next(
-        (places[theirs][0] for ours, theirs in columns.items() if _quantity(ours) == "theta1"), None
-    )
+    named = ((parse_name(ours) or ("", ""), theirs) for ours, theirs in columns.items())
+    clock = next((places[theirs][0] for (name, _), theirs in named if name == "theta1"), None)
     held: dict[str, str] = {}
     rows, numbers = [], []
     wanted = {topic for topic, _ in places.values()}
@@ -87,10 +86,6 @@ def _table(source: str, reader: Any, columns: Mapping[str, str]) -> NumberTable:
     return NumberTable(
         source, ("t_ns", *places), ("",) * (1 + len(places)), rows, numbers, ",", "message"
     )
-
-
-def _quantity(name: str) -> str:
-    return (parse_name(name) or ("", ""))[0]
 
 
 def _find_topic(source: str, name: str, topics: list[str]) -> tuple[str, str]:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -16,7 +14,7 @@ from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.plan.samples import import_library
 from planner.support.arrays import jsonable
-from planner.support.files import make_folder, write_bytes, write_text
+from planner.support.files import make_folder, write_figure, write_json, write_text
 from planner.support.package import import_function, made_by, versions
 from planner.support.tables import (
     Column,
@@ -210,11 +208,8 @@ class DesignStudy:
         text = f"{self.markdown()}\n![The study](design.png)\n\n{again}\n"
         write_text(place / "design.md", text)
         write_text(place / "design.csv", csv_table(self.columns, self.rows))
-        text = json.dumps(self.to_dict(), indent=1, allow_nan=False, ensure_ascii=False)
-        write_text(place / "design.json", text + "\n")
-        picture = BytesIO()
-        self.plot()[0].savefig(picture, format="png", dpi=110)
-        write_bytes(place / "design.png", picture.getvalue())
+        write_json(place / "design.json", self.to_dict())
+        write_figure(place / "design.png", self.plot()[0])
         return place
 
 

@@ -16,9 +16,7 @@ from planner.problem.tables.problem_file import MOST_WAYPOINTS
 FAR = [{"centre_m": [100.0 + k, 100.0], "radius_m": 0.1} for k in range(30)]
 
 
-def test_discs_that_no_link_can_touch_are_no_part_of_the_programme(
-    paper: planner.Problem,
-) -> None:
+def test_discs_that_no_link_can_touch_are_no_part_of_the_programme(paper: planner.Problem) -> None:
     alone, among = planner.solve(paper), planner.solve(paper.changed({"obstacles": FAR}))
     assert among.iterations == alone.iterations
     assert among.objective == alone.objective

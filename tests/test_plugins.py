@@ -581,9 +581,7 @@ class Folded(Requirement):
 
 
 @pytest.mark.usefixtures("clean")
-def test_a_limit_on_the_way_is_kept_or_said_not_to_be_promised(
-    paper: planner.Problem,
-) -> None:
+def test_a_limit_on_the_way_is_kept_or_said_not_to_be_promised(paper: planner.Problem) -> None:
     planner.register_requirement(Folded)
     fast = paper.changed({"goal.duration": "free"})
 

@@ -191,9 +191,7 @@ def test_warnings_reach_standard_error_where_nobody_set_up_logging() -> None:
     assert logging.getLogger("planner").handlers == []
 
 
-def test_the_command_refuses_with_what_it_came_to(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_command_refuses_with_what_it_came_to(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", str(PAPER), "--json", "--time-limit", "1e-9"]) == 3
     assert json.loads(capsys.readouterr().out)["status"] == "time_limit"
     assert main(["plan", str(PAPER), "--json", "--time-limit", "0"]) == 2
@@ -360,9 +358,7 @@ def test_samples_go_through_the_chart_a_part_at_a_time(
         assert str(getattr(parts, name)) == str(getattr(whole, name))
 
 
-def test_a_transcription_is_built_only_while_there_is_time(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_transcription_is_built_only_while_there_is_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of four joints and their response, which no other test builds."""
     clock, steps = Clock(monkeypatch), []
     usual = derivatives.ca.cse

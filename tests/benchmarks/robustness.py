@@ -231,11 +231,7 @@ class Study:
                 lambda x: {"tamper": shifted(3, x)},
             ),
             ("readings lost (share)", (0, 0.05, 0.2, 0.5, 0.8), lambda x: {"tamper": lost(x)}),
-            (
-                "true delay (s); 0.005 known",
-                (0.005, 0.02, 0.05, 0.1, 0.15),
-                lambda x: {"late": x},
-            ),
+            ("true delay (s); 0.005 known", (0.005, 0.02, 0.05, 0.1, 0.15), lambda x: {"late": x}),
         ]
         figure = Figure(figsize=(11, 3.2), layout="constrained")
         axes = figure.subplots(1, len(cases), sharey=True)

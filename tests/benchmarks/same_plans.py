@@ -49,10 +49,7 @@ def answer(problem: planner.Problem, method: str) -> Answer:
         return {"refused": type(error).__name__}
     t = np.linspace(0.0, plan.duration, 1001)
     whole = np.ascontiguousarray(np.hstack([plan.q(t), plan.u(t)]))
-    return {
-        "objective": plan.objective,
-        "bits": hashlib.sha256(whole.tobytes()).hexdigest()[:16],
-    }
+    return {"objective": plan.objective, "bits": hashlib.sha256(whole.tobytes()).hexdigest()[:16]}
 
 
 def difference(before: Answer, now: Answer, within: float | None) -> str:

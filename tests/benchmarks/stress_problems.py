@@ -154,11 +154,7 @@ def trailers(count: int, room: float, rng: np.random.Generator) -> dict[str, Any
         return {"x_m": round(x, 3), "y_m": round(y, 3), **angles}
 
     return {
-        "system": {
-            "kind": "trailers",
-            "wheelbase_m": 2.0,
-            "trailer_lengths_m": [2.0, 1.5][:count],
-        },
+        "system": {"kind": "trailers", "wheelbase_m": 2.0, "trailer_lengths_m": [2.0, 1.5][:count]},
         "start": pose(0.0, 0.0),
         "goal": pose(float(rng.uniform(-20, 20)), float(rng.uniform(-4, 4))),
         "limits": {

@@ -144,9 +144,7 @@ def test_the_headline_prices_a_plan_against_the_next_best_of_its_kind(
     assert words.split("Compared with it: ")[1].split(". ")[0].endswith(priced)
 
 
-def test_the_first_swing_stands_beside_the_recommendation(
-    compensated: planner.Comparison,
-) -> None:
+def test_the_first_swing_stands_beside_the_recommendation(compensated: planner.Comparison) -> None:
     plan = compensated[COMPENSATED].plan
     angles = np.rad2deg(plan.theta(np.linspace(0, plan.lead_s, 1001))[:, 0])
     swing = f"joint 1 swings from {angles[0]:.0f} to {angles.max():.0f} deg and back."
@@ -155,9 +153,7 @@ def test_the_first_swing_stands_beside_the_recommendation(
     assert "swings" not in alone
 
 
-def test_the_headline_names_a_nearer_plan_that_is_refused(
-    compensated: planner.Comparison,
-) -> None:
+def test_the_headline_names_a_nearer_plan_that_is_refused(compensated: planner.Comparison) -> None:
     plain, better = compensated.rows
     why, advice = "goal theta2 reaches 0.164 deg, allowed 0", "more time; or no compensation"
     refused = replace(better, solved=False, why=why, advice=advice)

@@ -21,6 +21,8 @@ SIMULATE = sys.modules["planner.machine.simulate"]
 COARSE: dict[str, Any] = {"step_s": 0.01}
 ALL = {"samples": 7, "seed": 3, "record_s": 0.5}
 TRACKER = Tracker(run_up=False, period_s=0.5)
+Case = tuple[dict[str, Any], bool | Tracker, bool]
+"""Effects of the machine, feedback, and whether the compiled kernel runs."""
 
 
 def slowed(plan: Plan, factor: float) -> Plan:
@@ -39,7 +41,7 @@ def same(one: Replay, other: Replay) -> None:
 
 
 @pytest.mark.parametrize(
-    ("effects", "feedback", "kernel"),
+    "case",
     [
         ({}, False, True),
         ({}, False, False),
@@ -50,13 +52,9 @@ def same(one: Replay, other: Replay) -> None:
     ],
 )
 def test_errors_are_those_of_a_replay_that_keeps_every_motion(
-    smooth_plan: Plan,
-    monkeypatch: pytest.MonkeyPatch,
-    use: Any,
-    effects: dict[str, Any],
-    feedback: bool | Tracker,
-    kernel: bool,
+    smooth_plan: Plan, monkeypatch: pytest.MonkeyPatch, use: Any, case: Case
 ) -> None:
+    effects, feedback, kernel = case
     if not kernel:
         use(None)
     plan = smooth_plan if kernel else slowed(smooth_plan, 0.2)
@@ -134,7 +132,7 @@ def test_blocks_are_smaller_where_motions_are_long(
 
 
 @pytest.mark.parametrize(
-    ("effects", "feedback", "kernel"),
+    "case",
     [
         ({"delay_s": 0.0137}, False, True),
         ({"delay_s": 0.0137, "friction_capacity_nm": 0.1, "creep_per_nm": 0.1}, False, False),
@@ -146,14 +144,10 @@ def test_blocks_are_smaller_where_motions_are_long(
     ],
 )
 def test_stretches_of_time_are_one_run(
-    smooth_plan: Plan,
-    monkeypatch: pytest.MonkeyPatch,
-    use: Any,
-    effects: dict[str, Any],
-    feedback: bool | Tracker,
-    kernel: bool,
+    smooth_plan: Plan, monkeypatch: pytest.MonkeyPatch, use: Any, case: Case
 ) -> None:
     """Cuts lie on the grid, so that rounding of times is all that differs."""
+    effects, feedback, kernel = case
     if not kernel:
         use(None)
     plan = slowed(smooth_plan, 0.2)

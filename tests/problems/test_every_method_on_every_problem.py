@@ -71,8 +71,7 @@ PAIRS.remove(("self-collision", "collocation"))
     ("name", "method"),
     [
         pytest.param(
-            *pair,
-            marks=[pytest.mark.campaign] if pair[0] in LONG.get(pair[1], "").split() else [],
+            *pair, marks=[pytest.mark.campaign] if pair[0] in LONG.get(pair[1], "").split() else []
         )
         for pair in PAIRS
     ],

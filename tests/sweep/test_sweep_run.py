@@ -143,11 +143,7 @@ def test_refusals_keep_status_reason_and_figures(paper: planner.Problem, db: Pat
     tables = {
         "problem": paper,
         "methods": ["polynomial"],
-        "cases": [
-            {"goal.travel": 0.825},
-            {"goal.travel": 0.79},
-            {"start.theta_deg": [85, 1, 1]},
-        ],
+        "cases": [{"goal.travel": 0.825}, {"goal.travel": 0.79}, {"start.theta_deg": [85, 1, 1]}],
     }
     run_sweep(tables, db, workers=0)
     assert column(db, "status") == ["verification_failed", "singular", "bad_input"]

@@ -117,8 +117,7 @@ def _headings(system: TriangularSystem, q: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 @given(
-    coefficients=st.lists(st.floats(-0.15, 0.15), min_size=5, max_size=5),
-    at=st.floats(-1.0, 1.0),
+    coefficients=st.lists(st.floats(-0.15, 0.15), min_size=5, max_size=5), at=st.floats(-1.0, 1.0)
 )
 def test_path_of_the_last_trailer_determines_everything(
     n: int, coefficients: list[float], at: float

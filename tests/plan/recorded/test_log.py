@@ -50,10 +50,7 @@ def test_a_log_is_read_back_as_it_was_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("header", "scale"),
     [
-        (
-            "t_ms,u1 (rpm),u2 [deg/s],theta1_deg,theta2_rad,theta3 (deg)",
-            (1e3, RPM, DEG),
-        ),
+        ("t_ms,u1 (rpm),u2 [deg/s],theta1_deg,theta2_rad,theta3 (deg)", (1e3, RPM, DEG)),
         ("T_ns,U1_rad_s,U2_deg_s,THETA1_DEG,theta2_RAD,theta3_deg", (1e9, 1.0, DEG)),
     ],
 )
@@ -174,11 +171,7 @@ def changed(column: int, row: int, value: float) -> list[np.ndarray]:
             "check the units in the header",
         ),
         (HEADER, [T, U[:, 0], 0 * T, *THETA.T], "sign and order of the motors"),
-        (
-            HEADER,
-            [T, U[:, 0], -U[:, 1], *THETA.T],
-            r"not follow u2 \(correlation -1\.00\)",
-        ),
+        (HEADER, [T, U[:, 0], -U[:, 1], *THETA.T], r"not follow u2 \(correlation -1\.00\)"),
         (HEADER, [T, *U.T[::-1], *THETA.T], "check sign and order of the motors' columns"),
         (
             HEADER.replace("t_s", "time"),

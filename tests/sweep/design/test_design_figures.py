@@ -65,9 +65,7 @@ def test_a_task_counts_as_reached_by_the_compensated_plan(
     assert set(study.seconds) == {"polynomial", "polynomial compensated"}
 
 
-TWO_TASKS = {
-    "pairs": [{"start_deg": [10, 10], "goal_deg": goal} for goal in ([30, 30], [30, 29])],
-}
+TWO_TASKS = {"pairs": [{"start_deg": [10, 10], "goal_deg": goal} for goal in ([30, 30], [30, 29])]}
 
 
 def test_the_front_is_what_no_other_beats(known: Known) -> None:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import partial
@@ -54,6 +54,7 @@ from planner.report.folders import save_budget
 from planner.robustness.budget import Budget, error_budget
 from planner.robustness.sobol import refuse_without_salib
 from planner.support.files import refuse_unwritable_folder
+from planner.support.progress import Tell
 from planner.verification.load_plan import load_plan
 
 BUDGET_SAMPLES, BUDGET_BASE = 200, 128
@@ -234,9 +235,6 @@ def _print_comparison(result: Comparison) -> None:
         print_text("", "to replay each plan on its worst machine:", *(f"  {c}" for c in commands))
 
 
-Progress = Callable[[str, float], None]
-
-
 def budget(
     subject: PlanOrProblemPath,
     methods: PlannedMethods = None,
@@ -290,7 +288,7 @@ def budgets(
     base: int,
     seed: int,
     feedback: bool,
-    progress: Progress,
+    progress: Tell,
 ) -> Iterator[tuple[str, Budget]]:
     """Yield the label and budget of each plan as soon as it is done."""
     for k, (label, plan) in enumerate(plans.items()):
@@ -312,7 +310,7 @@ def executable_plans(rows: Sequence[Row]) -> dict[str, Plan]:
 
 
 def _plans(
-    subject: Path, methods: str | None, changes: list[str] | None, progress: Progress
+    subject: Path, methods: str | None, changes: list[str] | None, progress: Tell
 ) -> dict[str, Plan]:
     if is_plan(subject):
         if methods is not None:
@@ -333,5 +331,5 @@ def _plans(
     return plans
 
 
-def _report_share(progress: Progress, begin: float, end: float, doing: str, share: float) -> None:
+def _report_share(progress: Tell, begin: float, end: float, doing: str, share: float) -> None:
     progress(doing, begin + (end - begin) * share)

@@ -35,15 +35,12 @@ from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem, expect_problem
 from planner.solve import solve_and_check
 from planner.support.deadline import TimeUpError, time_limit
-from planner.support.progress import expect_listener
+from planner.support.progress import Tell, expect_listener
 from planner.support.statistics import LEAST_DIFFERENCE_DEG
 from planner.verification.verify import Check, verify
 
 KEPT_MOTIONS = 1000
 """Most machines per row whose motions are kept: enough for the band in a figure."""
-
-Progress = Callable[[str, float], None]
-"""Called with the current step and the finished share of the work, from 0 to 1."""
 
 
 def compare(
@@ -54,7 +51,7 @@ def compare(
     samples: int | Sequence[int] = 1000,
     seed: int = 0,
     feedback: bool = False,
-    progress: Progress | None = None,
+    progress: Tell | None = None,
     time_limit_s: float | None = None,
     threshold_deg: float = LEAST_DIFFERENCE_DEG,
 ) -> Comparison:
@@ -79,7 +76,7 @@ def compare(
         seed: Random seed; the same seed gives the same machines.
         feedback: Whether to replay every plan a second time with feedback by the tracker. With the
             default methods, only the plan of the last method is (for arms a compensated one).
-        progress: Called with the current step and the finished share, 0 … 1; see `Progress`.
+        progress: Called with the current step and the finished share, 0 … 1; see `Tell`.
         time_limit_s: Seconds for planning with each method; see `planner.solve`.
         threshold_deg: A difference of E below this is too small to matter, degrees: the plan counts
             as neither better nor worse, even if the difference is significant.
@@ -131,7 +128,7 @@ class _ComparisonRun:
     time_limit_s: float | None
     rows: list[Row] = field(default_factory=list)
 
-    def add(self, spec: Spec, part: Progress) -> None:
+    def add(self, spec: Spec, part: Tell) -> None:
         """Plan by one method and replay its plan."""
         part("planning", 0.0)
         plain = self._plain(spec) if spec.compensated else None
@@ -171,7 +168,7 @@ class _ComparisonRun:
             refusal = replace(row, label=label, feedback=True, solved=False, why=error.why)
             return replace(refusal, effort=np.nan, peak_u=(np.nan, np.nan))
 
-    def _replay(self, row: Row, part: Progress, begin: float, end: float = 1.0) -> Row:
+    def _replay(self, row: Row, part: Tell, begin: float, end: float = 1.0) -> Row:
         if row.plan is None or not row.plan.executable:
             return row
         doing = "replaying with feedback" if row.feedback else "replaying"
@@ -228,7 +225,7 @@ def default_methods(problem: Problem) -> list[str]:
 
 
 def _report_share(
-    progress: Progress | None, k: int, count: int, label: str, doing: str, share: float
+    progress: Tell | None, k: int, count: int, label: str, doing: str, share: float
 ) -> None:
     if progress is not None:
         progress(f"{doing} {label}", (k + share) / count)

@@ -6,7 +6,7 @@ motion, and how well its parameters are known.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -48,7 +48,7 @@ from planner.problem.tables.machine_effects import EFFECTS
 from planner.report.figures.style import COLOURS, GRID_STYLE
 from planner.support.files import folder
 from planner.support.package import made_by
-from planner.support.progress import expect_listener
+from planner.support.progress import Tell, expect_listener
 from planner.support.tables import Column, Markup, markdown_table
 
 if TYPE_CHECKING:
@@ -59,8 +59,6 @@ MACHINES = 500
 
 LATERAL_FRICTIONS = (0.05, 0.10, 0.15, 0.20, 0.25, 0.30)
 """Other ratios of sideways to driving friction for which the prototype is fitted."""
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +124,7 @@ def preset_settings(parameters: Mapping[str, float]) -> dict[str, Any]:
     return out
 
 
-def calibrate(progress: Progress | None = None, seed: int = 0) -> Calibration:
+def calibrate(progress: Tell | None = None, seed: int = 0) -> Calibration:
     """Fit the prototype to the paper, and find the parameters that the paper does not determine.
 
     Args:
@@ -328,10 +326,9 @@ def _identification(data: Sequence[DataSet]) -> str:
     text = (
         "Singular values of the sensitivity of the observations to the parameters (dynamic"
         " fidelity). Observations are in units of their reading error, parameters in units of their"
-        " ranges."
-        " Along a direction with a value above 1 the data determine more than the range does; along"
-        f" the others only the range is known. Reading errors: curves in a figure {READ_DEG:g} deg"
-        f" and {READ_PERCENT:g} % of the peak; encoders {ENCODER_DEG:g} deg, at"
+        " ranges. Along a direction with a value above 1 the data determine more than the range"
+        " does; along the others only the range is known. Reading errors: curves in a figure"
+        f" {READ_DEG:g} deg and {READ_PERCENT:g} % of the peak; encoders {ENCODER_DEG:g} deg, at"
         f" {', '.join(f'{f:g}' for f in DURATION_RATIOS)} times the duration. The bound on theta2"
         " is left out: an inequality gives no value.\n\n"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from operator import itemgetter
 from pathlib import Path
@@ -21,13 +20,11 @@ from planner.report.film import animate
 from planner.report.panels import z2_band
 from planner.support.files import folder
 from planner.support.package import made_by
-from planner.support.progress import expect_listener
+from planner.support.progress import Tell, expect_listener
 from planner.support.tables import Column, Markup, markdown_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,7 @@ class Reproduction:
 
 
 def reproduce(
-    path: str | Path, samples: int = 200, seed: int = 0, progress: Progress | None = None
+    path: str | Path, samples: int = 200, seed: int = 0, progress: Tell | None = None
 ) -> Reproduction:
     """Regenerate the paper's figures and check its numbers.
 
@@ -179,9 +176,8 @@ MISPRINTS = (
     (
         "(12)-(15)",
         "X_(i+1) = (c Y - s Z)/(c^2 k)",
-        "X_(i+1) = (s Y + c Z)/(-2 k c^3 s), which needs"
-        " sin(theta_i) != 0, for i <= n - 2, and X_n = Z/(-3 k c^2 s); the printed one belongs to"
-        " theta' = k sin(theta) u",
+        "X_(i+1) = (s Y + c Z)/(-2 k c^3 s), which needs sin(theta_i) != 0, for i <= n - 2, and X_n"
+        " = Z/(-3 k c^2 s); the printed one belongs to theta' = k sin(theta) u",
     ),
     (
         "(21)",

@@ -30,7 +30,7 @@ from planner.robustness.sobol import (
 )
 from planner.support.arrays import Array, jsonable
 from planner.support.package import import_function, made_by
-from planner.support.progress import expect_listener
+from planner.support.progress import Tell, expect_listener
 from planner.support.statistics import percentile_interval
 from planner.support.tables import (
     Column,
@@ -46,8 +46,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
-Progress = Callable[[str, float], None]
-"""Called with the current step and the finished share of the work, from 0 to 1."""
 
 Interval = tuple[float, float]
 
@@ -163,7 +161,7 @@ def error_budget(
     base: int = 256,
     seed: int = 0,
     feedback: bool | Feedback = False,
-    progress: Progress | None = None,
+    progress: Tell | None = None,
 ) -> Budget:
     """Find how much each effect of a machine contributes to a plan's error E (eq. 29).
 
@@ -218,7 +216,7 @@ class _BudgetRun:
     seed: int
     base: int
     feedback: Feedback | None
-    tell: Progress
+    tell: Tell
 
     def budget(self) -> Budget:
         """Compute the whole budget."""

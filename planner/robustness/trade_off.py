@@ -5,7 +5,6 @@ Each point is a verified plan, started from the plan of its neighbour and replay
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -31,14 +30,12 @@ from planner.robustness.trade_off_points import (
 )
 from planner.support.arrays import Array
 from planner.support.package import import_function
-from planner.support.progress import expect_listener
+from planner.support.progress import Tell, expect_listener
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-Progress = Callable[[str, float], None]
-"""Called with the current step and the finished share, from 0 to 1."""
 
 NO_GAIN = 1e-4
 """A point whose response is lower by a smaller relative change counts as no better."""
@@ -145,7 +142,7 @@ def trade_off(
     machine: Machine | str | None = None,
     samples: int = 200,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Tell | None = None,
     **options: Any,
 ) -> TradeOff:
     """Trace the least response to design errors against effort, duration or peak input.
@@ -200,7 +197,7 @@ def trade_off(
 
 
 def _sweep(
-    problem: Problem, options: DesensitisedOptions, along: Axis, store: PointStore, tell: Progress
+    problem: Problem, options: DesensitisedOptions, along: Axis, store: PointStore, tell: Tell
 ) -> None:
     """Find the points, from the smallest limit to the largest and back."""
     attempt = partial(_attempt, problem, options, along)
@@ -254,7 +251,7 @@ def _replay(
     options: DesensitisedOptions,
     machine: Machine,
     machines: tuple[int, int],
-    tell: Progress,
+    tell: Tell,
 ) -> None:
     alone = errors_machine(problem, options)
     for j, k in enumerate(sorted(store.points)):

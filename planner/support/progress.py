@@ -44,6 +44,9 @@ class Progress:
 
 Listener = Callable[[Progress], None]
 
+Tell = Callable[[str, float], None]
+"""Called with the current step of a job and the finished share, from 0 to 1."""
+
 
 def expect_listener(progress: object) -> None:
     """Refuse an argument `progress` that cannot be called; call it before long work.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -17,14 +17,11 @@ from typing import Any
 from planner.errors import InputError
 from planner.problem.tables.kinds import local_only
 from planner.support.interrupts import Terminated, hold_signals
-from planner.support.progress import expect_listener
+from planner.support.progress import Tell, expect_listener
 from planner.sweep.case import Case, Row, case_at, cases
 from planner.sweep.description import Sweep
 from planner.sweep.pools import ClusterPool, LocalPool, Pool, SerialPool
 from planner.sweep.store import Store
-
-Progress = Callable[[str, float], None]
-"""Called with the current step and the finished share, from 0 to 1."""
 
 PROGRESS_INTERVAL_S = 1.0
 """Longest time between progress calls, in seconds; a bar then shows before the first result."""
@@ -65,7 +62,7 @@ def run_sweep(
     workers: int | None = None,
     cluster: str | None = None,
     retry: Collection[str] = (),
-    progress: Progress | None = None,
+    progress: Tell | None = None,
 ) -> Outcome:
     """Run those cases of a sweep that are not yet in a database file.
 
@@ -161,7 +158,7 @@ class _SweepRun:
     store: Store
     waiting: Iterator[Case]
     total: int
-    progress: Progress | None
+    progress: Tell | None
     done: int = 0
     statuses: Counter[str] = field(default_factory=Counter)
     finished: SimpleQueue[tuple[Case, Future[Row]]] = field(default_factory=SimpleQueue)

@@ -12,12 +12,12 @@ from typing import Any
 
 from planner.problem.feasibility import travel_window
 from planner.support.files import make_folder
-from planner.support.progress import expect_listener
+from planner.support.progress import Tell, expect_listener
 from planner.sweep.design.design_file import read_design
 from planner.sweep.design.figures import DesignRow, outcome, recommend
 from planner.sweep.design.result import DesignStudy
 from planner.sweep.results import read
-from planner.sweep.run import Progress, expect_workers, run_sweep
+from planner.sweep.run import expect_workers, run_sweep
 
 CASES_FILE = "cases.sqlite"
 """The database of finished cases in a study's folder."""
@@ -29,7 +29,7 @@ def design_study(
     *,
     workers: int | None = None,
     cluster: str | None = None,
-    progress: Progress | None = None,
+    progress: Tell | None = None,
 ) -> DesignStudy:
     """Compare designs of the mechanism on a set of tasks.
 

@@ -95,6 +95,10 @@ class RetimedTrajectory(Trajectory):
         slack = LENGTH_TOLERANCE * (end - begin)
         after = np.clip(np.searchsorted(stations, length.x), 1, len(stations) - 1)
         away = np.minimum(*(np.abs(stations[k] - length.x) for k in (after, after - 1)))
+        far = away > LENGTH_TOLERANCE * path.duration
+        off = stations[0] != 0 or stations[-1] != path.duration
+        disordered = off or np.any(np.diff(stations) <= 0)
+        missing, backward = ~np.isin(path.breaks, length.x), np.diff(clock.c, axis=0) < -slack
         astray = np.abs(length(stations) - np.append(clock.c[0], last))
         jumps = [np.any(curve.c[0, 1:] != curve.c[-1, :-1]) for curve in (length, clock)]
         ends = f"from {first:.6g} to {last:.6g} of a path that goes from {begin:.6g} to {end:.6g}"
@@ -103,24 +107,12 @@ class RetimedTrajectory(Trajectory):
             (path.flaw, path.flaw),
             (numbers, numbers),
             (length.x[-1] != path.duration, "the length does not end where the path does"),
-            (
-                stations[0] != 0 or stations[-1] != path.duration or np.any(np.diff(stations) <= 0),
-                "the stations do not increase from the path's start to its end",
-            ),
-            (
-                not np.all(np.isin(path.breaks, length.x)),
-                "a break of the path is missing in length",
-            ),
+            (disordered, "the stations do not increase from the path's start to its end"),
+            (np.any(missing), "a break of the path is missing in length"),
             (first != begin or last != end, f"the clock goes {ends}"),
             (any(jumps), "the clock or the length jumps"),
-            (
-                not end > begin or np.any(np.diff(clock.c, axis=0) < -slack),
-                "the clock does not increase",
-            ),
-            (
-                np.any(away > LENGTH_TOLERANCE * path.duration),
-                "a break of the path is not a station",
-            ),
+            (not end > begin or np.any(backward), "the clock does not increase"),
+            (np.any(far), "a break of the path is not a station"),
             (np.any(astray > slack), "the clock does not match its stations"),
         )
         return next((words for bad, words in checks if bad), "") or self._stall
@@ -164,22 +156,19 @@ class RetimedTrajectory(Trajectory):
         """Coordinates of the path, and its inputs times dσ/dt; see the base class."""
         low, high = self.stations[piece], self.stations[piece + 1]
         path_times = self._inverse(self.clock.piece_values(piece, fraction), low, high)
-        sigma, pace = self._moving_pace(
-            path_times, low, high, self._rate.piece_values(piece, fraction)
-        )
+        rate = self._rate.piece_values(piece, fraction)
+        sigma, pace = self._moving_pace(path_times, low, high, rate)
         breaks = self.path.breaks
         path_piece = np.clip(np.searchsorted(breaks, low, side="right") - 1, 0, len(breaks) - 2)
         left, right = breaks[path_piece], breaks[path_piece + 1]
-        if np.all(
-            (sigma >= left) & (sigma <= right) & (path_times >= left) & (path_times <= right)
-        ):
+        inside = (sigma >= left) & (sigma <= right) & (path_times >= left) & (path_times <= right)
+        if np.all(inside):
             q, u = self.path.piece_values(path_piece, (path_times - left) / (right - left))
             if sigma is not path_times:
                 _, u = self.path.piece_values(path_piece, (sigma - left) / (right - left))
             return q, u * pace
-        return self.path.q(path_times), self.path.u(
-            sigma
-        ) * pace  # a break of the path inside a piece
+        # A break of the path is inside a piece.
+        return self.path.q(path_times), self.path.u(sigma) * pace
 
     def slowed(self, factor: float) -> RetimedTrajectory:
         """The same path in `factor` times the time."""
@@ -235,9 +224,8 @@ class RetimedTrajectory(Trajectory):
     def _pace(self, t: ArrayLike) -> tuple[Array, Array]:
         """σ and dσ/dt (…, 1) at t."""
         times = self._clip(t)
-        sigma, pace = self._moving_pace(
-            self.sigma(t), *self._stations_around(times), self._rate(times)
-        )
+        ends = self._stations_around(times)
+        sigma, pace = self._moving_pace(self.sigma(t), *ends, self._rate(times))
         return sigma, pace * self._is_running(t)
 
     def _moving_pace(

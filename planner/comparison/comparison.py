@@ -335,12 +335,11 @@ def _kind(comparison: Comparison) -> str:
 def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
     took = "" if terminal else " took: planning and verification;"
     return (
-        "time: whole duration, with preparation and holds; effort: integral of u1^2 + u2^2 dt;"
-        " E: largest joint error on the machine at any time"
-        " (eq. 29); end: the same at the end; median and 95th"
-        f" percentile over {comparison.samples} machines ({_kind(comparison)}), seed"
-        f" {comparison.seed}, the same machines for every plan;{took}"
-        " refused plans that can be executed are replayed for study."
+        "time: whole duration, with preparation and holds; effort: integral of u1^2 + u2^2 dt; E:"
+        " largest joint error on the machine at any time (eq. 29); end: the same at the end; median"
+        f" and 95th percentile over {comparison.samples} machines ({_kind(comparison)}), seed"
+        f" {comparison.seed}, the same machines for every plan;{took} refused plans that can be"
+        " executed are replayed for study."
         + (FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "")
         + "".join(f" {row.label}: {row.note}." for row in comparison.rows if row.note)
         + _longer_words(comparison)

@@ -72,9 +72,8 @@ class Sensitivities:
         if high - low <= ALIKE * low:
             return f"The passive block is {_degrees(low)} deg for every plan; {floor}."
         return (
-            f"The passive block, which the path decides, is smallest for {least}"
-            f" ({_degrees(low)} deg) and largest for {most} ({_degrees(high)} deg,"
-            f" {high / low:.2g} times as much);"
+            f"The passive block, which the path decides, is smallest for {least} ({_degrees(low)}"
+            f" deg) and largest for {most} ({_degrees(high)} deg, {high / low:.2g} times as much);"
             f" {floor}."
         )
 

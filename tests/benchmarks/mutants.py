@@ -112,13 +112,12 @@ GROUPS = {
             ]
         ],
         "tests/machine/test_machine_draw.py tests/machine/test_machine_settings.py"
-        " tests/machine/test_servo.py tests/machine/test_play.py"
-        " tests/machine/test_chain.py tests/machine/test_command.py"
-        " tests/machine/test_simulate.py tests/machine/test_loop.py"
-        " tests/machine/test_direct.py tests/machine/test_dynamic.py"
-        " tests/machine/test_kernel.py tests/machine/test_replay.py"
-        " tests/machine/test_dynamic_energy.py tests/machine/test_memory.py"
-        " tests/machine/test_dynamic_kernel.py tests/machine/test_start_state.py",
+        " tests/machine/test_servo.py tests/machine/test_play.py tests/machine/test_chain.py"
+        " tests/machine/test_command.py tests/machine/test_simulate.py tests/machine/test_loop.py"
+        " tests/machine/test_direct.py tests/machine/test_dynamic.py tests/machine/test_kernel.py"
+        " tests/machine/test_replay.py tests/machine/test_dynamic_energy.py"
+        " tests/machine/test_memory.py tests/machine/test_dynamic_kernel.py"
+        " tests/machine/test_start_state.py",
     ),
     "compensation": (
         [

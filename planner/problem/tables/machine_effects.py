@@ -197,8 +197,7 @@ class MachineTable(Table):
     fidelity: Literal["quasi-static", "dynamic"] | None = Field(
         None,
         description="quasi-static: joint motion from the balance of torques, without inertia;"
-        " dynamic: two masses per joint and motors with limited torque. Default:"
-        " quasi-static.",
+        " dynamic: two masses per joint and motors with limited torque. Default: quasi-static.",
     )
 
     start_state: StartState | Annotated[list[StartState], Field(min_length=1)] | None = Field(
@@ -303,8 +302,7 @@ class MachineTable(Table):
     initial_play: Annotated[Setting, Effect("", "passive", low=-1, high=1)] = Field(
         None,
         description="Position in the backlash at the start, for each of joints 2 ... n: 0 in the"
-        " middle, 1 in contact for motion in positive direction, -1 in negative"
-        " direction.",
+        " middle, 1 in contact for motion in positive direction, -1 in negative direction.",
     )
     axis_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "passive", dynamic_only=True)] = Field(
         None,

@@ -163,9 +163,8 @@ class TravelOptions(LawOptions):
 
     travel: Annotated[Literal["auto", "middle"], NO_SLIDER] = Field(
         "auto",
-        description="If goal.travel is free: the best travel by `criterion` (auto), or the"
-        " middle of the widest range of travels inside the chart's domain"
-        " (middle).",
+        description="If goal.travel is free: the best travel by `criterion` (auto), or the middle"
+        " of the widest range of travels inside the chart's domain (middle).",
     )
 
 
@@ -175,8 +174,7 @@ class LegOptions(TravelOptions):
     offset: float | Literal["auto", "mean"] = Field(
         "auto",
         description="Travel of the first of two legs if z1(0) = z1(T); not zero. auto: chosen by"
-        " `criterion`; mean: the paper's rule, the mean of z(0), often a poor"
-        " choice.",
+        " `criterion`; mean: the paper's rule, the mean of z(0), often a poor choice.",
     )
 
     @field_validator("offset", mode="before")
@@ -191,8 +189,7 @@ class PolynomialOptions(LegOptions):
     points: Annotated[list[Pair], Field(max_length=MOST_POINTS)] | Literal["auto"] = Field(
         default_factory=list,
         description=f"Constraint points [time in s, z2], eq. (28), at most {MOST_POINTS}; or"
-        " 'auto': up to two points, chosen by `criterion` together with a free"
-        " travel.",
+        " 'auto': up to two points, chosen by `criterion` together with a free travel.",
     )
 
 
@@ -202,8 +199,7 @@ class PiecewiseOptions(LegOptions):
     slots: Annotated[Annotated[int, Field(ge=1, le=200)] | None, Slider(1, 20)] = Field(
         None,
         description="Number of intervals with constant v2, per leg; at least N-1, which is the"
-        " default. With more, the solution with the least integral of v2^2 is"
-        " used.",
+        " default. With more, the solution with the least integral of v2^2 is used.",
     )
 
 
@@ -212,9 +208,8 @@ class SinusoidOptions(LawOptions):
 
     amplitude: Annotated[float | Literal["auto"], Slider(-1.5, 1.5)] = Field(
         "auto",
-        description="a1/omega in the unit of z1, not zero: z1 deviates from its straight line by"
-        " up to twice this. 'auto': chosen by `criterion` together with a free"
-        " travel.",
+        description="a1/omega in the unit of z1, not zero: z1 deviates from its straight line by up"
+        " to twice this. 'auto': chosen by `criterion` together with a free travel.",
     )
 
     @field_validator("amplitude")
@@ -276,14 +271,12 @@ class CollocationOptions(Table):
     objective: Literal["auto", "effort", "smooth", "edge", "time", "mixed"] = Field(
         "auto",
         description="Objective to minimise. For a fixed duration: effort, the integral of u1^2 +"
-        " u2^2; smooth, the integral of the squared input rates; edge, the"
-        " closeness to the edge of the chart's domain (mean over time of the sum"
-        " over its margins of exp(-margin/0.05), plus the effort with a weight of"
-        " 1 %). time: the duration, plus the effort relative to the input limits"
-        " (which are needed) with a weight of 1 %; the result is within 2 % of the"
-        " least duration. mixed: a weighted sum of duration and the others. auto:"
-        " effort if the duration is fixed; else time if both inputs are limited;"
-        " else mixed.",
+        " u2^2; smooth, the integral of the squared input rates; edge, the closeness to the edge of"
+        " the chart's domain (mean over time of the sum over its margins of exp(-margin/0.05), plus"
+        " the effort with a weight of 1 %). time: the duration, plus the effort relative to the"
+        " input limits (which are needed) with a weight of 1 %; the result is within 2 % of the"
+        " least duration. mixed: a weighted sum of duration and the others. auto: effort if the"
+        " duration is fixed; else time if both inputs are limited; else mixed.",
     )
     criterion: Literal["objective", "machine"] = Field(
         "objective",
@@ -303,10 +296,9 @@ class CollocationOptions(Table):
     start: Literal["auto", "straight", "bump", "reverse", "wander"] = Field(
         "auto",
         description="First guess. straight: a straight line; bump: the first coordinate goes out"
-        " and back; reverse: it leaves the line and returns late; wander: smooth"
-        " random loops with fixed seeds. auto: the line, if no reversal is needed and"
-        " the arm has at most three joints; else some of each kind, and the best"
-        " result is used.",
+        " and back; reverse: it leaves the line and returns late; wander: smooth random loops with"
+        " fixed seeds. auto: the line, if no reversal is needed and the arm has at most three"
+        " joints; else some of each kind, and the best result is used.",
     )
     starts: Annotated[int, Field(ge=1), Slider(1, 6)] = Field(
         10,
@@ -358,9 +350,8 @@ class ConvexOptions(Table):
 
     objective: Literal["smooth", "peak"] = Field(
         "smooth",
-        description="Objective to minimise: the integral of (dz2/dz1)^2 over |z1| (for constant"
-        " v1, travel and duration equivalent to that of v2^2), or the largest |v2|"
-        " with v1 constant.",
+        description="Objective to minimise: the integral of (dz2/dz1)^2 over |z1| (for constant v1,"
+        " travel and duration equivalent to that of v2^2), or the largest |v2| with v1 constant.",
     )
     pieces: Annotated[int, Field(ge=2, le=400), Slider(10, 200)] = Field(
         60, description="Number of equal pieces of v2."

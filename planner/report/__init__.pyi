@@ -14,9 +14,9 @@ from .figures.recorded import plot_run as plot_run
 from .figures.robustness import plot_budget as plot_budget
 from .figures.robustness import plot_machine_sensitivity as plot_machine_sensitivity
 from .figures.robustness import plot_responses as plot_responses
+from .figures.robustness import plot_sensitivities as plot_sensitivities
 from .figures.robustness import plot_sensitivity as plot_sensitivity
 from .figures.robustness import plot_trade_off as plot_trade_off
-from .figures.sensitivities import plot_sensitivities as plot_sensitivities
 from .film import animate as animate
 from .page.page import write_report as write_report
 from .saved import load_comparison as load_comparison

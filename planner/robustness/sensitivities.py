@@ -46,9 +46,7 @@ class Sensitivities:
     spread: Mapping[str, float]
 
     def __repr__(self) -> str:
-        blocks = ", ".join(
-            f"{label} {value:.3g}" for label, value in self.passive_block_deg.items()
-        )
+        blocks = ", ".join(f"{k} {value:.3g}" for k, value in self.passive_block_deg.items())
         return f"Sensitivities(passive block in deg: {blocks})"
 
     @property
@@ -136,7 +134,7 @@ class Sensitivities:
     def figure(self) -> Figure:
         """Draw the total response of each plan and its response to each error."""
         figure: tuple[Figure, Any] = import_function(
-            "planner.report.figures.sensitivities.plot_sensitivities"
+            "planner.report.figures.robustness.plot_sensitivities"
         )(self)
         return figure[0]
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 import planner
 from planner import BallGear, Gear, InputError, Manipulator
 from planner.report import plot_mechanism
-from planner.report.figures.mechanism_layout import BEND_ANGLE
+from planner.report.figures.mechanism import BEND_ANGLE
 
 GEAR = Gear(r1=30.0, R=36.0, r3=25.0, lam=1.3, eta=1.4)
 LARGEST = 36.0

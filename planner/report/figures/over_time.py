@@ -176,9 +176,7 @@ def _panels(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tuple
 def _columns(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
     """Draw one column per plan; its panels with the same id share axes."""
     plan_panels = [kind.panels([one]) for one in _plan_curves(drawn)]
-    columns = [
-        [list(same) for _, same in groupby(each, key=itemgetter("id"))] for each in plan_panels
-    ]
+    columns = [[list(same) for _, same in groupby(each, itemgetter("id"))] for each in plan_panels]
     figure, axes, _ = grid(len(columns[0]), len(drawn), axes, share=("col", "row"))
     for k, (curve, column) in enumerate(zip(drawn, columns, strict=True)):
         for ax, same in zip(axes[:, k], column, strict=True):

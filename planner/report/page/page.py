@@ -208,9 +208,7 @@ def _differences(pairs: Sequence[Pair]) -> str:
     if not pairs:
         return ""
     name, *numbers = PAIR_COLUMNS
-    table = html_table(
-        [name, *(_typeset(c, c.title) for c in numbers)], pairs, kind=lambda pair: ""
-    )
+    table = html_table([name, *(_typeset(c, c.title) for c in numbers)], pairs, kind=lambda _: "")
     return Template(_FOLD).substitute(table=table)
 
 

@@ -69,9 +69,7 @@ def motion(
     with job(f"making the {kind} motion"):
         plan = MOTIONS[kind](task)
     q = np.rad2deg(plan.q(np.linspace(0.0, plan.duration, 1001))[:, 1:])
-    ranges = [
-        f"{number(low)} to {number(high)}" for low, high in zip(q.min(0), q.max(0), strict=True)
-    ]
+    ranges = [f"{number(a)} to {number(b)}" for a, b in zip(q.min(0), q.max(0), strict=True)]
     rows = [("duration", f"{number(plan.duration)} s")]
     rows += [(f"theta{i + 1}", f"{text} deg") for i, text in enumerate(ranges)]
     if until := plan.notes.get("until"):

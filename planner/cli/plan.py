@@ -148,9 +148,8 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
             f"; with the compensated commands the effort is {number(effort(motion.trajectory))}"
         )
     yield "objective", objective
-    for c, most, peak in zip(
-        system.inputs, problem.limits.input, summary["peak_u_rad_s"], strict=True
-    ):
+    peaks = summary["peak_u_rad_s"]
+    for c, most, peak in zip(system.inputs, problem.limits.input, peaks, strict=True):
         allowed = f", allowed {number(most)} {c.unit}" if np.isfinite(most) else ""
         peak_text = "undefined" if np.isnan(peak) else f"{number(peak)} {c.unit}"
         yield f"peak |{c.name}|", peak_text + allowed

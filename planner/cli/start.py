@@ -293,5 +293,8 @@ def _table_text(
 def _comment_lines(text: str) -> str:
     if not text:
         return ""
-    start = {"initial_indent": "#   ", "subsequent_indent": "#   "}
-    return textwrap.fill(text, LINE_WIDTH, break_on_hyphens=False, **start) + "\n"
+    mark = "#   "
+    filled = textwrap.fill(
+        text, LINE_WIDTH, initial_indent=mark, subsequent_indent=mark, break_on_hyphens=False
+    )
+    return f"{filled}\n"

@@ -132,9 +132,7 @@ class Comparison:
             "samples": self.samples,
             "seed": self.seed,
             "complete": self.complete,
-            "rows": [
-                {**row.to_dict(), "worst_command": worst_command(self, row)} for row in self.rows
-            ],
+            "rows": [{**r.to_dict(), "worst_command": worst_command(self, r)} for r in self.rows],
             "headline": self.headline,
             "differences": [
                 {**_facts(d), "end": _facts(end)}

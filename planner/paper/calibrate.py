@@ -232,10 +232,7 @@ def _sideways(fits: Mapping[float, Fit]) -> str:
     columns: list[Column[tuple[float, Fit]]] = [
         Column("lateral_friction", "", lambda r: r[0], "{:.2f}".format),
         Column("distance", "standard deviations", lambda r: r[1].distance, "{:.2f}".format),
-        *(
-            Column(key, "", partial(_fitted_value, key), "{:.3g}".format)
-            for key in (*frictions, *rest)
-        ),
+        *(Column(k, "", partial(_fitted_value, k), "{:.3g}".format) for k in (*frictions, *rest)),
         Column("theta3", "deg", lambda r: r[1].values[0], "{:.2f}".format),
         Column("theta2", "deg", lambda r: r[1].values[1], "{:.2f}".format),
         Column("largest torque of motor 1", "N m", lambda r: r[1].motor_nm, "{:.2f}".format),

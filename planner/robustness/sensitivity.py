@@ -142,9 +142,8 @@ class Sensitivity:
     @property
     def angles(self) -> list[int]:
         """Indices of the coordinates that are angles, without the first coordinate."""
-        return [
-            i for i, c in enumerate(self.plan.problem.system.coordinates) if i and c.unit == "rad"
-        ]
+        coordinates = self.plan.problem.system.coordinates
+        return [i for i, c in enumerate(coordinates) if i and c.unit == "rad"]
 
     def along_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Array:
         """Return the standard deviation of each angle at the times `t`, shape (m, n), degrees."""
@@ -360,8 +359,6 @@ def _chord_deviation(plan: Plan, joints: list[int]) -> tuple[float, float]:
 
 
 def _initial_errors(plan: Plan) -> Array:
-    response = sensitivity(plan)
-    columns = [
-        response.parameters.index(f"start {c.name}") for c in plan.problem.system.coordinates
-    ]
-    return np.asarray(response.terminal[:, columns])
+    result = sensitivity(plan)
+    columns = [result.parameters.index(f"start {c.name}") for c in plan.problem.system.coordinates]
+    return np.asarray(result.terminal[:, columns])

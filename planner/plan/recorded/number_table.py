@@ -87,9 +87,7 @@ class NumberTable:
             InputError: If a cell is not a number, or is ambiguous; names file, line, column and
                 cell.
         """
-        cells = {
-            place: [row[place].strip().translate(_PLAIN) for row in self.rows] for place in blanks
-        }
+        cells = {k: [row[k].strip().translate(_PLAIN) for row in self.rows] for k in blanks}
         for place, meaning in blanks.items():
             if meaning == "held":
                 cells[place] = _held(cells[place])

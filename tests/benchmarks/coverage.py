@@ -207,9 +207,9 @@ HEAD = f"""# Which goals each method reaches
 Random pairs of start and goal, every joint uniform in the given range; inputs up to
 {INPUT:g} rad/s, joints within {WIDE:g} degrees, {SECONDS[3]:g} s for three joints and
 {SECONDS[4]:g} s for four, travel free. The arm has the prototype's proportions. "Solved" are plans
-that are verified. Effort is relative to that of collocation, where both have a plan. Times are
-those of a busy computer: compare them with each other only. Collocation refuses {{refused}} pairs,
-{{too_short}} of them since the fastest motion that it finds takes longer than is given.
+that are verified. Effort is relative to that of collocation, if both have a plan. Times are
+from a busy computer: compare them only with each other. Collocation refuses {{refused}} pairs,
+{{too_short}} of them because the fastest motion that it finds takes longer than the given duration.
 
 {{command}}
 

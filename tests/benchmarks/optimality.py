@@ -215,11 +215,11 @@ def read() -> dict[str, dict[int, float]]:
 HEAD = """# How close to optimal plans are
 
 Made by `make optimality` (`tests/benchmarks/optimality.py`; {release}),
-which goes on where it was ended.
+which continues an interrupted run.
 Collocation with its defaults, every plan verified; no limits on the arms' inputs. The figures are
-ratios that an optimal planner has at one. A relation is broken by a local optimum in one of its
-three problems; where all three have the same one, it says nothing. The inputs of the fastest
-unicycle jump, which linear inputs take a piece of the mesh for.
+ratios that equal one for an optimal planner. A local optimum in one of the three problems of a
+relation breaks it; if all three have the same local optimum, the ratio does not show it. The inputs
+of the fastest unicycle jump; inputs that are linear on each piece need one piece for a jump.
 
 | family | figure | cases done | median | largest | above 1.001 | refused |
 |---|---|---|---|---|---|---|

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,15 @@ from planner.report.figures.arm import body_points, can_draw, tips_to_pass
 from planner.report.figures.style import colour_numbers, length_unit, times
 from planner.report.panels import (
     PLAN_FIGURES,
+    Band,
     Panel,
     PlanCurves,
+    PlanePanel,
+    Series,
+    TimePanel,
     merge,
     screen_data,
     span,
-    time_panel,
     to_screen_digits,
 )
 
@@ -45,10 +49,11 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
     one = PlanCurves(0, plan, times(plan, CURVE_SAMPLES))
     system = plan.problem.system
     fit = [figure for figure in PLAN_FIGURES.values() if figure.fits(system)]
-    panels = {p["id"]: p for figure in fit for p in merge(figure.panels([one]))}
-    _add_words(panels, one)
+    panels = [_with_words(p, plan) for figure in fit for p in merge(figure.panels([one]))]
     if can_draw(system):
-        panels["plane"] = _plane(one)
+        panels.append(_plane(one))
+    data = {panel.id: screen_data(panel) for panel in panels}
+    data["z2"]["handles"] = _handles(plan)
     curve = {
         "label": plan.method,
         "refused": outcome.error is not None,
@@ -56,27 +61,24 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
         **span(plan),
         "t": to_screen_digits(one.t - plan.lead_s),
     }
-    return {"plans": [curve], "panels": [screen_data(panel) for panel in panels.values()]}
+    return {"plans": [curve], "panels": list(data.values())}
 
 
-def _add_words(panels: dict[str, Panel], one: PlanCurves) -> None:
-    """Add what only the screen shows: handles, the limit of the margin, notes and titles."""
-    problem = one.plan.problem
-    margin = problem.limits.z2_margin
-    panels["z2"] |= {
-        "zero": True,
-        "handles": _handles(one.plan),
-        "limits": [problem.z2_sign * margin] if margin else [],
-    }
-    if "band" in panels["z2"]:
-        panels["z2"]["band"]["name"] = "a real θ₁ exists"
-    for panel in (p for p in panels.values() if p["id"].startswith("inputs")):
-        panel |= {"zero": True, "note": _peaks(panel)}
-    if "map" in panels:
-        panels["map"]["key"].insert(0, ["path", "path"])
-    for key, title in TITLES.items():
-        if key in panels and (key == "z2" or len(panels[key]["series"]) > 1):
-            panels[key]["title"] = title
+def _with_words(panel: Panel, plan: Plan) -> Panel:
+    """Add what only the screen shows: the limit of the margin, names, notes and titles."""
+    if isinstance(panel, PlanePanel):
+        return replace(panel, key=[("path", "path"), *panel.key])
+    assert isinstance(panel, TimePanel)
+    if panel.id == "z2":
+        margin = plan.problem.limits.z2_margin
+        limits = [plan.problem.z2_sign * margin] if margin else []
+        band = panel.band and replace(panel.band, name="a real θ₁ exists")
+        panel = replace(panel, zero=True, limits=limits, band=band)
+    elif panel.id.startswith("inputs"):
+        peaks = (f"{c.name} {np.nanmax(np.abs(c.y), initial=0.0):.3g}" for c in panel.series)
+        panel = replace(panel, zero=True, note="peaks: " + ", ".join(peaks))
+    one_curve = panel.id == "z" and len(panel.series) == 1
+    return panel if one_curve else replace(panel, title=TITLES.get(panel.id, panel.title))
 
 
 def error_panel(run: Replay | None) -> dict[str, Any] | None:
@@ -88,17 +90,11 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
     error = np.rad2deg(np.abs(run.q - target)[:, under_way][:, :, list(run.angles)]).max(axis=2)
     low, middle, high = np.percentile(error, [5, 50, 95], axis=0)
     t = run.t[under_way] - run.plan.lead_s
-    panel = time_panel(
-        "error",
-        "error",
-        "deg",
-        [{"plan": 0, "y": middle, "name": "median machine", "t": t}],
-        band={"low": low, "high": high, "name": "90 % of the machines"},
-        note=f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg"
-        + "".join(f"; {words}" for words in (run.slip_words, run.limit_words) if words),
-        zero=True,
-    )
-    return screen_data(panel)
+    words = [f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg"]
+    note = "; ".join(filter(None, [*words, run.slip_words, run.limit_words]))
+    series = [Series(0, middle, t=t, name="median machine")]
+    band = Band(low, high, "90 % of the machines")
+    return screen_data(TimePanel("error", "error", "deg", series, band=band, note=note, zero=True))
 
 
 def _handles(plan: Plan) -> list[dict[str, Any]]:
@@ -117,34 +113,24 @@ def _handles(plan: Plan) -> list[dict[str, Any]]:
     ]
 
 
-def _peaks(panel: Panel) -> str:
-    """Return the peak of each input in words."""
-    peaks = (
-        f"{curve['name']} {np.nanmax(np.abs(curve['y']), initial=0.0):.3g}"
-        for curve in panel["series"]
-    )
-    return "peaks: " + ", ".join(peaks)
-
-
-def _plane(one: PlanCurves) -> Panel:
+def _plane(one: PlanCurves) -> PlanePanel:
     plan = one.plan
     poses = body_points(plan.problem, plan.q(np.linspace(0, plan.duration, POSES)))
     path = body_points(plan.problem, one.q)[:, -1]
     arm = hasattr(plan.problem.system, "arm_points")
     unit = length_unit(plan.problem.system)
-    return {
-        "id": "plane",
-        "kind": "plane",
-        "title": "the arm" if arm else "the path",
-        "unit": unit,
-        "across": f"x ({unit})",
-        "names": ["x", "y"],
-        "series": [{"plan": 0, "x": path[:, 0], "y": path[:, 1]}],
-        "poses": [pose.tolist() for pose in poses if np.isfinite(pose).all()],
-        "discs": [[*o.centre.tolist(), o.radius] for o in plan.problem.obstacles],
-        "tips": tips_to_pass(plan.problem).tolist(),
-        "key": [
-            ["ramp", f"from 0 s to {plan.duration:.3g} s"],
-            ["path", "path of the tip" if arm else "path"],
+    title, series = "the arm" if arm else "the path", [Series(0, *path.T[::-1])]
+    return PlanePanel(
+        "plane",
+        title,
+        unit,
+        series,
+        names=["x", "y"],
+        poses=[pose.tolist() for pose in poses if np.isfinite(pose).all()],
+        discs=[[*o.centre.tolist(), o.radius] for o in plan.problem.obstacles],
+        tips=tips_to_pass(plan.problem).tolist(),
+        key=[
+            ("ramp", f"from 0 s to {plan.duration:.3g} s"),
+            ("path", "path of the tip" if arm else "path"),
         ],
-    }
+    )

@@ -1,24 +1,8 @@
-"""Figures of plans as panels of plain data, which pictures, the page and the explorer draw.
+"""Figures of plans as panels, which pictures, the page and the explorer draw.
 
-`PLAN_FIGURES` lists the figures. A panel is a dictionary with `id`, `kind`, `title`, `unit` and
-`series`. Titles and names of series are the problem's names of coordinates, or words; the code that
-draws formats them. A series belongs to the plan with number `plan`; it has a `name` and a `colour`
-only if these differ from the plan's.
-
-In a panel of kind "time", a series has values `y` at the plan's times or at its own `t`. The panel
-may have
-
-- `band`: `low` and `high` at the times of the first series, optionally with a `name`,
-- `limits`: values of horizontal lines; `floor`: shade below this value; `zero`: show zero,
-- `ends`: values at start and end; `stops` and `marks`: points [t, value] of waypoints, and where
-  the path leaves or enters the domain,
-- `view`: least and greatest value shown; `notes`: peaks beyond it,
-- `note`: a few words beside the title.
-
-In a panel of kind "plane", a series has a path `x`, `y` at the plan's times. The panel has `across`
-(label of the x axis), `names` of both axes, which share its unit; `ends`; `view` of both axes;
-`region`: a box outside of which is shaded, or null; `limits`: pairs [axis, value]. It may have
-`poses`, `discs`, `tips`, and a `key`: pairs of a kind of line and its meaning.
+`PLAN_FIGURES` lists the figures. A panel is a `TimePanel` or a `PlanePanel`. Titles and names are
+the problem's names of coordinates, or words; the code that draws formats them. `screen_data` makes
+a panel JSON data with the same keys, for the browser.
 
 Panels with the same `id` can be drawn as one, see `merge`. Angles are in degrees, times in seconds
 from the plan's beginning; undefined numbers are NaN.
@@ -26,8 +10,8 @@ from the plan's beginning; undefined numbers are NaN.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import KW_ONLY, dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -42,8 +26,6 @@ from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import Coordinate, TriangularSystem
 
-Panel = dict[str, Any]
-
 DRAWN_LIMIT_SHARE = 0.75
 """A limit is drawn if the values reach this share of it."""
 
@@ -52,6 +34,124 @@ OVERSHOOT = 1.6
 
 PEAK_RATIO = 5.0
 """Without a limit, peaks are cut off only above this multiple of the usual values."""
+
+
+Pair = Sequence[float]  # coordinates of a point, or the least and the greatest value of a range
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """A curve of a panel.
+
+    Attributes:
+        plan: Number of its plan among the drawn plans.
+        y: Values (m,) at the plan's times.
+        x: Values across (m,), in a plane.
+        t: Times (m,), seconds, if they are not the plan's.
+        name: Name, if it is not the plan's.
+        colour: Index of its colour, if it is not the plan's.
+        machine: Whether it is the motion of the machine with median error, at that machine's times.
+    """
+
+    plan: int
+    y: Array
+    x: Array | None = None
+    t: Array | None = None
+    name: str | None = None
+    colour: int | None = None
+    machine: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """A shaded range: `low` and `high` (m,) at the times of the first series."""
+
+    low: Array
+    high: Array
+    name: str | None = None
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A plan's greatest value outside the view, and its time in seconds."""
+
+    plan: int
+    t: float
+    value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """What panels of both kinds have.
+
+    Attributes:
+        id: Name; panels of one name can be drawn as one.
+        title: Title.
+        unit: Unit of the values.
+        series: The curves.
+        note: A few words beside the title.
+    """
+
+    id: str
+    title: str
+    unit: str
+    series: Sequence[Series]
+    _: KW_ONLY
+    note: str | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TimePanel(Panel):
+    """A panel over time.
+
+    Attributes:
+        band: A shaded range.
+        limits: Values of horizontal lines.
+        floor: Shade below this value.
+        zero: Whether the browser's axis includes zero.
+        ends: Values at start and end.
+        stops: Waypoints, as points (t, value).
+        marks: Points (t, value) where the path leaves or enters the domain.
+        view: Range of the values shown; None for all.
+        notes: Peaks outside the view.
+    """
+
+    band: Band | None = None
+    limits: Sequence[float] = ()
+    floor: float | None = None
+    zero: bool = False
+    ends: Sequence[float] = ()
+    stops: Sequence[Pair] = ()
+    marks: Sequence[Pair] = ()
+    view: Pair | None = None
+    notes: Sequence[Peak] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlanePanel(Panel):
+    """A panel in a plane; both axes have its unit.
+
+    Attributes:
+        names: Names of the axes.
+        ends: Points at start and end.
+        view: Range shown of each axis; None for all, at equal scale.
+        region: A range of each axis; outside of this box is shaded.
+        limits: Lines, as pairs (axis, value).
+        poses: Bodies, each a list of points.
+        discs: Obstacles: x, y, radius.
+        tips: Waypoints of the tip.
+        key: Pairs of a kind of line and its meaning.
+    """
+
+    names: Sequence[str]
+    ends: Sequence[Pair] = ()
+    view: Sequence[Pair] | None = None
+    region: Sequence[Pair] | None = None
+    limits: Sequence[tuple[int, float]] = ()
+    poses: Sequence[Sequence[Pair]] = ()
+    discs: Sequence[Sequence[float]] = ()
+    tips: Sequence[Pair] = ()
+    key: Sequence[tuple[str, str]] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +188,6 @@ class PlanCurves:
         """Inputs, shape (m, 2)."""
         return self.plan.u(self.t)
 
-    def curve(self, values: Array, **more: Any) -> Panel:
-        """Build a series of a panel over time."""
-        return {"plan": self.number, "y": values, **more}
-
 
 DrawnPlans = Sequence[PlanCurves]
 
@@ -111,7 +207,7 @@ class PlanFigure:
     """
 
     id: str
-    panels: Callable[[DrawnPlans], list[Panel]]
+    panels: Callable[[DrawnPlans], Sequence[Panel]]
     title: str
     caption: str
     executable: bool = True
@@ -122,29 +218,21 @@ class PlanFigure:
 # -- chained coordinates ------------------------------------------------------------------------
 
 
-def chained_panels(drawn: DrawnPlans) -> list[Panel]:
+def chained_panels(drawn: DrawnPlans) -> list[TimePanel]:
     """z₂ with its domain (one panel per plan), the least margin if it adds something, z₃ … z_N."""
     system = drawn[0].plan.problem.system
-    panels = []
-    if has_band(system):
-        panels += [
-            time_panel("z2", "z2", "", [one.curve(one.z[:, 1])], **_domain(one)) for one in drawn
-        ]
+    if isinstance(system, Manipulator):
+        panels = [_z2_panel(one) for one in drawn]
     else:
-        panels.append(time_panel("z2", "z2", "", [one.curve(one.z[:, 1]) for one in drawn]))
-    if not has_band(system) or system.size > 4:
-        margins = [one.curve(worst_margin(one.plan.trajectory.margins(one.t))) for one in drawn]
-        title = "least margin of the domain"
-        panels.append(time_panel("margin", title, "", margins, floor=0.0))
+        panels = [TimePanel("z2", "z2", "", [Series(one.number, one.z[:, 1]) for one in drawn])]
+    if not isinstance(system, Manipulator) or system.size > 4:
+        margins = [worst_margin(one.plan.trajectory.margins(one.t)) for one in drawn]
+        series = [Series(one.number, y) for one, y in zip(drawn, margins, strict=True)]
+        panels.append(TimePanel("margin", "least margin of the domain", "", series, floor=0.0))
     return panels + [
-        time_panel("z", f"z{i + 1}", "", [one.curve(one.z[:, i]) for one in drawn])
+        TimePanel("z", f"z{i + 1}", "", [Series(one.number, one.z[:, i]) for one in drawn])
         for i in range(2, system.size)
     ]
-
-
-def has_band(system: TriangularSystem) -> bool:
-    """Whether `z2_band` is defined for a system."""
-    return isinstance(system, Manipulator)
 
 
 def z2_band(plan: Plan, t: Array) -> Array:
@@ -168,13 +256,14 @@ def z2_band(plan: Plan, t: Array) -> Array:
     return np.sort(np.array(edges), axis=0)
 
 
-def _domain(one: PlanCurves) -> Mapping[str, Any]:
-    """The band in which a real θ₁ exists, and the points where the path leaves or enters it."""
+def _z2_panel(one: PlanCurves) -> TimePanel:
+    """z₂, the band in which a real θ₁ exists, and the points where the path leaves or enters it."""
     plan = one.plan
-    low, high = z2_band(plan, one.t)
     out = np.array([] if plan.executable else plan.domain.exits_s)
-    marks = np.stack([out, plan.z(out)[:, 1]], axis=1).tolist()
-    return {"band": {"low": low, "high": high}, "marks": marks}
+    return TimePanel(
+        "z2", "z2", "", [Series(one.number, one.z[:, 1])], band=Band(*z2_band(plan, one.t)),
+        marks=np.stack([out, plan.z(out)[:, 1]], axis=1).tolist(),
+    )  # fmt: skip
 
 
 # -- coordinates and inputs ---------------------------------------------------------------------
@@ -189,27 +278,29 @@ def shown_coordinates(system: TriangularSystem) -> list[tuple[int, Coordinate]]:
     return every if system.has_user_coordinates else every[1:]
 
 
-def joint_panels(drawn: DrawnPlans) -> list[Panel]:
+def joint_panels(drawn: DrawnPlans) -> list[TimePanel]:
     """The user coordinates, with start, goal, waypoints, and limits that are close."""
     problem = drawn[0].plan.problem
     panels, start = [], problem.system.user(problem.start)
     for i, coordinate in shown_coordinates(problem.system):
         unit = coordinate.unit
-        series = [one.curve(to_display(one.user[:, i], unit)) for one in drawn]
+        series = [Series(one.number, to_display(one.user[:, i], unit)) for one in drawn]
         (limit,) = to_display(problem.limits.user[i : i + 1], unit).tolist()
         stops = [
             [point.time_s, float(to_display(point.user[i : i + 1], unit)[0])]
             for point in problem.waypoints
             if point.time_s is not None and np.isfinite(point.user[i])
         ]
-        panel = time_panel("joints", coordinate.name, unit_of(coordinate), series)
-        panel["limits"] = near_limits(np.concatenate([s["y"] for s in series]), limit)
-        panel["ends"] = to_display(np.array([start[i], problem.user_goal[i]]), unit).tolist()
-        panels.append({**panel, "stops": stops})
+        limits = near_limits(np.concatenate([curve.y for curve in series]), limit)
+        ends = to_display(np.array([start[i], problem.user_goal[i]]), unit).tolist()
+        panels.append(TimePanel(
+            "joints", coordinate.name, unit_of(coordinate), series,
+            limits=limits, ends=ends, stops=stops,
+        ))  # fmt: skip
     return panels
 
 
-def input_panels(drawn: DrawnPlans) -> list[Panel]:
+def input_panels(drawn: DrawnPlans) -> list[TimePanel]:
     """u₁ and u₂ with their limits; peaks far beyond are cut off and noted."""
     problem = drawn[0].plan.problem
     panels = []
@@ -217,17 +308,18 @@ def input_panels(drawn: DrawnPlans) -> list[Panel]:
         limit = float(problem.limits.input[i])
         values = [(one, one.t, np.nan_to_num(one.u[:, i])) for one in drawn]
         low, high = view_range(values, limit)
-        panel = time_panel(
-            "inputs", coordinate.name, coordinate.unit, [one.curve(one.u[:, i]) for one in drawn]
-        )
-        panel |= {"limits": [-limit, limit] if np.isfinite(limit) else [], "view": [low, high]}
-        panel["notes"] = [
-            {"plan": one.number, "t": float(t[k] - one.plan.lead_s), "value": float(u[k])}
+        notes = [
+            Peak(one.number, float(t[k] - one.plan.lead_s), float(u[k]))
             for one, t, u in values
             for k in [int(np.argmax(np.abs(u)))]
             if not low <= u[k] <= high
         ]
-        panels.append(panel)
+        limits = [-limit, limit] if np.isfinite(limit) else []
+        series = [Series(one.number, one.u[:, i]) for one in drawn]
+        panels.append(TimePanel(
+            "inputs", coordinate.name, coordinate.unit, series,
+            limits=limits, view=(low, high), notes=notes,
+        ))  # fmt: skip
     return panels
 
 
@@ -258,7 +350,7 @@ def view_range(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tupl
 # -- the chart ----------------------------------------------------------------------------------
 
 
-def map_panels(drawn: DrawnPlans) -> list[Panel]:
+def map_panels(drawn: DrawnPlans) -> list[PlanePanel]:
     """Paths in the plane (θ₁, θ₂), and the edges of the chart that contains the start."""
     problem = drawn[0].plan.problem
     limits = np.rad2deg(problem.limits.joint[1:3])
@@ -276,25 +368,15 @@ def map_panels(drawn: DrawnPlans) -> list[Panel]:
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
         frame.append([low - MAP_MARGIN_DEG, high + MAP_MARGIN_DEG])
     lines = [[k, side * most] for k, most in enumerate(limits.tolist()) for side in (-1, 1)]
-    panel = {
-        "id": "map",
-        "kind": "plane",
-        "title": f"{readable_name(names[1])} over {readable_name(names[0])}",
-        "unit": "deg",
-        "across": f"{readable_name(names[0])} (deg)",
-        "names": names,
-        "series": [
-            {"plan": one.number, "x": path[:, 0], "y": path[:, 1]}
-            for one, path in zip(drawn, paths, strict=True)
-        ],
-        "ends": ends.tolist(),
-        "view": frame,
-        "region": sides if all(sides) else None,
-        "limits": [[k, line] for k, line in lines if np.isfinite(line)],
-        "note": "" if all(sides) else "the start lies on the chart's edge",
-        "key": [["below", "outside the chart"], ["limit", "joint limits"]],
-    }
-    return [panel]
+    title = f"{readable_name(names[1])} over {readable_name(names[0])}"
+    curves = [Series(one.number, *path.T[::-1]) for one, path in zip(drawn, paths, strict=True)]
+    return [PlanePanel(
+        "map", title, "deg", curves, names=names, ends=ends.tolist(), view=frame,
+        region=[side for side in sides if side] if all(sides) else None,
+        limits=[(k, line) for k, line in lines if np.isfinite(line)],
+        note=None if all(sides) else "the start lies on the chart's edge",
+        key=[("below", "outside the chart"), ("limit", "joint limits")],
+    )]  # fmt: skip
 
 
 MAP_MARGIN_DEG, NO_EDGE_DEG = 6.0, 1e4
@@ -360,37 +442,32 @@ PLAN_FIGURES = {
 """All figures of plans by name, in order; pictures, page and explorer draw every entry."""
 
 
-def time_panel(id: str, title: str, unit: str, series: Sequence[Panel], **more: Any) -> Panel:
-    """Build a panel over time; see the module's docstring."""
-    values = {"kind": "time", "title": title, "unit": unit, "series": list(series)}
-    return {"id": id, **values, **more}
-
-
 def merge(panels: Sequence[Panel]) -> Iterator[Panel]:
     """Merge panels of one plan with the same id and unit into one, with one colour per curve."""
     groups: dict[tuple[str, str], list[Panel]] = {}
     for panel in panels:
-        groups.setdefault((panel["id"], panel["unit"]), []).append(panel)
+        groups.setdefault((panel.id, panel.unit), []).append(panel)
     ids: set[str] = set()
-    for (id, unit), same in groups.items():
-        colours = [{"colour": k} if len(same) > 1 else {} for k in range(len(same))]
-        one = dict(same[0])
-        if one["kind"] == "time":
-            one["series"] = [
-                {**curve, "name": panel["title"], **colour}
-                for panel, colour in zip(same, colours, strict=True)
-                for curve in panel["series"]
-            ]
+    for (id, unit), group in groups.items():
+        one, same = group[0], [panel for panel in group if isinstance(panel, TimePanel)]
+        series = [
+            replace(curve, name=panel.title, colour=k if len(same) > 1 else None)
+            for k, panel in enumerate(same)
+            for curve in panel.series
+        ]
         if len(same) > 1:
-            kept = ("kind", "unit", "series")
-            one = {"title": id} | {key: one[key] for key in kept}
-            one["limits"] = list(dict.fromkeys(v for p in same for v in p.get("limits", [])))
-            views = [panel["view"] for panel in same if "view" in panel]
-            if views:
-                one["view"] = [min(low for low, _ in views), max(high for _, high in views)]
-        one["id"] = f"{id} {unit}" if id in ids else id
-        ids.add(id)
-        yield one
+            limits = list(dict.fromkeys(value for panel in same for value in panel.limits))
+            one = TimePanel(id, id, unit, series, limits=limits, view=common_view(same))
+        elif same:
+            one = replace(one, series=series)
+        yield replace(one, id=f"{id} {unit}" if id in ids else id)
+        ids.add(one.id)
+
+
+def common_view(panels: Sequence[TimePanel]) -> Pair | None:
+    """The range that includes the views of panels that share an axis; None if none has one."""
+    views = [panel.view for panel in panels if panel.view]
+    return (min(low for low, _ in views), max(high for _, high in views)) if views else None
 
 
 def span(plan: Plan) -> dict[str, Any]:
@@ -412,25 +489,30 @@ SCREEN_DIGITS = 5
 """Significant digits for the browser, more than a screen shows."""
 
 
-def screen_data(panel: Mapping[str, Any]) -> Panel:
-    """Convert a panel to JSON data with readable names; arrays are rounded for the screen."""
-    out: Panel = {key: _screen_value(value) for key, value in panel.items()}
-    out["title"] = readable_name(panel["title"])
-    if "names" in panel:
-        out["names"] = [readable_name(name) for name in panel["names"]]
-    return out
+def screen_data(panel: Panel) -> dict[str, Any]:
+    """Convert a panel to JSON data with readable names; arrays are rounded for the screen.
+
+    Fields that have their default are left out.
+    """
+    return {"kind": "time" if isinstance(panel, TimePanel) else "plane", **_screen_value(panel)}
 
 
 def _screen_value(value: Any) -> Any:
     match value:
         case np.ndarray():
             return to_screen_digits(value)
-        case dict():
-            inner = {key: _screen_value(item) for key, item in value.items()}
-            return inner | {"name": readable_name(value["name"])} if "name" in value else inner
         case list() | tuple():
             return [_screen_value(item) for item in value]
-    return jsonable(value)
+    if not is_dataclass(value):
+        return jsonable(value)
+    out = {
+        field.name: _screen_value(given)
+        for field in fields(value)
+        if (given := getattr(value, field.name)) is not field.default
+    }
+    if "names" in out:
+        out["names"] = [readable_name(name) for name in out["names"]]
+    return out | {key: readable_name(out[key]) for key in out.keys() & {"title", "name"}}
 
 
 def to_screen_digits(values: Array) -> list[Any]:

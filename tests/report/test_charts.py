@@ -24,9 +24,10 @@ from planner.report.panels import (
     Panel,
     PlanCurves,
     PlanFigure,
+    Series,
+    TimePanel,
     merge,
     near_limits,
-    time_panel,
 )
 
 PROBLEM = Path(__file__).parents[2] / "problems/paper.toml"
@@ -115,7 +116,7 @@ def test_panels_have_one_shape() -> None:
             assert {"plan", "y"} <= series.keys() <= {"plan", "y", "t", "name", "colour", "machine"}
     flat = [p for p in (*page, *explorer) if p and p["kind"] == "plane"]
     assert {p["id"] for p in flat} >= {"map", "plane"}
-    allowed = {"id", "kind", "title", "unit", "series", "across", "names", "ends", "view", "key"}
+    allowed = {"id", "kind", "title", "unit", "series", "names", "ends", "view", "key"}
     for panel in flat:
         assert panel.keys() <= allowed | {"region", "limits", "poses", "discs", "tips", "note"}
         assert all(series.keys() == {"plan", "x", "y"} for series in panel["series"])
@@ -131,13 +132,13 @@ def test_a_limit_is_drawn_on_the_side_that_is_near() -> None:
 def test_the_band_marks_where_its_edge_is_crossed() -> None:
     plan = outside()
     (z2, *_) = PLAN_FIGURES["z"].panels([PlanCurves(0, plan, np.linspace(0, plan.duration, 50))])
-    assert [t for t, _ in z2["marks"]] == list(plan.domain.exits_s)
+    assert [t for t, _ in z2.marks] == list(plan.domain.exits_s)
 
 
 def test_a_figure_is_one_entry_and_is_drawn_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
     def speeds(drawn: Sequence[PlanCurves]) -> list[Panel]:
-        one = [s.curve(np.gradient(s.q[:, 1], s.t)) for s in drawn]
-        return [time_panel("speed", "speed of theta1", "rad/s", one)]
+        one = [Series(s.number, np.gradient(s.q[:, 1], s.t)) for s in drawn]
+        return [TimePanel("speed", "speed of theta1", "rad/s", one)]
 
     speed = PlanFigure("speed", speeds, "Speeds", "How fast the first joint turns.")
     monkeypatch.setitem(PLAN_FIGURES, "speed", speed)
@@ -159,13 +160,13 @@ def test_panels_of_one_id_and_unit_become_one() -> None:
     plan = quick_comparison()["polynomial"].plan
     drawn = [PlanCurves(0, plan, np.linspace(0, plan.duration, 50))]
     (one,) = merge(PLAN_FIGURES["inputs"].panels(drawn))
-    assert [(s["name"], s["colour"]) for s in one["series"]] == [("u1", 0), ("u2", 1)]
-    assert one["limits"] == [-0.6, 0.6]
-    views = [panel["view"] for panel in PLAN_FIGURES["inputs"].panels(drawn)]
-    assert one["view"] == [min(v[0] for v in views), max(v[1] for v in views)]
+    assert [(s.name, s.colour) for s in one.series] == [("u1", 0), ("u2", 1)]
+    assert one.limits == [-0.6, 0.6]
+    views = [panel.view for panel in PLAN_FIGURES["inputs"].panels(drawn)]
+    assert one.view == (min(v[0] for v in views), max(v[1] for v in views))
     car = planner.solve(planner.load_problem(PROBLEM.with_name("car.toml")), "polynomial")
     drawn = [PlanCurves(0, car, np.linspace(0, car.duration, 50))]
-    ids = [panel["id"] for panel in merge(PLAN_FIGURES["joints"].panels(drawn))]
+    ids = [panel.id for panel in merge(PLAN_FIGURES["joints"].panels(drawn))]
     assert ids == ["joints", "joints m"]
 
 
@@ -173,5 +174,5 @@ def test_several_plans_to_a_free_goal_have_no_common_end_on_the_map() -> None:
     plan = planner.solve(planner.load_problem(PROBLEM.with_name("tip.toml")))
     drawn = [PlanCurves(k, plan, np.linspace(0, plan.duration, 50)) for k in range(2)]
     (one,), (both,) = (PLAN_FIGURES["map"].panels(some) for some in (drawn[:1], drawn))
-    np.testing.assert_allclose(one["ends"][1], np.rad2deg(plan.q(plan.duration)[1:3]), atol=1e-9)
-    assert both["ends"] == one["ends"][:1]
+    np.testing.assert_allclose(one.ends[1], np.rad2deg(plan.q(plan.duration)[1:3]), atol=1e-9)
+    assert both.ends == one.ends[:1]

@@ -31,14 +31,14 @@ def plan(problem: planner.Problem) -> planner.Plan:
 def test_figures_show_user_coordinates_with_their_limits_and_waypoints(plan: planner.Plan) -> None:
     t = np.linspace(0.0, plan.duration, 101)
     panels = PLAN_FIGURES["joints"].panels([PlanCurves(0, plan, t)])
-    assert [panel["title"] for panel in panels] == NAMES
+    assert [panel.title for panel in panels] == NAMES
     x, y, heading, roll = panels
-    np.testing.assert_array_equal(x["series"][0]["y"], plan.user(t)[:, 0])
-    np.testing.assert_allclose(roll["series"][0]["y"], np.rad2deg(plan.user(t)[:, 3]))
-    assert (x["stops"], y["stops"]) == ([[4.0, 0.5]], [[4.0, 0.5]])
-    assert heading["stops"] == []
-    assert (y["ends"], y["limits"]) == ([0.0, 1.0], [1.3])
-    assert heading["ends"] == pytest.approx([0.0, np.rad2deg(3.0)])
+    np.testing.assert_array_equal(x.series[0].y, plan.user(t)[:, 0])
+    np.testing.assert_allclose(roll.series[0].y, np.rad2deg(plan.user(t)[:, 3]))
+    assert (x.stops, y.stops) == ([[4.0, 0.5]], [[4.0, 0.5]])
+    assert heading.stops == []
+    assert (y.ends, y.limits) == ([0.0, 1.0], [1.3])
+    assert heading.ends == pytest.approx([0.0, np.rad2deg(3.0)])
 
 
 def test_the_coin_is_drawn_where_it_rolls(plan: planner.Plan, problem: planner.Problem) -> None:

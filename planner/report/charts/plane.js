@@ -35,6 +35,10 @@ class PlaneChart extends Chart {
     return [Math.min(0, ...paths.map((s) => s.t[0])), Math.max(0, ...paths.map((s) => s.t.at(-1)))];
   }
 
+  across() {
+    return `${this.panel.names[0]} (${this.panel.unit})`;
+  }
+
   frame() {
     const { right, bottom } = this.size;
     axes(this.svg, this.x, this.y, { ...EDGE, right, bottom }, { across: this.across(), square: true });

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from operator import itemgetter
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,7 +35,7 @@ from planner.report.figures.style import (
     times,
     write_beside,
 )
-from planner.report.panels import PLAN_FIGURES, Panel, PlanCurves
+from planner.report.panels import PLAN_FIGURES, Panel, PlanCurves, PlanePanel, TimePanel
 from planner.support.arrays import Array
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def plot(name: str, plans: Plans, axes: Any = None) -> tuple[Figure, Any]:
 def _panels(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
     """Draw all plans in each panel."""
     plan_panels = kind.panels(_plan_curves(drawn))
-    over_time = plan_panels[0]["kind"] == "time"
+    over_time = isinstance(plan_panels[0], TimePanel)
     share: tuple[Sharing, Sharing] = ("all" if over_time else "none", "none")
     rows = -(-len(plan_panels) // 4)
     shape, size = (rows, -(-len(plan_panels) // rows)), PANEL_SIZES.get(kind.id, (3.4, 2.6))
@@ -176,7 +176,7 @@ def _panels(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tuple
 def _columns(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
     """Draw one column per plan; its panels with the same id share axes."""
     plan_panels = [kind.panels([one]) for one in _plan_curves(drawn)]
-    columns = [[list(same) for _, same in groupby(each, itemgetter("id"))] for each in plan_panels]
+    columns = [[list(same) for _, same in groupby(each, attrgetter("id"))] for each in plan_panels]
     figure, axes, _ = grid(len(columns[0]), len(drawn), axes, share=("col", "row"))
     for k, (curve, column) in enumerate(zip(drawn, columns, strict=True)):
         for ax, same in zip(axes[:, k], column, strict=True):
@@ -197,28 +197,31 @@ def _plan_curves(drawn: Sequence[Curve]) -> list[PlanCurves]:
 
 def _draw(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
     """Draw a panel with one curve per plan."""
-    {"time": _frame, "plane": _plane}[panel["kind"]](ax, panel, drawn)
-    for series in panel["series"]:
-        curve = drawn[series["plan"]]
-        xs = series["x"] if panel["kind"] == "plane" else _times(curve)
-        ax.plot(xs, series["y"], **curve.look)
-    if "notes" in panel:
+    if isinstance(panel, TimePanel):
+        _frame(ax, panel, drawn)
+    elif isinstance(panel, PlanePanel):
+        _plane(ax, panel)
+    for series in panel.series:
+        curve = drawn[series.plan]
+        xs = _times(curve) if series.x is None else series.x
+        ax.plot(xs, series.y, **curve.look)
+    if isinstance(panel, TimePanel) and panel.view:
         _view(ax, panel, drawn)
 
 
-def _draw_same(ax: Any, same: Sequence[Panel], drawn: Sequence[Curve]) -> None:
+def _draw_same(ax: Any, same: Sequence[Any], drawn: Sequence[Curve]) -> None:
     """Draw panels of one plan on the same axes; each curve is thinner, and named at its peak."""
     _frame(ax, same[0], drawn)
-    names = [symbol(panel["title"]) for panel in same]
+    names = [symbol(panel.title) for panel in same]
     ax.set_ylabel(names[0] if len(same) == 1 else f"{names[0]} … {names[-1]}")
     for k, panel in enumerate(same):
-        (series,) = panel["series"]
-        curve = drawn[series["plan"]]
-        t, y = _times(curve), series["y"]
+        (series,) = panel.series
+        curve = drawn[series.plan]
+        t, y = _times(curve), series.y
         late = k / max(1, len(same) - 1)
         looks = {"linewidth": 2.0 - 0.7 * late, "alpha": 1 - 0.4 * late}
         ax.plot(t, y, color=curve.colour, linestyle=curve.dashes, **looks)
-        if panel["id"] == "z":
+        if panel.id == "z":
             _name(ax, names[k], t, y)
 
 
@@ -236,79 +239,76 @@ def _times(curve: Curve) -> Array:
     return np.asarray(times(curve.plan) - curve.plan.lead_s)
 
 
-def _frame(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
+def _frame(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
     """Draw everything in a panel over time except its curves."""
     for plan in (curve.plan for curve in drawn):
         shade_holds(ax, plan)
-    unit = escape_math(panel["unit"])
-    ax.set_ylabel(symbol(panel["title"]) + (f" ({unit})" if unit else ""))
-    first = drawn[panel["series"][0]["plan"]]
-    if "band" in panel:
-        low, high = panel["band"]["low"], panel["band"]["high"]
+    unit = escape_math(panel.unit)
+    ax.set_ylabel(symbol(panel.title) + (f" ({unit})" if unit else ""))
+    first = drawn[panel.series[0].plan]
+    if panel.band:
+        low, high = panel.band.low, panel.band.high
         t = _times(first)
         label = r"domain: a real $\theta_1$ exists"
         ax.fill_between(t, low, high, color=DOMAIN_COLOUR, label=label, linewidth=0)
         edge = np.where(np.abs(low) > np.abs(high), low, high)
         ax.plot(t, edge, color="#7FA8C4", linewidth=0.8)
-    if panel["id"] == "z2":
+    if panel.id == "z2":
         ax.axhline(0, color="#888888", linewidth=0.8)
-    if "floor" in panel:
-        least = min(float(np.min(series["y"])) for series in panel["series"])
-        low = min(panel["floor"] - 0.02, 1.1 * least)
+    if panel.floor is not None:
+        least = min(float(np.min(series.y)) for series in panel.series)
+        bottom = min(panel.floor - 0.02, 1.1 * least)
         label = "outside the domain"
-        ax.axhspan(low, panel["floor"], color=OUTSIDE_COLOUR, label=label, linewidth=0)
-    for value in panel.get("limits", []):
+        ax.axhspan(bottom, panel.floor, color=OUTSIDE_COLOUR, label=label, linewidth=0)
+    for value in panel.limits:
         ax.axhline(value, color=LIMIT_COLOUR, linestyle=":", linewidth=1.4)
-    if panel.get("marks"):
-        t, value = np.transpose(panel["marks"])
+    if panel.marks:
+        t, value = np.transpose(panel.marks)
         ax.plot(t - first.plan.lead_s, value, **EXIT_STYLE, label="leaves or re-enters the domain")
-    if "ends" in panel:
+    if panel.ends:
         longest = max(curve.plan.duration - curve.plan.lead_s for curve in drawn)
-        ax.plot([0, longest], panel["ends"], **DOT_STYLE, clip_on=False, zorder=5)
-    if panel.get("stops"):
-        t, value = np.transpose(panel["stops"])
+        ax.plot([0, longest], panel.ends, **DOT_STYLE, clip_on=False, zorder=5)
+    if panel.stops:
+        t, value = np.transpose(panel.stops)
         ax.plot(t, value, **{**DOT_STYLE, "marker": "D"}, markerfacecolor="none", zorder=5)
 
 
-def _view(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
+def _view(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
     """Set a readable view, label its limit, and note each peak outside it."""
-    ax.set_ylim(*panel["view"])
-    if panel["limits"]:
-        ax.text(0.995, max(panel["limits"]), "limit", transform=ax.get_yaxis_transform(),
+    ax.set_ylim(panel.view)
+    if panel.limits:
+        ax.text(0.995, max(panel.limits), "limit", transform=ax.get_yaxis_transform(),
                 ha="right", va="bottom", fontsize=8, color=LIMIT_COLOUR, zorder=5,
                 bbox=LABEL_BOX)  # fmt: skip
-    for above, note in enumerate(panel["notes"]):
-        curve, value = drawn[note["plan"]], note["value"]
-        _note(ax, curve, note["t"] - curve.plan.lead_s, value, above)
+    for above, peak in enumerate(panel.notes):
+        curve, up = drawn[peak.plan], peak.value > 0
+        time = peak.t - curve.plan.lead_s
+        mark = {"color": curve.colour, "markersize": 7, "clip_on": False, "zorder": 5}
+        place = ax.get_xaxis_transform()
+        ax.plot([time], [float(up)], "^" if up else "v", transform=place, **mark)
+        words = f"{curve.label} peaks at {peak.value:.3g}, t = {time:.2g} s"
+        looks = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "center"}
+        looks |= {"fontsize": 8.5, "color": curve.colour}
+        ax.annotate(words, (0.5, 1.0), (0, 6 + 12 * above), **looks)
 
 
-def _note(ax: Any, curve: Curve, time: float, value: float, above: int) -> None:
-    """Write a peak outside the view above the axes, and mark its time at their edge."""
-    up = value > 0
-    mark = {"color": curve.colour, "markersize": 7, "clip_on": False, "zorder": 5}
-    place = ax.get_xaxis_transform()
-    ax.plot([time], [float(up)], "^" if up else "v", transform=place, **mark)
-    words = f"{curve.label} peaks at {value:.3g}, t = {time:.2g} s"
-    frame = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "center"}
-    ax.annotate(words, (0.5, 1.0), (0, 6 + 12 * above), fontsize=8.5, color=curve.colour, **frame)
-
-
-def _plane(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
+def _plane(ax: Any, panel: PlanePanel) -> None:
     """Draw everything in a panel in the plane except its paths."""
     from matplotlib.patches import Rectangle
 
-    across, up = (f"{symbol(name)} ({escape_math(panel['unit'])})" for name in panel["names"])
-    (left, right), (bottom, top) = panel["view"]
-    ax.set(xlabel=across, ylabel=up, xlim=(left, right), ylim=(bottom, top))
-    if panel["region"]:
+    across, up = (f"{symbol(name)} ({escape_math(panel.unit)})" for name in panel.names)
+    ax.set(xlabel=across, ylabel=up)
+    if panel.view:
+        ax.set(xlim=panel.view[0], ylim=panel.view[1])
+    if panel.region:
         ax.set_facecolor(OUTSIDE_COLOUR)
-        (west, east), (south, north) = panel["region"]
+        (west, east), (south, north) = panel.region
         looks: dict[str, Any] = {"facecolor": "white", "edgecolor": "#B00020", "zorder": 0.3}
         ax.add_patch(Rectangle((west, south), east - west, north - south, **looks))
-    for axis, value in panel["limits"]:
+    for axis, value in panel.limits:
         draw = ax.axhline if axis else ax.axvline
         draw(value, color=LIMIT_COLOUR, linestyle=":", linewidth=1.4)
-    for (x, y), word in zip(panel["ends"], ("start", "goal"), strict=False):
+    for (x, y), word in zip(panel.ends, ("start", "goal"), strict=False):
         ax.plot([x], [y], **DOT_STYLE, zorder=5)
         write_beside(ax, word, (x, y), (6, -10))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,8 @@ from planner.report.figures.style import (
 from planner.report.page.words import colour_places
 from planner.report.panels import (
     PLAN_FIGURES,
-    Panel,
     PlanCurves,
+    Series,
     screen_data,
     shown_coordinates,
     span,
@@ -129,21 +130,21 @@ def _figures(
             continue
         panels = figure.panels(fit)
         if figure.id == "joints":
-            for (i, _), panel in zip(shown_coordinates(system), panels, strict=True):
-                panel["series"] += _median_machine(drawn, replays, i)
+            panels = [
+                replace(panel, series=[*panel.series, *_median_machine(drawn, replays, i)])
+                for (i, _), panel in zip(shown_coordinates(system), panels, strict=True)
+            ]
         yield {"id": figure.id, "panels": [screen_data(panel) for panel in panels]}
 
 
-def _median_machine(
-    drawn: Sequence[Curve], replays: Mapping[str, Any], i: int
-) -> Iterator[dict[str, Any]]:
+def _median_machine(drawn: Sequence[Curve], replays: Mapping[str, Any], i: int) -> Iterator[Series]:
     """Yield user coordinate i of the machine with median error, for each replayed plan."""
     for k, one in enumerate(drawn):
         if one.label in replays:
             q = np.asarray(replays[one.label]["median"]["q"], dtype=float)
             system = one.plan.problem.system
             unit = system.user_coordinates[i].unit
-            yield {"plan": k, "y": to_display(system.user(q)[:, i], unit), "machine": True}
+            yield Series(k, to_display(system.user(q)[:, i], unit), machine=True)
 
 
 # -- figures over machines ----------------------------------------------------------------------
@@ -163,13 +164,14 @@ def _spreads(
         {"plan": k, "x": row.effort, "y": row.E_median_deg, "high": row.E_p95_deg}
         for k, row in rows.items()
     ]
-    shares: Panel = {"kind": "share", "title": "Share of machines", "unit": "", "series": series}
-    shares |= {"across": "E (deg)", "span": [low, high], "log": needs_log_axis([low, high])}
+    shares = {"kind": "share", "title": "Share of machines", "unit": "", "series": series}
+    across = {"across": "E (deg)", "span": [low, high], "log": needs_log_axis([low, high])}
     unit = effort_unit(comparison.problem.system)
-    trade: Panel = {"kind": "points", "title": "E", "unit": "deg", "points": points}
-    trade |= {"across": f"effort ({unit})", "effort_unit": unit}
-    trade["log"] = [needs_log_axis([p[axis] for p in points] or [1.0]) for axis in ("x", "y")]
-    return [{"id": "trade", "panels": [trade]}, {"id": "errors", "panels": [shares]}]
+    trade = {"kind": "points", "title": "E", "unit": "deg", "points": points}
+    log = [needs_log_axis([p[axis] for p in points] or [1.0]) for axis in ("x", "y")]
+    effort = {"across": f"effort ({unit})", "effort_unit": unit, "log": log}
+    figures = {"trade": {**trade, **effort}, "errors": {**shares, **across}}
+    return [{"id": name, "panels": [panel]} for name, panel in figures.items()]
 
 
 def _times(plan: Plan) -> Array:

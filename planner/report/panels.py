@@ -5,7 +5,7 @@ the problem's names of coordinates, or words; the code that draws formats them. 
 a panel JSON data with the same keys, for the browser.
 
 Panels with the same `id` can be drawn as one, see `merge`. Angles are in degrees, times in seconds
-from the plan's beginning; undefined numbers are NaN.
+since the start of the path, preparatory motions before it; undefined numbers are NaN.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ class PlanCurves:
     Attributes:
         number: Its index among the drawn plans.
         plan: The plan.
-        t: Times (m,), seconds.
+        t: Times (m,), seconds from the plan's beginning.
     """
 
     number: int
@@ -262,7 +262,7 @@ def _z2_panel(one: PlanCurves) -> TimePanel:
     out = np.array([] if plan.executable else plan.domain.exits_s)
     return TimePanel(
         "z2", "z2", "", [Series(one.number, one.z[:, 1])], band=Band(*z2_band(plan, one.t)),
-        marks=np.stack([out, plan.z(out)[:, 1]], axis=1).tolist(),
+        marks=np.stack([out - plan.lead_s, plan.z(out)[:, 1]], axis=1).tolist(),
     )  # fmt: skip
 
 

@@ -156,6 +156,29 @@ def test_a_figure_is_one_entry_and_is_drawn_everywhere(monkeypatch: pytest.Monke
     assert "speed" in [panel["id"] for panel in panels]
 
 
+@pytest.mark.parametrize("columns", [False, True])
+def test_a_panel_s_view_holds_in_pictures_and_on_the_page(
+    columns: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    views = {0: (-1.0, 2.0), 1: (0.0, 3.0)}
+
+    def speeds(drawn: Sequence[PlanCurves]) -> list[TimePanel]:
+        return [
+            TimePanel("speed", "speed", "", [Series(s.number, 9 * s.t)], view=views[s.number])
+            for s in drawn
+        ]
+
+    speed = PlanFigure("speed", speeds, "Speeds", "Far above the view.", columns=columns)
+    monkeypatch.setitem(PLAN_FIGURES, "speed", speed)
+    found = quick_comparison()
+    panels = next(f["panels"] for f in page_data(found, {})["figures"] if f["id"] == "speed")
+    assert [tuple(panel["view"]) for panel in panels] == list(views.values())
+    limits = [ax.get_ylim() for ax in found.figures()["speed"].axes]
+    assert limits == (
+        [(-1.0, 3.0)] * 2 if columns else list(views.values())
+    )  # a row shares its axis
+
+
 def test_panels_of_one_id_and_unit_become_one() -> None:
     plan = quick_comparison()["polynomial"].plan
     drawn = [PlanCurves(0, plan, np.linspace(0, plan.duration, 50))]

@@ -23,11 +23,11 @@ from planner.report.figures.on_the_machine import (
     plot_errors,
     plot_replays,
 )
-from planner.report.figures.over_time import plot_inputs, plot_joints, plot_map, plot_z
+from planner.report.figures.over_time import plot, plot_inputs, plot_joints, plot_map, plot_z
 from planner.report.figures.style import COLOURS, curves, symbol
 from planner.report.folders import replay_data
 from planner.report.page.series import page_data
-from planner.report.panels import PLAN_FIGURES, z2_band
+from planner.report.panels import PLAN_FIGURES, Peak, PlanFigure, TimePanel, z2_band
 
 MIDDLE, BEST = "polynomial:travel=middle", "polynomial"
 
@@ -312,7 +312,9 @@ def test_replays_show_the_median_of_the_machines_at_each_time() -> None:
 # -- common ----------------------------------------------------------------------------------------
 
 
-def test_preparations_lie_before_time_zero(paper: planner.Problem) -> None:
+def test_preparations_lie_before_time_zero(
+    paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     plan = planner.solve(paper)
     better = planner.compensate(plan)
     run = planner.replay(better, samples=3)
@@ -325,6 +327,11 @@ def test_preparations_lie_before_time_zero(paper: planner.Problem) -> None:
     joints = plot_joints(drawn)[1].flat
     dots = next(line for line in joints[2].lines if line.get_marker() == "o")
     assert list(dots.get_xdata()) == pytest.approx([0.0, plan.duration + better.tail_s])
+    peaks = [TimePanel("peak", "peak", "", [], view=(0.0, 1.0), notes=[Peak(0, 2.0, 5.0)])]
+    monkeypatch.setitem(PLAN_FIGURES, "peak", PlanFigure("peak", lambda drawn: peaks, "", ""))
+    ax = plot("peak", better)[1].flat[0]
+    assert next(text.get_text() for text in ax.texts).endswith("peaks at 5, t = 2 s")
+    assert [list(line.get_xdata()) for line in ax.lines] == [[2.0]]
     ax = plot_replays(run)[1].flat[0]
     assert float(ax.lines[0].get_xdata()[0]) == pytest.approx(-better.lead_s)
     assert plot_joints(plan)[1].flat[0].lines[0].get_xdata()[0] == 0.0

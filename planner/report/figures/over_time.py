@@ -185,6 +185,10 @@ def _columns(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tupl
                 ax.set_ylabel("")
         axes[0, k].set_title(curve.title, fontsize=10)
         axes[-1, k].set_xlabel(time_label([curve.plan]))
+    for row, cells in zip(axes, zip(*columns, strict=True), strict=True):
+        view = panels.common_view([panel for cell in cells for panel in cell])
+        for ax in row if view else ():
+            ax.set_ylim(view)
     return figure, axes
 
 
@@ -203,7 +207,7 @@ def _draw(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
         _plane(ax, panel)
     for series in panel.series:
         curve = drawn[series.plan]
-        xs = _times(curve) if series.x is None else series.x
+        xs = _times(series, drawn) if series.x is None else series.x
         ax.plot(xs, series.y, **curve.look)
     if isinstance(panel, TimePanel) and panel.view:
         _view(ax, panel, drawn)
@@ -217,7 +221,7 @@ def _draw_same(ax: Any, same: Sequence[Any], drawn: Sequence[Curve]) -> None:
     for k, panel in enumerate(same):
         (series,) = panel.series
         curve = drawn[series.plan]
-        t, y = _times(curve), series.y
+        t, y = _times(series, drawn), series.y
         late = k / max(1, len(same) - 1)
         looks = {"linewidth": 2.0 - 0.7 * late, "alpha": 1 - 0.4 * late}
         ax.plot(t, y, color=curve.colour, linestyle=curve.dashes, **looks)
@@ -234,9 +238,10 @@ def _name(ax: Any, name: str, t: Array, y: Array) -> None:
     write_beside(ax, name, (t[top], y[top]), (shift, 5), ha=side, fontsize=9)
 
 
-def _times(curve: Curve) -> Array:
-    """Times of a plan, shifted so that 0 is its start; preparatory motions have negative times."""
-    return np.asarray(times(curve.plan) - curve.plan.lead_s)
+def _times(series: panels.Series, drawn: Sequence[Curve]) -> Array:
+    """Times of a curve; 0 is the start of the path, and preparatory motions come before."""
+    plan = drawn[series.plan].plan
+    return np.asarray(times(plan) - plan.lead_s if series.t is None else series.t)
 
 
 def _frame(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
@@ -245,10 +250,9 @@ def _frame(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
         shade_holds(ax, plan)
     unit = escape_math(panel.unit)
     ax.set_ylabel(symbol(panel.title) + (f" ({unit})" if unit else ""))
-    first = drawn[panel.series[0].plan]
     if panel.band:
         low, high = panel.band.low, panel.band.high
-        t = _times(first)
+        t = _times(panel.series[0], drawn)
         label = r"domain: a real $\theta_1$ exists"
         ax.fill_between(t, low, high, color=DOMAIN_COLOUR, label=label, linewidth=0)
         edge = np.where(np.abs(low) > np.abs(high), low, high)
@@ -264,7 +268,7 @@ def _frame(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
         ax.axhline(value, color=LIMIT_COLOUR, linestyle=":", linewidth=1.4)
     if panel.marks:
         t, value = np.transpose(panel.marks)
-        ax.plot(t - first.plan.lead_s, value, **EXIT_STYLE, label="leaves or re-enters the domain")
+        ax.plot(t, value, **EXIT_STYLE, label="leaves or re-enters the domain")
     if panel.ends:
         longest = max(curve.plan.duration - curve.plan.lead_s for curve in drawn)
         ax.plot([0, longest], panel.ends, **DOT_STYLE, clip_on=False, zorder=5)
@@ -282,11 +286,10 @@ def _view(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
                 bbox=LABEL_BOX)  # fmt: skip
     for above, peak in enumerate(panel.notes):
         curve, up = drawn[peak.plan], peak.value > 0
-        time = peak.t - curve.plan.lead_s
         mark = {"color": curve.colour, "markersize": 7, "clip_on": False, "zorder": 5}
         place = ax.get_xaxis_transform()
-        ax.plot([time], [float(up)], "^" if up else "v", transform=place, **mark)
-        words = f"{curve.label} peaks at {peak.value:.3g}, t = {time:.2g} s"
+        ax.plot([peak.t], [float(up)], "^" if up else "v", transform=place, **mark)
+        words = f"{curve.label} peaks at {peak.value:.3g}, t = {peak.t:.2g} s"
         looks = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "center"}
         looks |= {"fontsize": 8.5, "color": curve.colour}
         ax.annotate(words, (0.5, 1.0), (0, 6 + 12 * above), **looks)

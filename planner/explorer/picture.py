@@ -104,12 +104,10 @@ def _handles(plan: Plan) -> list[dict[str, Any]]:
     options = plan.options["points"]
     can_drag = isinstance(options, list)
     points = options if can_drag else plan.notes.get("points", [])
+    names = [[f"{POINTS_KEY}:{k}:{i}" for i in (0, 1)] for k in range(len(points))]
     return [
-        {
-            "at": list(point),
-            "names": [f"{POINTS_KEY}:{k}:0", f"{POINTS_KEY}:{k}:1"] if can_drag else None,
-        }
-        for k, point in enumerate(points)
+        {"at": list(point), "names": controls if can_drag else None}
+        for point, controls in zip(points, names, strict=True)
     ]
 
 
@@ -119,18 +117,12 @@ def _plane(one: PlanCurves) -> PlanePanel:
     path = body_points(plan.problem, one.q)[:, -1]
     arm = hasattr(plan.problem.system, "arm_points")
     unit = length_unit(plan.problem.system)
-    title, series = "the arm" if arm else "the path", [Series(0, *path.T[::-1])]
     return PlanePanel(
-        "plane",
-        title,
-        unit,
-        series,
+        "plane", "the arm" if arm else "the path", unit, [Series(0, *path.T[::-1])],
         names=["x", "y"],
         poses=[pose.tolist() for pose in poses if np.isfinite(pose).all()],
         discs=[[*o.centre.tolist(), o.radius] for o in plan.problem.obstacles],
         tips=tips_to_pass(plan.problem).tolist(),
-        key=[
-            ("ramp", f"from 0 s to {plan.duration:.3g} s"),
-            ("path", "path of the tip" if arm else "path"),
-        ],
-    )
+        key=[("ramp", f"from 0 s to {plan.duration:.3g} s"),
+             ("path", "path of the tip" if arm else "path")],
+    )  # fmt: skip

@@ -185,7 +185,7 @@ def figures(comparison: Comparison) -> dict[str, Figure]:
     out: dict[str, Figure] = {}
     for name, kind in PLAN_FIGURES.items():
         if kind.fits(system) and any(p.executable or not kind.executable for p in motions):
-            out[name] = plot(name, plans)[0]
+            out[name] = plot(name, plans, machine=comparison.machine)[0]
     if can_draw(system) and any(plan.executable for plan in motions):
         out["arm"] = plot_arm(plans)[0]
     replays = {row.label: row.replay for row in comparison.rows}

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.machine.machine import Machine
 from planner.plan.measures import worst_margin
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
@@ -162,21 +163,19 @@ class PlanCurves:
         number: Its index among the drawn plans.
         plan: The plan.
         t: Times (m,), seconds from the plan's beginning.
+        machine: The machine compared, for figures of its effects; None for that of the plan's
+            problem, as in `replay`.
     """
 
     number: int
     plan: Plan
     t: Array
+    machine: Machine | None = None
 
     @cached_property
     def q(self) -> Array:
         """Coordinates, shape (m, N)."""
         return self.plan.q(self.t)
-
-    @cached_property
-    def user(self) -> Array:
-        """User coordinates, shape (m, N)."""
-        return self.plan.user(self.t)
 
     @cached_property
     def z(self) -> Array:
@@ -282,9 +281,10 @@ def joint_panels(drawn: DrawnPlans) -> list[TimePanel]:
     """The user coordinates, with start, goal, waypoints, and limits that are close."""
     problem = drawn[0].plan.problem
     panels, start = [], problem.system.user(problem.start)
+    user = [(one, one.plan.user(one.t)) for one in drawn]
     for i, coordinate in shown_coordinates(problem.system):
         unit = coordinate.unit
-        series = [Series(one.number, to_display(one.user[:, i], unit)) for one in drawn]
+        series = [Series(one.number, to_display(w[:, i], unit)) for one, w in user]
         (limit,) = to_display(problem.limits.user[i : i + 1], unit).tolist()
         stops = [
             [point.time_s, float(to_display(point.user[i : i + 1], unit)[0])]
@@ -326,8 +326,6 @@ def input_panels(drawn: DrawnPlans) -> list[TimePanel]:
 def near_limits(values: Array, limit: float) -> list[float]:
     """±limit if the values come close to it; a distant line would only shrink the curves."""
     reach = [(side, np.nanmax(side * values, initial=-np.inf)) for side in (-1, 1)]
-    if not np.isfinite(limit):
-        return []
     return [side * limit for side, most in reach if most > DRAWN_LIMIT_SHARE * limit]
 
 

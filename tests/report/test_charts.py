@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from compared import outside, quick_comparison
 import planner
 from planner.explorer.screen import Screen
 from planner.explorer.state import State
+from planner.machine.friction.contact_load import contact_load
 from planner.report import charts
 from planner.report.charts.scripts import CHARTS, SCRIPTS, STYLE, source
 from planner.report.figures.style import COLOURS, METHOD_COLOURS, PALETTE, colour_numbers, curves
@@ -154,6 +156,31 @@ def test_a_figure_is_one_entry_and_is_drawn_everywhere(monkeypatch: pytest.Monke
     problem = planner.load_problem(PROBLEM, {"goal.travel": 0.82})
     panels = Screen(State.from_problem(problem, "polynomial", 0)).picture()["panels"]
     assert "speed" in [panel["id"] for panel in panels]
+
+
+def test_a_figure_is_of_the_machine_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    def loads(drawn: Sequence[PlanCurves]) -> list[TimePanel]:
+        shares = [contact_load(s.plan, s.machine).share[0] for s in drawn]
+        series = [Series(s.number, 0 * s.t + y) for s, y in zip(drawn, shares, strict=True)]
+        return [TimePanel("load", "largest load of a contact", "", series)]
+
+    monkeypatch.setitem(PLAN_FIGURES, "load", PlanFigure("load", loads, "Load", "Of a contact."))
+    found = quick_comparison()
+
+    def in_picture_and_on_page(comparison: planner.Comparison) -> list[float]:
+        (ax,) = comparison.figures()["load"].axes
+        data = page_data(comparison, {})["figures"]
+        (panel,) = next(figure["panels"] for figure in data if figure["id"] == "load")
+        return [line.get_ydata()[0] for line in ax.lines] + [s["y"][0] for s in panel["series"]]
+
+    assert in_picture_and_on_page(replace(found, machine=planner.Machine.ideal())) == [0.0] * 4
+    assert min(in_picture_and_on_page(found)) > 0.05
+    machines = ({}, {"machine.preset": "ideal"})
+    for change, share in zip(machines, (True, False), strict=True):
+        problem = planner.load_problem(PROBLEM, {"goal.travel": 0.82, **change})
+        panels = Screen(State.from_problem(problem, "polynomial", 0)).picture()["panels"]
+        (panel,) = (panel for panel in panels if panel["id"] == "load")
+        assert (panel["series"][0]["y"][0] > 0.05) == share
 
 
 @pytest.mark.parametrize("columns", [False, True])

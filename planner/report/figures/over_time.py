@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError
+from planner.machine.machine import Machine
 from planner.report import panels
 from planner.report.figures.style import (
     DOMAIN_COLOUR,
@@ -124,13 +125,16 @@ def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
     return plot("z", plans, axes)
 
 
-def plot(name: str, plans: Plans, axes: Any = None) -> tuple[Figure, Any]:
+def plot(
+    name: str, plans: Plans, axes: Any = None, machine: Machine | None = None
+) -> tuple[Figure, Any]:
     """Draw a figure of `PLAN_FIGURES`: all plans in each panel, or one column per plan.
 
     Args:
         name: Name of the figure.
         plans: One plan, several, or several by label; plans that it cannot show are left out.
         axes: Axes to draw into, one per panel.
+        machine: The machine compared; by default that of the plans' problem.
 
     Returns:
         The figure and its axes, shape (rows, columns).
@@ -143,18 +147,21 @@ def plot(name: str, plans: Plans, axes: Any = None) -> tuple[Figure, Any]:
     problem = drawn[0].plan.problem
     if not kind.fits(problem.system):
         raise InputError(f"a {problem.system.kind} has no figure '{name}'")
+    plan_curves = [PlanCurves(k, c.plan, times(c.plan), machine) for k, c in enumerate(drawn)]
     ours = axes is None
     draw = _columns if kind.columns else _panels
-    figure, axes = draw(kind, drawn, axes)
+    figure, axes = draw(kind, drawn, plan_curves, axes)
     heading(figure, f"{kind.title}: {problem.name}", ours=ours)
     entries = _entries(axes) if kind.columns else [line(curve) for curve in drawn]
     legend(figure, axes, entries, ours=ours, abreast=3 if axes.size > 1 else 2)
     return figure, axes
 
 
-def _panels(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
+def _panels(
+    kind: panels.PlanFigure, drawn: Sequence[Curve], plan_curves: panels.DrawnPlans, axes: Any
+) -> tuple[Figure, Any]:
     """Draw all plans in each panel."""
-    plan_panels = kind.panels(_plan_curves(drawn))
+    plan_panels = kind.panels(plan_curves)
     over_time = isinstance(plan_panels[0], TimePanel)
     share: tuple[Sharing, Sharing] = ("all" if over_time else "none", "none")
     rows = -(-len(plan_panels) // 4)
@@ -173,10 +180,14 @@ def _panels(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tuple
     return figure, axes
 
 
-def _columns(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
+def _columns(
+    kind: panels.PlanFigure, drawn: Sequence[Curve], plan_curves: panels.DrawnPlans, axes: Any
+) -> tuple[Figure, Any]:
     """Draw one column per plan; its panels with the same id share axes."""
-    plan_panels = [kind.panels([one]) for one in _plan_curves(drawn)]
-    columns = [[list(same) for _, same in groupby(each, attrgetter("id"))] for each in plan_panels]
+    columns = [
+        [list(same) for _, same in groupby(kind.panels([one]), attrgetter("id"))]
+        for one in plan_curves
+    ]
     figure, axes, _ = grid(len(columns[0]), len(drawn), axes, share=("col", "row"))
     for k, (curve, column) in enumerate(zip(drawn, columns, strict=True)):
         for ax, same in zip(axes[:, k], column, strict=True):
@@ -190,10 +201,6 @@ def _columns(kind: panels.PlanFigure, drawn: Sequence[Curve], axes: Any) -> tupl
         for ax in row if view else ():
             ax.set_ylim(view)
     return figure, axes
-
-
-def _plan_curves(drawn: Sequence[Curve]) -> list[PlanCurves]:
-    return [PlanCurves(k, curve.plan, times(curve.plan)) for k, curve in enumerate(drawn)]
 
 
 # -- panels on axes -----------------------------------------------------------------------------
@@ -318,8 +325,5 @@ def _plane(ax: Any, panel: PlanePanel) -> None:
 
 def _entries(axes: Any) -> list[Any]:
     """One legend entry for each label that appears in any of the axes."""
-    entries: dict[str, Any] = {}
-    for ax in axes.flat:
-        handles, labels = ax.get_legend_handles_labels()
-        entries |= dict(zip(labels, handles, strict=True))
-    return list(entries.values())
+    pairs = (zip(*ax.get_legend_handles_labels(), strict=True) for ax in axes.flat)
+    return list({label: handle for each in pairs for handle, label in each}.values())

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison
+from planner.machine.machine import Machine
 from planner.plan.measures import effort_unit
 from planner.plan.plan import Plan
 from planner.report.figures.arm import body_points, can_draw, tips_to_pass
@@ -57,7 +58,7 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
         {**_plan(c, replays.get(c.label)), "colour": place[c.label], "closed": c.label in closed}
         for c in drawn
     ]
-    figures = list(_figures(drawn, closed, replays))
+    figures = list(_figures(comparison.machine, drawn, closed, replays))
     figures += _spreads(comparison, drawn, replays)
     problem = comparison.problem
     length = length_unit(problem.system)
@@ -115,12 +116,12 @@ def _motion(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
 
 
 def _figures(
-    drawn: Sequence[Curve], closed: Collection[str], replays: Mapping[str, Any]
+    machine: Machine, drawn: Sequence[Curve], closed: Collection[str], replays: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
     """Yield the figures of `PLAN_FIGURES`; plans with feedback are left out (same path)."""
     system = drawn[0].plan.problem.system
     every = [
-        PlanCurves(k, one.plan, _times(one.plan))
+        PlanCurves(k, one.plan, _times(one.plan), machine)
         for k, one in enumerate(drawn)
         if one.label not in closed
     ]

@@ -175,12 +175,11 @@ def test_a_figure_is_of_the_machine_compared(monkeypatch: pytest.MonkeyPatch) ->
 
     assert in_picture_and_on_page(replace(found, machine=planner.Machine.ideal())) == [0.0] * 4
     assert min(in_picture_and_on_page(found)) > 0.05
-    machines = ({}, {"machine.preset": "ideal"})
-    for change, share in zip(machines, (True, False), strict=True):
-        problem = planner.load_problem(PROBLEM, {"goal.travel": 0.82, **change})
+    for preset in ("prototype", "ideal"):
+        problem = planner.load_problem(PROBLEM, {"goal.travel": 0.82, "machine.preset": preset})
         panels = Screen(State.from_problem(problem, "polynomial", 0)).picture()["panels"]
         (panel,) = (panel for panel in panels if panel["id"] == "load")
-        assert (panel["series"][0]["y"][0] > 0.05) == share
+        assert (panel["series"][0]["y"][0] > 0.05) == (preset == "prototype")
 
 
 @pytest.mark.parametrize("columns", [False, True])

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 EXIT_STYLE = {"marker": "x", "color": "#B00020", "markersize": 8, "linestyle": "none"}
 DOT_STYLE = {"marker": "o", "color": "black", "markersize": 4, "linestyle": "none"}
+Panels = Sequence[Panel]
 PANEL_SIZES = {"inputs": (4.8, 3.4), "map": (6.4, 4.6)}
 """Width and height of one panel, inches, if not the usual size."""
 
@@ -149,23 +150,25 @@ def plot(
         raise InputError(f"a {problem.system.kind} has no figure '{name}'")
     plan_curves = [PlanCurves(k, c.plan, times(c.plan), machine) for k, c in enumerate(drawn)]
     ours = axes is None
-    draw = _columns if kind.columns else _panels
-    figure, axes = draw(kind, drawn, plan_curves, axes)
+    if kind.columns:
+        figure, axes = _columns([kind.panels([one]) for one in plan_curves], drawn, axes)
+    else:
+        figure, axes = _panels(kind.panels(plan_curves), drawn, axes)
     heading(figure, f"{kind.title}: {problem.name}", ours=ours)
     entries = _entries(axes) if kind.columns else [line(curve) for curve in drawn]
     legend(figure, axes, entries, ours=ours, abreast=3 if axes.size > 1 else 2)
     return figure, axes
 
 
-def _panels(
-    kind: panels.PlanFigure, drawn: Sequence[Curve], plan_curves: panels.DrawnPlans, axes: Any
-) -> tuple[Figure, Any]:
+def _panels(plan_panels: Panels, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
     """Draw all plans in each panel."""
-    plan_panels = kind.panels(plan_curves)
     over_time = isinstance(plan_panels[0], TimePanel)
     share: tuple[Sharing, Sharing] = ("all" if over_time else "none", "none")
     rows = -(-len(plan_panels) // 4)
-    shape, size = (rows, -(-len(plan_panels) // rows)), PANEL_SIZES.get(kind.id, (3.4, 2.6))
+    shape, size = (
+        (rows, -(-len(plan_panels) // rows)),
+        PANEL_SIZES.get(plan_panels[0].id, (3.4, 2.6)),
+    )
     figure, axes, _ = grid(*shape, axes, size=size, share=share)
     every = list(axes.flat)
     for ax, panel in zip(every, plan_panels, strict=False):
@@ -180,14 +183,9 @@ def _panels(
     return figure, axes
 
 
-def _columns(
-    kind: panels.PlanFigure, drawn: Sequence[Curve], plan_curves: panels.DrawnPlans, axes: Any
-) -> tuple[Figure, Any]:
+def _columns(plans: Sequence[Panels], drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
     """Draw one column per plan; its panels with the same id share axes."""
-    columns = [
-        [list(same) for _, same in groupby(kind.panels([one]), attrgetter("id"))]
-        for one in plan_curves
-    ]
+    columns = [[list(same) for _, same in groupby(each, attrgetter("id"))] for each in plans]
     figure, axes, _ = grid(len(columns[0]), len(drawn), axes, share=("col", "row"))
     for k, (curve, column) in enumerate(zip(drawn, columns, strict=True)):
         for ax, same in zip(axes[:, k], column, strict=True):
@@ -297,9 +295,8 @@ def _view(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
         place = ax.get_xaxis_transform()
         ax.plot([peak.t], [float(up)], "^" if up else "v", transform=place, **mark)
         words = f"{curve.label} peaks at {peak.value:.3g}, t = {peak.t:.2g} s"
-        looks = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "center"}
-        looks |= {"fontsize": 8.5, "color": curve.colour}
-        ax.annotate(words, (0.5, 1.0), (0, 6 + 12 * above), **looks)
+        look = {"xycoords": "axes fraction", "textcoords": "offset points", "color": curve.colour}
+        ax.annotate(words, (0.5, 1.0), (0, 6 + 12 * above), ha="center", fontsize=8.5, **look)
 
 
 def _plane(ax: Any, panel: PlanePanel) -> None:

@@ -57,7 +57,7 @@ machine's true pose may make it follow a little earlier."""
 
 SLIP_DEG = 0.3
 """Largest slip of a passive joint when joint 1 swings back on a machine with inertia, degrees. The
-other remaining errors of the prototype are as large; half of it takes 1.7 times as long."""
+other remaining errors of the prototype are as large; half of it takes 1.4 times as long."""
 
 END_S = 1.0
 """Rest after a plan whose drive reverses, so that corrections up to the end take effect, s."""

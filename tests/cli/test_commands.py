@@ -244,7 +244,7 @@ def test_a_bug_is_one_short_message(
     law(lambda plan: 1 / 0)
     result = run(*SOLVED)
     assert (result.status, result.out) == (1, "")
-    assert result.err.startswith("planner: a bug in planner 0.")
+    assert result.err.startswith("planner: a bug in planner 1.")
     assert "ZeroDivisionError: division by zero. Please report it" in result.err
     assert "Traceback" not in result.err
     assert run(*SOLVED, "--json").json["status"] == "bug"

@@ -184,8 +184,8 @@ def _bound(x: Array) -> Array:
 Make = Callable[[Array], Curves]
 """A law: from free numbers (C, d) of C candidates to their curves."""
 
-MOST_SAMPLES = 20_000
-"""Samples in one call of the chart: half a second with eight joints, between checks of the time."""
+CALL_S = 0.1
+"""Longest call of the chart between checks of the time, s."""
 
 _SCAN, _SEARCH, _FINE = 60, 100, 6000
 """Samples of a candidate of the scan, of one while searching, and of the one found."""
@@ -223,18 +223,20 @@ class BestCandidate:
 
 
 def score_candidates(problem: Problem, make: Make, x: Array, samples: int | Array = 200) -> Scores:
-    """Score candidates with free numbers x (C, d) by samples as of `score`, a few at a time.
+    """Score candidates with free numbers x (C, d) by samples as of `score`, some at a time.
 
     Raises:
         TimeUpError: If time is up.
     """
-    parts, most = (
-        [],
-        max(1, MOST_SAMPLES // (samples if isinstance(samples, int) else len(samples))),
-    )
+    curves, parts = make(x), list[Scores]()
+    places = _places(curves, samples) if isinstance(samples, int) else samples
+    needed = (len(curves[0].x) - 1) * len(places) * chained_form(problem.system).point_s
+    most = max(1, int(CALL_S / needed))
     for k in range(0, len(x), most):
         deadline.check()
-        parts.append(score(problem, make(x[k : k + most]), samples))
+        some = slice(k, k + most)
+        z, v = (Bernstein(curve.c[:, :, some], curve.x) for curve in curves)
+        parts.append(score(problem, (z, v), places))
     return Scores(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Scores)))
 
 

@@ -30,7 +30,7 @@ def test_everything_that_is_judged_has_an_answer(paper: planner.Problem) -> None
     judged = planner.verify(replace(plan, problem=problem)).margins
     for method in planner.METHODS:
         said = promised(problem, method)
-        own = ("integra", "judged by")  # doubts of the judge, which are no demands
+        own = ("integra", "against the verification")  # doubts of the judge, which are no demands
         assert {label for label in judged if not any(w in label for w in own)} <= said.keys()
 
 

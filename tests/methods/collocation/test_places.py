@@ -117,7 +117,7 @@ def test_no_way_around_is_refused_with_the_disc_named(obstacle: planner.Problem)
     changed = obstacle.changed({"obstacles": wall})
     with pytest.raises(planner.NotConvergedError) as caught:
         planner.solve(changed, "collocation", attempts=1, intervals=20)
-    assert "without the obstacles there is one" in caught.value.reason
+    assert "without the obstacles there is a plan" in caught.value.reason
     assert caught.value.violations[0].label == "clearance of link 3 from obstacle 1"
     assert caught.value.advice is not None
     assert caught.value.advice == "leave out [[obstacles]] 1 (tried)"
@@ -190,7 +190,7 @@ def test_a_waypoint_out_of_reach_is_refused_in_words(paper: planner.Problem) -> 
     hasty = paper.changed({"waypoints": [{"theta_deg": [60, -60, 0], "time": 1.0}]})
     with pytest.raises(planner.NotConvergedError) as caught:
         planner.solve(hasty, "collocation", attempts=1, intervals=20, max_iterations=60)
-    assert "without the waypoints there is one" in caught.value.reason
+    assert "without the waypoints there is a plan" in caught.value.reason
     assert caught.value.violations[0].label == "distance from waypoint 1"
 
 

@@ -48,6 +48,7 @@ DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "sensitivity": (*MACHINES, "robustness", "tests/benchmarks/sensitivity.py"),
     "stress": (*PLANS, "tests/benchmarks/stress.py", "tests/benchmarks/families.py"),
     "suite": (*PLANS, "problems", "tests/benchmarks/suite.py"),
+    "sweeps": (*PLANS, "sweep", "problems/sweeps"),
 }
 """By page: folders and files, in planner/ or, where they are not there, of the checkout."""
 

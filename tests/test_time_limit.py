@@ -25,6 +25,7 @@ from planner.methods.laws import scores
 from planner.support import deadline
 from planner.support.calculus.bernstein import Bernstein
 from planner.support.progress import Progress
+from planner.systems.chained_form import chained_form
 from planner.verification.summary import plan_summary
 
 PAPER = Path(__file__).parents[1] / "problems/paper.toml"
@@ -330,20 +331,21 @@ def _straight(x: np.ndarray) -> tuple[Bernstein, Bernstein]:
     return Bernstein(values * [1.0, -1.0, 1.0, 1.0], breaks), Bernstein(values * [1.0, 0.0], breaks)
 
 
-def test_candidates_are_made_only_while_there_is_time(
+def test_candidates_are_scored_only_while_there_is_time(
     paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    clock, made = Clock(monkeypatch), []
+    clock, parts, usual = Clock(monkeypatch), [], scores.score
 
-    def make(x: np.ndarray) -> tuple[Bernstein, Bernstein]:
-        made.append(len(x))
+    def slow(problem: planner.Problem, curves: scores.Curves, places: np.ndarray) -> scores.Scores:
+        parts.append(curves[0].c.shape[2])
         clock.now += 1.0
-        return _straight(x)
+        return usual(problem, curves, places)
 
-    monkeypatch.setattr(scores, "MOST_SAMPLES", 400)
+    monkeypatch.setattr(scores, "score", slow)
+    monkeypatch.setattr(scores, "CALL_S", 2.5 * 200 * chained_form(paper.system).point_s)
     with pytest.raises(deadline.TimeUpError), deadline.time_limit(2.5):
-        scores.score_candidates(paper, make, np.full((10, 1), 0.1))
-    assert made == [2, 2, 2]
+        scores.score_candidates(paper, _straight, np.full((10, 1), 0.1))
+    assert parts == [2, 2, 2]
 
 
 def test_samples_go_through_the_chart_a_part_at_a_time(
@@ -351,7 +353,7 @@ def test_samples_go_through_the_chart_a_part_at_a_time(
 ) -> None:
     x = np.linspace(0.1, 0.4, 3)[:, None]
     whole = scores.score_candidates(paper, _straight, x)
-    monkeypatch.setattr(scores, "MOST_SAMPLES", 1)
+    monkeypatch.setattr(scores, "CALL_S", 0.0)
     parts = scores.score_candidates(paper, _straight, x)
     assert whole.inside.all()
     for name in ("margin", "slack", "peak"):

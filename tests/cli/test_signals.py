@@ -48,7 +48,7 @@ sys.exit(planner_start.main())
 
 
 @BOTH
-@pytest.mark.parametrize("module", ["planner.cli", "scipy.optimize._highspy._core"])
+@pytest.mark.parametrize("module", ["planner.cli", "casadi._casadi"])
 def test_a_signal_while_modules_load(module: str, number: signal.Signals, tmp_path: Path) -> None:
     code = WHEN_LOADED.format(module=module, number=int(number))
     words = ["plan", PAPER, "--method", "polynomial", "--out", tmp_path / "plan.json", "--json"]

@@ -8,7 +8,7 @@ is refused. The motion of a compensated plan is that of its nominal machine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -189,16 +189,18 @@ def examine(
         else:
             motion, end, machine_error = _motion_on_machine(plan)
             tolerance = ON_MACHINE_TOLERANCE
-        steep = motion
+        smooth = [required for required in problem.requirements if required.smooth]
+        groups = [(motion, smooth)]
         if coarse is not None and coarse.input_distance(motion) <= LIMIT_TOLERANCE:
-            steep = coarse
+            steep = [required for required in smooth if "du" in required.reads]
+            others = [required for required in smooth if "du" not in required.reads]
+            groups = [(motion, others), (coarse, steep)]
         goal = problem.target
         error = np.asarray(end - np.where(np.isnan(goal), end, goal))
         findings = [
             *_motion_findings(plan, motion, end, error, tolerance),
             *_chart_findings(plan),
-            *_limit_findings(plan, motion, lambda required: "du" not in required.reads),
-            *_limit_findings(plan, steep, lambda required: "du" in required.reads),
+            *(f for each, limits in groups for f in _limit_findings(plan, each, limits)),
             *_waypoint_distances(plan, motion, tolerance),
             *_corner_findings(plan, motion),
         ]
@@ -370,19 +372,18 @@ def _chart_findings(plan: Plan) -> Iterator[_Finding]:
 
 
 def _limit_findings(
-    plan: Plan, motion: IntegratedMotion, which: Callable[[Requirement], bool]
+    plan: Plan, motion: IntegratedMotion, smooth: Sequence[Requirement]
 ) -> list[_Finding]:
-    """Check some smooth requirements at all times, by the extremes of their series."""
-    problem, cells = plan.problem, motion.cells
-    point = MotionPoint.of(problem.system, motion.q, motion.u, slopes(cells, motion.u))
+    """Check these smooth requirements at all times, by the extremes of their series."""
+    if not smooth:
+        return []
+    system, cells = plan.problem.system, motion.cells
+    point = MotionPoint.of(system, motion.q, motion.u, slopes(cells, motion.u))
     wanted = [
         (required, part, value)
-        for required in problem.requirements
-        if required.smooth and which(required)
+        for required in smooth
         for part, value in zip(required.parts, required.values(point), strict=True)
     ]
-    if not wanted:
-        return []
     columns = np.stack([side for *_, value in wanted for side in (value, -value)], axis=-1)
     values, times = (a.reshape(-1, 2).tolist() for a in greatest(cells, columns))
     jumping, out = jumps(motion.u), []

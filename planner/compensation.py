@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError, InputWarning, NoPlanError, TimeLimitError
-from planner.methods.judgement import judge_plan, refusal
+from planner.methods.judgement import judge_plan, judge_slowed, refusal
 from planner.methods.ranking import MEASURES
 from planner.methods.refusal import LEAST_S, MOST_TIMES_REFUSAL, Change, try_changes
 from planner.methods.registry import find_method, merged_options
-from planner.plan.measures import objective_of
 from planner.plan.plan import Plan, mark_cut_short
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem
@@ -223,7 +222,8 @@ def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> t
         if most is not None and fastest.duration + (factor - 1) * plan.duration > most:
             return judged
         try:
-            tried = judge(follow(_slower(plan, factor), machine, options))
+            notes = {**plan.notes, "slowed_for_compensation": factor}
+            tried = judge(follow(judge_slowed(plan, factor, notes=notes), machine, options))
         except (TimeUpError, NoPlanError):
             return judged
     return tried if _is_good(*tried) else judged
@@ -238,19 +238,6 @@ def _is_good(plan: Plan, check: Check) -> bool:
     errors = plan.notes["compensation"]
     helps = check.ok and errors["E_deg"] < errors["plain_E_deg"]
     return helps or meets_before_start(plan, check.violations)
-
-
-def _slower(plan: Plan, factor: float) -> Plan:
-    """Return the plan with the same path and `factor` times the duration."""
-    trajectory = plan.trajectory.slowed(factor)
-    objective = objective_of(trajectory, plan.objective_name)
-    slowed = replace(
-        plan,
-        trajectory=trajectory,
-        objective=plan.objective if objective is None else objective,
-        notes={**plan.notes, "slowed_for_compensation": factor},
-    )
-    return judge_plan(slowed)[0]
 
 
 def _fastest(plan: Plan) -> Plan | None:

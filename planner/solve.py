@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from planner.compensation import compensate_in_time, compensate_plan
 from planner.errors import InfeasibleError, InputError, NoPlanError, TimeLimitError
-from planner.methods.judgement import judge_plan
+from planner.methods.judgement import judge_plan, judge_slowed
 from planner.methods.keeping import refuse_unkept
 from planner.methods.refusal import Change, advise, path_changes
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
@@ -123,11 +123,9 @@ def solve_and_check(
         changed = problem.changed(change.keys)
         duration = changed.duration if change.keys.keys() == {"goal.duration"} else None
         if duration and short is not None and entry.finds_time:  # slow the refused motion
-            slower = short.trajectory.slowed(duration / short.duration)
             with suppress(NoPlanError):
-                return judge_plan(
-                    replace(short, problem=changed, trajectory=slower, status="solved")
-                )[0]
+                factor = duration / short.duration
+                return judge_slowed(short, factor, problem=changed, status="solved")
         overrides = {} if change.defaults else options
         return judge_plan(
             _plan_by_method(changed, entry, merged_options(changed, entry, overrides), None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from planner.errors import TimeLimitError, VerificationError
 from planner.methods.keeping import GOALS, not_promised
 from planner.methods.refusal import BY_COLLOCATION, Change, changed_words, duration_change
 from planner.methods.registry import find_method
+from planner.plan.measures import objective_of
 from planner.plan.plan import Plan
 from planner.problem.requirements.ends import LongestDuration
 from planner.problem.requirements.requirement import Requirement
@@ -47,6 +49,18 @@ def judge_plan(plan: Plan) -> tuple[Plan, Check]:
         said = f", {part}which this method does not promise to keep"
     changes, otherwise = _remedies(plan, check)
     raise refusal(plan, check, said, otherwise, changes)
+
+
+def judge_slowed(plan: Plan, factor: float, **changes: Any) -> Plan:
+    """Verify the same path with `factor` times the duration, and with changes of the plan's fields.
+
+    Raises:
+        NoPlanError: As `judge_plan`.
+    """
+    trajectory = plan.trajectory.slowed(factor)
+    objective = objective_of(trajectory, plan.objective_name)
+    value = plan.objective if objective is None else objective
+    return judge_plan(replace(plan, trajectory=trajectory, objective=value, **changes))[0]
 
 
 def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:

@@ -125,8 +125,8 @@ def least_duration(problem: Problem) -> DurationBound:
     i = int(np.argmax(needed))
     coordinate, unit = problem.system.coordinates[i], problem.system.coordinates[i].unit
     reason = (
-        f"{coordinate.name} must move {_format_value(distance[i], unit)} and moves at most"
-        f" {_format_value(rates[i], unit)}/s within the input limits"
+        f"{coordinate.name} must move {format_value(distance[i], unit)} and moves at most"
+        f" {format_value(rates[i], unit)}/s within the input limits"
     )
     judged = float(np.max((distance - GOAL_MISS) / rates)) / (1 + LIMIT_MISS)
     return DurationBound(float(needed[i]), reason if needed[i] > 0 else "", max(judged, 0.0))
@@ -167,7 +167,8 @@ def _top_rates(problem: Problem) -> np.ndarray[tuple[int], np.dtype[np.float64]]
     return rates
 
 
-def _format_value(value: float, unit: str) -> str:
+def format_value(value: float, unit: str) -> str:
+    """Return a value with its unit; angles in degrees."""
     return f"{np.rad2deg(value):.4g} deg" if unit == "rad" else f"{value:.4g} {unit}"
 
 

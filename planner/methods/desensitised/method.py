@@ -43,6 +43,7 @@ from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.plan.measures import effort, turns
 from planner.plan.plan import Plan
 from planner.plan.trajectory import Trajectory
+from planner.problem.feasibility import format_value
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions, rests
@@ -330,13 +331,11 @@ def _refuse_no_room(job: Task) -> None:
             room = min(part.high - float(value.item()), float(value.item()) - part.low)
             needed = moved.backoff * float(np.linalg.norm(slope @ W))
             if needed > room:
-                name, unit = required.limit_name(part), part.unit
-                if unit == "rad":
-                    needed, room, unit = np.rad2deg(needed), np.rad2deg(room), "deg"
+                name = required.limit_name(part)
                 raise InfeasibleError(
                     f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs a"
-                    f" distance of {needed:.4g} {unit} from the limit on {name}, but the start"
-                    f" has only {room:.4g} {unit}",
+                    f" distance of {format_value(needed, part.unit)} from the limit on {name},"
+                    f" but the start has only {format_value(room, part.unit)}",
                     advice="method.desensitised.backoff ="
                     f" {moved.backoff * room / needed * 0.99:.3g} or less, or a wider limit on"
                     f" {name}",

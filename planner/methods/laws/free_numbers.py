@@ -20,6 +20,7 @@ from planner.methods.laws.law import Ends, Motion
 from planner.methods.laws.scores import (
     BestCandidate,
     Curves,
+    Make,
     score_candidates,
     search_candidates,
 )
@@ -105,8 +106,7 @@ def travel_of(
     if problem.travel is not None:
         return problem.travel, []
 
-    def make(x: Array) -> Curves:
-        return law(x[:, 0]).curves
+    make = _curves_of(law)
 
     def inside(travels: Array) -> Array:
         return score_candidates(problem, make, travels.reshape(-1, 1)).inside.reshape(travels.shape)
@@ -131,6 +131,11 @@ def travel_of(
     steps = [np.full(25, np.ptp(grid) / 25) for grid in grids]
     grid, step = np.concatenate(grids)[:, None], np.concatenate(steps)[:, None]
     return float(search_candidates(problem, make, grid, step, options.criterion).x[0]), ranges
+
+
+def _curves_of(law: Callable[[Array], Motion]) -> Make:
+    """Curves of a law with one free number, as a search makes its candidates."""
+    return lambda x: law(x[:, 0]).curves
 
 
 def candidate_travels(problem: Problem, count: int) -> Array:
@@ -161,7 +166,7 @@ def _open_window(problem: Problem) -> float:
 def _ranges(travels: Array, good: Array, inside: Callable[[Array], Array]) -> Ranges:
     reverses = np.concatenate([[False], np.diff(np.sign(travels)) != 0, [False]])
     padded = np.concatenate([[False], good, [False]])  # a range does not reach across travel zero
-    starts = np.flatnonzero(padded[1:] & ~(padded[:-1] & ~reverses[..., : len(padded) - 1]))
+    starts = np.flatnonzero(padded[1:] & ~(padded[:-1] & ~reverses))
     ends = np.flatnonzero(padded[:-1] & ~(padded[1:] & ~reverses)) - 1
     outer = np.concatenate([np.maximum(starts - 1, 0), np.minimum(ends + 1, len(travels) - 1)])
     inner = np.concatenate([starts, ends])
@@ -235,11 +240,7 @@ def choose_reach(
         reach, ranges = travel_of(ends.problem, law, options)
     elif reach is None:
         offsets, steps = (a[:, None] for a in candidate_reaches(ends, 0))
-
-        def make(x: Array) -> Curves:
-            return law(x[:, 0]).curves
-
-        best = search_candidates(ends.problem, make, offsets, steps, options.criterion)
+        best = search_candidates(ends.problem, _curves_of(law), offsets, steps, options.criterion)
         reach, notes = float(best.x[0]), best.notes
     turn = {"offset": reach} if ends.problem.travel == 0 else {}
     return reach, {**turn, **notes, "travel_ranges_in_domain": ranges}

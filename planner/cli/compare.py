@@ -215,11 +215,8 @@ def _add_budgets(shares: dict[str, Budget], result: Comparison) -> bool:
     try:
         with job() as progress:
             # `update` adds pairs one by one, so that budgets finished before Ctrl-C stay.
-            shares.update(
-                budgets(
-                    plans, result.machine, BUDGET_SAMPLES, BUDGET_BASE, result.seed, False, progress
-                )
-            )
+            numbers = {"samples": BUDGET_SAMPLES, "base": BUDGET_BASE, "seed": result.seed}
+            shares.update(budgets(plans, result.machine, progress, **numbers))
     except KeyboardInterrupt:
         return False
     return True
@@ -271,7 +268,8 @@ def budget(
         problem = next(iter(plans.values())).problem.changed(parse_changes(changes or []))
         machine = Machine.from_table(problem.machine)
         report = partial(_report_share, progress, 0.3, 1.0)
-        shares = dict(budgets(plans, machine, samples, base, seed, feedback, report))
+        options = {"samples": samples, "base": base, "seed": seed, "feedback": feedback}
+        shares = dict(budgets(plans, machine, report, **options))
     words = ["planner", "budget", str(subject), *(["--methods", methods] if methods else [])]
     words += ["--samples", str(samples), "--base", str(base), "--seed", str(seed), *_sets(changes)]
     words += ["--feedback"] * feedback
@@ -282,22 +280,15 @@ def budget(
 
 
 def budgets(
-    plans: dict[str, Plan],
-    machine: Machine,
-    samples: int,
-    base: int,
-    seed: int,
-    feedback: bool,
-    progress: Tell,
+    plans: dict[str, Plan], machine: Machine, progress: Tell, **options: Any
 ) -> Iterator[tuple[str, Budget]]:
-    """Yield the label and budget of each plan as soon as it is done."""
+    """Yield the label and budget of each plan as soon as it is done; options of `error_budget`."""
     for k, (label, plan) in enumerate(plans.items()):
 
         def tell(doing: str, share: float, k: int = k, label: str = label) -> None:
             progress(f"{label}: {doing}", (k + share) / len(plans))
 
-        numbers = {"samples": samples, "base": base, "seed": seed}
-        yield label, error_budget(plan, machine, **numbers, feedback=feedback, progress=tell)
+        yield label, error_budget(plan, machine, **options, progress=tell)
 
 
 def executable_plans(rows: Sequence[Row]) -> dict[str, Plan]:

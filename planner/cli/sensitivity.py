@@ -306,9 +306,14 @@ def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
         Column("irreducible", "deg", lambda p: p.floor_deg, None),
         Column("turns", "", lambda p: p.reversals, key="reversals"),
         *(
-            Column(f"{name.split()[0]} 95 %", "deg", partial(_end_error, kind), number, key)
+            Column(
+                f"{name.split()[0]} 95 %",
+                "deg",
+                partial(_end_error, kind),
+                number,
+                f"{kind}_95_deg",
+            )
             for name, kind in ends
-            for key in (f"{kind}_95_deg",)
         ),
         *(
             Column(f"{name} {what}", "deg", partial(_end_error, kind, key=key), None)

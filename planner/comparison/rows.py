@@ -45,6 +45,10 @@ def _interval(name: str, percent: int) -> Any:
     )
 
 
+KEPT_IN_FILES = {"plan", "replay", "machine_errors_deg"}
+"""Fields of a row that a saved comparison keeps in files of their own, or not at all."""
+
+
 @dataclass(frozen=True)
 class Row(PlanFigures):
     """Result of one method. Undefined numbers are NaN.
@@ -153,10 +157,9 @@ class Row(PlanFigures):
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready data without curves; None if a number is undefined."""
-        skipped = {"plan", "replay", "machine_errors_deg"}
         first = ("label", "method", "solved", "why")
         data = {key: getattr(self, key) for key in first}
-        data |= {key: value for key, value in vars(self).items() if key not in skipped}
+        data |= {key: value for key, value in vars(self).items() if key not in KEPT_IN_FILES}
         data["peak_u_rad_s"] = data.pop("peak_u")
         data["status"] = self.status
         data["replay"] = None if self.replay is None else self.replay.summary()

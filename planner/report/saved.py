@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import FORMAT, VERSION, Comparison
-from planner.comparison.rows import Row
+from planner.comparison.rows import KEPT_IN_FILES, Row
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.problem.problem import Problem
@@ -109,7 +109,7 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem, errors: Array |
     if fault:
         why = f"{file} was changed after it was made: {fault}; compare again"
         return Row(data["label"], data["method"], False, why, plan=plan, feedback=data["feedback"])
-    known = {field.name for field in fields(Row)} - {"replay", "machine_errors_deg"}
+    known = {field.name for field in fields(Row)} - KEPT_IN_FILES
     values = {**data, "peak_u": data["peak_u_rad_s"]}
     values = {k: _read_back(v) for k, v in values.items() if k in known}
     values["domain_ok"] = data["domain_ok"]

@@ -260,26 +260,8 @@ class Solver:
         self._rested: Array = np.zeros(len(mask))
         self._loaded: Any = None
         self.solve_count = 0
+        self._shape, self._iterations = mask.shape, iterations
         self._osqp = osqp.OSQP()
-        T = sp.csc_matrix((np.ones(len(rows)), (rows, columns)), mask.shape)
-        free = np.full(len(mask), np.inf)
-        self._osqp.setup(
-            sp.eye(mask.shape[1], format="csc"),
-            np.zeros(mask.shape[1]),
-            T,
-            -free,
-            free,
-            verbose=False,
-            scaling=0,
-            rho=OSQP_STEP,
-            adaptive_rho_interval=50,
-            check_termination=10,
-            eps_abs=OSQP_TOLERANCE,
-            eps_rel=OSQP_TOLERANCE,
-            eps_prim_inf=OSQP_TOLERANCE,
-            max_iter=iterations,
-            polishing=True,
-        )
 
     def __call__(self, T: Array, low: Array, high: Array, guess: Array) -> ProgrammeResult:
         """Solve.
@@ -303,6 +285,8 @@ class Solver:
 
     def _result(self, T: Array, low: Array, high: Array, guess: Array) -> Any:
         """The result object of OSQP."""
+        if self._loaded is None:
+            self._set_up()
         if T is not self._loaded:
             length = np.linalg.norm(T, axis=1)
             self._length = np.where(length > 0, length, 1.0)
@@ -311,3 +295,25 @@ class Solver:
         self._osqp.update(l=low / self._length, u=high / self._length)
         self._osqp.warm_start(x=guess, y=self._rested)
         return osqp_result(self._osqp)
+
+    def _set_up(self) -> None:
+        """Give OSQP the shape of all programmes, with limits that hold nowhere."""
+        unknowns = self._shape[1]
+        free = np.full(len(self._length), np.inf)
+        self._osqp.setup(
+            sp.eye(unknowns, format="csc"),
+            np.zeros(unknowns),
+            sp.csc_matrix((np.ones(len(self._entries[0])), self._entries), self._shape),
+            -free,
+            free,
+            verbose=False,
+            scaling=0,
+            rho=OSQP_STEP,
+            adaptive_rho_interval=50,
+            check_termination=10,
+            eps_abs=OSQP_TOLERANCE,
+            eps_rel=OSQP_TOLERANCE,
+            eps_prim_inf=OSQP_TOLERANCE,
+            max_iter=self._iterations,
+            polishing=True,
+        )

@@ -164,19 +164,19 @@ def test_a_state_limit_that_cannot_be_kept_is_widened_and_counted(
     assert np.all(v <= plain.ref.high[30:40])
 
 
-@pytest.mark.parametrize("raises", [False, True])
+@pytest.mark.parametrize("raises", ["", "solve", "setup"])
 def test_when_the_solver_is_late_or_raises_the_last_decision_goes_on(
     smooth: Plan,
     machine: Machine,
     plain: TrackerDesign,
-    raises: bool,
+    raises: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     hasty = programme(smooth, plain.ref, machine, plain.programme.horizon, iterations=10)
     state = error(plain, [9.0, -12.0, -12.0])
     last = plain.programme(49, error(plain, [0.1, 0.1, 0.1]), plain.programme.empty_decision(1))
     if raises:
-        monkeypatch.setattr("osqp.OSQP.solve", fail)
+        monkeypatch.setattr(f"osqp.OSQP.{raises}", fail)
     answer = hasty(50, state, last)
     assert answer.fallback.tolist() == [True]
     assert answer.corrections[:-1] == pytest.approx(last.corrections[1:], abs=1e-12)

@@ -1,11 +1,12 @@
-"""The best results of a search so far, for the case that it must end early."""
+"""Candidates for a plan, and the best of them that a search holds."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from typing import Any
 
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.long_arms.bridges import PieceChain
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
     exact_motion,
@@ -18,82 +19,96 @@ SHORT_OF_TIME_S = 30.0
 """With less time left than this, s, a motion is made exact as soon as it is found."""
 
 
+class Exactness(IntEnum):
+    """How much of a candidate's task is known to hold; the values are ranks."""
+
+    FAILED = 0
+    """Some rows are broken."""
+    SOLVED = 1
+    """All rows hold at the points of the mesh."""
+    ACCEPTED = 2
+    """The true motion ends near the goal, and limits hold between the nodes to `verify`'s
+    tolerance."""
+    EXACT = 3
+    """The true motion has the required accuracy, and no limit is broken between the nodes."""
+
+
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """A solution with its task and origin. If `solution.ok` is false, it is not a motion.
+class Candidate:
+    """A solution with its task and origin.
 
     Attributes:
-        start: Name of the first guess.
-        stage: Name of the stage that found it.
         task: The task that it solves.
         solution: The solution.
+        start: Name of the first guess.
+        stage: Name of the stage that found it.
         route: Number of its order of waypoints or branch of the goal.
         final: Whether it is an answer of its stage, not an intermediate result.
+        checked: Its exactness, unless it failed.
+        notes: Facts of its refinement, JSON-ready.
     """
 
-    start: str
-    stage: str
     task: Task
     solution: Solution
+    start: str = ""
+    stage: str = ""
     route: int = 0
     final: bool = True
+    checked: Exactness = Exactness.SOLVED
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def exactness(self) -> Exactness:
+        """How much of the task holds."""
+        return self.checked if self.solution.ok else Exactness.FAILED
+
+    @property
+    def rank(self) -> tuple[int, float]:
+        """Order among candidates, the best last: by exactness, then objective (or residual)."""
+        found = self.solution
+        return self.exactness, -(found.objective if found.ok else found.residual)
 
 
 class Best:
-    """The best results of a search at any time, each with its task; None if there is none.
+    """The best candidates that a search holds at any time.
 
     Attributes:
-        motion: The best solution.
-        exact: A motion of the required accuracy. It is computed only if little time is left, since
-            it takes about a second.
-        chain: A path that was not timed yet.
-        nearest: The failed solution with the least residual.
+        held: The best candidate of each exactness, if there is one.
     """
 
     def __init__(self, accuracy: float) -> None:
         self._accuracy = accuracy
-        self.exact: tuple[Task, Solution] | None = None
-        self.motion: tuple[Task, Solution] | None = None
-        self.chain: tuple[Task, PieceChain] | None = None
-        self.nearest: tuple[Task, Solution] | None = None
+        self.held: dict[Exactness, Candidate] = {}
+
+    @property
+    def motions(self) -> list[Candidate]:
+        """The candidates from which a plan may be made."""
+        return [each for each in self.held.values() if each.solution.ok]
 
     def holds(self) -> bool:
-        """Whether there is a result from which a plan may be made."""
-        return self.motion is not None or self.chain is not None
+        """Whether there is one."""
+        return bool(self.motions)
 
-    def keeps(self, solution: Solution) -> bool:
-        """Whether this is the best solution so far."""
-        return self.motion is not None and self.motion[1] is solution
-
-    def take(self, task: Task, solution: Solution) -> None:
-        """Keep a solution, which may have failed, if it is the best so far."""
-        if not solution.ok:
-            if self.nearest is None or solution.residual < self.nearest[1].residual:
-                self.nearest = task, solution
+    def take(self, candidate: Candidate) -> None:
+        """Keep a candidate if it is the best of its exactness."""
+        exactness, solved = candidate.exactness, candidate.exactness is Exactness.SOLVED
+        known = self.held.get(exactness)
+        worse = known is not None and not candidate.rank > known.rank
+        if worse or (solved and not clears(candidate.task, candidate.solution)):
             return
-        better = self.motion is None or solution.objective < self.motion[1].objective
-        if better and clears(task, solution):
-            self.motion = task, solution
-            kind = task.objective.name.partition(":")[0]
-            progress.report_motion(f"{kind} {solution.objective:.4g}")
-            self._make_exact_if_limited()
-
-    def take_chain(self, task: Task, chain: PieceChain) -> None:
-        """Keep a path within the joint limits that is not timed yet."""
-        self.chain = task, chain
-        self._make_exact_if_limited()
+        self.held[exactness] = candidate
+        if solved:
+            kind = candidate.task.objective.name.partition(":")[0]
+            progress.report_motion(f"{kind} {candidate.solution.objective:.4g}")
+            if Exactness.EXACT not in self.held and deadline.remaining() < SHORT_OF_TIME_S:
+                self.make_exact()
 
     def make_exact(self) -> None:
-        """Make the best result a motion of the required accuracy, if that needs no solver."""
-        path = self.chain
-        if self.motion is not None:
-            path = self.motion[0], chain_of(*self.motion)
-        if path is None or not has_only_limits(path[0]):
+        """Make the best solution exact, if that needs no solver; it takes about a second."""
+        best = self.held.get(Exactness.SOLVED)
+        if best is None or not has_only_limits(best.task):
             return
-        found = exact_motion(*path, self._accuracy)
-        if found and (self.exact is None or found[1].objective < self.exact[1].objective):
-            self.exact = found
-
-    def _make_exact_if_limited(self) -> None:
-        if self.exact is None and deadline.remaining() < SHORT_OF_TIME_S:
-            self.make_exact()
+        chain = chain_of(best.task, best.solution)
+        if found := exact_motion(best.task, chain, self._accuracy):
+            task, solution = found
+            self.take(replace(best, task=task, solution=solution, checked=Exactness.EXACT))

@@ -10,33 +10,30 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from planner.errors import InputError, TimeLimitError, Violation
-from planner.methods.collocation.best import Best, Motion
-from planner.methods.collocation.between_nodes import clears, inspect
-from planner.methods.collocation.candidates import mesh_through, routes
+from planner.methods.collocation.best import Best, Candidate, Exactness
+from planner.methods.collocation.between_nodes import clears
+from planner.methods.collocation.candidates import routes
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
     exact_motion,
     has_only_limits,
 )
-from planner.methods.collocation.pipeline import SEARCH_INTERVALS, Pipeline
-from planner.methods.collocation.refine import PolishedMotion, polish
+from planner.methods.collocation.pipeline import SEARCH_INTERVALS, Pipeline, collocation_task
+from planner.methods.collocation.refine import polish
 from planner.methods.collocation.refusals import NAME, iterate_plan, no_goal, refusal
-from planner.methods.collocation.solvers import Settings
-from planner.methods.collocation.task import Solution, Task, task
-from planner.methods.collocation.transcription.bounds import InputDemands
-from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
+from planner.methods.collocation.task import Solution, Task
+from planner.methods.collocation.transcription.form import Mesh
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.methods.ranking import MEASURES
 from planner.plan.measures import objective_of
 from planner.plan.plan import Plan, mark_cut_short
 from planner.problem.problem import Problem
-from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions, rests
+from planner.problem.tables.method_options import CollocationOptions
 from planner.support import deadline, progress
 from planner.support.deadline import Span, TimeUpError, time_advice
 from planner.systems.manipulator import Manipulator
@@ -68,83 +65,59 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
     ways = routes(reached)
     if not ways:
         raise no_goal(problem)
-    near = None if warm is None else partial(_near_motions, reached, options, warm)
-    best = Best(options.accuracy)
-    errors: list[dict[str, Any]] = []
-    rank = partial(_machine_error, problem, options, errors)
-    by_machine = options.criterion == "machine"
-    if by_machine:
-        _expect_arm(problem)
-    search = Pipeline(
-        ways, options, collocation_task, best, near=near, rank=rank if by_machine else None
-    )
+    near = () if warm is None else _near_motions(reached, options, warm)
+    best, errors = Best(options.accuracy), list[dict[str, Any]]()
+    if options.criterion == "machine" and not isinstance(problem.system, Manipulator):
+        raise InputError(
+            f"{problem.source}: method.{NAME}.criterion = 'machine' is for arms with friction disks"
+            " (system.kind = 'manipulator'); use 'objective'"
+        )
+    search = Pipeline(ways, options, best, near)
+
+    def rank(motion: Candidate) -> tuple[int, float]:
+        if options.criterion == "objective":
+            return motion.rank
+        error = MEASURES[options.criterion](_plan(problem, motion, {}, options, began))
+        errors.append({"start": motion.start, "E_p95_deg": error})
+        return motion.exactness, -error
+
     with (
         deadline.time_limit(options.time_limit_s),
         progress.progress_listener(None),
         deadline.time_limit(None, has_answer=best.holds) as span,
     ):
         try:
-            found = search.run()
+            found = max(search.run(), key=rank, default=None)
         except deadline.TimeUpError:
             if warm is not None and not best.holds():
                 raise
             found = _finish_best(best, span, problem, options)
         if found is None:
             raise refusal(problem, search)
-        motion, done = found
-        notes = {"stage": motion.stage, "tried": search.log}
+        notes = {"stage": found.stage, "tried": search.log}
         if errors:
             notes["criterion"] = errors
-        made = _plan(problem, done, motion.start, notes, options, began)
+        made = _plan(problem, found, notes, options, began)
         return mark_cut_short(made, span, CUT_SHORT) if span.was_reached else made
-
-
-def _expect_arm(problem: Problem) -> None:
-    """Refuse to rank paths by the machine for systems without compensation."""
-    if not isinstance(problem.system, Manipulator):
-        raise InputError(
-            f"{problem.source}: method.{NAME}.criterion = 'machine' is for arms with friction disks"
-            " (system.kind = 'manipulator'); use 'objective'"
-        )
-
-
-def _machine_error(
-    problem: Problem,
-    options: CollocationOptions,
-    errors: list[dict[str, Any]],
-    motion: Motion,
-    done: PolishedMotion,
-) -> float:
-    """95th percentile of E of a motion's compensated plan on the problem's machines, degrees."""
-    plan = _plan(problem, done, motion.start, {}, options, time.perf_counter())
-    error = MEASURES[options.criterion](plan)
-    errors.append({"start": motion.start, "E_p95_deg": error})
-    return error
 
 
 def _finish_best(
     best: Best, span: Span, problem: Problem, options: CollocationOptions
-) -> tuple[Motion, PolishedMotion]:
-    """The best motion so far when time is up, refined in the remaining time.
+) -> Candidate:
+    """The best candidate when time is up, refined in the remaining time.
 
     Raises:
         TimeLimitError: If there is none.
     """
     with suppress(TimeUpError):
         best.make_exact()
-    both = []
-    for motion in (best.exact, best.motion):
-        if motion is not None:
-            done = polish(*motion, options.accuracy, options.refinements)
-            both.append((Motion("the best found by then", "time limit", *motion), done))
-    if both:
-        accuracy = options.accuracy
-        return min(
-            both, key=lambda b: (not is_true_motion(b[1], accuracy), b[1].solution.objective)
-        )
+    done = [polish(each, options.accuracy, options.refinements) for each in best.motions]
+    if done:
+        found = max(done, key=lambda each: each.rank)
+        return replace(found, start="the best found by then", stage="time limit")
     far, last, broken = progress.current_progress(), None, list[Violation]()
-    if best.nearest is not None:
-        last, broken = iterate_plan(problem, *best.nearest, options)
+    if failed := best.held.get(Exactness.FAILED):
+        last, broken = iterate_plan(problem, failed, options)
     came = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
     nearest = "; the closest attempt breaks:" if broken else ""
     raise TimeLimitError(
@@ -156,22 +129,15 @@ def _finish_best(
     )
 
 
-def is_true_motion(done: PolishedMotion, accuracy: float) -> bool:
-    """Whether a motion is accurate and keeps its limits between the nodes."""
-    inspection = inspect(done.task, done.solution)
-    return inspection.fine(accuracy) and not inspection.excess.any()
-
-
 def _plan(
     problem: Problem,
-    done: PolishedMotion,
-    start: str,
+    found: Candidate,
     notes: dict[str, Any],
     options: CollocationOptions,
     began: float,
 ) -> Plan:
-    """The plan of a refined motion; `began` is the time at which the search began."""
-    job, solution, search = done.task, done.solution, progress.current_progress()
+    """The plan of a refined candidate; `began` is the time at which the search began."""
+    job, solution, search = found.task, found.solution, progress.current_progress()
     assert search is not None
     wall, trajectory = time.perf_counter() - began, job.curve(solution.iterate)
     value, name = solution.objective, job.objective.name
@@ -188,12 +154,11 @@ def _plan(
         build_time_s=job.build_time_s,
         iterations=search.iterations,
         notes={
-            "start": start,
+            "start": found.start,
             **notes,
             **chosen_goal(job.problem, solution.iterate),
             "largest_residual": solution.residual,
-            "resimulated_end_error": done.error,
-            **done.notes,
+            **found.notes,
         },
     )
 
@@ -210,68 +175,6 @@ def chosen_goal(problem: Problem, iterate: Iterate) -> dict[str, Any]:
         end = system.user(iterate.nodes[-1, : system.size]).tolist()
         return {"goal": {c.name: x for c, x in zip(system.user_coordinates, end, strict=True)}}
     return {"goal_theta_deg": np.rad2deg(iterate.nodes[-1, 1 : problem.system.size]).tolist()}
-
-
-def collocation_task(
-    problem: Problem, options: CollocationOptions, mesh: Mesh | int, direct: bool = False
-) -> Task:
-    """The problem on a mesh, or on one of about `mesh` intervals; waypoints lie on edges.
-
-    With `direct` it is to be solved from a straight line in few iterations or not at all.
-    """
-    goal = objective(problem, options)
-    kind = input_kind(problem, NAME, options, goal.smooth)
-    if isinstance(mesh, int):
-        mesh = mesh_through(problem, mesh if options.intervals == "auto" else options.intervals)
-    form = Form(
-        intervals=len(mesh.widths),
-        scheme_kind=options.scheme,
-        degree=options.degree,
-        input=kind,
-        inner=problem.divided,  # or links pass through a disc between two edges
-        edge=goal.edge,
-    )
-    settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)
-    return task(
-        problem,
-        goal,
-        form,
-        mesh,
-        InputDemands(rests(options.rest, problem.limits.input_rate)),
-        replace(settings, direct=direct),
-    )
-
-
-def input_kind(
-    problem: Problem,
-    method: str,
-    options: CollocationOptions | DesensitisedOptions,
-    slopes: bool = False,
-    auto: InputKind = "linear",
-) -> InputKind:
-    """The kind of input to use.
-
-    Args:
-        problem: The problem.
-        method: Name of the method.
-        options: Its options.
-        slopes: Whether the objective depends on the inputs' rates.
-        auto: The kind to use if nothing requires inputs without jumps.
-
-    Raises:
-        InputError: If inputs without jumps are required but the options give constant ones.
-    """
-    smooth = slopes or options.rest is True or problem.reads("du")
-    if options.input == "auto":
-        return "linear" if smooth else auto
-    if options.input == "constant" and smooth:
-        what = "rest = true" if options.rest is True else "the limit on input rates"
-        what = "an objective that reads the inputs' rates" if slopes else what
-        raise InputError(
-            f"{problem.source}: method.{method}.input = 'constant' jumps between intervals,"
-            f" which contradicts {what}; use 'linear' or 'auto'"
-        )
-    return options.input
 
 
 def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan) -> Plan:
@@ -304,7 +207,7 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
         )
 
 
-def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> Iterator[Motion]:
+def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> Iterator[Candidate]:
     """The plan's own motion, if the problem has the same ends, and the optimum near the plan."""
     own = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
     mesh = Mesh(warm.t / warm.duration) if own else SEARCH_INTERVALS
@@ -315,8 +218,8 @@ def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> 
     same = warm.problem.start.tolist() == problem.start.tolist()
     same = same and np.array_equal(warm.problem.target, problem.target, equal_nan=True)
     if same and (kept := _own_motion(job, start, options.accuracy)):
-        yield Motion("warm", "warm start", *kept)
-    yield Motion("warm", "warm start", job, job.solve_near(start))
+        yield Candidate(*kept, "warm", "warm start")
+    yield Candidate(job, job.solve_near(start), "warm", "warm start")
 
 
 def _own_motion(job: Task, start: Iterate, accuracy: float) -> tuple[Task, Solution] | None:

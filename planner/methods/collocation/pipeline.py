@@ -1,33 +1,45 @@
-"""The search for a motion: one loop over stages.
+"""The search for a motion: a few stages, each of which yields candidates.
 
-    straight line -> paths -> timing -> refinement;  the ladder if no path is found
+    plan to start from -> straight line -> paths -> slower motions, or ladder
 
-The systems are driftless, so the path and its speed can be found separately. Paths of least effort
-are found from many first guesses (`candidates`, `path`). The shortest few are then solved with the
-duration, the limits and the objective of the problem (`solve_timing`), and the best of these gets a
-mesh on which it is the true motion (`refine`). A stage is tried only if the stages before it have
-no answer. A stage yields its motions as it finds them. `Best` keeps the best of them, for the case
-that the search must end early (`planner.methods.collocation.best`).
+The systems are driftless, so a path and its speed can be found separately. The stages:
+
+- *Straight line*: the whole problem is solved directly from a straight line, where that may do.
+- *Paths*: paths of least effort are found from many first guesses (`candidates`, `path`). The
+  shortest few (`route_paths`) are then solved with the duration, the limits and the objective of
+  the problem (`solve_timing`).
+- *Slower motions*: if none of the paths fits into the given duration, the fastest motion is found
+  by a search with a free duration; it tells how much is missing, or is slowed down.
+- *Ladder*: with a free duration, a path of a long arm is built from that of a shorter one.
+
+After each stage its answers are refined, the best first: each gets a mesh on which it is the true
+motion, and limits are kept between the nodes (`refine`). If an intermediate result is better than
+all answers, it is refined too. The best accepted one is the answer of the search; without one the
+next stage follows. `Best` always holds the best candidates so far (`best`). If time is up, they are
+refined in its place, so that nothing is delivered that is worse than what was held.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from planner.methods.collocation.best import Best, Motion
+from planner.errors import InputError
+from planner.methods.collocation.best import Best, Candidate, Exactness
 from planner.methods.collocation.between_nodes import clears
 from planner.methods.collocation.candidates import (
     guess,
+    mesh_through,
     rebalance,
     seeds,
     sides,
     way_between_discs,
 )
+from planner.methods.collocation.long_arms.exact_motion import exact_motion
 from planner.methods.collocation.long_arms.ladder import find_arm_path, time_arm_path
 from planner.methods.collocation.path import (
     SeedPath,
@@ -37,13 +49,15 @@ from planner.methods.collocation.path import (
     search,
     solve_timing,
 )
-from planner.methods.collocation.refine import PolishedMotion, polish
+from planner.methods.collocation.refine import polish
 from planner.methods.collocation.route_paths import LEAST_TIME_RATIO, RoutePaths
-from planner.methods.collocation.task import Solution, Task, stretch_to
-from planner.methods.collocation.transcription.form import Mesh
+from planner.methods.collocation.solvers import Settings
+from planner.methods.collocation.task import Solution, Task, stretch_to, task
+from planner.methods.collocation.transcription.bounds import InputDemands
+from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
-from planner.problem.tables.method_options import CollocationOptions
+from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions, rests
 from planner.support import deadline, progress
 
 DIRECT_INTERVALS, SEARCH_INTERVALS = 14, 40
@@ -55,110 +69,86 @@ MOST_REBALANCINGS = 6
 GAIN = 1e-3
 """Another motion is refined too only if it saves at least this share of the objective."""
 
-LARGEST_ERROR = 1e-4
-"""Largest difference at the end, rad, between a motion and its interpolant to accept it."""
-
-Tasks = Callable[[Problem, CollocationOptions, Mesh | int, bool], Task]
-"""Makes a task from a problem, options, a mesh or an approximate number of intervals, and whether
-to solve from a straight line in few iterations or not at all."""
-
 
 class Pipeline:
     """One search and its results.
 
     Attributes:
+        routes: Variants of the problem, see `routes` of `candidates`.
+        options: Options of the method.
+        best: Takes every candidate; None if they do not answer the problem.
+        near: Candidates near an existing plan, the first stage.
+        paths: Paths by route, found so far; they do not depend on the duration.
         log: One entry per start, JSON-ready.
         fastest: The fastest motion found, refined, if all are too slow for the given duration.
         pathless: Whether no guess leads to a path that clears all discs.
-        last: The last failed solution with its task, for a refusal.
+        last: The last failed candidate, for a refusal.
     """
 
     def __init__(
         self,
         routes: list[Problem],
         options: CollocationOptions,
-        make: Tasks,
-        best: Best,
-        paths: dict[int, RoutePaths] | None = None,
-        near: Callable[[], Iterator[Motion]] | None = None,
-        answers: bool = True,
-        rank: Callable[[Motion, PolishedMotion], float] | None = None,
+        best: Best | None,
+        near: Iterable[Candidate] = (),
     ) -> None:
-        """Set up a search.
-
-        Args:
-            routes: Variants of the problem, see `routes` of `candidates`.
-            options: Options of the method.
-            make: Makes the task of a problem on a mesh.
-            best: Keeps the best results, for the case that time is up.
-            paths: Paths of these routes from another search, if any; they do not depend on the
-                duration.
-            near: Yields motions near an existing plan, as the first stage.
-            answers: Whether the motions answer the problem, so that `best` keeps them.
-            rank: Measure to minimise instead of the objective when choosing among motions.
-        """
-        self._rank = rank
-        self.routes, self.options, self.make, self.best = routes, options, make, best
+        self.routes, self.options, self.best, self.near = routes, options, best, near
+        self.paths: dict[int, RoutePaths] = {}
         self.log: list[dict[str, Any]] = []
-        self.fastest: PolishedMotion | None = None
+        self.fastest: Candidate | None = None
         self.pathless = True
-        self.last: tuple[Task, Solution] | None = None
-        self._paths, self._near, self._answers = {} if paths is None else paths, near, answers
+        self.last: Candidate | None = None
         self._free = options.start == "auto"
 
-    def run(self) -> tuple[Motion, PolishedMotion] | None:
-        """The best motion of the first stage that has one, on a mesh that makes it accurate."""
-        held: Motion | None = None  # the best intermediate result of all stages
+    def run(self) -> list[Candidate]:
+        """The refined answers of the first stage that has any, among which to choose; or none."""
+        best = self.best or Best(0.0)  # which stays empty
+        tried = set[Solution]()
         for stage in self._stages():
-            motions = list[Motion]()
-            with deadline.time_share(condition=self.best.holds):  # keep time to refine a result
-                for motion in stage:
-                    if self._answers:
-                        self.best.take(motion.task, motion.solution)
-                    if motion.final and motion.solution.ok:
-                        motions.append(motion)
-                    elif self.best.keeps(motion.solution):
-                        held = motion
-            least = min((motion.solution.objective for motion in motions), default=-math.inf)
-            if held and held.solution.objective < least * (1 - GAIN):
-                motions.append(held)
-            if answer := self._refined(motions):
-                return answer
-            if held and any(held.solution is each.solution for each in motions):
-                held = None  # it could not be refined
-        return None
+            answers = list[Candidate]()
+            with deadline.time_share(condition=best.holds):  # keep time to refine a result
+                for candidate in stage:
+                    if self.best:
+                        best.take(candidate)
+                    if candidate.final and candidate.solution.ok:
+                        answers.append(candidate)
+            least = min((each.solution.objective for each in answers), default=-math.inf)
+            held = best.held.get(Exactness.SOLVED)
+            if held and held.solution not in tried and held.solution.objective < least * (1 - GAIN):
+                answers.append(held)
+            if refined := self._refine(answers):
+                return refined
+            tried |= {each.solution for each in answers}
+        return []
 
-    def _refined(self, motions: list[Motion]) -> tuple[Motion, PolishedMotion] | None:
-        """The best of these motions after refinement, or None if none is good.
+    def _refine(self, candidates: list[Candidate]) -> list[Candidate]:
+        """These candidates refined, if they are then accepted.
 
-        Refinement seldom lowers an objective, so motions that are worse than a refined one are not
-        refined.
+        Refinement seldom lowers an objective, so candidates that are worse than a refined one are
+        left out, unless machines choose among all.
         """
-        options, rank, least = self.options, self._rank, math.inf
-        answers = list[tuple[Motion, PolishedMotion]]()
-        for motion in sorted(motions, key=lambda each: each.solution.objective):
-            if motion.solution.objective > least * (1 - GAIN):
+        options, least, refined = self.options, math.inf, list[Candidate]()
+        for candidate in sorted(candidates, key=lambda each: each.solution.objective):
+            if candidate.solution.objective > least * (1 - GAIN):
                 break
-            done = polish(motion.task, motion.solution, options.accuracy, options.refinements)
-            good = done.error <= LARGEST_ERROR and done.inside
+            done = polish(candidate, options.accuracy, options.refinements)
+            good = done.exactness >= Exactness.ACCEPTED
             if good or not self._free or options.refinements == 0:
-                answers.append((motion, done))
-                if rank is None:
+                refined.append(done)
+                if options.criterion == "objective":
                     least = min(least, done.solution.objective) if good else -math.inf
             else:
-                self.last = done.task, done.solution
-        value = _objective if rank is None else lambda pair: rank(*pair)
-        return min(answers, key=value, default=None)
+                self.last = done
+        return refined
 
-    def _stages(self) -> Iterator[Iterator[Motion]]:
+    def _stages(self) -> Iterator[Iterator[Candidate]]:
         """Yield the stages in turn.
 
         Any motion can be slowed down. So if the paths lead to no motion in the given duration, the
         search is repeated with a free duration, and its motion is slowed down. With a free duration
         the ladder follows, which finds paths of long arms where all guesses fail.
         """
-        if self._near is not None:
-            yield self._near_motions(self._near)
+        yield self._near_motions()
         if self.options.start in ("auto", "straight"):
             yield self._straight_motions()
         yield self._path_motions(range(len(self.routes)))
@@ -167,35 +157,35 @@ class Pipeline:
         elif self._free:
             yield self._ladder_motions()
 
-    def _near_motions(self, near: Callable[[], Iterator[Motion]]) -> Iterator[Motion]:
-        for motion in near():
-            if motion.solution.ok:
-                self._log_motion(motion)
-            yield motion
+    def _near_motions(self) -> Iterator[Candidate]:
+        for candidate in self.near:
+            if candidate.solution.ok:
+                self._log_motion(candidate)
+            yield candidate
 
-    def _log_motion(self, motion: Motion) -> None:
+    def _log_motion(self, motion: Candidate) -> None:
         solution = motion.solution
         entry = {"start": motion.start, "status": solution.status}
         self.log.append({**entry, "objective": solution.objective})
 
-    def _straight_motions(self) -> Iterator[Motion]:
+    def _straight_motions(self) -> Iterator[Candidate]:
         """Motions solved directly from the straight line, if they can be one-way in a given time.
 
         It is tried for all orders of waypoints or for none. If the goal leaves joints free, it is
         tried for the branches that allow it; the others follow from paths.
         """
-        motions = list[Motion]()
+        motions = list[Candidate]()
         for k, problem in enumerate(self.routes):
             if self._free and not _can_go_one_way(problem):
                 return
             plain = problem.duration is not None and self.options.input != "constant"
             few = DIRECT_INTERVALS if plain else SEARCH_INTERVALS
-            job, found = self.make(problem, self.options, few, True), list[Motion]()
+            job, found = collocation_task(problem, self.options, few, True), list[Candidate]()
             later = replace(job, settings=replace(job.settings, direct=False))
             for seed in seeds("straight", sides=sides(problem)):
                 solution = job.solve(guess(job.problem, job.made, job.mesh, seed))
                 name = seed.name + _goal_words(problem)
-                motion = Motion(name, "straight line", later, solution, k, False)
+                motion = Candidate(later, solution, name, "straight line", k, final=False)
                 yield motion
                 if solution.ok and (problem.duration or never_reverses(solution.iterate)):
                     self._log_motion(motion)
@@ -209,7 +199,7 @@ class Pipeline:
             straight = {motion.route for motion in motions if is_sure(motion.task.problem)}
             yield from self._path_motions([k for k in range(len(self.routes)) if k not in straight])
 
-    def _path_motions(self, routes: Sequence[int]) -> Iterator[Motion]:
+    def _path_motions(self, routes: Sequence[int]) -> Iterator[Candidate]:
         """Motions of these routes along the paths found from guesses.
 
         The branches of one goal together need only the usual number of paths, and no path is timed
@@ -218,7 +208,7 @@ class Pipeline:
         motions, known = list[Solution](), list[SeedPath]()
         for k in routes:
             problem = self.routes[k]
-            job = self.make(problem, self.options, SEARCH_INTERVALS, False)
+            job = collocation_task(problem, self.options, SEARCH_INTERVALS)
             paths = yield from self._find_paths(k, job)
             log = [dict(entry) for entry in paths.search.log]
             progress.tell("timing the most promising paths")
@@ -228,27 +218,27 @@ class Pipeline:
                 known.append(path)
                 solution = solve_timing(own, start)
                 name = path.seed + _goal_words(problem)
-                motion = Motion(name, "guesses", own, solution, k, final=False)
+                motion = Candidate(own, solution, name, "guesses", k, final=False)
                 yield motion
                 if solution.ok and clears(own, solution):
                     motion = yield from self._share_time(motion)
                     motions.append(motion.solution)
                     self.pathless = False
                 elif not solution.ok:
-                    self.pathless, self.last = False, (own, solution)
+                    self.pathless, self.last = False, motion
                 for entry in log:
                     effort = entry["path_effort"]
                     if effort is not None and same_path(effort, path):
                         entry["objective"] = solution.objective if solution.ok else None
             if self.pathless:
                 failed = [paths.search.failure, *(path.solution for path in paths.search.distinct)]
-                self.last = next(((paths.free, last) for last in failed if last), self.last)
+                self.last = next((Candidate(paths.free, one) for one in failed if one), self.last)
             self.log += [entry | {"start": entry["start"] + _goal_words(problem)} for entry in log]
 
-    def _find_paths(self, k: int, job: Task) -> Generator[Motion, None, RoutePaths]:
+    def _find_paths(self, k: int, job: Task) -> Generator[Candidate, None, RoutePaths]:
         """Find the paths of a route, and refine the most promising."""
-        if k in self._paths:
-            return self._paths[k]
+        if k in self.paths:
+            return self.paths[k]
         problem, options = self.routes[k], self.options
         enough = options.starts if options.start in ("auto", "wander") else 1
         enough = -(-enough // len(self.routes)) if problem.free else enough
@@ -258,27 +248,28 @@ class Pipeline:
             guesses.insert(0 if problem.system.size == 3 else len(guesses), way)
         for found in search(job, guesses, enough, simple):
             if found.latest:
-                yield Motion(found.log[-1]["start"], "guesses", *found.latest, k, final=False)
+                yield Candidate(*found.latest, found.log[-1]["start"], "guesses", k, final=False)
         mesh_given = bool(job.mesh.marks) or options.intervals != "auto"
-        self._paths[k] = RoutePaths.of(job, found, mesh_given)
-        return self._paths[k]
+        self.paths[k] = RoutePaths.of(job, found, mesh_given)
+        return self.paths[k]
 
-    def _ladder_motions(self) -> Iterator[Motion]:
-        """The motion along a path found by the ladder."""
-        job = self.make(self.routes[0].likely, self.options, SEARCH_INTERVALS, False)
+    def _ladder_motions(self) -> Iterator[Candidate]:
+        """The motion along a path found by the ladder; first the path itself as a motion."""
+        job = collocation_task(self.routes[0].likely, self.options, SEARCH_INTERVALS)
         path = find_arm_path(job)
         if path is None:
             return
         chain, joints = path
-        if self._answers:
-            self.best.take_chain(job, chain)
-        found = time_arm_path(job, chain, self.options.accuracy)
-        if found is not None:
-            motion = Motion(f"lifted from {joints} joints", "ladder", *found)
+        exact = exact_motion(job, chain, self.options.accuracy)
+        origin = f"lifted from {joints} joints", "ladder"
+        if exact:
+            yield Candidate(*exact, *origin, final=False, checked=Exactness.EXACT)
+        if found := time_arm_path(job, chain) or exact:
+            motion = Candidate(*found, *origin)
             self._log_motion(motion)
             yield motion
 
-    def _slower_motions(self) -> Iterator[Motion]:
+    def _slower_motions(self) -> Iterator[Candidate]:
         """The fastest motion, slowed to the given duration and optimised there, or only slowed."""
         wanted, limits = self.routes[0].duration, self.routes[0].limits
         if any(point.time_s is not None for point in self.routes[0].waypoints):
@@ -286,28 +277,28 @@ class Pipeline:
         assert wanted is not None
         free = [replace(problem, duration=None) for problem in self.routes]
         kind = "time" if np.isfinite(limits.input).all() else "mixed"
-        options = self.options.model_copy(update={"objective": kind})
+        options = self.options.model_copy(update={"objective": kind, "criterion": "objective"})
         progress.tell("looking for the fastest motion")
-        hasty = Pipeline(free, options, self.make, self.best, self._paths, answers=False)
-        found = hasty.run()
+        hasty = Pipeline(free, options, None)
+        hasty.paths = self.paths
+        self.fastest = max(hasty.run(), key=lambda each: each.rank, default=None)
         self.log += hasty.log
-        if found is None:
+        if self.fastest is None:
             self.pathless, self.last = hasty.pathless and self.pathless, self.last or hasty.last
             return
-        motion, self.fastest = found
-        self.last = self.fastest.task, self.fastest.solution
-        iterate = self.fastest.solution.iterate
+        self.last = fastest = self.fastest
+        iterate = fastest.solution.iterate
         if iterate.duration * LEAST_TIME_RATIO > wanted:
             return
-        problem = self.routes[motion.route]
-        goal = self.make(problem, self.options, SEARCH_INTERVALS, False).objective
-        own = self.fastest.task.for_problem(problem, goal)
-        slowed = stretch_to(iterate, wanted)
+        problem = self.routes[fastest.route]
+        goal = collocation_task(problem, self.options, SEARCH_INTERVALS).objective
+        own = fastest.task.for_problem(problem, goal)
+        slowed, origin = stretch_to(iterate, wanted), (fastest.start, "slowed down", fastest.route)
         if iterate.duration <= wanted:
-            yield Motion(motion.start, "slowed down", own, own.judge(slowed), motion.route)
-        yield Motion(motion.start, "slowed down", own, own.solve(slowed), motion.route)
+            yield Candidate(own, own.judge(slowed), *origin)
+        yield Candidate(own, own.solve(slowed), *origin)
 
-    def _share_time(self, motion: Motion) -> Generator[Motion, None, Motion]:
+    def _share_time(self, motion: Candidate) -> Generator[Candidate, None, Candidate]:
         """The motion with the best distribution of time among the parts between waypoints."""
         for _ in range(MOST_REBALANCINGS if motion.task.mesh.marks else 0):
             moved = rebalance(motion.task, motion.solution.iterate)
@@ -322,16 +313,10 @@ class Pipeline:
         return motion
 
 
-def _objective(pair: tuple[Motion, PolishedMotion]) -> float:
-    return pair[1].solution.objective
-
-
 def _goal_words(problem: Problem) -> str:
     """The expected goal of the search in words, if the goal leaves joints free; else ""."""
-    if not problem.free:
+    if not problem.free or problem.system.has_user_coordinates:  # then there is only one goal
         return ""
-    if problem.system.has_user_coordinates:
-        return ""  # only one goal
     angles = ", ".join(f"{angle:.3g}" for angle in np.rad2deg(problem.likely.goal[1:]))
     return f" towards ({angles}) deg"
 
@@ -343,3 +328,65 @@ def _can_go_one_way(problem: Problem) -> bool:
     if window is None or window.empty or problem.divided:
         return False
     return problem.travel is None or problem.travel in window
+
+
+def collocation_task(
+    problem: Problem, options: CollocationOptions, mesh: Mesh | int, direct: bool = False
+) -> Task:
+    """The problem on a mesh, or on one of about `mesh` intervals; waypoints lie on edges.
+
+    With `direct` it is to be solved from a straight line in few iterations or not at all.
+    """
+    goal = objective(problem, options)
+    kind = input_kind(problem, "collocation", options, goal.smooth)
+    if isinstance(mesh, int):
+        mesh = mesh_through(problem, mesh if options.intervals == "auto" else options.intervals)
+    form = Form(
+        intervals=len(mesh.widths),
+        scheme_kind=options.scheme,
+        degree=options.degree,
+        input=kind,
+        inner=problem.divided,  # or links pass through a disc between two edges
+        edge=goal.edge,
+    )
+    settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)
+    return task(
+        problem,
+        goal,
+        form,
+        mesh,
+        InputDemands(rests(options.rest, problem.limits.input_rate)),
+        replace(settings, direct=direct),
+    )
+
+
+def input_kind(
+    problem: Problem,
+    method: str,
+    options: CollocationOptions | DesensitisedOptions,
+    slopes: bool = False,
+    auto: InputKind = "linear",
+) -> InputKind:
+    """The kind of input to use.
+
+    Args:
+        problem: The problem.
+        method: Name of the method.
+        options: Its options.
+        slopes: Whether the objective depends on the inputs' rates.
+        auto: The kind to use if nothing requires inputs without jumps.
+
+    Raises:
+        InputError: If inputs without jumps are required but the options give constant ones.
+    """
+    smooth = slopes or options.rest is True or problem.reads("du")
+    if options.input == "auto":
+        return "linear" if smooth else auto
+    if options.input == "constant" and smooth:
+        what = "rest = true" if options.rest is True else "the limit on input rates"
+        what = "an objective that reads the inputs' rates" if slopes else what
+        raise InputError(
+            f"{problem.source}: method.{method}.input = 'constant' jumps between intervals,"
+            f" which contradicts {what}; use 'linear' or 'auto'"
+        )
+    return options.input

@@ -5,18 +5,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
+from planner.methods.collocation.best import Candidate, Exactness
 from planner.methods.collocation.between_nodes import INTERPOLANT, SETTLED, Inspection, inspect
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
     exact_motion,
     has_only_limits,
 )
-from planner.methods.collocation.task import Solution, Task, transfer
+from planner.methods.collocation.task import Task, transfer
 from planner.methods.collocation.transcription.form import Mesh
 from planner.support import progress
 from planner.support.deadline import TimeUpError, time_share
@@ -24,6 +24,9 @@ from planner.verification.verify import LIMIT_TOLERANCE
 
 EVENNESS = 0.35
 """Least density of a refined mesh, relative to its greatest."""
+
+LARGEST_ERROR = 1e-4
+"""Largest difference at the end, rad, between a motion and its interpolant to accept it."""
 
 LARGEST_MESH = 2000
 TIGHTENING_TRIES = 6
@@ -36,27 +39,8 @@ DRAWN_IN_ELSEWHERE = 0.01
 moves in one place moves a little everywhere."""
 
 
-@dataclass(frozen=True, eq=False)
-class PolishedMotion:
-    """A refined solution.
-
-    Attributes:
-        task: The task with its final mesh and tightened limits.
-        solution: The solution.
-        error: Largest difference at the end between true motion and interpolant, over coordinates.
-        inside: Whether limits are kept between the nodes too, to the accuracy of `verify`.
-        notes: Facts of the refinement, JSON-ready.
-    """
-
-    task: Task
-    solution: Solution
-    error: float
-    inside: bool
-    notes: dict[str, Any]
-
-
-def polish(task: Task, solution: Solution, accuracy: float, refinements: int) -> PolishedMotion:
-    """Refine the mesh, then tighten limits where needed.
+def polish(candidate: Candidate, accuracy: float, refinements: int) -> Candidate:
+    """Refine a candidate's mesh, then tighten limits where needed.
 
     The mesh is fine enough when the simulated end is accurate and the objective has settled: a
     finer mesh would save at most the share `SETTLED` of it, by estimate or by the last refinement.
@@ -66,8 +50,8 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
     If time is up, the present result is made a motion by
     `planner.methods.collocation.long_arms.exact_motion`.
     """
-    now, left = inspect(task, solution), refinements
-    meshes, rounds = [len(task.mesh.widths)], 0
+    now, left = inspect(candidate.task, candidate.solution), refinements
+    meshes, rounds = [len(now.task.mesh.widths)], 0
     try:
         with time_share(REFINING_SHARE):
             while True:
@@ -94,8 +78,17 @@ def polish(task: Task, solution: Solution, accuracy: float, refinements: int) ->
     most = zip(parts, now.task.drawn.max(axis=0).tolist(), strict=True)
     drawn = {"rounds": rounds, **{part.label: amount for part, amount in most if amount}}
     inner = now.task.made.form.inner
-    notes = {"intervals": meshes, "limits_inside": inner, "limits_drawn_in": drawn}
-    return PolishedMotion(now.task, now.solution, now.end_error, inside, notes)
+    checked = Exactness.SOLVED
+    if inside and now.end_error <= LARGEST_ERROR:
+        whole = now.fine(accuracy) and not now.excess.any()
+        checked = Exactness.EXACT if whole else Exactness.ACCEPTED
+    notes = {
+        "resimulated_end_error": now.end_error,
+        "intervals": meshes,
+        "limits_inside": inner,
+        "limits_drawn_in": drawn,
+    }
+    return replace(candidate, task=now.task, solution=now.solution, checked=checked, notes=notes)
 
 
 def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Inspection]:

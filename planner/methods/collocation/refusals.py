@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from planner.errors import InfeasibleError, NoPlanError, NotConvergedError, Violation
+from planner.methods.collocation.best import Candidate
 from planner.methods.collocation.path import needed_duration
 from planner.methods.collocation.pipeline import Pipeline
-from planner.methods.collocation.refine import PolishedMotion
-from planner.methods.collocation.task import Solution, Task, stretch_to
+from planner.methods.collocation.task import stretch_to
 from planner.methods.refusal import (
     Change,
     duration_change,
@@ -48,15 +48,13 @@ def no_goal(problem: Problem) -> NoPlanError:
     )
 
 
-def too_short(
-    problem: Problem, fastest: PolishedMotion, options: CollocationOptions
-) -> NoPlanError:
+def too_short(problem: Problem, fastest: Candidate, options: CollocationOptions) -> NoPlanError:
     """The refusal of a duration below the fastest found, with what that motion breaks if it is
     shortened to the given duration."""
     found, wanted = fastest.solution.iterate.duration, problem.duration
     proof = why_too_short(problem)
     why = f"{proof}. The" if proof else f"goal.duration = {wanted:g} s is too short: the"
-    plan, broken = iterate_plan(problem, fastest.task, fastest.solution, options)
+    plan, broken = iterate_plan(problem, fastest, options)
     return (InfeasibleError if proof else NotConvergedError)(
         f"{problem.source}: {why} fastest motion found takes {found:.4g} s. Shortened to"
         f" {wanted:g} s it breaks:",
@@ -80,8 +78,8 @@ def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
     if search.fastest is not None:
         return too_short(problem, search.fastest, search.options)
     assert search.last is not None
-    solution, options = search.last[1], search.options
-    plan, broken = iterate_plan(problem, *search.last, options)
+    solution, options = search.last.solution, search.options
+    plan, broken = iterate_plan(problem, search.last, options)
     proof = why_too_short(problem)
     changes = path_changes(problem)
     if search.pathless:
@@ -112,13 +110,14 @@ def motion_changes(problem: Problem, options: CollocationOptions) -> list[Change
 
 
 def iterate_plan(
-    problem: Problem, job: Task, solution: Solution, options: CollocationOptions
+    problem: Problem, candidate: Candidate, options: CollocationOptions
 ) -> tuple[Plan | None, list[Violation]]:
     """A plan of the last iterate in the given duration, for study, and its violations.
 
     The violations refer to the original problem, not to the task's variant. The result is None and
     an empty list if the iterate's duration is not a number.
     """
+    job, solution = candidate.task, candidate.solution
     iterate = solution.iterate
     if not np.isfinite(iterate.duration):
         return None, []

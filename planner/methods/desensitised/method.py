@@ -19,14 +19,14 @@ import casadi as ca
 import numpy as np
 
 from planner.errors import InfeasibleError, InputError, NotConvergedError, Violation
+from planner.methods.collocation.best import Candidate, Exactness
 from planner.methods.collocation.candidates import Excursion, Seed, sign_of
 from planner.methods.collocation.method import (
     chosen_goal,
-    input_kind,
-    is_true_motion,
     plan_collocation,
     refuse_start,
 )
+from planner.methods.collocation.pipeline import input_kind
 from planner.methods.collocation.refine import polish
 from planner.methods.collocation.solvers import Settings
 from planner.methods.collocation.task import (
@@ -109,10 +109,10 @@ def plan_desensitised(
             job = replace(job, demands=replace(job.demands, first_sign=sign, turns=shares))
         with progress.progress_listener(None):  # report progress only from here on
             start, solution, log = _search(job, options, easy, near is not None)
-            done = polish(job, solution, options.accuracy, REFINEMENTS)
+            done = polish(Candidate(job, solution), options.accuracy, REFINEMENTS)
             search = progress.current_progress()
         assert search is not None
-        if span.was_reached and not is_true_motion(done, options.accuracy):
+        if span.was_reached and done.exactness < Exactness.EXACT:
             raise TimeUpError
         plan = _plan(done.task, done.solution, options)
         return replace(

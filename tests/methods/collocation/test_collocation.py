@@ -9,10 +9,11 @@ from scipy.integrate import solve_ivp
 
 import planner
 from planner.errors import InfeasibleError, InputError, NotConvergedError
-from planner.methods.collocation import pipeline as module
+from planner.methods.collocation import refine
+from planner.methods.collocation.best import Candidate
 from planner.methods.collocation.candidates import guess, seeds
-from planner.methods.collocation.method import collocation_task, plan_collocation
-from planner.methods.collocation.refine import PolishedMotion
+from planner.methods.collocation.method import plan_collocation
+from planner.methods.collocation.pipeline import collocation_task
 from planner.methods.collocation.refusals import too_short
 from planner.plan.measures import effort, peak_inputs, peak_rates
 from planner.plan.plan import Plan
@@ -263,7 +264,7 @@ def test_the_fastest_motion_is_not_named_where_it_cannot_be_believed(
     paper: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It obeys every row of its own problem, whose duration is an unknown; not what was asked."""
-    monkeypatch.setattr(module, "LARGEST_ERROR", 0.0)
+    monkeypatch.setattr(refine, "LARGEST_ERROR", 0.0)
     with pytest.raises(NotConvergedError, match="the solver found no motion") as caught:
         plan(paper, {"goal.duration": 2.5})
     assert caught.value.violations[0].label in ("input u1", "input u2")
@@ -393,9 +394,8 @@ def test_the_fastest_motion_may_be_of_another_form_than_what_was_asked(paper: Pr
     job = collocation_task(paper.changed({"goal.duration": 2.5}), coarse, 20)
     free = collocation_task(paper.changed({"goal.duration": "free"}), kept, 30)
     solution = free.solve(guess(free.problem, free.made, free.mesh, seeds("straight")[0]))
-    fastest = PolishedMotion(free, solution, 0.0, True, {})
 
-    refusal = too_short(job.problem, fastest, coarse)
+    refusal = too_short(job.problem, Candidate(free, solution), coarse)
     assert refusal.plan is not None
     assert refusal.plan.duration == 2.5
     assert {v.label for v in refusal.violations} == {"input u1", "input u2"}

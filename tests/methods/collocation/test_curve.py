@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from planner.methods.collocation import refusals as collocation_refusals
+from planner.methods.collocation.best import Candidate
 from planner.methods.collocation.transcription.form import Form, Kind, Mesh
 from planner.methods.collocation.transcription.unknowns import Iterate, curve
 from planner.systems.manipulator import Manipulator
@@ -41,4 +42,4 @@ def test_an_iterate_that_has_run_away_is_no_plan_to_study() -> None:
     iterate = Iterate(np.nan, np.zeros((4, 3)), np.zeros((3, 3, 3)), np.zeros((3, 2)))
     none: Any = None
     solution: Any = SimpleNamespace(iterate=iterate)
-    assert collocation_refusals.iterate_plan(none, none, solution, none) == (None, [])
+    assert collocation_refusals.iterate_plan(none, Candidate(none, solution), none) == (None, [])

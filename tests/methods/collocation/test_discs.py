@@ -13,8 +13,8 @@ import pytest
 import planner
 from planner.methods.collocation.between_nodes import clears
 from planner.methods.collocation.candidates import guess, seeds
-from planner.methods.collocation.method import collocation_task
 from planner.methods.collocation.path import path_task
+from planner.methods.collocation.pipeline import collocation_task
 from planner.methods.collocation.thin_discs import thicknesses
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.free_space import find_way, is_blocked

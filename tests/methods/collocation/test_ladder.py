@@ -13,14 +13,15 @@ from scipy.integrate import solve_ivp
 import planner
 from planner.errors import NotConvergedError
 from planner.methods.collocation import pipeline
+from planner.methods.collocation.best import Candidate, Exactness
 from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.long_arms import ladder
 from planner.methods.collocation.long_arms.bridges import ChainEnds, PieceChain
 from planner.methods.collocation.long_arms.bridges import ends_of as ends
 from planner.methods.collocation.long_arms.exact_motion import exact_motion, has_only_limits
 from planner.methods.collocation.long_arms.ladder import find_arm_path, time_arm_path
-from planner.methods.collocation.method import collocation_task
-from planner.methods.collocation.refine import PolishedMotion, polish
+from planner.methods.collocation.pipeline import collocation_task
+from planner.methods.collocation.refine import polish
 from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.tables.method_options import CollocationOptions
@@ -48,7 +49,7 @@ def test_what_is_climbed_is_a_motion_within_the_limits() -> None:
     job = collocation_task(PROBLEM, CollocationOptions(), 40)
     path = find_arm_path(job)
     assert path is not None
-    found = time_arm_path(job, path[0], 5e-6)
+    found = time_arm_path(job, path[0])
     assert found is not None
     solution = found[1]
     assert solution.ok
@@ -74,9 +75,9 @@ def test_a_motion_that_turns_out_to_be_none_gives_way_to_a_path(
         climbs.append(job)
         return find_arm_path(job)
 
-    def doubted(*given: Any) -> PolishedMotion:
+    def doubted(*given: Any) -> Candidate:
         done = polish(*given)
-        return done if climbs else replace(done, error=1.0)
+        return done if climbs else replace(done, checked=Exactness.SOLVED)
 
     monkeypatch.setattr(pipeline, "find_arm_path", climbing)
     monkeypatch.setattr(pipeline, "polish", doubted)

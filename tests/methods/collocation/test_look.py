@@ -10,8 +10,8 @@ import pytest
 
 import planner
 from planner.methods.collocation import pipeline, refine
+from planner.methods.collocation.best import Candidate, Exactness
 from planner.methods.collocation.between_nodes import _over, peaks
-from planner.methods.collocation.refine import PolishedMotion
 
 TAU = np.linspace(0, 1, 13)
 
@@ -56,10 +56,10 @@ def test_a_motion_that_leaves_its_limits_between_the_nodes_is_no_answer(
     first = planner.solve(problem, "collocation")
     seen = list[float]()
 
-    def polish(*given: Any) -> PolishedMotion:
+    def polish(*given: Any) -> Candidate:
         done = refine.polish(*given)
         seen.append(done.solution.objective)
-        return replace(done, inside=len(seen) > 1)
+        return done if len(seen) > 1 else replace(done, checked=Exactness.SOLVED)
 
     monkeypatch.setattr(pipeline, "polish", polish)
     plan = planner.solve(problem, "collocation")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,10 +11,9 @@ import pytest
 
 import planner
 from planner.methods.collocation import best, pipeline, task
-from planner.methods.collocation.best import Best, Motion
+from planner.methods.collocation.best import Best, Candidate, Exactness
 from planner.methods.collocation.path import PathSearch, SeedPath
 from planner.methods.collocation.pipeline import Pipeline
-from planner.methods.collocation.refine import PolishedMotion
 from planner.methods.collocation.solvers import Settings
 from planner.methods.collocation.task import Solution
 from planner.problem.tables.method_options import CollocationOptions
@@ -72,8 +72,8 @@ def test_branches_of_a_goal_share_the_starts(
     monkeypatch.setattr(pipeline.RoutePaths, "of", lambda *_: None)
     goal: Any = SimpleNamespace(free=(2,), divided=False, system=None)
     job: Any = SimpleNamespace(mesh=SimpleNamespace(marks=()))
-    options, make = CollocationOptions(starts=7, attempts=9), lambda *_: job
-    assert [*Pipeline([goal] * branches, options, make, Best(1e-6))._find_paths(0, job)] == []
+    search = Pipeline([goal] * branches, CollocationOptions(starts=7, attempts=9), Best(1e-6))
+    assert [*search._find_paths(0, job)] == []
     assert asked == [enough]
 
 
@@ -86,23 +86,31 @@ def test_where_time_is_short_the_best_exact_motion_is_held(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """One is made as soon as there is a path; else there is time for it at the end."""
-    made, path = iter([2.0, 3.0, 1.0]), SimpleNamespace()
+    job: Any = SimpleNamespace(objective=SimpleNamespace(name="effort"), requirements=[])
+    no_iterate: Any = None
+
+    def solution(objective: float) -> Solution:
+        return Solution(no_iterate, objective, 0.0, True, "", 0)
+
+    made, kept = iter([2.0, 3.0, 1.0]), Best(1e-6)
     monkeypatch.setattr(best, "has_only_limits", lambda _: True)
-    monkeypatch.setattr(
-        best, "exact_motion", lambda *_: (path, SimpleNamespace(objective=next(made)))
-    )
-    kept: Any = Best(1e-6)
+    monkeypatch.setattr(best, "chain_of", lambda *_: None)
+    monkeypatch.setattr(best, "exact_motion", lambda *_: (job, solution(next(made))))
+
+    def held() -> float | None:
+        exact = kept.held.get(Exactness.EXACT)
+        return exact and exact.solution.objective
+
     with deadline.time_limit(100.0):
-        kept.take_chain(path, path)
-    assert kept.exact is None
-    held = []
+        kept.take(Candidate(job, solution(0.9)))
+    assert held() is None
     with deadline.time_limit(20.0):
-        kept.take_chain(path, path)
-        held.append(kept.exact[1].objective)
-    for _ in range(2):
-        kept.make_exact()
-        held.append(kept.exact[1].objective)
-    assert held == [2.0, 2.0, 1.0]
+        kept.take(Candidate(job, solution(0.8)))
+    assert held() == 2.0
+    kept.make_exact()
+    assert held() == 2.0
+    kept.make_exact()
+    assert held() == 1.0
 
 
 def test_a_search_leaves_fatrop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -140,17 +148,14 @@ def test_nothing_worse_is_delivered_than_was_held(
     job: Any = SimpleNamespace(objective=SimpleNamespace(name="effort"), requirements=[])
     no_iterate: Any = None
 
-    def motion(objective: float, final: bool) -> Motion:
+    def motion(objective: float, final: bool) -> Candidate:
         solution = Solution(no_iterate, objective, 0.0, True, "", 0)
-        return Motion("straight", "guesses", job, solution, final=final)
+        return Candidate(job, solution, "straight", "guesses", final=final)
 
     first, second = [motion(held, False)], [motion(2.0, True), motion(2.5, True)]
     monkeypatch.setattr(Pipeline, "_stages", lambda _: iter([iter(first), iter(second)]))
-    monkeypatch.setattr(
-        pipeline, "polish", lambda job, solution, *_: PolishedMotion(job, solution, 0.0, True, {})
-    )
+    monkeypatch.setattr(pipeline, "polish", lambda each, *_: replace(each, checked=Exactness.EXACT))
     routes: Any = [SimpleNamespace()]
     with progress.progress_listener(None):
-        found = Pipeline(routes, CollocationOptions(), lambda *_: job, Best(1e-6)).run()
-    assert found is not None
-    assert found[1].solution.objective == delivered
+        found = Pipeline(routes, CollocationOptions(), Best(1e-6)).run()
+    assert max(found, key=lambda each: each.rank).solution.objective == delivered

@@ -15,7 +15,6 @@ from planner.methods.collocation import best, method, pipeline, route_paths
 from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.candidates import seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain, cut_finer, ends_of
-from planner.methods.collocation.method import collocation_task
 from planner.methods.collocation.path import (
     clock,
     needed_duration,
@@ -24,6 +23,7 @@ from planner.methods.collocation.path import (
     refine_path,
     search,
 )
+from planner.methods.collocation.pipeline import collocation_task
 from planner.methods.collocation.task import Solution, Task, stretch_to, transfer
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.plan.measures import effort
@@ -197,11 +197,11 @@ def test_the_fastest_motion_is_slowed_down_as_it_is_where_no_solver_betters_it(
     own: Any = SimpleNamespace(objective=None, for_problem=lambda *_: own)
     own.solve, own.judge = (partial(solution, ok=ok) for ok in (False, True))
     quick = own.judge(Iterate(fastest_s, np.zeros((2, 4)), np.zeros((1, 1, 4)), np.ones((1, 2))))
-    motion = best.Motion("straight", "guesses", own, quick)
-    polished = SimpleNamespace(task=own, solution=quick)
-    monkeypatch.setattr(pipeline.Pipeline, "run", lambda _: (motion, polished))
+    motion = best.Candidate(own, quick, "straight", "guesses")
+    monkeypatch.setattr(pipeline.Pipeline, "run", lambda _: [motion])
+    monkeypatch.setattr(pipeline, "collocation_task", lambda *_: own)
     asked = replace(ARM, duration=wanted_s)
-    hasty = pipeline.Pipeline([asked], OPTIONS, lambda *_: own, best.Best(1e-6))
+    hasty = pipeline.Pipeline([asked], OPTIONS, best.Best(1e-6))
     slower = [motion.solution for motion in hasty._slower_motions()]
     assert [each.ok for each in slower] == found
     assert all(each.iterate.duration == wanted_s for each in slower)

@@ -9,7 +9,7 @@ from perturbed import draws, motions
 
 import planner
 from planner.methods.collocation.long_arms.exact_motion import has_only_limits
-from planner.methods.collocation.method import collocation_task
+from planner.methods.collocation.pipeline import collocation_task
 from planner.methods.desensitised.method import _task
 from planner.plan.measures import effort, turns
 from planner.support.deadline import time_up

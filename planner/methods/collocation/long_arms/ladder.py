@@ -31,7 +31,6 @@ from planner.methods.collocation.long_arms.bridges import (
 )
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
-    exact_motion,
     follow,
     has_only_limits,
 )
@@ -83,14 +82,14 @@ def find_arm_path(job: Task) -> tuple[PieceChain, int] | None:
     return _lift_shorter_path(job)
 
 
-def time_arm_path(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution] | None:
-    """The motion along a path, its duration free, on the path's own mesh; None if there is none."""
+def time_arm_path(job: Task, chain: PieceChain) -> tuple[Task, Solution] | None:
+    """The best motion near a path, its duration free, on the path's mesh; None if none is found."""
     progress.tell("timing that path")
     own, path = follow(job, chain)
-    solution = _solve_timing(own, path) if len(own.mesh.widths) <= MOST_SOLVED_INTERVALS else None
-    if solution is None or not solution.ok:
-        return exact_motion(job, chain, accuracy)
-    return own, solution
+    if len(own.mesh.widths) > MOST_SOLVED_INTERVALS:
+        return None
+    solution = _solve_timing(own, path)
+    return (own, solution) if solution.ok else None
 
 
 def _solve_timing(own: Task, path: Iterate) -> Solution:

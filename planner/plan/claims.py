@@ -119,7 +119,7 @@ class Certificate:
     def __str__(self) -> str:
         required = [c for c in self.claims if c.required]
         if self.ok:
-            off = f"true motion within {max(self.motion_error.values()):.1e} of the plan's"
+            off = f"true motion within {max(self.motion_error.values()):.1e} rad or m of the plan's"
             return f"all {len(required)} requirements proven between the nodes; {off}"
         counted = f"{len(required) - len(self.open)} of {len(required)} requirements proven"
         more = f" (and {len(self.open) - 1} more)" if len(self.open) > 1 else ""

@@ -66,7 +66,7 @@ def _correct_objective(plan: Plan, path: str | Path) -> Plan:
     if true is not None and not abs(plan.objective - true) <= OBJECTIVE_TOLERANCE * abs(true):
         warnings.warn(
             f"{path}: the file gives the objective {plan.objective:.6g}, but that of its plan is"
-            f" {true:.6g}, which is used; the file was changed",
+            f" {true:.6g} ({plan.objective_name}), which is used; the file was changed",
             InputWarning,
             stacklevel=5,
         )

@@ -9,7 +9,7 @@ is refused. The motion of a compensated plan is that of its nominal machine.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -79,6 +79,7 @@ class Check:
         interpolant_error: Largest |plan.q(t) − integrated q(t)|, in the coordinates' units.
         integration_error: Estimated error of the integration, in the coordinates' units; NaN if
             nothing was integrated.
+        units: Unit of each margin.
     """
 
     ok: bool
@@ -88,6 +89,7 @@ class Check:
     violations: tuple[Violation, ...]
     interpolant_error: float
     integration_error: float = np.nan
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         if self.ok:
@@ -102,6 +104,7 @@ class Check:
             Column("requirement", "", lambda r: r[0], left=True),
             Column("verdict", "", lambda r: broken.get(r[0], "kept"), left=True),
             Column("margin", "negative: broken", lambda r: r[1], "{:.4g}".format),
+            Column("unit", "", lambda r: self.units.get(r[0], ""), left=True),
         ]
         above = "verified"
         if not self.ok:
@@ -222,6 +225,7 @@ def examine(
         violations=tuple(broken),
         interpolant_error=motion.gap[0],
         integration_error=motion.error,
+        units={f.part.label: f.part.unit for f in findings},
     )
     return check, motion
 
@@ -428,6 +432,7 @@ def failed_check(plan: Plan, violation: Violation) -> Check:
         margins={violation.label: violation.value},
         violations=(violation,),
         interpolant_error=np.nan,
+        units={violation.label: violation.unit},
     )
 
 

@@ -109,6 +109,8 @@ class SampleTable(Table):
         for key, value in data.items() if isinstance(data, dict) else ():
             if "." in key and _is_axis(value):
                 raise ValueError(f"'{key}' has a list or a range of values: put it under [grid]")
+            if "." in key and not isinstance(value, dict | Distribution):
+                raise ValueError(f"'{key}' has a single value: put it under [set]")
             if "." not in key and key not in cls._own_keys:
                 hint = allowed_hint(key, [*cls._own_keys, "dotted keys of the problem"])
                 raise ValueError(f"unknown key '{key}'; {hint}")

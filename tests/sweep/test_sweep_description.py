@@ -135,6 +135,7 @@ SAMPLE = {"count": 4, "goal.travel": {"uniform": [0.8, 0.82]}}
         ({"goal": {"travel": EVEN}}, "'goal' is outside of all tables: put it under"),
         ({"grid": {"goal.travel": EVEN}}, "'grid.goal.travel' is drawn at random: put it under"),
         ({"grid": {"count": 20}}, "'grid.count' belongs under \\[sample\\]"),
+        ({"sample": {"count": 4, "goal.travel": 0.8}}, "a single value: put it under \\[set\\]"),
         ({"sample": {"count": 4, "goal.travel": [0.8, 0.9]}}, "put it under \\[grid\\]"),
         ({"sample": {"count": 4, "goal.travel": {**ENDS, "count": 3}}}, "under \\[grid\\]"),
         ({"replay": {"samples": -1}}, "'replay.samples' = -1: must be at least 0"),

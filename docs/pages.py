@@ -13,6 +13,7 @@ from pydantic import BaseModel
 import planner
 from planner.cli.app import COMMANDS, load_command
 from planner.cli.output import add_common_options
+from planner.machine.replay import ERRORS, STATISTICS
 from planner.problem.tables.kinds import FILES
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
@@ -222,6 +223,13 @@ def machine() -> str:
     parts.append(_table(["effect", "unit", "one a", "prototype", "what it is"], rows))
     others = [name for name in MachineTable.model_fields if name not in EFFECTS]
     parts += ["\n## Beside the effects\n", table(MachineTable, others)]
+    parts += ["\n## Errors of a replay\n", "On one machine, degrees:\n"]
+    parts.append(_table(["error", "what it is"], [[f"`{n}`", w] for n, w in ERRORS.items()]))
+    parts.append("\nOver the machines, in `Replay.summary()`, rows, CSV and JSON, degrees:\n")
+    rows = [
+        [f"`{name}`", one.title, one.error, str(one.percent)] for name, one in STATISTICS.items()
+    ]
+    parts.append(_table(["name", "heading", "error", "percentile"], rows))
     return "\n".join(parts)
 
 

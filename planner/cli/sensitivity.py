@@ -29,6 +29,7 @@ from planner.cli.arguments import (
 from planner.cli.output import explain_interruption, finish, job, number
 from planner.comparison.compare import plan_row, specs_of
 from planner.errors import InputError
+from planner.machine.replay import STATISTICS
 from planner.methods.desensitised.method import spreads
 from planner.methods.registry import find_method
 from planner.plan.plan import Plan
@@ -316,9 +317,11 @@ def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
             for name, kind in ends
         ),
         *(
-            Column(f"{name} {what}", "deg", partial(_end_error, kind, key=key), None)
+            Column(
+                f"{name} {STATISTICS[key].title}", "deg", partial(_end_error, kind, key=key), None
+            )
             for name, kind in ends[1:]
-            for what, key in (("E 95 %", "E_p95_deg"), ("median", "end_median_deg"))
+            for key in ("E_p95_deg", "end_median_deg")
         ),
     ]
 

@@ -16,6 +16,7 @@ from planner.comparison.rows import FEEDBACK_NOTE, Row, columns, intervals, verd
 from planner.errors import InputError
 from planner.machine.feedforward.legs import compensable
 from planner.machine.machine import Machine, load_machine
+from planner.machine.replay import ERROR_WORDS, PERCENTILE_WORDS
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem, load_problem
 from planner.support.arrays import jsonable
@@ -333,9 +334,9 @@ def _kind(comparison: Comparison) -> str:
 def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
     took = "" if terminal else " took: planning and verification;"
     return (
-        "time: whole duration, with preparation and holds; effort: integral of u1^2 + u2^2 dt; E:"
-        " largest joint error on the machine at any time (eq. 29); end: the same at the end; median"
-        f" and 95th percentile over {comparison.samples} machines ({_kind(comparison)}), seed"
+        "time: whole duration, with preparation and holds; effort: integral of u1^2 + u2^2 dt;"
+        f" {ERROR_WORDS}; {PERCENTILE_WORDS} over {comparison.samples} machines"
+        f" ({_kind(comparison)}), seed"
         f" {comparison.seed}, the same machines for every plan;{took} refused plans that can be"
         " executed are replayed for study."
         + (FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "")

@@ -31,14 +31,20 @@ OTHER_WAY_DEG = 2.0
 """A compensated plan that leaves the original path by more gets a remark, in degrees."""
 
 
-def _interval(name: str, percent: int) -> Any:
+def _statistic(name: str) -> Any:
+    one = STATISTICS[name]
+    return figure(Heading(one.title, "deg"), replay=one.of)
+
+
+def _interval(name: str) -> Any:
+    one = STATISTICS[f"E_{name}_deg"]
     ends = (
-        (f"E {percent} % {end}", f"E_{name}_{key}_deg")
+        (f"{one.title} {end}", f"E_{name}_{key}_deg")
         for end, key in (("from", "low"), ("to", "high"))
     )
     return figure(
         *(Heading(title, "deg", key=key) for title, key in ends),
-        replay=lambda run: percentile_interval(run.index_E_deg, percent),
+        replay=lambda run: percentile_interval(run.index_E_deg, one.percent),
         files=True,
         sweep=False,
         default=(np.nan, np.nan),
@@ -86,18 +92,18 @@ class Row(PlanFigures):
     solved: bool
     why: str
     plan: Plan | None = None
-    E_median_deg: float = figure(Heading("E 50 %", "deg"), replay=STATISTICS["E_median_deg"])
-    E_p95_deg: float = figure(Heading("E 95 %", "deg"), replay=STATISTICS["E_p95_deg"])
-    end_median_deg: float = figure(Heading("end 50 %", "deg"), replay=STATISTICS["end_median_deg"])
-    end_p95_deg: float = figure(Heading("end 95 %", "deg"), replay=STATISTICS["end_p95_deg"])
+    E_median_deg: float = _statistic("E_median_deg")
+    E_p95_deg: float = _statistic("E_p95_deg")
+    end_median_deg: float = _statistic("end_median_deg")
+    end_p95_deg: float = _statistic("end_p95_deg")
     beyond_limits: float = figure(
         Heading("beyond limits", "%"),
         replay=lambda run: 100 * run.limit_share,
         files=True,
         sweep=False,
     )
-    E_median_interval_deg: tuple[float, float] = _interval("median", 50)
-    E_p95_interval_deg: tuple[float, float] = _interval("p95", 95)
+    E_median_interval_deg: tuple[float, float] = _interval("median")
+    E_p95_interval_deg: tuple[float, float] = _interval("p95")
     took_s: float = figure(Heading("took", "s", 2), sweep=False)
     solve_time_s: float = figure(plan=lambda plan, _: plan.solve_time_s, sweep=False)
     build_time_s: float = figure(plan=lambda plan, _: plan.build_time_s, sweep=False)

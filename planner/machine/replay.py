@@ -242,7 +242,7 @@ class Replay(Recording):
         return {
             "samples": len(self.numbers),
             "seed": self.seed,
-            **{name: statistic(self) for name, statistic in STATISTICS.items()},
+            **{name: statistic.of(self) for name, statistic in STATISTICS.items()},
             "terminal_error_median_deg": np.median(self.terminal_error_deg, axis=0).tolist(),
             "largest_error_median_deg": np.median(self.largest_error_deg, axis=0).tolist(),
             "saturated_s": self.saturated_s.max(axis=0).tolist(),
@@ -255,14 +255,46 @@ class Replay(Recording):
         }
 
 
-STATISTICS: dict[str, Callable[[Replay], float]] = {
-    "E_median_deg": lambda run: run.percentile(50),
-    "E_p95_deg": lambda run: run.percentile(95),
-    "end_median_deg": lambda run: float(np.median(run.terminal_E_deg)),
-    "end_p95_deg": lambda run: float(np.percentile(run.terminal_E_deg, 95)),
+@dataclass(frozen=True)
+class Statistic:
+    """A percentile of an error over the machines, in degrees.
+
+    Attributes:
+        error: Name of the error, a key of `ERRORS`.
+        percent: Percentage of the machines with a smaller error.
+    """
+
+    error: str
+    percent: int
+
+    def of(self, run: Replay) -> float:
+        """The value for a replay."""
+        errors = run.index_E_deg if self.error == "E" else run.terminal_E_deg
+        return float(np.percentile(errors, self.percent))
+
+    @property
+    def title(self) -> str:
+        """Heading of a column."""
+        return f"{self.error} {self.percent} %"
+
+
+ERRORS = {
+    "E": "largest joint error on the machine at any time (eq. 29)",
+    "end": "largest joint error on the machine at the end",
 }
-"""The errors of a replay in four numbers, in degrees: over the machines, the median and the 95th
-percentile of E and of the largest joint error at the end."""
+"""The errors of a replay on one machine."""
+
+STATISTICS = {
+    "E_median_deg": Statistic("E", 50),
+    "E_p95_deg": Statistic("E", 95),
+    "end_median_deg": Statistic("end", 50),
+    "end_p95_deg": Statistic("end", 95),
+}
+"""The errors of a replay on all machines, by their names in rows, JSON and CSV."""
+
+ERROR_WORDS = "; ".join(f"{name}: {words}" for name, words in ERRORS.items())
+PERCENTILE_WORDS = "median (50 %) and 95th percentile (95 %)"
+"""What captions say about the errors and about `STATISTICS`."""
 
 
 def replay(

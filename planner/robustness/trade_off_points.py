@@ -113,7 +113,7 @@ def replay_errors(plan: Plan, machine: Machine, samples: int, seed: int) -> dict
     """Return errors of a plan on random machines, degrees: E of eq. (29), and at the end."""
     run = replay(plan, machine, samples, seed, record_s=None)
     rms = float(np.sqrt(np.mean(np.sum(run.terminal_error_deg**2, axis=1))))
-    errors = {name: statistic(run) for name, statistic in STATISTICS.items()}
+    errors = {name: statistic.of(run) for name, statistic in STATISTICS.items()}
     return {"samples": samples, "seed": seed, **errors, "end_rms_deg": rms}
 
 

@@ -33,9 +33,6 @@ SEED = 2026
 POINTS, MACHINES = 12, 200
 """Of the trade-off curve; see `planner.trade_off` for why so few machines suffice."""
 
-PATIENCE_S = 60.0
-"""For a compensation: the tables must not depend on the load of the computer."""
-
 LIMIT = "limits.input_rad_s=[0.6, 0.6]"
 WAYS: dict[str, tuple[str, dict[str, Any]]] = {
     "least effort (collocation)": ("collocation", {}),
@@ -139,7 +136,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=ROOT / "results/sensitivity")
     options = parser.parse_args(arguments)
     refuse_unwritable_folder(options.out)  # before minutes of work
-    vars(sys.modules["planner.solve"])["LEAST_PATIENCE_S"] = PATIENCE_S
     paper = loaded("paper").changed({"limits.input_rad_s": [0.6, 0.6]})
     found = {way: tried(paper, way, options.samples) for way in WAYS}
     others = []

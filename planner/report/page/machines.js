@@ -140,8 +140,8 @@ class PointsChart extends Chart {
       head: this.page.plans[point.plan].label,
       rows: [
         of("effort", `${short(point.x)} ${this.panel.effort_unit}`),
-        of("median of E", `${short(point.y, 3)} ${unit}`),
-        of("95th percentile", `${short(point.high, 3)} ${unit}`),
+        of(this.panel.middle, `${short(point.y, 3)} ${unit}`),
+        of(this.panel.high, `${short(point.high, 3)} ${unit}`),
       ],
       px: this.x(point.x),
     };

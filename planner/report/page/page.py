@@ -15,6 +15,7 @@ import numpy as np
 from planner.comparison.comparison import Comparison
 from planner.comparison.rows import FEEDBACK_NOTE, Row
 from planner.errors import InputError
+from planner.machine.replay import ERROR_WORDS, PERCENTILE_WORDS, STATISTICS
 from planner.report.charts.scripts import script, source, stylesheet
 from planner.report.figures.mechanism import mechanism_svg
 from planner.report.figures.style import readable_name
@@ -79,6 +80,10 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mappin
         mechanism=_mechanism(comparison),
         figures=_figures(),
         samples=str(comparison.samples),
+        errors=ERROR_WORDS,
+        percentiles=PERCENTILE_WORDS,
+        middle=STATISTICS["E_median_deg"].title,
+        high=STATISTICS["E_p95_deg"].title,
         closed=FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "",
         command=html.escape(data.get("command") or "made from Python"),
         versions=_definitions(list(dict(data.get("versions") or {}).items())),

@@ -10,6 +10,7 @@ import numpy as np
 
 from planner.comparison.comparison import Comparison
 from planner.machine.machine import Machine
+from planner.machine.replay import STATISTICS
 from planner.plan.measures import effort_unit
 from planner.plan.plan import Plan
 from planner.report.figures.arm import body_points, can_draw, tips_to_pass
@@ -168,7 +169,8 @@ def _spreads(
     shares = {"kind": "share", "title": "Share of machines", "unit": "", "series": series}
     across = {"across": "E (deg)", "span": [low, high], "log": needs_log_axis([low, high])}
     unit = effort_unit(comparison.problem.system)
-    trade = {"kind": "points", "title": "E", "unit": "deg", "points": points}
+    titles = {"middle": STATISTICS["E_median_deg"].title, "high": STATISTICS["E_p95_deg"].title}
+    trade = {"kind": "points", "title": "E", "unit": "deg", "points": points, **titles}
     log = [needs_log_axis([p[axis] for p in points] or [1.0]) for axis in ("x", "y")]
     effort = {"across": f"effort ({unit})", "effort_unit": unit, "log": log}
     figures = {"trade": {**trade, **effort}, "errors": {**shares, **across}}

@@ -265,7 +265,7 @@ def test_errors_and_effort_are_those_of_the_replays(opened: Callable) -> None:
     page.keyboard.press("End")
     words = " ".join(points.locator(".tip").inner_text().split())
     assert f"effort {row.effort:.4g}" in words
-    assert f"median of E {row.E_median_deg:.3g} deg" in words
+    assert f"E 50 % {row.E_median_deg:.3g} deg" in words
 
 
 def test_what_would_help_stands_under_each_refused_row(opened: Callable) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import copy
-import inspect
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,7 +39,7 @@ from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Demand, Part, Requirement
 from planner.problem.requirements.self_collision import SelfCollision
 from planner.problem.requirements.user_places import UserGoal, UserLimit
-from planner.problem.tables.kinds import FILES, parse_file, system_of
+from planner.problem.tables.kinds import parse_file, system_of
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
@@ -60,25 +59,6 @@ from planner.systems.triangular_system import TriangularSystem
 WIDEST_FREE_JOINT_RAD = np.deg2rad(88.0)
 """Largest |θ| at the goal for a joint that it leaves free, unless a limit is smaller. It is also
 the largest value to which joint limits are widened; at 90 degrees an arm's drive stands still."""
-
-_ARM_KEYS = {
-    key: name
-    for name in ("goal", "system", "limits")
-    for key in get_type_hints(FILES[Manipulator.kind])[name].model_fields
-    if key not in ("kind", "joints", "K", "k_g", "gear", "theta_deg", "travel", "duration")
-}
-"""Tables of a manipulator's file by the keys that `Problem.manipulator` passes on as they are."""
-
-Builder = TypeVar("Builder", bound=Callable[..., Any])
-
-
-def _show_arm_keys(builder: Builder) -> Builder:
-    """Put `_ARM_KEYS` in place of `**keys` in a signature, for help and completion."""
-    signature, named = inspect.signature(builder), inspect.Parameter.KEYWORD_ONLY
-    *own, _ = signature.parameters.values()
-    further = [inspect.Parameter(key, named, default=None) for key in _ARM_KEYS]
-    vars(builder)["__signature__"] = signature.replace(parameters=[*own, *further])
-    return builder
 
 
 @made_by("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")
@@ -199,20 +179,27 @@ class Problem:
         return problem
 
     @classmethod
-    @_show_arm_keys
     def manipulator(
         cls,
         start_deg: ArrayLike,
         goal_deg: ArrayLike | Sequence[float | str] | None = None,
         *,
+        tip_m: ArrayLike | None = None,
+        tip_angle_deg: float | None = None,
         travel: float | None = None,
         duration: float | None = 10.0,
+        duration_max: float | None = None,
         K: ArrayLike | None = None,
         k_g: float | None = None,
         gear: Gear | Mapping[str, float | Sequence[float]] | None = None,
+        link_lengths: ArrayLike | None = None,
+        input_rad_s: ArrayLike | None = None,
+        input_rate_rad_s2: ArrayLike | None = None,
+        joint_deg: ArrayLike | None = None,
+        z2_margin: float | None = None,
+        self_clearance_m: float | None = None,
         title: str = "manipulator",
         changes: Mapping[str, Any] | None = None,
-        **keys: Any,
     ) -> Problem:
         """Build a problem of the manipulator with friction disks without a file.
 
@@ -223,15 +210,23 @@ class Problem:
         Args:
             start_deg: θ₁ … θₙ at the start, degrees; their number is the number of joints.
             goal_deg: θ₁ … θₙ at the goal, degrees, or "free"; by default all free.
+            tip_m: Position of the tip at the goal, x and y in metres.
+            tip_angle_deg: Direction of the last link at the goal, degrees: the sum of all angles.
             travel: Change of the disk angle φₙ₋₁, radians; None if free.
             duration: Seconds; None if free.
+            duration_max: Longest duration including what compensation adds, s.
             K: K₂ … Kₙ; also needs k_g.
             k_g: Turns of the last disk per turn of motor 1.
             gear: Geometry of the gears, instead of K; lists if the stages differ.
+            link_lengths: Lengths of the links in metres, for tip, drawing and obstacles; by default
+                1 each. A goal of the tip needs them.
+            input_rad_s: Largest |u₁|, |u₂|, rad/s: one number for both, or two.
+            input_rate_rad_s2: Largest |du/dt|, rad/s²: one number for both, or two.
+            joint_deg: Largest |θ|, degrees: one number, or one per joint.
+            z2_margin: Least |z₂|; z₂ keeps the sign it has at the start.
+            self_clearance_m: Least distance between links that are not neighbours, metres.
             title: Name in tables and figures.
             changes: Further dotted keys and values, for example {"machine.preset": "ideal"}.
-            **keys: All other keys of the tables goal, system and limits, such as tip_m, input_rad_s
-                and joint_deg, as a problem file has them; None leaves one out.
 
         Raises:
             InputError: As for `from_dict`.
@@ -242,21 +237,29 @@ class Problem:
             K, k_g = prototype_ratios(joints), PROTOTYPE_K_G if k_g is None else k_g
         if isinstance(gear, Gear):
             gear = {"lambda" if key == "lam" else key: v for key, v in vars(gear).items()}
-        changed = {
+        keys = {
             "title": title,
             "system.kind": Manipulator.kind,
             "system.joints": joints,
             "system.K": K,
             "system.k_g": k_g,
             "system.gear": gear,
+            "system.link_lengths": link_lengths,
             "start.theta_deg": angles,
             "goal.theta_deg": goal_deg,
+            "goal.tip_m": tip_m,
+            "goal.tip_angle_deg": tip_angle_deg,
             "goal.travel": "free" if travel is None else travel,
             "goal.duration": "free" if duration is None else duration,
-            **{f"{_ARM_KEYS.get(key, 'limits')}.{key}": value for key, value in keys.items()},
+            "goal.duration_max": duration_max,
+            "limits.input_rad_s": input_rad_s,
+            "limits.input_rate_rad_s2": input_rate_rad_s2,
+            "limits.joint_deg": joint_deg,
+            "limits.z2_margin": z2_margin,
+            "limits.self_clearance_m": self_clearance_m,
         }
-        tables = with_changes(with_changes({"limits": {}}, changed), changes or {})
-        return cls.from_dict(tables, line(title) or "manipulator")
+        tables = with_changes({"limits": {}}, {k: v for k, v in keys.items() if v is not None})
+        return cls.from_dict(with_changes(tables, changes or {}), line(title) or "manipulator")
 
     def __repr__(self) -> str:
         duration = "free duration" if self.duration is None else f"{self.duration:g} s"

@@ -57,11 +57,6 @@ def test_constants_gear_travel_and_duration_are_those_given() -> None:
         ({"K": [0.5]}, "joints = 3 needs 2 values in K .K2 ... K3., not 1"),
         ({"K": [0.5, 0.4]}, "K needs k_g too"),
         ({"K": [0.5, 0.4], "k_g": 1.0, "gear": {"r1": 1}}, "either K .with k_g. or gear|gear.R"),
-        (
-            {"joint_degs": 80},
-            "unknown key 'limits.joint_degs' .value 80.; did you mean 'joint_deg'",
-        ),
-        ({"k_g_rule": "long"}, "'system.k_g_rule' = 'long': must be 'chain' or 'printed'"),
         ({"joint_deg": 95}, "'limits.joint_deg' = 95: must be less than 90"),
         ({"duration": -1}, "'goal.duration' = -1: must be"),
         ({"travel": 47.0}, "looks like degrees"),
@@ -77,7 +72,7 @@ def test_what_a_file_may_not_say_is_refused_here(changed: dict[str, Any], words:
 
 def test_it_has_an_argument_for_each_key_of_system_and_limits() -> None:
     keys = {*ManipulatorTable.model_fields, *LimitsTable.model_fields, *JointGoal.model_fields}
-    keys -= {"kind", "joints", "theta_deg"}
+    keys -= {"kind", "joints", "k_g_rule", "theta_deg"}
     keys -= REQUIREMENTS.keys()  # limits of all kinds of systems: by changes
     assert set(JointStart.model_fields) == {"theta_deg", "phi_rad"}  # start_deg; phi_rad by changes
     assert keys <= set(inspect.signature(Problem.manipulator).parameters)

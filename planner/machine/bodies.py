@@ -394,7 +394,7 @@ class StageLaws:
         return np.asarray(v - np.einsum("ijs,js->is", answers, pull))
 
     def _tree(self, lines: tuple[Array, ...], all_push: Array, reference: Array) -> Array:
-        """Speeds (rows, S) without the coupling N, for linear laws c + s w (see `_lines`)."""
+        """Speeds (rows, S) if the links were not coupled, for laws c + s w (see `_lines`)."""
         rows, m = self.rows, self.rows.m
         c, s, c_play, s_play = lines
         one, two = self.first, self.second

@@ -110,7 +110,7 @@ def switch_indices(
 
 
 def check(base: int) -> None:
-    """Refuse before the work what `indices` would refuse after it.
+    """Check SALib and `base` before the replays; `indices` would refuse them only afterwards.
 
     Raises:
         InputError: If SALib is missing or `base` is not a power of 2.

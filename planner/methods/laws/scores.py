@@ -27,8 +27,9 @@ _CLOSE = 0.1
 There θ₁ bounces off zero and the inputs are quotients of small numbers."""
 
 SLACK = 1e-6
-"""Relative slack to a limit that a choice leaves if the ends do. With less, the certificate's
-enclosures cannot distinguish a coordinate at its limit from one beyond it."""
+"""Least distance of a chosen motion from each limit, as a share of the limit, unless start or goal
+are closer. With less, the certificate's enclosures cannot distinguish a coordinate at its limit
+from one beyond it."""
 
 ROUNDING = 1e-9
 """Missing slack that counts as rounding."""

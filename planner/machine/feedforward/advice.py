@@ -73,6 +73,8 @@ def compensation_changes(
             worst = max(uneven, key=lambda each: each["deg"])
             why = f"at t = {worst['t_s']:.3g} s the drive reverses, and {worst['joint']} is left"
             why += f" {worst['deg']:.2g} deg short"
+        if plan.options.get("criterion") == "objective":
+            other = f"another path (method.{plan.method}.criterion = 'machine') or {other}"
         out.append(f"{other}, so that the drive reverses elsewhere or not at all ({why})")
     if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # the error that spreads leave
         less = (

@@ -334,7 +334,7 @@ def job(text: str = "") -> Iterator[Job]:
         thread.join()
         if current.bar.live.is_started:
             current.bar.stop()
-    if is_interrupted():  # CasADi's solvers swallow the exception and return
+    if is_interrupted():  # an error may hide it
         raise signal_listener.exception
 
 

@@ -18,6 +18,7 @@ from contextvars import Context, ContextVar
 from dataclasses import dataclass
 
 from planner.errors import InputError
+from planner.support.interrupts import handle_signals
 
 DEFAULT_SEARCH_S = 60.0
 """Processor seconds after which a search without a given limit ends. A limit in clock time would
@@ -171,11 +172,13 @@ def _first_to_end(waiting: bool = False) -> Span | None:
 
 
 def check() -> None:
-    """Stop if no time is left. Call this in every iteration of a search.
+    """Stop if no time is left or a signal waits. Call this in every iteration of a search.
 
     Raises:
         TimeUpError: If no time is left.
+        KeyboardInterrupt: As for `handle_signals`.
     """
+    handle_signals()
     if remaining() <= 0:
         raise time_up()
 
@@ -185,7 +188,9 @@ def check_stopped() -> None:
 
     Raises:
         TimeUpError: If `end` was called.
+        KeyboardInterrupt: As for `handle_signals`.
     """
+    handle_signals()
     for span in _spans():
         if span.verification_ended:
             raise time_up()

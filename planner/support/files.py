@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from planner.errors import InputError
-from planner.support.interrupts import hold_signals
+from planner.support.interrupts import handle_signals, hold_signals
 from planner.support.tables import shorten
 
 written_paths: list[Path] = []
@@ -52,16 +52,16 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
         if target.exists() and not target.is_file():
             target.write_bytes(content)
             return target
-        with hold_signals() as disturbed:
+        with hold_signals():
             target.parent.mkdir(parents=True, exist_ok=True)
             handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=_STAGING)
             try:
                 with os.fdopen(handle, "wb") as stream:
                     stream.write(content)
                 os.chmod(temporary, 0o666 & ~_umask())
-                if not disturbed():
-                    os.replace(temporary, target)
-                    written_paths.append(target)
+                handle_signals()
+                os.replace(temporary, target)
+                written_paths.append(target)
             finally:
                 Path(temporary).unlink(missing_ok=True)
     except OSError as error:
@@ -187,12 +187,12 @@ def folder(path: str | Path) -> Iterator[Path]:
             target.parent.mkdir(parents=True, exist_ok=True)
             staging = Path(tempfile.mkdtemp(dir=target.parent, prefix=_STAGING))
         yield staging
-        with hold_signals() as disturbed:
+        with hold_signals():
             (staging / _MARKER).touch()
             os.chmod(staging, 0o777 & ~_umask())
-            if not disturbed():
-                _swap(staging, target)
-                written_paths.append(target)
+            handle_signals()
+            _swap(staging, target)
+            written_paths.append(target)
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror or error}") from None
     finally:

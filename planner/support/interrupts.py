@@ -23,16 +23,15 @@ SIGNALS = tuple(
 """Signals that end a command: Ctrl-C, `kill` and batch systems, a closed terminal."""
 
 
-RAISE_AGAIN_S = 0.01
-"""Seconds between attempts to raise a signal again after Python dropped its exception."""
-
-
 class Terminated(BaseException):
     """SIGTERM or SIGHUP: clean up and end. Not an `Exception`, so handlers do not swallow it."""
 
 
 class SignalListener:
     """The command line's handler of `SIGNALS`.
+
+    It raises an exception at once, also in code that never looks at the time. Python drops what is
+    raised in `__del__` or a weak reference's callback; then the next `check` raises it again.
 
     Attributes:
         signals: Numbers of the signals received since `hear_signals` began.
@@ -50,12 +49,10 @@ class SignalListener:
         self.is_over = False
         self.substitute: Callable[[], bool] | None = None
         self.was_substituted = False
-        self._holders: set[object] = set()
-        self._is_pending = False
-        self._dropped = False
+        self._is_dropped = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Raise the signal's exception, unless the outcome is decided or signals are held back."""
+        """Raise the signal's exception, unless the outcome is decided."""
         if self.is_over:
             return
         unanswered = number == signal.SIGINT and not self.was_substituted
@@ -63,35 +60,22 @@ class SignalListener:
             self.was_substituted = True
             return
         self.signals.append(number)
-        if self._holders:
-            self._is_pending = True
-            return
-        while frame is not None:
-            if frame.f_code is SignalListener.take_dropped.__code__:
-                return  # Python would drop an exception raised from there
-            frame = frame.f_back
-        self._dropped = False
         raise self.exception
 
-    def take_dropped(
+    def note_dropped(
         self, what: sys.UnraisableHookArgs, otherwise: Callable[[sys.UnraisableHookArgs], object]
     ) -> None:
-        """Handle exceptions that Python drops, such as those of weak references or `__del__`.
-
-        A signal's exception is raised again after a moment; others go to `otherwise`.
-        """
-        if not isinstance(what.exc_value, KeyboardInterrupt | Terminated) or self.is_over:
+        """Handle exceptions that Python drops: note those of signals, give `otherwise` the rest."""
+        if isinstance(what.exc_value, KeyboardInterrupt | Terminated):
+            self._is_dropped = True
+        else:
             otherwise(what)
-            return
-        self._dropped = True
-        threading.Thread(target=self._raise_again, daemon=True).start()
 
-    def _raise_again(self) -> None:
-        while True:
-            time.sleep(RAISE_AGAIN_S)
-            if self.is_over or not self._dropped:
-                return
-            _to_main_thread(self.status - 128)
+    def check(self) -> None:
+        """Raise an exception that Python dropped."""
+        if self._is_dropped:
+            self._is_dropped = False
+            raise self.exception
 
     @property
     def exception(self) -> BaseException:
@@ -103,31 +87,61 @@ class SignalListener:
         """Exit status of a command that these signals ended."""
         return 128 + next((n for n in self.signals if n != signal.SIGINT), signal.SIGINT)
 
-    @contextmanager
-    def hold_signals(self) -> Iterator[Callable[[], bool]]:
-        """Hold signals back until the block ends. For short steps that must not be separated.
-
-        Yields:
-            A function that tells whether a signal waits; it raises when the block ends.
-        """
-        if threading.current_thread() is not threading.main_thread():  # gets no signals
-            yield lambda: False
-            return
-        token = object()
-        try:
-            self._holders.add(token)
-            yield lambda: self._is_pending
-        finally:
-            self._holders.discard(token)
-            if self._is_pending and not self._holders:
-                self._is_pending = False
-                raise self.exception
-
 
 signal_listener = SignalListener()
 """The only instance: only the main thread receives signals."""
 
-hold_signals = signal_listener.hold_signals
+_waiting: list[int] = []
+"""Numbers of the signals that came in `hold_signals`."""
+
+_handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
+"""The handlers that `hold_signals` replaced."""
+
+
+def _note(number: int, frame: FrameType | None) -> None:
+    _waiting.append(number)
+
+
+def handle_signals() -> None:
+    """Handle the signals that wait; every check of the time limit does so.
+
+    Raises:
+        KeyboardInterrupt: If Ctrl-C was pressed.
+        Terminated: If the command line received SIGTERM or SIGHUP.
+    """
+    if threading.current_thread() is not threading.main_thread():  # gets no signals
+        return
+    waiting = sorted(_waiting, key=lambda number: number == signal.SIGINT)
+    _waiting.clear()
+    for number in waiting:
+        _handlers[number](number, None)
+    signal_listener.check()
+
+
+@contextmanager
+def hold_signals() -> Iterator[None]:
+    """Hold signals back until `handle_signals`, or the end of the block.
+
+    For short steps that must not be separated, and for compiled code, which may swallow the
+    exception of a handler: CasADi then returns as if its solver had failed.
+
+    Raises:
+        KeyboardInterrupt: As for `handle_signals`.
+    """
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
+    mine = {n: each for n, each in handlers.items() if callable(each) and each is not _note}
+    if threading.current_thread() is not threading.main_thread():
+        mine = {}
+    try:
+        for number in mine:
+            _handlers[number] = mine[number]
+            signal.signal(number, _note)
+        yield
+    finally:
+        for number, handler in mine.items():
+            signal.signal(number, handler)
+        if mine:
+            handle_signals()
 
 
 @contextmanager
@@ -149,7 +163,7 @@ def hear_signals(last: bool = False) -> Iterator[None]:
     for number in mine:
         signal.signal(number, signal_listener)
     otherwise = sys.unraisablehook
-    sys.unraisablehook = partial(signal_listener.take_dropped, otherwise=otherwise)
+    sys.unraisablehook = partial(signal_listener.note_dropped, otherwise=otherwise)
     try:
         yield
     finally:
@@ -157,45 +171,6 @@ def hear_signals(last: bool = False) -> Iterator[None]:
         sys.unraisablehook = otherwise
         for number in mine:
             signal.signal(number, signal.SIG_IGN if last else before[number])
-
-
-@contextmanager
-def heed_interrupts() -> Iterator[None]:
-    """Raise an exception after the block if a signal raised it inside.
-
-    CasADi catches the exception inside its solvers and returns as if the solver had failed. The
-    caller would then try the next start instead of stopping.
-
-    Raises:
-        KeyboardInterrupt: If Ctrl-C was pressed.
-        Terminated: If the command line received SIGTERM.
-    """
-    before = {number: signal.getsignal(number) for number in SIGNALS}
-    mine = {number: handler for number, handler in before.items() if callable(handler)}
-    if threading.current_thread() is not threading.main_thread():
-        mine = {}
-    raised: list[BaseException] = []
-
-    def note(number: int, frame: FrameType | None) -> None:
-        try:
-            mine[number](number, frame)
-        except BaseException as error:
-            raised.append(error)
-            raise
-
-    for number in mine:
-        signal.signal(number, note)
-    try:
-        with mute_lines("stderr", "KeyboardInterruptException"):  # CasADi's warning of it
-            yield
-    except SystemError:  # Python 3.13 reports the exception that CasADi left set
-        if not raised:
-            raise
-    finally:
-        for number, handler in mine.items():
-            signal.signal(number, handler)
-    if raised:
-        raise raised[-1]
 
 
 HANDOVER_S = 0.05
@@ -245,18 +220,13 @@ def _osqp_interrupt_query() -> Callable[[], int]:
 
 def _pass_on_interrupt() -> None:
     """Send Ctrl-C to the main thread, which may be asleep. OSQP must not be running."""
-    _to_main_thread(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread():
-        time.sleep(HANDOVER_S)
-
-
-def _to_main_thread(number: int) -> None:
-    """Send a signal to the main thread, to wake it even if another thread received the signal."""
     main = threading.main_thread().ident
     if main is None or sys.platform == "win32":
-        signal.raise_signal(number)
+        signal.raise_signal(signal.SIGINT)
     else:
-        signal.pthread_kill(main, number)
+        signal.pthread_kill(main, signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread():
+        time.sleep(HANDOVER_S)
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import casadi as ca
 
 from planner.support import deadline
-from planner.support.interrupts import Terminated, heed_interrupts
+from planner.support.interrupts import hold_signals
 
 Value = TypeVar("Value")
 
@@ -46,17 +46,12 @@ def call_within(seconds: float, call: Callable[[], Value]) -> Value | None:
     began = time.process_time()
     caller.start()
     while caller.is_alive() and time.process_time() - began <= seconds:
-        left = deadline.remaining()
-        caller.join(min(CLOCK_INTERVAL_S, left))
-        if caller.is_alive() and left <= 0:
-            raise deadline.time_up()
+        caller.join(min(CLOCK_INTERVAL_S, deadline.remaining()))
+        if caller.is_alive():
+            deadline.check()
     if errors:
         raise errors[0]
     return out[0] if out else None
-
-
-STOPPED_STATUS = "User_Requested_Stop"
-"""IPOPT's return status after `_IterationWatch` stopped it."""
 
 
 class IpoptCall:
@@ -80,10 +75,12 @@ class IpoptCall:
             KeyboardInterrupt: If Ctrl-C was pressed.
         """
         deadline.check()
-        with heed_interrupts():
+        self._watch.error = None
+        with hold_signals():
             answer: dict[str, Any] = self._solver(**given)
-        if self.stats()["return_status"] == STOPPED_STATUS:
-            raise deadline.time_up()
+        error, self._watch.error = self._watch.error, None  # it would keep all frames alive
+        if error is not None:
+            raise error
         return answer
 
     def stats(self) -> dict[str, Any]:
@@ -93,10 +90,11 @@ class IpoptCall:
 
 
 class _IterationWatch(ca.Callback):
-    """Called after each iteration; a return value of 1 stops the solver."""
+    """Called after each iteration; a return value of 1 stops the solver, because of `error`."""
 
     def __init__(self, sizes: dict[str, int]) -> None:
         ca.Callback.__init__(self)
+        self.error: BaseException | None = None
         x, g, p = (sizes.get(key, 0) for key in ("x", "g", "p"))
         self._sizes = {"x": x, "f": 1, "g": g, "lam_x": x, "lam_g": g, "lam_p": p}
         self.construct("watch", {})
@@ -118,6 +116,7 @@ class _IterationWatch(ca.Callback):
 
     def eval(self, arguments: Any) -> list[float]:
         try:
-            return [float(deadline.remaining() <= 0)]
-        except (KeyboardInterrupt, Terminated):  # `heed_interrupts` raises it again
-            return [1.0]
+            deadline.check()
+        except BaseException as error:  # CasADi would swallow it
+            self.error = error
+        return [float(self.error is not None)]

@@ -15,7 +15,7 @@ import pytest
 from planner import InputError
 from planner.support import deadline
 from planner.support.deadline import TimeUpError, time_limit, time_share
-from planner.support.interrupts import heed_interrupts
+from planner.support.interrupts import hold_signals
 from planner.support.solver_calls import IpoptCall, call_within
 
 
@@ -167,7 +167,7 @@ def test_after_ctrl_c_a_long_search_refines_for_a_quarter_of_its_time() -> None:
 def test_a_handler_that_does_not_raise_lets_the_solver_go_on() -> None:
     heard = []
     signal.signal(signal.SIGINT, lambda *_: heard.append(True))
-    with heed_interrupts():
+    with hold_signals():
         signal.raise_signal(signal.SIGINT)
     assert heard == [True]
 

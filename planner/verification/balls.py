@@ -2,14 +2,15 @@
 
 On each cell, τ in [−1, 1], a ball stands for every function f with
 
-    |f(τ_k) − c_k| ≤ r_k               at the 16 Chebyshev points τ_k
-    |f(τ) − c − b τ| ≤ r               on the segment [−1, 1] itself (the ellipse of ρ = 1)
+    |f(τ_k) − c_k| ≤ r_k               at the 16 Chebyshev points τ_k: `Points`
+    |f(τ) − c − b τ| ≤ r               on the segment [−1, 1] itself (the ellipse of ρ = 1), and
     |f(z) − c − b z| ≤ r               for every complex z in the Bernstein ellipse of ρ, where f is
-                                       analytic; one triple (c, b, r) for each of eight ρ
+                                       analytic, for each of eight ρ: `Ellipses`
 
-All triples (c, b, r) are columns of three arrays; b is zero at points. f is real on the segment, so
-c and b are real. If r is infinite or NaN, f is unbounded there. The points give the interpolant of
-f, and the ellipses bound its error (`models`): with |f − c − b z| ≤ r in the ellipse it is at most
+A `Ball` stores all triples (c, b, r) as columns of three arrays, with b = 0 at points, because each
+operation has one formula for all columns. (Two sets of arrays take 1.1 to 1.8 times as long.)
+f is real on the segment, so c and b are real. If r is infinite or NaN, f is unbounded there. The
+points give the interpolant of f, and the ellipses bound its error (`models`): it is at most
 4 r ρ⁻¹⁵/(ρ − 1), since c + b z is interpolated exactly.
 Source: L. N. Trefethen, "Approximation Theory and Approximation Practice", 2013, theorem 8.2.
 
@@ -26,9 +27,10 @@ invalidates no bound.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -49,26 +51,69 @@ RHO = np.array([1.0, 1.6, 2.25, 3.15, 4.4, 6.2, 8.7, 12.2, 17.0])
 """ρ of the segment and of the ellipses. The smallest ellipse, 1.6, still gives a bound on cells
 that are too wide for the others; at 17 the interpolation error is pure rounding (17⁻¹⁵ = 4e-19)."""
 
-REAL_COLUMNS = np.arange(POINTS + len(RHO)) <= POINTS
+SEGMENT = POINTS
+"""Column of the segment in a `Ball`; the points are left of it, the ellipses right of it."""
+
+REAL_COLUMNS = np.arange(POINTS + len(RHO)) <= SEGMENT
 """Columns on which f is real: the points and the segment."""
 
 
-def _column(at_points: float, on_ellipses: Array) -> Array:
-    """A bound for every column, rounded up."""
-    return np.append(np.full(POINTS, at_points), on_ellipses) * (1 + 8 * ROUNDING_UNIT)
+RADIUS = (RHO + 1 / RHO) / 2 * (1 + 8 * ROUNDING_UNIT)
+"""R, the greatest |z| on the segment and in each ellipse."""
 
-
-RADIUS_COLUMN = _column(0.0, (RHO + 1 / RHO) / 2)
-"""R, the greatest |z| of each column."""
-
-SQUARE_COLUMN = _column(0.0, (RHO**2 + RHO**-2) / 4)
+SQUARE = (RHO**2 + RHO**-2) / 4 * (1 + 8 * ROUNDING_UNIT)
 """Bound of |z² − 1/2|: z = (w + 1/w)/2 with |w| ≤ ρ has z² − 1/2 = (w² + w⁻²)/4."""
 
+RADIUS_COLUMN = np.append(np.zeros(POINTS), RADIUS)
+SQUARE_COLUMN = np.append(np.zeros(POINTS), SQUARE)
 HALF_COLUMN = np.append(np.zeros(POINTS), np.full(len(RHO), 0.5))
+"""R, the bound of |z² − 1/2| and 1/2 for every column of a `Ball`; zero at points."""
 
-with np.errstate(divide="ignore"):
-    CUT = 4 * RHO ** (1 - POINTS) / (RHO - 1) * (1 + 64 * ROUNDING_UNIT)
-"""Interpolation error for r = 1; infinite on the segment."""
+CUT = 4 * RHO[1:] ** (1 - POINTS) / (RHO[1:] - 1) * (1 + 64 * ROUNDING_UNIT)
+"""Interpolation error for r = 1 in each ellipse."""
+
+
+class Points(NamedTuple):
+    """Values at the points and their errors, shape (C, 16)."""
+
+    c: Array
+    r: Array
+
+
+class Ellipses(NamedTuple):
+    """Centres, slopes and radii on the segment and the eight ellipses, shape (C, 9)."""
+
+    c: Array
+    b: Array
+    r: Array
+
+    @property
+    def remainder(self) -> Array:
+        """Bound of the interpolation error, shape (C,)."""
+        return np.asarray(np.fmin.reduce(self.r[:, 1:] * CUT, axis=1))
+
+    def integral(self, half: Array, middle: Array, doubt: Array) -> Ellipses:
+        """middle + ∫ from the middle of each cell: ∫ (c + bz + e) = cz + bz²/2 + ∫ e.
+
+        z² = 1/2 + (z² − 1/2), and |∫ e| ≤ r R along the straight line.
+
+        Args:
+            half: Half the width of each cell, (C, 1).
+            middle: The value in the middle of each cell, (C, 1).
+            doubt: Its error, (C, 1).
+        """
+        c, b = middle + half * self.b / 4, half * self.c
+        rest = half * (np.abs(self.b) * SQUARE / 2 + self.r * RADIUS)
+        rest = rest + doubt + 4 * ROUNDING_UNIT * (np.abs(c) + np.abs(b) * RADIUS)
+        return Ellipses(c, b, rest * ROUNDING_FACTOR)
+
+    def lie_in(self, other: Ellipses) -> Index:
+        """Where every function that these enclose is one that the other's enclose, (C, 9)."""
+        gap = np.abs(self.c - other.c) + np.abs(self.b - other.b) * RADIUS + self.r
+        return np.asarray(gap * ROUNDING_FACTOR <= other.r)
+
+
+Triple = TypeVar("Triple", "Ball", Ellipses)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +129,30 @@ class Ball:
         """One number on all cells, shape (1, 1)."""
         return cls(np.full((1, 1), value), np.zeros((1, 1)), np.zeros((1, 1)))
 
+    @classmethod
+    def join(cls, points: Points, ellipses: Ellipses) -> Ball:
+        """The ball of both."""
+        left = points.c, np.zeros_like(points.c), points.r
+        return cls(*map(np.hstack, zip(left, ellipses, strict=True)))
+
+    def __iter__(self) -> Iterator[Array]:
+        return iter((self.c, self.b, self.r))
+
+    @cached_property
+    def points(self) -> Points:
+        """The columns of the points."""
+        return Points(self.c[:, :SEGMENT], self.r[:, :SEGMENT])
+
+    @cached_property
+    def ellipses(self) -> Ellipses:
+        """The columns of the segment and the ellipses."""
+        return Ellipses(self.c[:, SEGMENT:], self.b[:, SEGMENT:], self.r[:, SEGMENT:])
+
+    @property
+    def number(self) -> float | None:
+        """The value of an exact constant; None of other balls."""
+        return None if self.c.size > 1 or self.r[0, 0] else float(self.c[0, 0])
+
     @cached_property
     def size(self) -> Array:
         """Bound of |c + b z|."""
@@ -94,43 +163,28 @@ class Ball:
         """δ, a bound of |f − c|."""
         return (np.abs(self.b) * RADIUS_COLUMN + self.r) * ROUNDING_FACTOR
 
-    @property
-    def ellipses(self) -> tuple[Array, Array, Array]:
-        """Centres, slopes and radii on the segment and the ellipses, shape (C, 9)."""
-        return self.c[:, POINTS:], self.b[:, POINTS:], self.r[:, POINTS:]
-
     def replace_rows(self, rows: Index, fresh: Index, new: Ball) -> Ball:
         """Select `rows`, and replace those of the mask `fresh` by the rows of `new`."""
-        out = [x[rows] for x in _arrays(self)]
-        for part, other in zip(out, _arrays(new), strict=True):
+        out = [x[rows] for x in self]
+        for part, other in zip(out, new, strict=True):
             part[fresh] = other
         return Ball(*out)
 
     # -- to real intervals ---------------------------------------------------------------------
 
-    @cached_property
-    def remainder(self) -> Array:
-        """Bound of the interpolation error, shape (C,)."""
-        return np.asarray(np.fmin.reduce(self.r[:, POINTS:] * CUT, axis=1))
-
-    @cached_property
-    def points_wrong(self) -> Array:
-        """The greatest radius at a point, shape (C,)."""
-        return np.asarray(np.max(self.r[:, :POINTS], axis=1))
-
     @property
     def relative_remainder(self) -> Array:
-        """`remainder` relative to the greatest value, or to one if that is greater; zero if it is
+        """The remainder relative to the greatest value, or to one if that is greater; zero if it is
         below rounding, infinite if it is unbounded."""
-        size = np.maximum(np.max(np.abs(self.c[:, :POINTS]), axis=1), 1.0)
-        hidden = self.remainder <= self.points_wrong
-        rough = np.where(hidden, 0.0, self.remainder / size)
+        size = np.maximum(np.max(np.abs(self.points.c), axis=1), 1.0)
+        remainder = self.ellipses.remainder
+        rough = np.where(remainder <= np.max(self.points.r, axis=1), 0.0, remainder / size)
         return np.asarray(np.where(np.isnan(rough), np.inf, rough))
 
     @property
     def range(self) -> tuple[Array, Array]:
         """Lower and upper bound on each cell's segment, shape (C,)."""
-        c, reach = self.c[:, POINTS], self.reach[:, POINTS] * ROUNDING_FACTOR
+        c, reach = self.c[:, SEGMENT], self.reach[:, SEGMENT] * ROUNDING_FACTOR
         slip = ROUNDING_UNIT * np.abs(c)
         return c - reach - slip, c + reach + slip
 
@@ -175,6 +229,11 @@ class Ball:
     def widen(self, by: Array) -> Ball:
         """The ball with radii increased by `by`, shape (C, 1) or (C, 25)."""
         return Ball(self.c, self.b, (self.r + by) * ROUNDING_FACTOR)
+
+
+def choose(mask: Index, one: Triple, other: Triple) -> Triple:
+    """`one` where the mask is true, elsewhere the other."""
+    return type(one)(*(np.where(mask, *pair) for pair in zip(one, other, strict=True)))
 
 
 def _compose(p: Ball, value: Array, slope: Array, rest: Array) -> Ball:
@@ -274,11 +333,7 @@ def arctangent2(y: Ball, x: Ball) -> Ball:
     """The angle of (x, y) where y keeps its sign or x > 0: ±π/2 − arctan(x/y), or arctan(y/x)."""
     low = np.abs(y.c) - y.reach, x.c - x.reach
     upright = low[0] > np.maximum(low[1], 0.0)
-    over, under = (
-        Ball(*(np.where(upright, *pair) for pair in zip(_arrays(m), _arrays(n), strict=True)))
-        for m, n in ((x, y), (y, x))
-    )
-    angle = arctangent(over * reciprocal(under))
+    angle = arctangent(choose(upright, x, y) * reciprocal(choose(upright, y, x)))
     quarter = np.where(upright, np.copysign(np.pi / 2, y.c), 0.0)
     turned = angle.scaled(np.where(upright, -1.0, 1.0)) + Ball(quarter, 0 * quarter, 0 * quarter)
     slip = np.where(upright | (low[1] > 0), ROUNDING_UNIT, np.inf)  # π/2 itself is rounded
@@ -295,12 +350,12 @@ def polynomial_balls(c: Array, r: Array) -> list[Ball]:
     size, most = np.abs(c), _chebyshev_bounds(width)
     slip = (width + 6) * ROUNDING_UNIT * np.sum(size, axis=2) + r
     centre, slope, radius = np.zeros((3, *r.shape, len(RADIUS_COLUMN)))
-    centre[..., :POINTS] = c @ evaluation(width).T
-    centre[..., POINTS:] = c[..., :1]
+    centre[..., :SEGMENT] = c @ evaluation(width).T
+    centre[..., SEGMENT:] = c[..., :1]
     if width > 1:
-        slope[..., POINTS:] = c[..., 1:2]
-    radius[..., :POINTS] = slip[..., None]
-    radius[..., POINTS:] = (size[..., 2:] @ most[2:] + r[..., None] * most[-1]) * (
+        slope[..., SEGMENT:] = c[..., 1:2]
+    radius[..., :SEGMENT] = slip[..., None]
+    radius[..., SEGMENT:] = (size[..., 2:] @ most[2:] + r[..., None] * most[-1]) * (
         1 + 64 * ROUNDING_UNIT
     )
     return [Ball(*parts) for parts in zip(centre, slope, radius, strict=True)]
@@ -321,30 +376,27 @@ def models(balls: Sequence[Ball], cells: int) -> list[Model]:
     """
     c, b, r = np.empty((3, len(balls), cells, len(RADIUS_COLUMN)))
     for i, ball in enumerate(balls):
-        c[i], b[i], r[i] = _arrays(ball)
-    v, line = c[:, :, :POINTS], r[:, :, POINTS]
-    left_over = np.fmin.reduce(r[:, :, POINTS + 1 :] * CUT[1:], axis=2)
-    wrong = LEBESGUE_BOUND * np.max(r[:, :, :POINTS], axis=2)
+        c[i], b[i], r[i] = ball
+    v, line = c[:, :, :SEGMENT], r[:, :, SEGMENT]
+    left_over = np.fmin.reduce(r[:, :, SEGMENT + 1 :] * CUT, axis=2)
+    wrong = LEBESGUE_BOUND * np.max(r[:, :, :SEGMENT], axis=2)
     rest = (
         left_over + wrong + 28 * ROUNDING_UNIT * COEFFICIENT_SUM_BOUND * np.max(np.abs(v), axis=2)
     )
     out = v @ interpolation().T
     rough = ~(rest <= line)
     out[rough] = 0.0
-    out[rough, 0], out[rough, 1] = c[rough, POINTS], b[rough, POINTS]
+    out[rough, 0], out[rough, 1] = c[rough, SEGMENT], b[rough, SEGMENT]
     rest = np.where(rough, line, rest) * ROUNDING_FACTOR
     unknown = ~np.isfinite(rest)
     out[unknown], rest[unknown] = 0.0, np.inf
     return [Model(*pair) for pair in zip(out, rest, strict=True)]
 
 
-def _arrays(p: Ball) -> tuple[Array, Array, Array]:
-    return p.c, p.b, p.r
-
-
 def _sign(p: Ball) -> Array:
     """Sign of the function on each cell's segment, shape (C, 1); zero if it may change."""
-    c, reach = p.c[:, -len(RHO) :][:, :1], p.reach[:, -len(RHO) :][:, :1]
+    k = min(SEGMENT, p.c.shape[1] - 1)  # constants have one column
+    c, reach = p.c[:, [k]], p.reach[:, [k]]
     return np.asarray(np.where(np.abs(c) > reach, np.sign(c), 0.0))
 
 

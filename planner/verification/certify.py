@@ -30,7 +30,7 @@ from planner.verification.enclosure import Enclosure
 from planner.verification.evidence import EnclosedMotion, Evidence, Obligation, Proof, decide
 from planner.verification.functions import Expression, UnboundedError
 from planner.verification.input_models import enclose_trajectory, resolve, source_of
-from planner.verification.models import POINTS, Index, Margin, Model, evaluation
+from planner.verification.models import Index, Margin, Model, evaluation
 from planner.verification.place_proofs import (
     clearances,
     distance_bounds,
@@ -250,7 +250,7 @@ def _own_margins(
     if type(required).values is Requirement.values:
         return out
     enclosure = motion.enclosure
-    q, u = (np.array([ball.c[:, :POINTS] for ball in of]) for of in (enclosure.q, enclosure.u))
+    q, u = (np.array([ball.points.c for ball in of]) for of in (enclosure.q, enclosure.u))
     values = required.values(MotionPoint(system, q, u, np.zeros_like(u)))
     for k, (part, row, value) in enumerate(zip(required.parts, rows, values, strict=True)):
         known = np.isfinite(row.r)

@@ -28,12 +28,11 @@ from planner.plan.trajectory import Trajectory
 from planner.support.arrays import Array
 from planner.support.compiled_calls import Pointwise
 from planner.systems.triangular_system import TriangularSystem
-from planner.verification.balls import RADIUS_COLUMN, SQUARE_COLUMN, Ball, models, polynomial_balls
+from planner.verification.balls import REAL_COLUMNS, Ball, Points, choose, models, polynomial_balls
 from planner.verification.functions import Expression
 from planner.verification.models import (
     INTEGRAL_BOUND,
     POINTS,
-    ROUNDING_FACTOR,
     ROUNDING_UNIT,
     Model,
     integration,
@@ -109,44 +108,30 @@ def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Encl
 def integral(f: Ball, width: Array, start: float) -> Ball:
     """start + ∫ f over all cells.
 
-    On the real line it is the integral of the interpolant, and the errors of f add up. On an
-    ellipse, from the middle, ∫ (c + bz + e) = cz + bz²/2 + ∫ e with z² = 1/2 + (z² − 1/2) and
-    |∫ e| ≤ r R along the straight line. Rounding: an integral is a sum of 16 products whose factors
-    have errors of a few units of one. In total these are at most 400 units of the greatest value,
-    including the error of the width.
+    On the real line it is the integral of the interpolant, and the errors of f add up. Rounding: an
+    integral is a sum of 16 products whose factors have errors of a few units of one. In total these
+    are at most 400 units of the greatest value, including the error of the width.
     """
-    half, v = width / 2, f.c[:, :POINTS]
+    half, v = width / 2, f.points.c
     steps = v @ integration().T * half[:, None]
     most = np.max(np.abs(v), axis=1)
-    wrong = half * (INTEGRAL_BOUND * f.points_wrong + 2 * f.remainder + 400 * ROUNDING_UNIT * most)
+    wrong = INTEGRAL_BOUND * np.max(f.points.r, axis=1) + 2 * f.ellipses.remainder
+    wrong = half * (wrong + 400 * ROUNDING_UNIT * most)
     left = start + np.append(0.0, np.cumsum(steps[:, -1])[:-1])
     slips = wrong + 2 * ROUNDING_UNIT * (np.abs(left) + np.abs(steps[:, -1]))
     doubt = wrong + 4 * ROUNDING_UNIT * np.abs(left)
     doubt = (doubt + np.append(0.0, np.cumsum(slips)[:-1]))[:, None] * (1 + 1e-12)
     places = left[:, None] + steps[:, :-1]
-    inside = Ball(places[:, :-1], np.zeros_like(v), np.repeat(doubt, POINTS, 1))
-    return _replace_ellipses(
-        inside, *_integral_on_ellipses(f, half[:, None], places[:, -1:], doubt)
-    )
-
-
-def _integral_on_ellipses(
-    f: Ball, half: Array, middle: Array, doubt: Array
-) -> tuple[Array, Array, Array]:
-    """middle + ∫ f from the middle of each cell, on the segment and the ellipses."""
-    slope, bend, r = f.ellipses
-    c, b = middle + half * bend / 4, half * slope
-    rest = half * (np.abs(bend) * SQUARE_COLUMN[POINTS:] / 2 + r * RADIUS_COLUMN[POINTS:])
-    rest = rest + doubt + 4 * ROUNDING_UNIT * (np.abs(c) + np.abs(b) * RADIUS_COLUMN[POINTS:])
-    return c, b, rest * ROUNDING_FACTOR
+    points = Points(places[:, :-1], np.repeat(doubt, POINTS, 1))
+    return Ball.join(points, f.ellipses.integral(half[:, None], places[:, -1:], doubt))
 
 
 def full_ball(f: Ball, cells: Cells) -> Ball:
     """The ball with a row for each cell and all columns, even if it is a constant."""
-    shape = (len(cells.piece), len(RADIUS_COLUMN))
+    shape = (len(cells.piece), len(REAL_COLUMNS))
     if f.c.shape == shape:
         return f
-    return Ball(*(np.broadcast_to(x, shape) for x in (f.c, f.b, f.r)))
+    return Ball(*(np.broadcast_to(x, shape) for x in f))
 
 
 @lru_cache(maxsize=32)
@@ -240,7 +225,7 @@ def perturbed_motion(system: TriangularSystem, motion: Enclosure, off: Array) ->
     Balls widened in all columns contain them, so functions evaluated on these balls are bounded.
     """
     cells, every = motion.cells, list(range(system.size))
-    still = np.zeros((len(cells.piece), len(RADIUS_COLUMN)))
+    still = np.zeros((len(cells.piece), len(REAL_COLUMNS)))
     astray = [Ball(still, still, still + by) for by in off]
     for most in TUBE_RADII:
         wide = {i: ball.widen(np.array([[most]])) for i, ball in enumerate(motion.q)}
@@ -289,29 +274,20 @@ def _on_ellipses(
 ) -> dict[int, Ball]:
     """The tube on the real columns, and on the ellipses the balls that Picard's map proves."""
     (known, u), half, signs = given, cells.width[:, None] / 2, (-1.0) ** np.arange(POINTS // 2)
-    nowhere = np.where(np.arange(len(RADIUS_COLUMN)) > POINTS, np.inf, doubt)
+    nowhere = np.where(REAL_COLUMNS, doubt, np.inf)
     out = {i: ball.widen(nowhere) for i, ball in core.items()}
     trial = {i: ball.widen(doubt + 0.2 * ball.reach) for i, ball in core.items()}
     for _ in range(PICARD_IMAGES):
-        fits, images = np.ones((len(half), len(RADIUS_COLUMN) - POINTS), dtype=bool), []
+        fits, images = np.array([[True]]), []
         for i, f in zip(block, _rates(system, block, cells, known | trial, u), strict=True):
             middle, slip = p[i].c[:, ::2] @ signs, 2 * POINTS * ROUNDING_UNIT * p[i].norm
-            c, b, r = _integral_on_ellipses(f, half, middle[:, None], doubt + slip[:, None])
-            now = trial[i].ellipses
-            gap = np.abs(c - now[0]) + np.abs(b - now[1]) * RADIUS_COLUMN[POINTS:] + r
-            fits &= gap * ROUNDING_FACTOR <= now[2]
-            images.append((c, b, r))
-        for i, (c, b, r) in zip(block, images, strict=True):
-            pairs = zip((c, b, r), out[i].ellipses, strict=True)
-            out[i] = _replace_ellipses(out[i], *(np.where(fits, new, old) for new, old in pairs))
-            trial[i] = _replace_ellipses(out[i], c, b, 1.2 * r)
+            images.append(f.ellipses.integral(half, middle[:, None], doubt + slip[:, None]))
+            fits = fits & images[-1].lie_in(trial[i].ellipses)
+        for i, new in zip(block, images, strict=True):
+            points = out[i].points
+            out[i] = Ball.join(points, choose(fits, new, out[i].ellipses))
+            trial[i] = Ball.join(points, new._replace(r=1.2 * new.r))
     return out
-
-
-def _replace_ellipses(ball: Ball, c: Array, b: Array, r: Array) -> Ball:
-    """The ball with other columns for the segment and the ellipses."""
-    points = ball.c[:, :POINTS], ball.b[:, :POINTS], ball.r[:, :POINTS]
-    return Ball(*map(np.hstack, zip(points, (c, b, r), strict=True)))
 
 
 @lru_cache(maxsize=32)
@@ -332,7 +308,7 @@ def _reference(
     system: TriangularSystem, cells: Cells, guess: Array, u: list[Ball], start: Array
 ) -> Array:
     """Values near the motion, by Picard integrals in each cell and Newton steps across cells."""
-    inputs = np.stack([x.c[:, :POINTS] for x in u], axis=-1)
+    inputs = np.stack([x.points.c for x in u], axis=-1)
     width, middle = cells.width, POINTS // 2
     flow = _change(_jacobian(system)[3](guess[:, middle], inputs[:, middle]), width)
     smallest = np.inf

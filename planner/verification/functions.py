@@ -103,15 +103,15 @@ class Expression:
 def _product(a: Ball, b: Ball) -> Ball:
     """a · b, cheaper if one of them is a number."""
     for one, other in ((a, b), (b, a)):
-        if one.c.size == 1 and not one.r[0, 0] and not one.b[0, 0]:
-            return other.scaled(one.c[0, 0])
+        if one.number is not None:
+            return other.scaled(np.float64(one.number))
     return a * b
 
 
 def _power(base: Ball, exponent: Ball) -> Ball:
-    if exponent.c.size > 1 or exponent.r[0, 0]:
+    if exponent.number is None:
         raise UnboundedError("a power whose exponent is not constant")
-    return f.power(base, float(exponent.c[0, 0]))
+    return f.power(base, exponent.number)
 
 
 def _hyperbolic(sign: float) -> Callable[[Ball], Ball]:

@@ -39,7 +39,6 @@ from planner.verification.functions import (
     refine_curve,
 )
 from planner.verification.models import (
-    POINTS,
     ROUNDING_FACTOR,
     ROUNDING_UNIT,
     Index,
@@ -127,7 +126,7 @@ def _omitted_inputs(trajectory: Trajectory, motion: Enclosure) -> Array:
     pace, out = rate.c @ evaluation(rate.c.shape[1]).T, []
     mean = trajectory.length.c[-1, -1] / trajectory.length.x[-1]
     for ball, model in zip(motion.u, motion.models(*motion.u), strict=True):
-        size = np.abs(ball.c[:, :POINTS])
+        size = np.abs(ball.points.c)
         steep = float(np.max(size / pace, where=pace > 1e-3 * mean, initial=0.0))
         bound = rate.scaled(np.full(len(pace), 2 * steep))
         scale = np.full(2, max(float(np.mean(size)), 1e-12))
@@ -241,7 +240,7 @@ def _inverse_by_links(system: TriangularSystem, branch: tuple[float, ...]) -> St
     value, slope = Expression([q], chain), Expression([q], slopes)
 
     def state(z: list[Ball]) -> list[Ball]:
-        points = np.stack([ball.c[:, :POINTS] for ball in z], axis=-1)
+        points = np.stack([ball.points.c for ball in z], axis=-1)
         c = form.q(points, signs).transpose(2, 0, 1) @ interpolation().T
         guess = polynomial_balls(c, 0 * c[:, :, 0])
         known = {0: z[0], size - 1: z[-1]}

@@ -320,7 +320,7 @@ def test_a_trailer_behind_a_car_that_goes_straight_on() -> None:
         motion = enclose(path, cells, balls_on_cells(path.u_curve, cells), start)
     hitch, heading = motion.q[2:4]
     assert np.max(hitch.r[:, : POINTS + 1]) < 1e-2  # a line is 3e-3 off
-    assert np.max(hitch.remainder) < 1e-12
+    assert np.max(hitch.ellipses.remainder) < 1e-12
     for cell in range(2):
         low, high = (mp.mpf(float(v)) for v in breaks[cell : cell + 2])
         for column in range(COLUMNS):

@@ -389,8 +389,8 @@ class StageLaws:
         units[np.arange(n), rows.links.start + np.arange(n)] = 1.0
         answers = np.stack([self._tree(freed, unit, none) for unit in units], axis=1)
         system = np.einsum("ijs,jks->sik", answers[rows.links], self.coupling) + np.eye(n)
-        own = np.linalg.solve(system, v[rows.links].T[..., None])[..., 0].T
-        pull = np.einsum("jks,ks->js", self.coupling, own)
+        rates = np.linalg.solve(system, v[rows.links].T[..., None])[..., 0].T
+        pull = np.einsum("jks,ks->js", self.coupling, rates)
         return np.asarray(v - np.einsum("ijs,js->is", answers, pull))
 
     def _tree(self, lines: tuple[Array, ...], all_push: Array, reference: Array) -> Array:

@@ -207,8 +207,8 @@ class CommandVariants:
         """See `CommandGrid`."""
         tick = self._tick[first:last]
         if self._after is None:
-            held = quantise(self._values[tick[:, 0]], self._resolution)
-            return np.broadcast_to(held[:, None], (len(held), 2, *held.shape[1:]))
+            values = quantise(self._values[tick[:, 0]], self._resolution)
+            return np.broadcast_to(values[:, None], (len(values), 2, *values.shape[1:]))
         share = self._share[first:last, :, None, None]
         between = (1 - share) * self._values[tick] + share * self._after[tick]
         return quantise(between, self._resolution)

@@ -132,21 +132,21 @@ def machine_limits(
     """
     out = []
     for k, (required, part, low, high) in enumerate(parts_of(problem)):
-        own = margins[:, k]
-        if np.isnan(own).any():
+        distances = margins[:, k]
+        if np.isnan(distances).any():
             continue
-        worst = int(np.argmin(own))
-        value = high - own[worst] if np.isfinite(high) else low + own[worst]
+        worst = int(np.argmin(distances))
+        value = high - distances[worst] if np.isfinite(high) else low + distances[worst]
         out.append(
             MachineLimit(
                 required,
                 part,
-                int(np.sum(own < 0)),
-                len(own),
+                int(np.sum(distances < 0)),
+                len(distances),
                 float(value),
                 int(numbers[worst]),
                 float(times[worst, k]),
-                float(np.percentile(planned[k] - own, KEPT_PERCENT)),
+                float(np.percentile(planned[k] - distances, KEPT_PERCENT)),
             )
         )
     return tuple(out)
@@ -172,12 +172,12 @@ def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
 
 def _furthest(broken: Sequence[MachineLimit]) -> list[MachineLimit]:
     """The limit of each requirement that machines come nearest to, or exceed most."""
-    found: dict[Requirement, MachineLimit] = {}
+    worst: dict[Requirement, MachineLimit] = {}
     for each in broken:
-        known = found.get(each.requirement)
+        known = worst.get(each.requirement)
         if known is None or known.sweep < each.sweep:
-            found[each.requirement] = each
-    return list(found.values())
+            worst[each.requirement] = each
+    return list(worst.values())
 
 
 def _advice(each: MachineLimit) -> str:

@@ -206,9 +206,9 @@ class March:
         coupling = gears.mass / h
         push = heavy * y[place.v]
         push[rows.links] = gears.pull + np.einsum("jks,ks->js", coupling, y[rows.links])
-        own = np.arange(1 + rows.m)
-        heavy[rows.links] = coupling[own, own]
-        coupling[own, own] = 0.0
+        diagonal = np.arange(1 + rows.m)
+        heavy[rows.links] = coupling[diagonal, diagonal]
+        coupling[diagonal, diagonal] = 0.0
         drag = heavy + LEAST_DRAG
         drag[rows.passive] += data.viscous
         driven = data.integral * y[place.behind] + feedforward

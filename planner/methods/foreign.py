@@ -32,15 +32,15 @@ class ForeignPlans:
         Raises:
             MethodError: If the function fails or does not return a plan of this problem.
         """
-        found = self.provider.call(self.function, problem, options, *near)
-        plan: Plan = self.provider.call(self._sound, problem, found)
+        answer = self.provider.call(self.function, problem, options, *near)
+        plan: Plan = self.provider.call(self._sound, problem, answer)
         return plan
 
-    def _sound(self, problem: Problem, found: Any) -> Plan:
+    def _sound(self, problem: Problem, answer: Any) -> Plan:
         """The returned plan, if all of it is valid."""
-        if not isinstance(found, Plan):
-            raise self.provider.error(f"returned {line(repr(found), 60)}, which is not a plan")
-        plan = found.compensates or found
+        if not isinstance(answer, Plan):
+            raise self.provider.error(f"returned {line(repr(answer), 60)}, which is not a plan")
+        plan = answer.compensates or answer
         if plan.problem != problem:
             raise self.provider.error("returned a plan of another problem")
         plan = replace(plan, verified=False, certificate=None)

@@ -89,8 +89,8 @@ def law(rates: Rates) -> Keeps:
         if "du" not in demand.reads:
             return "kept" if slowed else "judged"
         answers = rates(problem.travel)
-        own = {answers[part.index]} if demand.is_direct else set(answers)
-        return "never" if "never" in own else "kept" if slowed and own == {"kept"} else "judged"
+        ways = {answers[part.index]} if demand.is_direct else set(answers)
+        return "never" if "never" in ways else "kept" if slowed and ways == {"kept"} else "judged"
 
     return keeps
 

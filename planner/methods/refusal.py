@@ -98,8 +98,8 @@ def path_changes(problem: Problem) -> list[Change]:
     """The problem with each path requirement removed in turn, except the travel."""
     limits, out = problem.to_dict().get("limits", {}), dict[str, Change]()
     for demand in reversed(problem.demands):
-        if found := demand.removal(limits):
-            keys, words, what = found
+        if removal := demand.removal(limits):
+            keys, words, what = removal
             out[what] = Change(keys, words, what)
     return list(out.values())
 
@@ -140,7 +140,7 @@ class TriedChanges:
 
 
 def try_changes(
-    changes: Sequence[Change], attempt: Attempt, told: Callable[[str], None]
+    changes: Sequence[Change], attempt: Attempt, report: Callable[[str], None]
 ) -> TriedChanges:
     """Try changes in order, each in its share of the time, until one leads to a verified plan."""
     vain, left = list[Change](), list[Change]()
@@ -148,7 +148,7 @@ def try_changes(
         if remaining() <= 0:
             left.append(change)
             continue
-        told(f"trying {change}")
+        report(f"trying {change}")
         try:
             with time_share(TRY_SHARE):
                 plan = attempt(change)
@@ -177,12 +177,12 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
     Returns:
         A plan of the original problem, if a try happened to find one.
     """
-    own = [change for change in error.changes if not change.method]
-    if not own:
+    changes = [change for change in error.changes if not change.method]
+    if not changes:
         return None
     allowed = min(max(LEAST_S, MOST_TIMES_REFUSAL * seconds), MOST_S)
     with time_limit(allowed, "the time for trying changes"):
-        tries = try_changes(own, attempt, lambda doing: progress.tell(f"no plan; {doing}"))
+        tries = try_changes(changes, attempt, lambda doing: progress.tell(f"no plan; {doing}"))
     if tries.change is None or tries.plan is None:
         said = [error.otherwise] if error.otherwise else []
         if tries.vain:
@@ -204,14 +204,14 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
 def changed_words(plan: Plan, broken: Sequence[Violation]) -> str:
     """Changes of the problem, in words, that make this its plan, given its present violations."""
     problem, parts = plan.problem, []
-    found = [(*asked, v) for v in broken if (asked := problem.asking(v.label))]
+    demands = [(*asked, v) for v in broken if (asked := problem.asking(v.label))]
     for kind in dict.fromkeys(type(demand) for demand in reversed(problem.demands)):
-        own = [each for each in found if type(each[0]) is kind]
-        if kind is Duration and own:
+        group = [each for each in demands if type(each[0]) is kind]
+        if kind is Duration and group:
             parts.append(f"goal.duration = {rounded(plan.duration)} or more")
-        elif kind is Goal and any(part.index == 0 for _, part, _ in own):
+        elif kind is Goal and any(part.index == 0 for _, part, _ in group):
             ((key, value),) = problem.travel_change(plan.travel).items()
             parts.append(f"{key} = {value:.6g}")
-        elif own and kind not in (Start, Goal):
-            parts.append(kind.easing(sorted(own, key=lambda each: each[2].label)))
+        elif group and kind not in (Start, Goal):
+            parts.append(kind.easing(sorted(group, key=lambda each: each[2].label)))
     return " and ".join(words for words in parts if words)

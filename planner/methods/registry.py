@@ -239,5 +239,5 @@ def merged_options(problem: Problem, method: Method, options: dict[str, Any]) ->
     table = getattr(problem.methods, method.name, None)  # None if registered after the problem
     if table is not None and not options:
         return table
-    own = {} if table is None else table.model_dump(exclude_unset=True)
-    return parse(method.options, {**own, **plain(options)}, f"options of method '{method.name}'")
+    base = {} if table is None else table.model_dump(exclude_unset=True)
+    return parse(method.options, {**base, **plain(options)}, f"options of method '{method.name}'")

@@ -116,8 +116,8 @@ def objective_of(trajectory: Trajectory, name: str) -> float | None:
     if not re.fullmatch(rf"{term}(?: \+ {term})*", words):
         return None
     with np.errstate(all="ignore"):  # an edited file may contain any motion
-        found = re.findall(term, words)
-        return float(sum(float(weight or 1) * _TERMS[of](trajectory) for weight, of in found))
+        terms = re.findall(term, words)
+        return float(sum(float(weight or 1) * _TERMS[of](trajectory) for weight, of in terms))
 
 
 _TERMS: dict[str, Callable[[Trajectory], float]] = {

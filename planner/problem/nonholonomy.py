@@ -190,8 +190,8 @@ class Probe:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready form."""
-        found = None if self.finding is None else self.finding.to_dict()
-        return {"at": self.name, "controllability": found}
+        finding = None if self.finding is None else self.finding.to_dict()
+        return {"at": self.name, "controllability": finding}
 
     def __str__(self) -> str:
         if self.finding is None:

@@ -38,8 +38,8 @@ def version() -> str:
 
     An editable install keeps the version of the day it was installed, so the file comes first.
     """
-    if found := _checkout():
-        return found
+    if checkout := _checkout():
+        return checkout
     from importlib import metadata  # slow to import
 
     try:
@@ -57,8 +57,8 @@ def release() -> str:
     asked = ["git", "log", "-1", "--format=%h", "--abbrev=7", "--", "."]
     where = ROOT / "planner"
     try:
-        found = subprocess.run(asked, cwd=where, capture_output=True, text=True, check=False)
-        commit = found.stdout.strip()
+        log = subprocess.run(asked, cwd=where, capture_output=True, text=True, check=False)
+        commit = log.stdout.strip()
     except OSError:  # no git
         commit = ""
     return f"planner {version()}" + (f", commit {commit}" if commit else "")

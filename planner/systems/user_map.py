@@ -37,15 +37,15 @@ class UserMap:
             name that both share stands for two quantities.
     """
 
-    def __init__(self, system: str, own: Sequence[Coordinate], given: Mapping[str, Any]) -> None:
-        self.name, self.own = system, tuple(own)
+    def __init__(self, system: str, names: Sequence[Coordinate], given: Mapping[str, Any]) -> None:
+        self.name, self.own = system, tuple(names)
         if missing := [key for key in KEYS if key not in given]:
             raise InputError(f"{system}: user lacks {', '.join(missing)}")
         self.texts = {key: [str(text) for text in given[key]] for key in KEYS}
         for key, texts in self.texts.items():
-            if len(texts) != len(own):
+            if len(texts) != len(names):
                 raise InputError(
-                    f"{system}: user.{key} has {len(texts)} entries for {len(own)} coordinates"
+                    f"{system}: user.{key} has {len(texts)} entries for {len(names)} coordinates"
                 )
         pairs = zip(self.texts["coordinates"], self.texts["units"], strict=True)
         self.coordinates = tuple(Coordinate(*pair) for pair in pairs)

@@ -70,8 +70,8 @@ def figure(*headings: Heading, default: Any = np.nan, **how: Any) -> Any:
 
 def figures(kind: type) -> Mapping[str, FigureField]:
     """The figures among the fields of a class, by name, in order."""
-    found: tuple[Field[Any], ...] = fields(kind)
-    return {f.name: f.metadata["figure"] for f in found if "figure" in f.metadata}
+    members: tuple[Field[Any], ...] = fields(kind)
+    return {f.name: f.metadata["figure"] for f in members if "figure" in f.metadata}
 
 
 @dataclass(frozen=True, kw_only=True)

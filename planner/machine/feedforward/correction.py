@@ -150,16 +150,16 @@ class Correction:
             deadline.check()
             if self._is_good(now):
                 break
-            found = self._candidates(now, damping, power, probes[0])
-            if not found:
+            candidates = self._candidates(now, damping, power, probes[0])
+            if not candidates:
                 break
-            runs = self._variants.run(np.stack([values for _, values in found], axis=2))
-            measures = [self._measure(runs[k], v, power) for k, (_, v) in enumerate(found)]
+            runs = self._variants.run(np.stack([values for _, values in candidates], axis=2))
+            measures = [self._measure(runs[k], v, power) for k, (_, v) in enumerate(candidates)]
             k = int(np.argmin(measures))
             gain = best - measures[k]
             if gain > 0:
-                damping = float(np.clip(3 * found[k][0], *DAMPINGS))
-                self.values, now, best = found[k][1], runs[k], measures[k]
+                damping = float(np.clip(3 * candidates[k][0], *DAMPINGS))
+                self.values, now, best = candidates[k][1], runs[k], measures[k]
                 self.rounds += 1
             else:
                 damping = min(30 * damping, DAMPINGS[1])
@@ -243,19 +243,19 @@ class Correction:
             if missed <= np.rad2deg(PIN_TOLERANCE_RAD):
                 break
             deadline.check()
-            found = self._best_of(self._pin_steps(now), now, PIN_GAIN)
-            is_dear = not found or found[0] >= 0
+            step = self._best_of(self._pin_steps(now), now, PIN_GAIN)
+            is_dear = not step or step[0] >= 0
             if is_dear and missed < PINNED_DEG:
                 break
             if is_dear and missed <= GOOD_DEG:
                 more = self._best_of(self._knot_steps(missed), now, KNOT_GAIN)
                 if more and np.max(np.abs(more[2].pins)) > (1 - LEAST_GAIN) * missed:
                     more = None  # its gain is too small; it would be repeated in every round
-                both = [each for each in (found, more) if each]
-                found = min(both, default=None, key=itemgetter(0))
-            if not found:
+                both = [each for each in (step, more) if each]
+                step = min(both, default=None, key=itemgetter(0))
+            if not step:
                 break
-            _, self.values, now = found
+            _, self.values, now = step
         return now
 
     def _best_of(self, steps: Array, now: Runs, gain: float) -> tuple[float, Array, Runs] | None:

@@ -63,27 +63,27 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
                 was_cut_short = True
             commands = MotorCommands(shape.t, correction.commands, shape.clock, shape.is_linear)
             compensation = Compensation(plan, machine.to_dict(), shape.clock)
-            made, prediction = plan_with_commands(compensation, commands)
+            candidate, prediction = plan_with_commands(compensation, commands)
             error_deg = prediction.error_deg
             is_better = correction.keeps_all and error_deg < plain_E_deg
             # If it does not help, report the plan compensated as requested.
             in_vain = done is without and not is_better
             rank = (in_vain or not correction.keeps_all, in_vain, error_deg)
-            tried.append((rank, correction, shape, made, error_deg))
+            tried.append((rank, correction, shape, candidate, error_deg))
             if was_cut_short or is_better or not shape.clock.holds:
                 break
-    _, correction, shape, made, error_deg = min(tried, key=lambda each: each[0])
+    _, correction, shape, candidate, error_deg = min(tried, key=lambda each: each[0])
     notes = {
         "E_deg": error_deg,
         "plain_E_deg": plain_E_deg,
-        "lead_s": made.lead_s,
-        "tail_s": made.tail_s,
-        "holds_s": [[begin, end] for begin, end in made.clock.holds],
+        "lead_s": candidate.lead_s,
+        "tail_s": candidate.tail_s,
+        "holds_s": [[begin, end] for begin, end in candidate.clock.holds],
         "uneven": _uneven(shape, system),
         "rounds": correction.rounds,
     }
-    made = replace(made, notes={**plan.notes, "compensation": notes})
-    return mark_cut_short(made, span, CUT_SHORT_WORDS) if was_cut_short else made
+    candidate = replace(candidate, notes={**plan.notes, "compensation": notes})
+    return mark_cut_short(candidate, span, CUT_SHORT_WORDS) if was_cut_short else candidate
 
 
 def _uneven(shape: CommandShape, system: Manipulator) -> list[dict[str, Any]]:
@@ -136,7 +136,7 @@ def compensated_error_deg(plan: Plan) -> float:
     infinite if time is up."""
     machine = Machine.from_table(plan.problem.machine)
     try:
-        made = follow(plan, machine, plan.problem.compensation)
+        answer = follow(plan, machine, plan.problem.compensation)
     except TimeUpError:
         return float("inf")
-    return replay(made, machine, RANKED_MACHINES, 0, record_s=None).percentile(95)
+    return replay(answer, machine, RANKED_MACHINES, 0, record_s=None).percentile(95)

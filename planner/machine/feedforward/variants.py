@@ -87,12 +87,12 @@ class Variants:
     def _place_knots(self) -> Array:
         """Place knots evenly over the plan, and more densely in the holds."""
         clock, spacing = self.shape.clock, self._plan.duration / KNOTS
-        held = set(clock.holds)
-        held |= {(clock.when(clock.seconds), self._end)}
-        cuts = sorted({self._begin, self._end, *np.ravel(list(held)).tolist()})
+        holds = set(clock.holds)
+        holds |= {(clock.when(clock.seconds), self._end)}
+        cuts = sorted({self._begin, self._end, *np.ravel(list(holds)).tolist()})
         knots = [] if self._begin == 0 else [max(0.0, self._begin - REST_S)]
         for a, b in pairwise(cuts):
-            longest = min(spacing, HOLD_KNOT_S) if (a, b) in held else spacing
+            longest = min(spacing, HOLD_KNOT_S) if (a, b) in holds else spacing
             parts = int(np.ceil((b - a) / longest - 1e-9))
             knots += (a + (b - a) * np.arange(parts) / parts).tolist()
         return np.array([*knots, self._end])

@@ -72,9 +72,9 @@ def refuse_misfit(log: Log, system: Manipulator) -> None:
     if np.all(left < FIT_SHARE):
         return
     worst = int(np.argmax(left))
-    found = min(_mistakes(log), key=lambda each: float(np.max(_left(each[1], system))))
-    fits = np.max(_left(found[1], system)) < FIT_SHARE
-    advice = f"it fits if {found[0]}" if fits else "no sign, unit or order of columns makes it fit"
+    fault = min(_mistakes(log), key=lambda each: float(np.max(_left(each[1], system))))
+    fits = np.max(_left(fault[1], system)) < FIT_SHARE
+    advice = f"it fits if {fault[0]}" if fits else "no sign, unit or order of columns makes it fit"
     raise InputError(
         f"{log.source}: theta{worst + 1} does not turn as the commands and the problem's gears"
         f" (K, k_g) require; {advice}"

@@ -152,8 +152,8 @@ class Identification:
         """
         machine = self.machine if machine is None else machine
         shifted = replace(log, theta=log.theta - self._zeros)
-        found = predict_run(shifted, self.problem, machine)
-        return replace(found, theta=found.theta + self._zeros)
+        prediction = predict_run(shifted, self.problem, machine)
+        return replace(prediction, theta=prediction.theta + self._zeros)
 
     @property
     def _zeros(self) -> Array:
@@ -313,8 +313,8 @@ def identify(
     estimates = tuple(_estimates(parameters, result))
     if any(_wrong_zeros(_estimates(more, step_with_zeros(also, more, result)))):
         again = fit(also, more, starts, seed, tell)
-        if any(_wrong_zeros(found := tuple(_estimates(more, again)))):
-            parameters, result, estimates = more, again, found
+        if any(_wrong_zeros(corrections := tuple(_estimates(more, again)))):
+            parameters, result, estimates = more, again, corrections
     noise = np.rad2deg([model.noise for model in models])
     residual = np.rad2deg(result.residual)
     return Identification(

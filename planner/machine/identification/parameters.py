@@ -243,34 +243,34 @@ class Parameters:
 
     def effects(self, x: Array) -> dict[str, Array]:
         """The effects in which machines x (S, P) differ from the preset, each (c, S)."""
-        found = dict(zip((row.key for row in self.rows), self.values(x).T, strict=True))
+        values = dict(zip((row.key for row in self.rows), self.values(x).T, strict=True))
         numbers = range(2, self.system.n + 1)
-        lost = np.stack([found[f"w{j}"] for j in numbers])
+        lost = np.stack([values[f"w{j}"] for j in numbers])
         share = (self._twist / np.where(self._lost > 0, self._lost, 1.0))[:, None]
         friction = self._each("coulomb_friction_nm")[:, None]
         out = {}
         if self._has_inertia:
-            share = np.stack([found[f"twist{j}"] for j in numbers])
+            share = np.stack([values[f"twist{j}"] for j in numbers])
         if self._has_friction:
             friction = out["coulomb_friction_nm"] = np.stack(
-                [found[f"friction{j}"] for j in numbers]
+                [values[f"friction{j}"] for j in numbers]
             )
         out["backlash_deg"] = np.rad2deg(2 * (1 - share) * lost)
         stiffness = self._each("shaft_stiffness_nm_per_rad")[:, None]
         if np.any(share > 0):
             stiffness = out["shaft_stiffness_nm_per_rad"] = friction / (share * lost)
-        if "lag2" in found:
-            lags = np.stack([found[f"lag{j}"] for j in numbers])
+        if "lag2" in values:
+            lags = np.stack([values[f"lag{j}"] for j in numbers])
             out["viscous_friction_nms_per_rad"] = lags * stiffness
-        if "servo1" in found:
-            lags = np.stack([found["servo1"], found["servo2"]])
+        if "servo1" in values:
+            lags = np.stack([values["servo1"], values["servo2"]])
             out["servo_bandwidth_rad_s"] = 1 / (lags - self._each("delay_s")[0])
         for one in DIRECT:
             count = EFFECTS[one.effect].count(self.system.n) if one.effect in EFFECTS else 0
             keys = [one.key.format(i + one.first) for i in range(one.fitted, count)]
-            if keys and keys[0] in found:
+            if keys and keys[0] in values:
                 kept = np.repeat(self._each(one.effect)[: one.fitted, None], len(x), axis=1)
-                out[one.effect] = np.concatenate([kept, [found[key] for key in keys]])
+                out[one.effect] = np.concatenate([kept, [values[key] for key in keys]])
         return {
             name: np.broadcast_to(value, (EFFECTS[name].count(self.system.n), len(x)))
             if EFFECTS[name].owner != "machine"

@@ -65,8 +65,8 @@ class Candidate:
     @property
     def rank(self) -> tuple[int, float]:
         """Order among candidates, the best last: by exactness, then objective (or residual)."""
-        found = self.solution
-        return self.exactness, -(found.objective if found.ok else found.residual)
+        solution = self.solution
+        return self.exactness, -(solution.objective if solution.ok else solution.residual)
 
 
 class Best:
@@ -109,6 +109,6 @@ class Best:
         if best is None or not has_only_limits(best.task):
             return
         chain = chain_of(best.task, best.solution)
-        if found := exact_motion(best.task, chain, self._accuracy):
-            task, solution = found
+        if motion := exact_motion(best.task, chain, self._accuracy):
+            task, solution = motion
             self.take(replace(best, task=task, solution=solution, checked=Exactness.EXACT))

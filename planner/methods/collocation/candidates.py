@@ -106,7 +106,7 @@ def _fixed_seeds() -> dict[str, list[Seed]]:
 
 def guess(
     problem: Problem,
-    made: Transcription,
+    nlp: Transcription,
     mesh: Mesh,
     seed: Seed,
     about: StateTrajectory | None = None,
@@ -116,15 +116,15 @@ def guess(
     q = _states(problem, mesh, seed, s, about)
     rates = np.gradient(q[:, :2], s, axis=0)
     drive = problem.system.drive(q)
-    units = made.form.units
+    units = nlp.form.units
     least = 0.05 / (units.inputs[0] * units.time_s)
     rates[:, 0] /= np.where(np.abs(drive) < least, least, drive)
     duration = problem.duration or _duration(problem, rates) + 0.01 * units.time_s
-    where = made.form.input_places(mesh)
+    where = nlp.form.input_places(mesh)
     return Iterate(
         duration=duration,
         nodes=_interpolate(mesh.edges, s, q),
-        points=_interpolate(mesh.at(made.form.scheme.points), s, q),
+        points=_interpolate(mesh.at(nlp.form.scheme.points), s, q),
         inputs=_interpolate(where, s, rates) / duration,
     )
 

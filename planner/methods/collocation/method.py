@@ -87,18 +87,18 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
         deadline.time_limit(None, has_answer=best.holds) as span,
     ):
         try:
-            found = max(search.run(), key=rank, default=None)
+            candidate = max(search.run(), key=rank, default=None)
         except deadline.TimeUpError:
             if warm is not None and not best.holds():
                 raise
-            found = _finish_best(best, span, problem, options)
-        if found is None:
+            candidate = _finish_best(best, span, problem, options)
+        if candidate is None:
             raise refusal(problem, search)
-        notes = {"stage": found.stage, "tried": search.log}
+        notes = {"stage": candidate.stage, "tried": search.log}
         if errors:
             notes["criterion"] = errors
-        made = _plan(problem, found, notes, options, began)
-        return mark_cut_short(made, span, CUT_SHORT) if span.was_reached else made
+        plan = _plan(problem, candidate, notes, options, began)
+        return mark_cut_short(plan, span, CUT_SHORT) if span.was_reached else plan
 
 
 def _finish_best(
@@ -113,8 +113,8 @@ def _finish_best(
         best.make_exact()
     done = [polish(each, options.accuracy, options.refinements) for each in best.motions]
     if done:
-        found = max(done, key=lambda each: each.rank)
-        return replace(found, start="the best found by then", stage="time limit")
+        candidate = max(done, key=lambda each: each.rank)
+        return replace(candidate, start="the best found by then", stage="time limit")
     far, last, broken = progress.current_progress(), None, list[Violation]()
     if failed := best.held.get(Exactness.FAILED):
         last, broken = iterate_plan(problem, failed, options)
@@ -131,13 +131,13 @@ def _finish_best(
 
 def _plan(
     problem: Problem,
-    found: Candidate,
+    candidate: Candidate,
     notes: dict[str, Any],
     options: CollocationOptions,
     began: float,
 ) -> Plan:
     """The plan of a refined candidate; `began` is the time at which the search began."""
-    job, solution, search = found.task, found.solution, progress.current_progress()
+    job, solution, search = candidate.task, candidate.solution, progress.current_progress()
     assert search is not None
     wall, trajectory = time.perf_counter() - began, job.curve(solution.iterate)
     value, name = solution.objective, job.objective.name
@@ -154,11 +154,11 @@ def _plan(
         build_time_s=job.build_time_s,
         iterations=search.iterations,
         notes={
-            "start": found.start,
+            "start": candidate.start,
             **notes,
             **chosen_goal(job.problem, solution.iterate),
             "largest_residual": solution.residual,
-            **found.notes,
+            **candidate.notes,
         },
     )
 
@@ -209,10 +209,10 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
 
 def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> Iterator[Candidate]:
     """The plan's own motion, if the problem has the same ends, and the optimum near the plan."""
-    own = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
-    mesh = Mesh(warm.t / warm.duration) if own else SEARCH_INTERVALS
+    is_compatible = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
+    mesh = Mesh(warm.t / warm.duration) if is_compatible else SEARCH_INTERVALS
     job = collocation_task(problem, options, mesh)
-    if own and warm.notes.get("limits_inside", False):
+    if is_compatible and warm.notes.get("limits_inside", False):
         job = job.with_inner_rows()
     start = _resample(job, warm)
     same = warm.problem.start.tolist() == problem.start.tolist()

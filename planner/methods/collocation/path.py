@@ -296,10 +296,10 @@ def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
     fast = free.on_mesh(Mesh(times / times[-1]))
     motion = replace(path, duration=float(times[-1]), inputs=path.inputs / slower[:, None])
     intervals = len(free.mesh.widths)
-    own = on_mesh(
+    fine = on_mesh(
         job, free, uniform(_round_up(max(FAST_DENSITY * intervals, LEAST_FAST_INTERVALS)))
     )
-    return own, transfer(fast, motion, own)
+    return fine, transfer(fast, motion, fine)
 
 
 def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Array]:
@@ -316,16 +316,16 @@ def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Arr
 
 def on_mesh(job: Task, free: Task, mesh: Mesh) -> Task:
     """The job on a mesh, with limits kept inside the intervals if the path's task keeps them."""
-    own = job.on_mesh(mesh)
-    return own.with_inner_rows() if free.made.form.inner and not own.made.form.inner else own
+    fine = job.on_mesh(mesh)
+    return fine.with_inner_rows() if free.made.form.inner and not fine.made.form.inner else fine
 
 
-def _repeats_shortest(found: Sequence[SeedPath]) -> bool:
+def _repeats_shortest(paths: Sequence[SeedPath]) -> bool:
     """Whether the shortest path has been found repeatedly."""
-    shortest = min(path.solution.objective for path in found)
-    again = sum(same_path(shortest, path) for path in found)
-    if len(found) < LEAST_PATHS:
-        return again == len(found) >= ALIKE
+    shortest = min(path.solution.objective for path in paths)
+    again = sum(same_path(shortest, path) for path in paths)
+    if len(paths) < LEAST_PATHS:
+        return again == len(paths) >= ALIKE
     return again >= REPEATS
 
 

@@ -113,9 +113,9 @@ class Pipeline:
                     if candidate.final and candidate.solution.ok:
                         answers.append(candidate)
             least = min((each.solution.objective for each in answers), default=-math.inf)
-            held = best.held.get(Exactness.SOLVED)
-            if held and held.solution not in tried and held.solution.objective < least * (1 - GAIN):
-                answers.append(held)
+            top = best.held.get(Exactness.SOLVED)
+            if top and top.solution not in tried and top.solution.objective < least * (1 - GAIN):
+                answers.append(top)
             if refined := self._refine(answers):
                 return refined
             tried |= {each.solution for each in answers}
@@ -180,7 +180,7 @@ class Pipeline:
                 return
             plain = problem.duration is not None and self.options.input != "constant"
             few = DIRECT_INTERVALS if plain else SEARCH_INTERVALS
-            job, found = collocation_task(problem, self.options, few, True), list[Candidate]()
+            job, solutions = collocation_task(problem, self.options, few, True), list[Candidate]()
             later = replace(job, settings=replace(job.settings, direct=False))
             for seed in seeds("straight", sides=sides(problem)):
                 solution = job.solve(guess(job.problem, job.made, job.mesh, seed))
@@ -189,10 +189,10 @@ class Pipeline:
                 yield motion
                 if solution.ok and (problem.duration or never_reverses(solution.iterate)):
                     self._log_motion(motion)
-                    found.append(motion)
-            if not found and not problem.free:
+                    solutions.append(motion)
+            if not solutions and not problem.free:
                 return
-            motions += found
+            motions += solutions
         for motion in motions:
             yield from self._share_time(motion)
         if motions:
@@ -212,15 +212,15 @@ class Pipeline:
             paths = yield from self._find_paths(k, job)
             log = [dict(entry) for entry in paths.search.log]
             progress.tell("timing the most promising paths")
-            for path, own, start in paths.starts(job, motions):
+            for path, path_job, start in paths.starts(job, motions):
                 if problem.free and any(same_path(path.solution.objective, one) for one in known):
                     continue
                 known.append(path)
-                solution = solve_timing(own, start)
+                solution = solve_timing(path_job, start)
                 name = path.seed + _goal_words(problem)
-                motion = Candidate(own, solution, name, "guesses", k, final=False)
+                motion = Candidate(path_job, solution, name, "guesses", k, final=False)
                 yield motion
-                if solution.ok and clears(own, solution):
+                if solution.ok and clears(path_job, solution):
                     motion = yield from self._share_time(motion)
                     motions.append(motion.solution)
                     self.pathless = False
@@ -246,11 +246,11 @@ class Pipeline:
         simple = self._free and not problem.divided
         if not simple and self._free and (way := way_between_discs(problem)):
             guesses.insert(0 if problem.system.size == 3 else len(guesses), way)
-        for found in search(job, guesses, enough, simple):
-            if found.latest:
-                yield Candidate(*found.latest, found.log[-1]["start"], "guesses", k, final=False)
+        for result in search(job, guesses, enough, simple):
+            if result.latest:
+                yield Candidate(*result.latest, result.log[-1]["start"], "guesses", k, final=False)
         mesh_given = bool(job.mesh.marks) or options.intervals != "auto"
-        self.paths[k] = RoutePaths.of(job, found, mesh_given)
+        self.paths[k] = RoutePaths.of(job, result, mesh_given)
         return self.paths[k]
 
     def _ladder_motions(self) -> Iterator[Candidate]:
@@ -264,8 +264,8 @@ class Pipeline:
         origin = f"lifted from {joints} joints", "ladder"
         if exact:
             yield Candidate(*exact, *origin, final=False, checked=Exactness.EXACT)
-        if found := time_arm_path(job, chain) or exact:
-            motion = Candidate(*found, *origin)
+        if pair := time_arm_path(job, chain) or exact:
+            motion = Candidate(*pair, *origin)
             self._log_motion(motion)
             yield motion
 
@@ -292,11 +292,11 @@ class Pipeline:
             return
         problem = self.routes[fastest.route]
         goal = collocation_task(problem, self.options, SEARCH_INTERVALS).objective
-        own = fastest.task.for_problem(problem, goal)
+        goal_job = fastest.task.for_problem(problem, goal)
         slowed, origin = stretch_to(iterate, wanted), (fastest.start, "slowed down", fastest.route)
         if iterate.duration <= wanted:
-            yield Candidate(own, own.judge(slowed), *origin)
-        yield Candidate(own, own.solve(slowed), *origin)
+            yield Candidate(goal_job, goal_job.judge(slowed), *origin)
+        yield Candidate(goal_job, goal_job.solve(slowed), *origin)
 
     def _share_time(self, motion: Candidate) -> Generator[Candidate, None, Candidate]:
         """The motion with the best distribution of time among the parts between waypoints."""

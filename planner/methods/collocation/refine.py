@@ -140,8 +140,8 @@ def _exact_path(now: Inspection, accuracy: float) -> Inspection | None:
     """The path itself as a motion, if no solver reaches the optimum on a finer mesh from it."""
     if not has_only_limits(now.task):
         return None
-    found = exact_motion(now.task, chain_of(now.task, now.solution), accuracy)
-    return None if found is None else inspect(_add_build_time(now.task, found[0]), found[1])
+    motion = exact_motion(now.task, chain_of(now.task, now.solution), accuracy)
+    return None if motion is None else inspect(_add_build_time(now.task, motion[0]), motion[1])
 
 
 def _add_build_time(before: Task, task: Task) -> Task:
@@ -161,11 +161,11 @@ def _finer_mesh(now: Inspection, accuracy: float) -> Mesh:
     task, d, widths = now.task, now.task.made.form.degree, now.task.mesh.widths
     if now.fine(accuracy):
         return _split_at_kinks(now)
-    own = np.abs(task.motion_apart(now.solution.iterate) - now.curves[0]).max(axis=2)
-    nodes = own[:, -1]
+    errors = np.abs(task.motion_apart(now.solution.iterate) - now.curves[0]).max(axis=2)
+    nodes = errors[:, -1]
     growth = max(np.sqrt(len(widths)), now.end_error / max(np.max(nodes), 1e-16))
     at_nodes = (nodes * growth / accuracy) ** (1 / (2 * d - 1))
-    inside = (own.max(axis=1) / (INTERPOLANT * accuracy)) ** (1 / (d + 1))
+    inside = (errors.max(axis=1) / (INTERPOLANT * accuracy)) ** (1 / (d + 1))
     density = np.maximum(at_nodes, inside) / widths
     density = np.maximum(density, EVENNESS * np.max(density))
     wanted = int(np.ceil(1.1 * np.sum(density * widths)))

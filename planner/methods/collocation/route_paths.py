@@ -73,12 +73,12 @@ class RoutePaths:
     refined: list[RefinedPath] | None
 
     @classmethod
-    def of(cls, job: Task, found: PathSearch, mesh_given: bool) -> RoutePaths:
+    def of(cls, job: Task, paths: PathSearch, mesh_given: bool) -> RoutePaths:
         """The paths of a search; the most promising are refined."""
         free, refined, spent = path_task(job), list[RefinedPath](), 0
         if mesh_given:
-            return cls(free, found, None)
-        for path in found.distinct:
+            return cls(free, paths, None)
+        for path in paths.distinct:
             count = path_intervals(free, path.solution.iterate)
             if spent and spent + count > REFINED_INTERVALS:
                 break
@@ -86,7 +86,7 @@ class RoutePaths:
             spent += count
             if both := refine_path(free, path.solution):
                 refined.append(RefinedPath(path, *both))
-        return cls(free, found, refined)
+        return cls(free, paths, refined)
 
     def starts(
         self, job: Task, motions: Sequence[Solution]
@@ -129,5 +129,5 @@ class RoutePaths:
 def _start_at_own_speed(path: RefinedPath, job: Task) -> tuple[SeedPath, Task, Iterate]:
     """A path at its own speed and on its own mesh, as a start."""
     free, solution = halve_mesh(path.free, path.solution)
-    own = on_mesh(job, free, free.mesh)
-    return path.origin, own, transfer(free, solution.iterate, own)
+    fine = on_mesh(job, free, free.mesh)
+    return path.origin, fine, transfer(free, solution.iterate, fine)

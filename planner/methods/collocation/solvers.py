@@ -143,10 +143,10 @@ LADDER_ITERATIONS = {"guess": 300, "shortening": 100, "timing": 400}
 a path; and the least number for the timing of a long path that is already a motion."""
 
 
-def strategy(made: Transcription, settings: Settings) -> Strategy:
+def strategy(nlp: Transcription, settings: Settings) -> Strategy:
     """The entry of `STRATEGIES` for a transcription and a kind of start."""
-    form = made.form
-    short = made.system.size <= SHORT_CHAIN and not form.augmented
+    form = nlp.form
+    short = nlp.system.size <= SHORT_CHAIN and not form.augmented
     if settings.near and form.intervals > MANY_INTERVALS:
         return STRATEGIES["near, many intervals"]
     if settings.near or settings.direct:
@@ -161,9 +161,9 @@ def strategy(made: Transcription, settings: Settings) -> Strategy:
     return STRATEGIES["far, winding" if winding or drawn else "far"]
 
 
-def names(made: Transcription, settings: Settings) -> tuple[SolverName, ...]:
+def names(nlp: Transcription, settings: Settings) -> tuple[SolverName, ...]:
     """The solvers to try, in this order."""
-    return strategy(made, settings).order if settings.solver == "auto" else (settings.solver,)
+    return strategy(nlp, settings).order if settings.solver == "auto" else (settings.solver,)
 
 
 Backend = Callable[[Array, Bounds], SolverAnswer]
@@ -177,8 +177,8 @@ class _Ipopt:
     start with multipliers saved a few more iterations on easy problems and failed on long ones.
     """
 
-    def __init__(self, made: Transcription, settings: Settings) -> None:
-        row = strategy(made, settings)
+    def __init__(self, nlp: Transcription, settings: Settings) -> None:
+        row = strategy(nlp, settings)
         options: dict[str, Any] = {
             "print_level": 0,
             "sb": "yes",
@@ -188,12 +188,12 @@ class _Ipopt:
             "bound_relax_factor": 0.0,
             **row.ipopt,
         }
-        program = made.program
+        program = nlp.program
         functions = {"nlp_grad_f": program.value_gradient, "nlp_hess_l": program.triangle}
-        self._call = _nlpsol(made, "ipopt", functions, {"no_nlp_grad": True, "ipopt": options})
+        self._call = _nlpsol(nlp, "ipopt", functions, {"no_nlp_grad": True, "ipopt": options})
 
     def __call__(self, start: Array, data: Bounds) -> SolverAnswer:
-        found = self._call(
+        answer = self._call(
             x0=start,
             p=data.parameters,
             lbx=data.lower,
@@ -202,7 +202,7 @@ class _Ipopt:
             ubg=data.row_upper,
         )
         stats = self._call.stats()
-        vector = np.asarray(found["x"], dtype=float).ravel()
+        vector = np.asarray(answer["x"], dtype=float).ravel()
         status = stats["return_status"]
         finished = status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
         return SolverAnswer(vector, finished, status, int(stats["iter_count"]))
@@ -218,8 +218,8 @@ class _Fatrop:
     Trajectory Optimization and Control, IROS 2023.
     """
 
-    def __init__(self, made: Transcription, settings: Settings) -> None:
-        row = strategy(made, settings)
+    def __init__(self, nlp: Transcription, settings: Settings) -> None:
+        row = strategy(nlp, settings)
         self._weight = row.weight
         options: dict[str, Any] = {
             "print_level": 0,
@@ -231,12 +231,12 @@ class _Fatrop:
             options |= {"bound_push": NEAR_DISTANCE, "bound_frac": NEAR_DISTANCE}
         if row.barrier is not None:
             options["mu_init"] = row.barrier * (row.weight if settings.near else 1.0)
-        program = made.program
+        program = nlp.program
         functions = {"nlp_grad_f": program.gradient, "nlp_hess_l": program.gradient_and_hessian}
         functions["nlp_grad"] = _values(program)
-        self._made, self._functions = made, functions
-        self._options: dict[str, Any] = {"fatrop": options, **_stages(made)}
-        self._intervals = made.form.intervals
+        self._made, self._functions = nlp, functions
+        self._options: dict[str, Any] = {"fatrop": options, **_stages(nlp)}
+        self._intervals = nlp.form.intervals
         self._fresh()
 
     def _fresh(self) -> None:
@@ -289,13 +289,13 @@ SOLVERS: dict[SolverName, Callable[[Transcription, Settings], Backend]] = {
 }
 
 
-def backend(made: Transcription, settings: Settings) -> Backend:
+def backend(nlp: Transcription, settings: Settings) -> Backend:
     """The solver of the settings, cached for each transcription and settings."""
-    if settings not in made.solvers:
+    if settings not in nlp.solvers:
         assert settings.solver != "auto", "`names` says who that is"
-        made.solvers[settings] = SOLVERS[settings.solver](made, settings)
-    found: Backend = made.solvers[settings]
-    return found
+        nlp.solvers[settings] = SOLVERS[settings.solver](nlp, settings)
+    solver: Backend = nlp.solvers[settings]
+    return solver
 
 
 def _draw_in(lower: Array, upper: Array) -> tuple[Array, Array]:
@@ -319,26 +319,26 @@ def _values(program: Program) -> Any:
     return ca.Function("nlp_grad", [x, p, scale, duals], values, *names)
 
 
-def _stages(made: Transcription) -> dict[str, Any]:
-    at = made.layout
+def _stages(nlp: Transcription) -> dict[str, Any]:
+    at = nlp.layout
     return {
         "structure_detection": "manual",
         "N": at.intervals,
         "nx": [at.state] * (at.intervals + 1),
         "nu": [at.control] * at.intervals + [0],
-        "ng": [made.height - at.state] * at.intervals + [0],
+        "ng": [nlp.height - at.state] * at.intervals + [0],
     }
 
 
 def _nlpsol(
-    made: Transcription, name: str, functions: dict[str, Any], options: dict[str, Any]
+    nlp: Transcription, name: str, functions: dict[str, Any], options: dict[str, Any]
 ) -> Any:
     """CasADi's solver with our derivatives instead of its own.
 
     CasADi finds them by the names under which its solver asks for them (for IPOPT nlp_jac_g and
     nlp_hess_l). It silently ignores other names, so check that a wrong derivative has an effect.
     """
-    program = made.program
+    program = nlp.program
     known: dict[str, Any] = {
         "nlp_f": program.f,
         "nlp_g": program.g,

@@ -102,29 +102,29 @@ class Task:
 
         If the first solver fails, the next one allowed is tried.
         """
-        made, data, settings = self.made, self.bounds, replace(self.settings, near=near)
-        iterations, found = 0, None
-        for name in names(made, settings):
-            if found is not None and found.residual <= FEASIBLE_RESIDUAL:
-                start, settings = found.iterate, replace(settings, near=True)
+        nlp, data, settings = self.made, self.bounds, replace(self.settings, near=near)
+        iterations, solution = 0, None
+        for name in names(nlp, settings):
+            if solution is not None and solution.residual <= FEASIBLE_RESIDUAL:
+                start, settings = solution.iterate, replace(settings, near=True)
             deadline.check()
             progress.count_solve()
-            packed = made.layout.pack(start, data.widths) / data.units
+            packed = nlp.layout.pack(start, data.widths) / data.units
             packed = packed.clip(data.lower, data.upper)
-            answer = _ask(made, replace(settings, solver=name), packed, data)
+            answer = _ask(nlp, replace(settings, solver=name), packed, data)
             answer = replace(answer, vector=answer.vector.clip(data.lower, data.upper))
             iterations += answer.iterations
-            found = replace(_check(made, data, answer, ACCEPTED_RESIDUAL), iterations=iterations)
-            if found.ok:
+            solution = replace(_check(nlp, data, answer, ACCEPTED_RESIDUAL), iterations=iterations)
+            if solution.ok:
                 break
-        assert found is not None
-        progress.count_iterations(found.iterations)
-        return found
+        assert solution is not None
+        progress.count_iterations(solution.iterations)
+        return solution
 
     def solve_near(self, start: Iterate) -> Solution:
         """Solve from a start near the answer; if that fails, as from any other start."""
-        found = self.solve(start, near=True)
-        return found if found.ok else self.solve(start)
+        solution = self.solve(start, near=True)
+        return solution if solution.ok else self.solve(start)
 
     def judge(self, iterate: Iterate) -> Solution:
         """An iterate as a solution, without a solver; ok if it keeps the task's rows and bounds."""
@@ -139,9 +139,9 @@ class Task:
 
     def motion(self, iterate: Iterate) -> Array:
         """The true motion under the iterate's input, see `resimulate`."""
-        made = self.made
-        states = resimulate(made.moved, self.mesh, iterate, made.start(self.problem))
-        return states[..., : made.system.size]
+        nlp = self.made
+        states = resimulate(nlp.moved, self.mesh, iterate, nlp.start(self.problem))
+        return states[..., : nlp.system.size]
 
     def motion_apart(self, iterate: Iterate) -> Array:
         """The true motion in each interval from the iterate's own node, shape (K, M, N)."""
@@ -155,8 +155,8 @@ class Task:
 
     def for_problem(self, problem: Problem, objective: Objective) -> Task:
         """The same mesh and tightened limits for another problem of the same system."""
-        made = self.made.form, self.mesh, self.demands, self.settings
-        return replace(task(problem, objective, *made), drawn=self.drawn)
+        given = self.made.form, self.mesh, self.demands, self.settings
+        return replace(task(problem, objective, *given), drawn=self.drawn)
 
     def with_inner_rows(self) -> Task:
         """The same task with limits kept at the collocation points too."""
@@ -185,25 +185,25 @@ def task(
     free = problem.duration is None
     form = replace(form, free_duration=free, kept=kept, final=final, units=units)
     built, began = transcription.cache_info().misses, time.perf_counter()
-    made = transcription(problem.system, form)
-    wanted = replace(settings, solver=names(made, settings)[0])
-    new = transcription.cache_info().misses > built or wanted not in made.solvers
-    solver_answer(lambda: backend(made, wanted), lambda _: None)  # `solve` says what it raises
+    nlp = transcription(problem.system, form)
+    wanted = replace(settings, solver=names(nlp, settings)[0])
+    new = transcription.cache_info().misses > built or wanted not in nlp.solvers
+    solver_answer(lambda: backend(nlp, wanted), lambda _: None)  # `solve` says what it raises
     seconds = time.perf_counter() - began if new else 0.0
     none = np.zeros((form.intervals, sum(len(required.parts) for required in requirements)))
-    return Task(problem, requirements, objective, made, mesh, demands, settings, none, seconds)
+    return Task(problem, requirements, objective, nlp, mesh, demands, settings, none, seconds)
 
 
-def _check(made: Transcription, data: Bounds, answer: SolverAnswer, accepted: float) -> Solution:
+def _check(nlp: Transcription, data: Bounds, answer: SolverAnswer, accepted: float) -> Solution:
     """A solver's answer as a solution, with its rows evaluated again."""
-    objective, rows, iterate = made.outcome(answer.vector, data.parameters)
+    objective, rows, iterate = nlp.outcome(answer.vector, data.parameters)
     values = np.concatenate([rows, answer.vector])
     lower = np.concatenate([data.row_lower, data.lower])
     upper = np.concatenate([data.row_upper, data.upper])
     over = np.maximum(np.maximum(lower - values, values - upper), 0.0)
     residual = float(np.where(np.isnan(values), np.inf, over).max())
     ok = answer.finished and residual <= accepted
-    objective *= made.form.units.objective
+    objective *= nlp.form.units.objective
     return Solution(iterate, objective, residual, ok, answer.status, answer.iterations)
 
 
@@ -221,10 +221,10 @@ def transfer(old: Task, iterate: Iterate, new: Task) -> Iterate:
 
 def iterate_of_inputs(job: Task, duration: float, inputs: Array) -> Iterate:
     """The iterate of the motion from the start under inputs in the shape of `Iterate.inputs`."""
-    made, tau = job.made, job.made.form.scheme.points * STEPS
-    shape = made.form.intervals, made.form.degree, made.moved.size
+    nlp, tau = job.made, job.made.form.scheme.points * STEPS
+    shape = nlp.form.intervals, nlp.form.degree, nlp.moved.size
     still = Iterate(duration, np.empty(0), np.empty(shape), inputs)
-    states = resimulate(made.moved, job.mesh, still, made.start(job.problem))
+    states = resimulate(nlp.moved, job.mesh, still, nlp.start(job.problem))
     before = np.minimum(tau.astype(int), STEPS - 1)
     share = (tau - before)[:, None]
     points = (1 - share) * states[:, before] + share * states[:, before + 1]
@@ -237,11 +237,11 @@ def stretch_to(iterate: Iterate, duration: float) -> Iterate:
     return replace(iterate, duration=duration, inputs=iterate.inputs * factor)
 
 
-def _ask(made: Transcription, settings: Settings, start: Array, data: Bounds) -> SolverAnswer:
+def _ask(nlp: Transcription, settings: Settings, start: Array, data: Bounds) -> SolverAnswer:
     """The answer of a solver; if it raises an error, a failed answer with the start."""
 
     def unfinished(words: str) -> SolverAnswer:
-        made.solvers.pop(settings, None)  # its state is unknown after an error
+        nlp.solvers.pop(settings, None)  # its state is unknown after an error
         return SolverAnswer(start, False, f"Raised_Error: {words}", 0)
 
-    return solver_answer(lambda: backend(made, settings)(start, data), unfinished)
+    return solver_answer(lambda: backend(nlp, settings)(start, data), unfinished)

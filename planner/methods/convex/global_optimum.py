@@ -246,34 +246,34 @@ def search_travels(solve: Solve, travels: Array, prune: bool = True) -> BestTrav
         travels: Increasing; if there is only one, no other is tried.
         prune: Whether to leave a travel as soon as its bound exceeds the best value so far.
     """
-    found, touch = BestTravel(), NO_TOUCH
+    search, touch = BestTravel(), NO_TOUCH
 
     def at(travel: float, prune: bool = False) -> float:
         nonlocal touch
-        found.tried += 1
-        ceiling = found.best.value if prune and found.best else np.inf
+        search.tried += 1
+        ceiling = search.best.value if prune and search.best else np.inf
         try:
             answer = solve(float(travel), touch, ceiling)
         except StalledError:
             return float(np.inf)
         if isinstance(answer, EmptyClass):
-            found.refusals.append(answer)
+            search.refusals.append(answer)
             return float(np.inf)
-        found.kept.append(float(travel))
+        search.kept.append(float(travel))
         if isinstance(answer, BoundAboveCeiling):
             return answer.bound
         touch = answer.touch
-        if found.best is None or answer.value < found.best.value:
-            found.best = answer
+        if search.best is None or answer.value < search.best.value:
+            search.best = answer
         return answer.value
 
     for k in np.argsort(np.abs(np.arange(len(travels)) - len(travels) // 2), kind="stable"):
         at(travels[k], prune)
-    if len(travels) > 1 and found.best is None and found.refusals:
-        _approach(at, found)
-    if len(travels) > 1 and found.best is not None:
-        _refine(at, found.best, travels)
-    return found
+    if len(travels) > 1 and search.best is None and search.refusals:
+        _approach(at, search)
+    if len(travels) > 1 and search.best is not None:
+        _refine(at, search.best, travels)
+    return search
 
 
 def _refine(at: Callable[[float], float], best: ClassOptimum, travels: Array) -> None:
@@ -287,16 +287,16 @@ def _refine(at: Callable[[float], float], best: ClassOptimum, travels: Array) ->
     minimize_scalar(lambda d: min(at(d), worse), bounds=bounds, method="bounded", options=tolerance)
 
 
-def _approach(at: Callable[[float], float], found: BestTravel) -> None:
+def _approach(at: Callable[[float], float], search: BestTravel) -> None:
     """Search for a travel with a path between those tried, where the certificates are weakest."""
     from scipy.optimize import minimize_scalar  # slow to import
 
-    found.refusals.sort(key=lambda r: r.frame.travel)
-    k = int(np.argmin([r.proof.margin for r in found.refusals]))
-    ends = (found.refusals[max(k - 1, 0)], found.refusals[min(k + 1, len(found.refusals) - 1)])
+    search.refusals.sort(key=lambda r: r.frame.travel)
+    k = int(np.argmin([r.proof.margin for r in search.refusals]))
+    ends = (search.refusals[max(k - 1, 0)], search.refusals[min(k + 1, len(search.refusals) - 1)])
 
     def margin(travel: float) -> float:
-        return -1.0 if np.isfinite(at(travel)) else found.refusals[-1].proof.margin
+        return -1.0 if np.isfinite(at(travel)) else search.refusals[-1].proof.margin
 
     bounds = (ends[0].frame.travel, ends[1].frame.travel)
     minimize_scalar(margin, bounds=bounds, method="bounded", options={"maxiter": 24})

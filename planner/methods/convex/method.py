@@ -78,13 +78,13 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     frame = Frame(input_shape(options.pieces, int(linear)), start, goal, 1.0)
     band = band_of(problem, start, goal, options.edge)
     built = time.perf_counter()
-    found = _best_path(problem, options, frame, band, travels)
-    if found.best is None:
-        raise _no_path(problem, frame.shape, band, found)
+    search = _best_path(problem, options, frame, band, travels)
+    if search.best is None:
+        raise _no_path(problem, frame.shape, band, search)
     trajectory, timing = _time_path(
-        problem, _path(problem, found.best.frame, found.best.y), options.rest
+        problem, _path(problem, search.best.frame, search.best.y), options.rest
     )
-    value = found.best.value
+    value = search.best.value
     return Plan(
         problem=problem,
         method=NAME,
@@ -92,10 +92,10 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
         trajectory=trajectory,
         objective=value / trajectory.duration if options.objective == "peak" else value,
         objective_name=OBJECTIVES[options.objective],
-        iterations=found.best.rounds,
+        iterations=search.best.rounds,
         build_time_s=built - began,
         solve_time_s=time.perf_counter() - built,
-        notes=_notes(problem, band, found, found.best) | {"timing": timing},
+        notes=_notes(problem, band, search, search.best) | {"timing": timing},
     )
 
 
@@ -165,10 +165,10 @@ def _best_path(
         return answer
 
     middle = options.travel == "middle" and len(travels) > 1
-    found = search_travels(solve, travels, prune=not middle)
-    if middle and found.best is not None:
-        return search_travels(solve, np.array([sum(found.range) / 2]))
-    return found
+    search = search_travels(solve, travels, prune=not middle)
+    if middle and search.best is not None:
+        return search_travels(solve, np.array([sum(search.range) / 2]))
+    return search
 
 
 def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
@@ -217,15 +217,15 @@ def _class_words(shape: Shape) -> str:
     return f"paths with dz2/dz1 {kind} on each of {shape.pieces} equal pieces"
 
 
-def _notes(problem: Problem, band: Band, found: BestTravel, best: ClassOptimum) -> dict[str, Any]:
+def _notes(problem: Problem, band: Band, search: BestTravel, best: ClassOptimum) -> dict[str, Any]:
     unit = problem.system.coordinates[0].unit
     where = f", at travel {best.frame.travel:.6g} {unit}"
     if problem.travel is None:
-        where = f", the best of {found.tried} travels tried (not a proof over all travels)"
+        where = f", the best of {search.tried} travels tried (not a proof over all travels)"
     proof = "the optimum without the chart's domain stays inside it"
     return {
-        "travels_tried": found.tried,
-        "travel_range": list(found.range),
+        "travels_tried": search.tried,
+        "travel_range": list(search.range),
         "optimality": {
             "kind": "global",
             "of": _class_words(best.frame.shape) + where,
@@ -247,21 +247,21 @@ def _notes(problem: Problem, band: Band, found: BestTravel, best: ClassOptimum) 
 # -- refusals --------------------------------------------------------------------------------------
 
 
-def _no_path(problem: Problem, shape: Shape, band: Band, found: BestTravel) -> NoPlanError:
+def _no_path(problem: Problem, shape: Shape, band: Band, search: BestTravel) -> NoPlanError:
     """The refusal if no path of the class was found in the domain, with a certificate if any."""
     changes = [*travel_changes(problem), BY_COLLOCATION]
-    if not found.refusals:
-        why = f"no quadratic program converged ({found.tried} tried), for {_class_words(shape)}"
+    if not search.refusals:
+        why = f"no quadratic program converged ({search.tried} tried), for {_class_words(shape)}"
         ways: str | None = "other method.convex.pieces"
         if not band.complete:
             why = (
                 f"the best of all {_class_words(shape)} leaves the chart's domain at every"
-                f" travel tried ({found.tried}); for this system the domain is not convex, so"
+                f" travel tried ({search.tried}); for this system the domain is not convex, so"
                 " the method cannot stay inside it"
             )
             ways = None
         return NotConvergedError(f"{problem.source}: {why}", advice=ways, changes=changes)
-    first = found.refusals[0]
+    first = search.refusals[0]
     steepest = "" if band.complete else f" and |dz2/dtau| up to {MOST_SLOPE:.0e}"
     unit = problem.system.coordinates[0].unit
     proof = (
@@ -278,7 +278,7 @@ def _no_path(problem: Problem, shape: Shape, band: Band, found: BestTravel) -> N
     ways += " or method.convex.edge" if band.complete else ""
     ways += ", or more method.convex.pieces"
     if problem.travel is None:
-        why = f"{len(found.refusals)} of {found.tried} travels tried are proven to have no path"
+        why = f"{len(search.refusals)} of {search.tried} travels tried are proven to have no path"
         why = f"{problem.source}: {why}; for one, {proof}"
         return NotConvergedError(why, advice=ways, changes=changes)
     error = _infeasible(problem, proof, travel_changes(problem), ways)

@@ -151,8 +151,8 @@ def _lowest_peak(frame: Frame, A: Array, b: Array, radius: float) -> Optimum | F
         bound = unit * float(-dual @ limit - slack)
         centre = np.append(y, 0.0)
         if value - bound <= 1e-9 * value:
-            own = answer.multipliers[2 * len(C) :]
-            return replace(answer, y=y, multipliers=own, value=value, bound=bound)
+            multipliers = answer.multipliers[2 * len(C) :]
+            return replace(answer, y=y, multipliers=multipliers, value=value, bound=bound)
     raise StalledError("the least peak did not settle")
 
 

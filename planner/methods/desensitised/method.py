@@ -211,7 +211,7 @@ def _search(
 ) -> tuple[str, Solution, list[dict[str, Any]]]:
     """The best solution of all starts with the name of its start, and a log of all starts."""
     log: list[dict[str, Any]] = []
-    found: list[tuple[str, Solution]] = []
+    solutions: list[tuple[str, Solution]] = []
     for seed in excursions(options.reversal)[: 1 if near else options.starts]:
         start = excursion_guess(job, easy.trajectory, seed)
         name = "the plan given" if near else seed.name
@@ -222,10 +222,10 @@ def _search(
         value = last.objective if last.ok else None
         log.append({"start": name, "status": last.status, "objective": value, **_sizes(job, last)})
         if last.ok:
-            found.append((name, last))
-    if not found:
+            solutions.append((name, last))
+    if not solutions:
         raise _not_converged(job, last, options, len(log))
-    name, solution = min(found, key=lambda each: each[1].objective)
+    name, solution = min(solutions, key=lambda each: each[1].objective)
     return name, solution, log
 
 
@@ -327,7 +327,7 @@ def _refuse_no_room(job: Task) -> None:
     for required in filter(backs_off, problem.requirements):
         for part, row, q in _functions(required, problem.system):
             there = ca.Function("there", [q], [row, ca.jacobian(row, q)])
-            value, slope = (np.asarray(found, dtype=float) for found in there(problem.start))
+            value, slope = (np.asarray(entry, dtype=float) for entry in there(problem.start))
             room = min(part.high - float(value.item()), float(value.item()) - part.low)
             needed = moved.backoff * float(np.linalg.norm(slope @ W))
             if needed > room:
@@ -382,10 +382,10 @@ def _broken(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
             k = int(np.argmax(over))
             if over[k] > ACCEPTED_RESIDUAL:
                 upper = above[k] - part.high == over[k]
-                found, limit = (above[k], part.high) if upper else (below[k], part.low)
+                extreme, limit = (above[k], part.high) if upper else (below[k], part.low)
                 label = f"{part.label} with {moved.backoff:g} standard deviations of back-off"
                 time_s, excess = float(job.mesh.edges[k] * plan.duration), float(over[k])
-                out.append(Violation(label, time_s, float(found), limit, part.unit, excess))
+                out.append(Violation(label, time_s, float(extreme), limit, part.unit, excess))
     return out
 
 

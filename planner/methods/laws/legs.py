@@ -88,8 +88,8 @@ def _basis(terms: int) -> Array:
     """Bernstein coefficients, (terms, terms), of the orthonormal shifted Legendre polynomials."""
     out = np.zeros((terms, terms))
     for j in range(terms):
-        own = np.array([(-1.0) ** (j + i) * comb(j, i) for i in range(j + 1)])
-        out[j] = np.sqrt(2 * j + 1) * elevate(own, terms - 1)
+        coefficients = np.array([(-1.0) ** (j + i) * comb(j, i) for i in range(j + 1)])
+        out[j] = np.sqrt(2 * j + 1) * elevate(coefficients, terms - 1)
     return out
 
 
@@ -122,9 +122,9 @@ def _conditions(
     total = sum(len(block) for block in blocks)
     v2, at = [], 1
     for block in blocks:
-        own = np.zeros((block.shape[1], 1 + total, 1))
-        own[:, at : at + len(block), 0] = block.T
-        v2.append(own)
+        coefficients = np.zeros((block.shape[1], 1 + total, 1))
+        coefficients[:, at : at + len(block), 0] = block.T
+        v2.append(coefficients)
         at += len(block)
     columns = np.zeros((len(start), 1 + total, 1))
     columns[:, 0, 0] = start

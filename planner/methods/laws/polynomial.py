@@ -131,11 +131,11 @@ def choose_points(
         family = _PointFamily(ends, given, count)
         start = None if best is None or not best.inside else known.read(best.x[None])
         grid, steps = family.candidates(start)
-        found = search_candidates(ends.problem, family.make, grid, steps, options.criterion)
-        tried += found.tried
-        costs.append(found.cost)
-        if best is None or found.cost < 0.99 * best.cost:
-            best, known = found, family
+        search = search_candidates(ends.problem, family.make, grid, steps, options.criterion)
+        tried += search.tried
+        costs.append(search.cost)
+        if best is None or search.cost < 0.99 * best.cost:
+            best, known = search, family
     assert best is not None
     reach, points = known.read(best.x)
     notes = {**best.notes, "auto_motions_tried": tried, "auto_cost_with_0_1_2_points": costs}

@@ -70,7 +70,7 @@ def _table(source: str, reader: Any, columns: Mapping[str, str]) -> NumberTable:
     places = {name: _find_topic(source, name, list(known)) for name in columns.values()}
     named = ((parse_name(ours) or ("", ""), theirs) for ours, theirs in columns.items())
     clock = next((places[theirs][0] for (name, _), theirs in named if name == "theta1"), None)
-    held: dict[str, str] = {}
+    last: dict[str, str] = {}
     rows, numbers = [], []
     wanted = {topic for topic, _ in places.values()}
     connections = [each for each in reader.connections if each.topic in wanted]
@@ -79,9 +79,9 @@ def _table(source: str, reader: Any, columns: Mapping[str, str]) -> NumberTable:
         for name, (topic, field) in places.items():
             if topic == connection.topic:
                 value = float(_value(message, field, f"{source}: {name}"))
-                held[name] = f"{value:.17e}"  # always with a decimal point
+                last[name] = f"{value:.17e}"  # always with a decimal point
         if connection.topic == clock:
-            rows.append([str(_stamp(message, recorded)), *(held.get(name, "") for name in places)])
+            rows.append([str(_stamp(message, recorded)), *(last.get(name, "") for name in places)])
             numbers.append(number)
     return NumberTable(
         source, ("t_ns", *places), ("",) * (1 + len(places)), rows, numbers, ",", "message"
@@ -127,5 +127,5 @@ def _value(message: Any, field: str, what: str) -> Any:
 def _stamp(message: Any, recorded: int) -> int:
     """The message's stamp in ns; the time of recording if it has none."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
-    made = stamp.sec * 1_000_000_000 + stamp.nanosec if stamp else 0
-    return made or recorded
+    stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec if stamp else 0
+    return stamp_ns or recorded

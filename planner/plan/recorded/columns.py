@@ -82,7 +82,7 @@ def find_columns(table: NumberTable, given: Mapping[str, str]) -> dict[str, tupl
                 f"columns: '{line(ours)}' is not a quantity with a unit, such as t_s, u1_rad_s,"
                 " theta1_deg"
             )
-    found: dict[str, tuple[int, float]] = {}
+    places: dict[str, tuple[int, float]] = {}
     unfit: dict[str, str] = {}
     meant = {theirs: ours for ours, theirs in given.items()}
     named = {(parse_name(name) or ("", ""))[0] for name in given}
@@ -101,22 +101,22 @@ def find_columns(table: NumberTable, given: Mapping[str, str]) -> dict[str, tupl
         if unit not in units:
             said = f"has the unit '{unit}'" if unit else "has no unit"
             unfit.setdefault(quantity, f"column '{line(column)}' {said}")
-        elif quantity in found:
+        elif quantity in places:
             raise InputError(
                 f"{table.source} has two columns for {quantity}: '{line(column)}' is the second"
             )
         else:
-            found[quantity] = place, units[unit]
-    _refuse_missing(table, found, unfit)
-    return found
+            places[quantity] = place, units[unit]
+    _refuse_missing(table, places, unfit)
+    return places
 
 
 def _refuse_missing(
-    table: NumberTable, found: Mapping[str, tuple[int, float]], unfit: Mapping[str, str]
+    table: NumberTable, places: Mapping[str, tuple[int, float]], unfit: Mapping[str, str]
 ) -> None:
-    joints = sum(name.startswith("theta") for name in {**found, **unfit})
+    joints = sum(name.startswith("theta") for name in {**places, **unfit})
     wanted = ["t", "u1", "u2", *(f"theta{i + 1}" for i in range(max(2, joints)))]
-    missing = [name for name in wanted if name not in found]
+    missing = [name for name in wanted if name not in places]
     for name in missing:
         if name in unfit:
             units = UNITS[name.rstrip("123456789")]

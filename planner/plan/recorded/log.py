@@ -178,11 +178,11 @@ class Log:
         middle = (q[:-1] + q[1:]) / 2
         turned = system.rates(middle, self.u[:-1])[:, 0] * np.diff(self.t)
         q[1:, 0] = np.cumsum(turned)
-        held = self.u[:-1]
+        commands = self.u[:-1]
         trajectory = StateTrajectory(
             system,
             Bernstein(np.stack([q[:-1], q[1:]]), self.t),
-            Bernstein(held[None].copy(), self.t),
+            Bernstein(commands[None].copy(), self.t),
         )
         return Plan(problem, RECORDED, {}, trajectory, status=RECORDED)
 

@@ -180,10 +180,10 @@ def read_table(
     """
     text = _decode(read_bytes(path, SAMPLES_BYTES), path, what)
     lines = [(k, each) for k, each in enumerate(_END.split(text), start=1) if each.strip()]
-    told = _SEPARATOR_LINE.fullmatch(lines[0][1]) if lines else None
-    lines = lines[1:] if told else lines
+    line = _SEPARATOR_LINE.fullmatch(lines[0][1]) if lines else None
+    lines = lines[1:] if line else lines
     plain = [each for _, each in lines[:JUDGED_LINES] if not _COMMENT.match(each)]
-    separator = told[1] if told else _find_separator(plain)
+    separator = line[1] if line else _find_separator(plain)
     first, width = _find_rows([each for _, each in lines], separator, plain)
     above = [_split_head(each, separator, width) for _, each in lines[: first + 1]]
     head = _find_header(above, first, known)

@@ -276,8 +276,8 @@ def _rates_in_c(system: TriangularSystem, write: Callable[[float], str]) -> list
     """Write the system's rates as a C function, one operation per line."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = ca.Function("rates", [q, u], [ca.cse(ca.densify(ca.vertcat(*system.rates_expr(q, u))))])
-    own = {ca.OP_POW: "pow({}, {})", ca.OP_CONSTPOW: "pow({}, {})", ca.OP_SQ: "({0} * {0})"}
-    signs = operator_templates() | own | {ca.OP_ASSIGN: "{}"}
+    powers = {ca.OP_POW: "pow({}, {})", ca.OP_CONSTPOW: "pow({}, {})", ca.OP_SQ: "({0} * {0})"}
+    signs = operator_templates() | powers | {ca.OP_ASSIGN: "{}"}
     lines = []
     for k in range(rates.n_instructions()):
         operation, inputs = rates.instruction_id(k), rates.instruction_input(k)

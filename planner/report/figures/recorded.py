@@ -91,7 +91,7 @@ def moving(u: Array) -> Array:
     return np.asarray(np.max(np.abs(u), axis=1) > 1e-3)
 
 
-def identification_figure(found: Identification) -> Figure:
+def identification_figure(result: Identification) -> Figure:
     """Plot readings minus prediction of every run, and what the runs say about each parameter.
 
     One row per run, the run kept out of the fit last: for the identified machine and, paler, for
@@ -99,31 +99,31 @@ def identification_figure(found: Identification) -> Figure:
     of its prior.
 
     Args:
-        found: The result of `planner.identify`.
+        result: The result of `planner.identify`.
 
     Raises:
         InputError: If it is something else.
     """
     from planner.report.figures.notebook_figure import NotebookFigure  # slow to import
 
-    expect(Identification, found, "planner.identify(logs, problem) makes one")
-    runs = [*found.logs, *([] if found.kept_out is None else [found.kept_out])]
+    expect(Identification, result, "planner.identify(logs, problem) makes one")
+    runs = [*result.logs, *([] if result.kept_out is None else [result.kept_out])]
     figure = NotebookFigure(figsize=(10.5, 2.2 * len(runs) + 2.6), layout="constrained")
     every: Any = figure.subplots(len(runs) + 1, 1)
     for ax, log in zip(every, runs, strict=False):
-        best, before = found.predict(log), found.predict(log, found.preset)
+        best, before = result.predict(log), result.predict(log, result.preset)
         for i in range(log.theta.shape[1]):
             looks = {"color": COLOURS[i], "linewidth": 0.8}
             ax.plot(log.t, log.theta_deg[:, i] - before.theta_deg[:, i], **looks, alpha=0.3)
             left = log.theta_deg[:, i] - best.theta_deg[:, i]
             ax.plot(log.t, left, **looks, label=symbol(f"theta{i + 1}"))
-        kept = " (kept out of the fit)" if log is found.kept_out else ""
+        kept = " (kept out of the fit)" if log is result.kept_out else ""
         ax.set_title(f"{log.source}{kept}", fontsize=9, loc="left")
         ax.set_ylabel("read minus predicted (deg)", fontsize=8)
         ax.grid(**GRID_STYLE)
     every[0].legend(fontsize=8, title="pale: the preset", ncols=3)
     every[-2].set_xlabel("time (s)")
-    estimates = found.estimates
+    estimates = result.estimates
     shift = [(e.value - e.preset) * e.parameter.scale / e.parameter.prior for e in estimates]
     spread = [e.spread * e.parameter.scale / e.parameter.prior for e in estimates]
     places = np.arange(len(estimates))

@@ -210,15 +210,15 @@ def plot_sensitivities(found: Sensitivities, *, axes: Any = None) -> tuple[Figur
     return figure, axes
 
 
-def _sums(ax: Any, found: Sensitivities) -> None:
+def _sums(ax: Any, result: Sensitivities) -> None:
     """Draw bars of each plan's passive block and total, and a line at the irreducible part."""
     from matplotlib.patches import Patch  # slow to import
 
-    labels, spread = list(found.plans), found.spread
+    labels, spread = list(result.plans), result.spread
     places, colour = np.arange(len(labels)), colours(labels)
     rows = (
-        ("total", [each.total_deg(spread) for each in found.plans.values()], -0.2, PALE),
-        ("passive block", list(found.passive_block_deg.values()), 0.2, 1.0),
+        ("total", [each.total_deg(spread) for each in result.plans.values()], -0.2, PALE),
+        ("passive block", list(result.passive_block_deg.values()), 0.2, 1.0),
     )
     handles = []
     for name, values, offset, alpha in rows:
@@ -226,7 +226,7 @@ def _sums(ax: Any, found: Sensitivities) -> None:
         bars = ax.barh(places + offset, values, height=0.36, color=colour_list, alpha=alpha)
         ax.bar_label(bars, fmt="%.3f", fontsize=8, padding=2)
         handles.append(Patch(color=LIMIT_COLOUR, alpha=alpha, label=name))
-    floor = max(each.floor_deg(spread) for each in found.plans.values())
+    floor = max(each.floor_deg(spread) for each in result.plans.values())
     handles.append(ax.axvline(floor, color=LIMIT_COLOUR, linestyle=":", label="irreducible"))
     ax.set_yticks(places, [escape_math(label) for label in labels])
     ax.set_ylim(len(labels) - 0.4, -1.2)  # room for the legend above the bars
@@ -235,10 +235,10 @@ def _sums(ax: Any, found: Sensitivities) -> None:
     ax.legend(handles=handles, fontsize=8, loc="upper right", ncols=3)
 
 
-def _errors(ax: Any, found: Sensitivities) -> None:
+def _errors(ax: Any, result: Sensitivities) -> None:
     """Draw bars side by side: each plan's response to one standard deviation of each error."""
-    names, responses = found.responses
-    sizes = found.sizes
+    names, responses = result.responses
+    sizes = result.sizes
     colour, width = colours(list(responses)), BAR_SPAN / len(responses)
     for k, (label, values) in enumerate(responses.items()):
         places = np.arange(len(names)) + (k - (len(responses) - 1) / 2) * width

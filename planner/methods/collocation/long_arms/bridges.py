@@ -120,17 +120,17 @@ def close_gaps(
     whole = chain.gap
     while iterations < PATIENCE:
         aim = min(1.0, share + step)
-        found, made = nearest(chain, (1.0 - aim) * whole, ends)
-        iterations += made
-        if found is None:
+        candidate, count = nearest(chain, (1.0 - aim) * whole, ends)
+        iterations += count
+        if candidate is None:
             step /= 3
             if step < (LEAST_SHARE if share else FIRST_SHARE):
                 break
             continue
-        chain, share = found, aim
+        chain, share = candidate, aim
         if share == 1.0:
             return chain, share
-        step *= 2.0 if made < QUICK_ITERATIONS else 1.0
+        step *= 2.0 if count < QUICK_ITERATIONS else 1.0
     return None, share
 
 
@@ -138,10 +138,10 @@ def make_exact(system: TriangularSystem, chain: PieceChain, ends: ChainEnds) -> 
     """The nearest chain that is a motion, more accurately than the Runge-Kutta steps of a piece."""
     for _ in range(CORRECTIONS):
         error = _fine_ends(system, chain) - ends_of(system, chain.q[:-1], chain.u)
-        found, _ = _nearest(system, len(chain.u))(chain, error, ends)
-        if found is None:
+        candidate, _ = _nearest(system, len(chain.u))(chain, error, ends)
+        if candidate is None:
             return None
-        chain = found
+        chain = candidate
     return chain
 
 
@@ -170,17 +170,17 @@ class _Nearest:
         at = self._pack(chain.q, chain.u)
         given = {"x0": np.clip(at, lower, upper), "p": at, "lbx": lower, "ubx": upper}
         given |= {"lbg": gap.ravel(), "ubg": gap.ravel()}
-        found = solver_answer(lambda: self._solver(**given), lambda _: {})
-        if not found:
+        answer = solver_answer(lambda: self._solver(**given), lambda _: {})
+        if not answer:
             return None, ITERATIONS
-        made = int(self._solver.stats()["iter_count"])
-        excess = float(np.max(np.abs(np.asarray(found["g"]).ravel() - gap.ravel())))
+        iterations = int(self._solver.stats()["iter_count"])
+        excess = float(np.max(np.abs(np.asarray(answer["g"]).ravel() - gap.ravel())))
         if not excess <= RESIDUAL:
-            return None, made
-        vector, size = np.asarray(found["x"]).ravel(), self._size
+            return None, iterations
+        vector, size = np.asarray(answer["x"]).ravel(), self._size
         body = vector[:-size].reshape(self._count, size + 2)
         q = np.vstack([body[:, :size], vector[-size:]])
-        return PieceChain(q, body[:, size:], gap), made
+        return PieceChain(q, body[:, size:], gap), iterations
 
     def _pack(self, q: Array, u: Array) -> Array:
         return np.concatenate([np.concatenate([q[:-1], u], axis=1).ravel(), q[-1]])

@@ -64,17 +64,17 @@ def exact_motion(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, S
     for halved in range(HALVINGS + 1):
         cut = cut_finer(system, chain, list(system.limited), MOST_TURN, least=2 if halved else 1)
         whole, _ = close_gaps(system, cut, places)
-        found = make_exact(system, whole, places) if whole is not None else None
-        if found is None:
+        motion = make_exact(system, whole, places) if whole is not None else None
+        if motion is None:
             return None
-        chain = found
-        own, path = follow(job, chain, DEGREE)
-        wanted = _duration(own, path)
+        chain = motion
+        path_job, path = follow(job, chain, DEGREE)
+        wanted = _duration(path_job, path)
         if wanted is None:
             return None
-        solution = own.judge(stretch_to(path, wanted))
-        if solution.ok and inspect(own, solution).fine(accuracy):
-            return own, solution
+        solution = path_job.judge(stretch_to(path, wanted))
+        if solution.ok and inspect(path_job, solution).fine(accuracy):
+            return path_job, solution
     return None
 
 
@@ -109,8 +109,8 @@ def follow(job: Task, chain: PieceChain, degree: int = 0) -> tuple[Task, Iterate
     seconds = seconds[kept]
     nodes = np.vstack([chain.q[:-1][kept], chain.q[-1:]])
     edges = np.append(0.0, np.cumsum(seconds))
-    own = _with_constant_inputs(job, degree).on_mesh(Mesh(edges / edges[-1]))
-    return own, _iterate(own, nodes, chain.u[kept] / seconds[:, None], float(edges[-1]))
+    path_job = _with_constant_inputs(job, degree).on_mesh(Mesh(edges / edges[-1]))
+    return path_job, _iterate(path_job, nodes, chain.u[kept] / seconds[:, None], float(edges[-1]))
 
 
 def _with_constant_inputs(job: Task, degree: int) -> Task:
@@ -124,11 +124,11 @@ def _with_constant_inputs(job: Task, degree: int) -> Task:
     return task(job.problem, job.objective, wanted, job.mesh, job.demands, job.settings)
 
 
-def _iterate(own: Task, nodes: Array, rates: Array, duration: float) -> Iterate:
-    tau = own.made.form.scheme.points
+def _iterate(job: Task, nodes: Array, rates: Array, duration: float) -> Iterate:
+    tau = job.made.form.scheme.points
     points = nodes[:-1, None] + tau[:, None] * np.diff(nodes, axis=0)[:, None]
     inputs = rates
-    if own.made.form.input == "linear":
+    if job.made.form.input == "linear":
         padded = np.vstack([rates[:1], rates, rates[-1:]])
         inputs = (padded[:-1] + padded[1:]) / 2
     return Iterate(duration=duration, nodes=nodes, points=points, inputs=inputs)

@@ -85,20 +85,20 @@ def find_arm_path(job: Task) -> tuple[PieceChain, int] | None:
 def time_arm_path(job: Task, chain: PieceChain) -> tuple[Task, Solution] | None:
     """The best motion near a path, its duration free, on the path's mesh; None if none is found."""
     progress.tell("timing that path")
-    own, path = follow(job, chain)
-    if len(own.mesh.widths) > MOST_SOLVED_INTERVALS:
+    path_job, path = follow(job, chain)
+    if len(path_job.mesh.widths) > MOST_SOLVED_INTERVALS:
         return None
-    solution = _solve_timing(own, path)
-    return (own, solution) if solution.ok else None
+    solution = _solve_timing(path_job, path)
+    return (path_job, solution) if solution.ok else None
 
 
-def _solve_timing(own: Task, path: Iterate) -> Solution:
+def _solve_timing(job: Task, path: Iterate) -> Solution:
     """Solve the path's timing; if the last iterate is a motion, it counts as a solution."""
-    settings = own.settings
+    settings = job.settings
     patient = replace(
         settings, max_iterations=max(settings.max_iterations, LADDER_ITERATIONS["timing"])
     )
-    last = solve_timing(replace(own, settings=patient), path)
+    last = solve_timing(replace(job, settings=patient), path)
     if last.ok or last.residual > ACCEPTED_RESIDUAL:
         return last
     return replace(last, ok=True, status=f"{last.status} (a motion, not the best)")
@@ -127,14 +127,14 @@ def _lift_shorter_path(job: Task) -> tuple[PieceChain, int] | None:
 
 def _shorten(job: Task, path: PieceChain, ends: ChainEnds) -> PieceChain:
     """The path, or the one of least effort near it if that needs less driving and turning."""
-    own, iterate = follow(job, path)
-    if len(own.mesh.widths) > MOST_SHORTENED:
+    path_job, iterate = follow(job, path)
+    if len(path_job.mesh.widths) > MOST_SHORTENED:
         return path
-    settings = replace(own.settings, max_iterations=LADDER_ITERATIONS["shortening"])
-    effort = path_task(replace(own, settings=settings))
+    settings = replace(path_job.settings, max_iterations=LADDER_ITERATIONS["shortening"])
+    effort = path_task(replace(path_job, settings=settings))
     assert effort.problem.duration is not None
-    found = effort.solve(stretch_to(iterate, effort.problem.duration))
-    shorter, _ = close_gaps(job.problem.system, chain_of(effort, found), ends)
+    solution = effort.solve(stretch_to(iterate, effort.problem.duration))
+    shorter, _ = close_gaps(job.problem.system, chain_of(effort, solution), ends)
     return shorter if shorter is not None and _length(shorter) < _length(path) else path
 
 

@@ -114,10 +114,10 @@ class _Expressions:
     response: Pointwise
 
 
-def _expressions(made: Augmented) -> _Expressions:
-    form = linearise(made.system)
+def _expressions(model: Augmented) -> _Expressions:
+    form = linearise(model.system)
     states, rates, columns = list[Any](), list[Any](), list[Any]()
-    for error, sigma in made.spread:
+    for error, sigma in model.spread:
         moving, column = _column(form, error)
         for i, state in moving.items():
             states.append(state)
@@ -125,7 +125,7 @@ def _expressions(made: Augmented) -> _Expressions:
         columns.append(sigma * column)
     if ca.depends_on(ca.vertcat(ca.SX(), *rates), form.t):
         states, rates = [*states, form.t], [*rates, ca.SX(1)]
-    if made.metered:
+    if model.metered:
         states, rates = [*states, ca.SX.sym("effort")], [*rates, ca.sumsqr(form.u)]
     whole = ca.vertcat(form.q, *states)
     return _Expressions(

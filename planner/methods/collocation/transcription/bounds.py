@@ -73,7 +73,7 @@ class Bounds:
 def bounds(
     problem: Problem,
     requirements: list[Requirement],
-    made: Transcription,
+    nlp: Transcription,
     mesh: Mesh,
     objective: Objective,
     demands: InputDemands,
@@ -84,7 +84,7 @@ def bounds(
     Args:
         problem: The problem.
         requirements: Its requirements, see `kept_between_nodes`.
-        made: The transcription.
+        nlp: The transcription.
         mesh: Its mesh.
         objective: The objective.
         demands: Demands on the inputs beside the problem's limits.
@@ -94,14 +94,14 @@ def bounds(
     low, high = (np.concatenate([[], *(each.bounds[k] for each in requirements)]) for k in (0, 1))
     most = MOST_DRAWN_IN * (high - low) / 2
     inside, edges = np.minimum(drawn, most), np.minimum(_at_nodes(drawn), most)
-    lower, upper = _limits(problem, made, mesh, demands, inside, edges)
-    _fix(lower, upper, problem, made, mesh, demands)
+    lower, upper = _limits(problem, nlp, mesh, demands, inside, edges)
+    _fix(lower, upper, problem, nlp, mesh, demands)
     reads = [required.reads for required in requirements for _ in required.parts]
     speeds = [required.speed_power for required in requirements for _ in required.parts]
-    units, of_unknowns = made.form.units, made.layout.units(made.form.units)
-    row_lower, row_upper = np.zeros((2, made.form.intervals, made.height))
+    units, of_unknowns = nlp.form.units, nlp.layout.units(nlp.form.units)
+    row_lower, row_upper = np.zeros((2, nlp.form.intervals, nlp.height))
     ends = [part for required in problem.final for part in required.parts]
-    for rows in made.labels:
+    for rows in nlp.labels:
         if rows.kind == "final":
             row_lower[:, rows.positions], row_upper[:, rows.positions] = -np.inf, np.inf
             if rows.index < len(ends):
@@ -138,14 +138,14 @@ def bounds(
 
 def _limits(
     problem: Problem,
-    made: Transcription,
+    nlp: Transcription,
     mesh: Mesh,
     demands: InputDemands,
     inside: Array,
     edges: Array,
 ) -> tuple[Array, Array]:
     """Bounds of the unknowns; limits are tightened by `inside` (K, R) and `edges` (K+1, R)."""
-    places = made.layout
+    places = nlp.layout
     upper = np.full(places.size, np.inf)
     lower = -upper
 
@@ -171,9 +171,9 @@ def _limits(
     if problem.free:
         end, most = places.nodes[-1, list(problem.free)], problem.free_within
         within(end, (-most, most))
-    lower[places.durations[:1]] = SHORTEST_S * made.form.units.time_s
+    lower[places.durations[:1]] = SHORTEST_S * nlp.form.units.time_s
     if demands.first_sign:
-        turned = np.searchsorted(demands.turns, made.form.input_places(mesh))
+        turned = np.searchsorted(demands.turns, nlp.form.input_places(mesh))
         forward = demands.first_sign * (-1.0) ** turned > 0
         lower[places.inputs[forward, 0]] = upper[places.inputs[~forward, 0]] = 0.0
     if np.isfinite(demands.effort):
@@ -185,14 +185,14 @@ def _fix(
     lower: Array,
     upper: Array,
     problem: Problem,
-    made: Transcription,
+    nlp: Transcription,
     mesh: Mesh,
     demands: InputDemands,
 ) -> None:
     """Fix the given values in both bounds: start, goal, duration, waypoints and rest."""
-    places, N = made.layout, problem.system.size
+    places, N = nlp.layout, problem.system.size
     duration = np.nan if problem.duration is None else problem.duration
-    fixed = [(places.nodes[0], made.start(problem)), (places.nodes[-1, :N], problem.target)]
+    fixed = [(places.nodes[0], nlp.start(problem)), (places.nodes[-1, :N], problem.target)]
     fixed += [(places.durations[:1], np.array([duration])[: len(places.durations)])]
     stops = zip(mesh.marks, problem.waypoints, strict=True)
     fixed += [(places.nodes[k, :N], point.q) for k, point in stops]

@@ -62,8 +62,8 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
     identity = ca.DM.eye(stage.state.numel())
     beside = ca.DM(identity.size1(), stage.control.numel())
     jacobian = ca.vertcat(ca.horzcat(identity, beside), chain.jacobian(rows))
-    (row, column), own = _pattern(jacobian), stage.state.numel()
-    leading = np.where(row < own, row - stage.height, row - own), column
+    (row, column), states = _pattern(jacobian), stage.state.numel()
+    leading = np.where(row < states, row - stage.height, row - states), column
     return IntervalFunctions(
         cost=_function(chain, "cost", inputs, [stage.cost]),
         rows=_function(chain, "rows", inputs, [rows]),
@@ -125,8 +125,8 @@ class ChainRule:
         whole = of + ca.dot(mu, self.F)
         hessian = ca.hessian(whole, ca.vertcat(self.w, self.v))[0]
         mixed = hessian[:count, count:] @ self.Z
-        own = hessian[:count, :count] + self.Z.T @ (hessian[count:, count:] @ self.Z)
-        both = [ca.gradient(whole, self.w), ca.triu2symm(ca.triu(own + mixed + mixed.T))]
+        direct = hessian[:count, :count] + self.Z.T @ (hessian[count:, count:] @ self.Z)
+        both = [ca.gradient(whole, self.w), ca.triu2symm(ca.triu(direct + mixed + mixed.T))]
         gradient, hessian = ca.substitute(both, [mu], [self._growth(of)])
         return gradient, hessian
 

@@ -178,8 +178,8 @@ class Form:
     def parameters(self) -> int:
         """Number of parameters of an interval beside its width: weights of the objective, numbers
         of the requirements, and the duration if it is known."""
-        own = sum(len(required.row_fields) for required in (*self.kept, *self.final))
-        return TERMS + own + (not self.free_duration)
+        numbers = sum(len(required.row_fields) for required in (*self.kept, *self.final))
+        return TERMS + numbers + (not self.free_duration)
 
     @property
     def scheme(self) -> Scheme:

@@ -243,7 +243,7 @@ def _limit_rows(
             places = LIMITED_PLACES if "u" in blank.reads and form.input == "linear" else [0.0]
         elif blank.reads != {"q"}:
             places = sorted({*places, 1.0})  # inputs may jump at the next edge
-        found = [
+        rows_at = [
             required.rows(
                 MotionPoint(
                     system,
@@ -255,8 +255,8 @@ def _limit_rows(
             for tau in places
         ]
         for k in range(len(blank.parts)):
-            own = [seconds**blank.speed_power * values[k] for values in found]
-            rows.add("kept", part, np.array(places), own)
+            parts = [seconds**blank.speed_power * values[k] for values in rows_at]
+            rows.add("kept", part, np.array(places), parts)
             part += 1
     part = 0
     for blank in form.final:
@@ -272,8 +272,8 @@ def _backed_off_rows(form: Form, moved: Augmented, places: list[Any], rows: _Row
     system, q = moved.system, ca.SX.sym("q", moved.system.size)
     tau, part = np.repeat(np.append(form.scheme.points, 1.0), 2), 0
     for blank in form.kept:
-        own = blank.rows(MotionPoint(system, q)) if backs_off(blank) else []
-        for k, row in enumerate(own, part):
+        limits = blank.rows(MotionPoint(system, q)) if backs_off(blank) else []
+        for k, row in enumerate(limits, part):
             rows.add("kept", k, tau, moved.sides(q, row, places))
         part += len(blank.parts)
 

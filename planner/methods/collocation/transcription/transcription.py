@@ -76,13 +76,13 @@ class _Assembly:
     def __init__(self, stage: Stage, layout: Layout, functions: IntervalFunctions) -> None:
         self.K, self.ny, self.nc = layout.intervals, layout.state, layout.control
         self.height, self.m = stage.height, layout.state + layout.control
-        self.functions, own = functions, stage.weights.numel()
-        self.x, self.p = ca.MX.sym("x", layout.size), ca.MX.sym("p", own + self.K)
+        self.functions, weights = functions, stage.weights.numel()
+        self.x, self.p = ca.MX.sym("x", layout.size), ca.MX.sym("p", weights + self.K)
         self.columns = ca.reshape(self.x[: self.K * self.m], self.m, self.K)
         self.last = self.x[self.K * self.m :]
         self.end = ca.Function("end", [stage.state], [stage.end])(self.last)
         self.bend, self.slope = ca.hessian(self.end, self.x)
-        self.parameters = ca.vertcat(ca.repmat(self.p[:own], 1, self.K), self.p[own:].T)
+        self.parameters = ca.vertcat(ca.repmat(self.p[:weights], 1, self.K), self.p[weights:].T)
 
     def program(self) -> Program:
         f = ca.sum2(*self._mapped(self.functions.cost)) + self.end
@@ -203,9 +203,9 @@ class Transcription:
         """
         at, units = self.layout, self.form.units
         known = units.time_s * parameters[self.form.parameters - 1]
-        found = self.program.outcome(vector, parameters)
+        values = self.program.outcome(vector, parameters)
         end = 1 + at.intervals * self.height
-        rows, points = found[1:end], found[end:]
+        rows, points = values[1:end], values[end:]
         vector = vector * at.units(units)
         iterate = Iterate(
             duration=float(vector[at.durations[0]] if self.form.free_duration else known),
@@ -213,7 +213,7 @@ class Transcription:
             points=points.reshape(at.intervals, self.form.degree, -1),
             inputs=vector[at.inputs],
         )
-        return float(found[0]), rows, iterate
+        return float(values[0]), rows, iterate
 
 
 @lru_cache(maxsize=24)  # up to 25 MB each, solvers included, on the meshes of five joints

@@ -214,7 +214,7 @@ def check(
         duration_bound=least_duration(problem),
         plain_polynomial=_plain_polynomial(problem, window) if singular else None,
         nonholonomy=nonholonomy(problem),
-        not_promised={name: _not_promised(problem, name) for name in names},
+        not_promised={name: _open_requirements(problem, name) for name in names},
         outcomes=tuple(outcomes),
         remedy=remedy,
         ended_early=f"{span.why} ended the search" if span.was_reached else None,
@@ -253,7 +253,7 @@ def _outcome(problem: Problem, name: str) -> dict[str, Any]:
         return refusal_summary(NoPlanError(str(error)), name) | {"status": "bad_input"}
 
 
-def _not_promised(problem: Problem, name: str) -> tuple[str, ...]:
+def _open_requirements(problem: Problem, name: str) -> tuple[str, ...]:
     try:
         return not_promised(problem, METHODS[name].keeps)
     except MethodError:  # the method's outcome reports it

@@ -83,11 +83,11 @@ class InputError(PlannerError, ValueError):
     exit_status = 2
 
     def __init__(self, message: str = "") -> None:
-        lines = (_shortened(line, LONGEST_LINE) for line in message.split("\n"))
-        super().__init__(_shortened("\n".join(lines), LONGEST_TEXT))
+        lines = (_shorten(line, LONGEST_LINE) for line in message.split("\n"))
+        super().__init__(_shorten("\n".join(lines), LONGEST_TEXT))
 
 
-def _shortened(text: str, longest: int) -> str:
+def _shorten(text: str, longest: int) -> str:
     if len(text) <= longest:
         return text
     end = longest // 3
@@ -152,7 +152,7 @@ def expect(kind: type, value: object, how: str) -> None:
 Class = TypeVar("Class", bound=type)
 
 
-def made_by(how: str) -> Callable[[Class], Class]:
+def factory(how: str) -> Callable[[Class], Class]:
     """Decorate a class that users do not construct: a wrong call says how to get an instance.
 
     Args:

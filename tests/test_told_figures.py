@@ -13,7 +13,7 @@ import planner
 from planner.cli.app import COMMANDS
 from planner.paper.reproduce import MISPRINTS
 from planner.plan.measures import peak_inputs
-from planner.support.package import made_by
+from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[1]
 
@@ -49,7 +49,7 @@ def test_a_page_is_signed_with_the_commit_that_changed_the_package() -> None:
     found = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=False)
     commit = found.stdout.strip()
     signed = f"planner {planner.__version__}" + (f", commit {commit}" if commit else "")
-    assert made_by("make suite") == f"Made with {signed} by\n\n    make suite"
+    assert provenance("make suite") == f"Made with {signed} by\n\n    make suite"
 
 
 def test_the_readme_counts_the_random_problems_as_their_page_does() -> None:

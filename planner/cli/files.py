@@ -74,7 +74,7 @@ def export(
     with job(f"writing {name}"):
         motion = load_plan(plan, strict=True)
         written = write(motion, out, name, rate_hz=rate, joint_names=names, real=real)
-        miss = _held_miss(motion, rate) if FORMATS[name].held else {}
+        miss = _held_miss(motion, rate) if FORMATS[name].sample_and_hold else {}
     sent = " and ".join(FORMATS[name].command_columns(motion))
     data = {"plan": plan, "format": name, "written": written, "held_miss": miss or None}
     data |= {"only_sampled": motion.only_sampled, "claimed": motion.claimed}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.comparison.headline import headline, paired, recommended
+from planner.comparison.headline import compare_pairs, headline, recommend
 from planner.comparison.rows import FEEDBACK_NOTE, Row, columns, intervals, verdict
 from planner.errors import InputError
 from planner.machine.feedforward.legs import compensable
@@ -21,7 +21,7 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem, load_problem
 from planner.support.arrays import jsonable
 from planner.support.files import toml
-from planner.support.package import import_function, made_by, versions
+from planner.support.package import import_function, provenance, versions
 from planner.support.statistics import LEAST_DIFFERENCE_DEG, Difference
 from planner.support.tables import (
     Column,
@@ -92,12 +92,12 @@ class Comparison:
     @property
     def differences(self) -> tuple[Difference, ...]:
         """Differences of E for every pair of replayed plans; see `planner.support.statistics`."""
-        return paired(self.rows, "E", self.threshold_deg)
+        return compare_pairs(self.rows, "E", self.threshold_deg)
 
     @property
     def end_differences(self) -> tuple[Difference, ...]:
         """Differences of the largest joint error at the end, for the same pairs."""
-        return paired(self.rows, "end", self.threshold_deg)
+        return compare_pairs(self.rows, "end", self.threshold_deg)
 
     @property
     def headline(self) -> str:
@@ -107,7 +107,7 @@ class Comparison:
     @property
     def recommended(self) -> Row | None:
         """The row of the plan to take without feedback; None if no method has a verified plan."""
-        return recommended(self.rows, self.threshold_deg)
+        return recommend(self.rows, self.threshold_deg)
 
     @property
     def advice(self) -> Mapping[str, str]:
@@ -191,7 +191,7 @@ class Comparison:
         """Return Markdown with a heading, the headline, the table, and the command to repeat."""
         again = "Made from Python; `comparison.json` holds the problem, the machine and the seed."
         if repeat := command(self):
-            again = made_by(clean_text(repeat))
+            again = provenance(clean_text(repeat))
         heading = f"# Comparison: {markdown(self.problem.name)}\n"
         if not self.complete:
             heading += "\n**Partial: interrupted before all methods were finished.**\n"

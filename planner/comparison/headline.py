@@ -20,7 +20,7 @@ LEAST_SWING_DEG = 5.0
 """Swings of joint 1 smaller than this need no warning, in degrees."""
 
 
-def paired(
+def compare_pairs(
     rows: Sequence[Row], which: Literal["E", "end"], threshold_deg: float
 ) -> tuple[Difference, ...]:
     """Compare every pair of replayed plans machine by machine; see `planner.support.statistics`.
@@ -38,7 +38,7 @@ def paired(
     return differences(errors, threshold_deg, beside)
 
 
-def recommended(rows: Sequence[Row], threshold_deg: float) -> Row | None:
+def recommend(rows: Sequence[Row], threshold_deg: float) -> Row | None:
     """Return the plan to take without feedback; None if no method has a verified plan.
 
     The best plan is that with the smallest median E. Among the plans that the paired test does not
@@ -62,8 +62,8 @@ def recommended(rows: Sequence[Row], threshold_deg: float) -> Row | None:
 def _worse_than(row: Row, rows: Sequence[Row], threshold_deg: float) -> set[str]:
     """Return labels of plans that the paired test finds worse than this one, in E or at the end."""
     out = set()
-    for d in (*paired(rows, "E", threshold_deg), *paired(rows, "end", threshold_deg)):
-        if row.label in (d.first, d.second) and d.told_apart:
+    for d in (*compare_pairs(rows, "E", threshold_deg), *compare_pairs(rows, "end", threshold_deg)):
+        if row.label in (d.first, d.second) and d.is_clear:
             out.add(d.second if d.median_deg < 0 else d.first)
     return out - {row.label}
 
@@ -76,11 +76,11 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
         threshold_deg: A smaller difference of E does not matter, degrees.
         fidelity: That of the machines; the errors of an arm depend on it.
     """
-    row = recommended(rows, threshold_deg)
+    row = recommend(rows, threshold_deg)
     if row is None:
         return "None of the methods found a plan that keeps every limit."
     solved = [each for each in rows if each.solved and not each.feedback]
-    refused = _refused(rows, row, threshold_deg)
+    refused = _refusal(rows, row, threshold_deg)
     tail = f"{_swing(row)}{_caution(row)}"
     if len(solved) == 1:
         tail += f"{_follow_up(rows, row)}{refused}"
@@ -149,7 +149,7 @@ def _swing(row: Row) -> str:
     return f" Stand clear: before it starts, joint 1 swings {way}."
 
 
-def _refused(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
+def _refusal(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
     """Describe a refused compensated plan that would be more accurate, and what to change.
 
     Return "" if no refused plan is more accurate than this one by more than the threshold.

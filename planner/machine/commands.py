@@ -147,7 +147,7 @@ class Command:
         self._table: Array | None = None
         if np.all(delay == delay[0]):
             jumps = source.jumps + delay[0]
-            self.t = subdivide(merge_times(stops, between(jumps, stops)), step)
+            self.t = subdivide(merge_times(stops, interior(jumps, stops)), step)
             plan_time = snap_times(self.t - delay[0], source.jumps)
             points = _points(plan_time, source.parts)
             table = np.stack([source(t) for t in points], axis=1)
@@ -190,7 +190,7 @@ class CommandVariants:
         self, t: Array, values: Array, is_linear: bool, draws: Draws, step: float, stops: Array
     ) -> None:
         delay = float(draws["delay_s"][0][0])
-        self.t = subdivide(merge_times(stops, between(t + delay, stops)), step)
+        self.t = subdivide(merge_times(stops, interior(t + delay, stops)), step)
         self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < t[-1]
         plan_times = snap_times(self.t - delay, t)
         points = np.stack(_points(plan_times, (0.0, 0.5, 1.0)), axis=1)
@@ -264,7 +264,7 @@ def merge_times(*times: Array) -> Array:
     return np.asarray(every[first][where])
 
 
-def between(times: Array, stops: Array) -> Array:
+def interior(times: Array, stops: Array) -> Array:
     """The entries of `times` strictly between the first and the last of `stops`."""
     return np.asarray(times[(times > stops[0]) & (times < stops[-1])])
 

@@ -104,11 +104,11 @@ class DiskChain:
         """
         last = len(self._k) - 1
         self._load()
-        disk = self._geared(speed[:, 0], travel[-1, 0], h)
-        passed = self._passed_on(disk[-1]) if self._loaded else self._unloaded
+        disk = self._geared_speed(speed[:, 0], travel[-1, 0], h)
+        passed = self._transmission(disk[-1]) if self._loaded else self._unloaded
         ways = list(travel[:, 1])
         for j, k in enumerate(self._k):
-            c = self._turned(j, ways, h)
+            c = self._turn(j, ways, h)
             if j == last:
                 self._state[0] += self._k_g * to_end(disk, h)
             disk = disk * c
@@ -129,7 +129,7 @@ class DiskChain:
             ):
                 joint.apply_load(load)
 
-    def _geared(self, speed: Array, travel: Array, h: float) -> Array:
+    def _geared_speed(self, speed: Array, travel: Array, h: float) -> Array:
         """Speed of the first disk: that of motor 1, reduced by its gearhead's play, (P, S)."""
         if self._motor.exact:
             return speed
@@ -138,7 +138,7 @@ class DiskChain:
         still = travel == 0
         return np.asarray(speed * np.where(still, 1.0, turned / np.where(still, 1.0, travel)))
 
-    def _passed_on(self, speed: Array) -> tuple[Array, Array]:
+    def _transmission(self, speed: Array) -> tuple[Array, Array]:
         """Fractions of the rate V cosθ that P₁, and P₂ with P₃, of each stage transmit, (n−1, S).
 
         Args:
@@ -167,7 +167,7 @@ class DiskChain:
             disk = disk * c
         return torques
 
-    def _turned(self, i: int, ways: list[Array], h: float) -> Array:
+    def _turn(self, i: int, ways: list[Array], h: float) -> Array:
         """Turn axis i by the travels to each later point; return cosθᵢ at all points, (P, S)."""
         joint, part = self._joints[i], h / len(ways)
         c = np.empty((len(ways) + 1, len(joint.theta)))

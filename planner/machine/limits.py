@@ -66,7 +66,7 @@ class MachineLimit:
         )
 
 
-def watched(problem: Problem) -> list[Requirement]:
+def breakable_limits(problem: Problem) -> list[Requirement]:
     """The limits that a machine may break: all but that of z₂, a quantity of the methods only."""
     return [
         required
@@ -87,7 +87,7 @@ def bounds(required: Requirement) -> tuple[Array, Array]:
 
 def parts_of(problem: Problem) -> Iterator[tuple[Requirement, Part, float, float]]:
     """The P parts of these limits, each with the least and the largest value for a machine."""
-    for required in watched(problem):
+    for required in breakable_limits(problem):
         yield from zip(repeat(required), required.parts, *bounds(required), strict=False)
 
 
@@ -101,7 +101,7 @@ def lower_margins(least: Array, when: Array, problem: Problem, q: Array, times: 
         q: Coordinates, (S, R, N).
         times: Times of q, (R,), s.
     """
-    required = watched(problem)
+    required = breakable_limits(problem)
     block = max(1, BLOCK_STATES // max(1, len(times)))
     blocks = product(range(0, len(q), block), range(0, len(times), BLOCK_STATES))
     for first, row in blocks if required else ():

@@ -26,7 +26,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import InputError, expect, made_by
+from planner.errors import InputError, expect, factory
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable, Spread
 from planner.support.arrays import Array, plain
 from planner.support.files import read_toml
@@ -58,7 +58,7 @@ class Quantity:
         return {"value": value, "spread": spread} if self.varies else value
 
 
-@made_by("planner.Machine.prototype(), .ideal() or .from_table({...})")
+@factory("planner.Machine.prototype(), .ideal() or .from_table({...})")
 @dataclass(frozen=True, repr=False)
 class Machine:
     """The emulated machine: everything between a plan's inputs and the real motion; immutable.
@@ -175,12 +175,12 @@ class Machine:
                 to that number, see `fitted`.
         """
         given = self.effects[name].value if name in self.effects else (EFFECTS[name].off_value,)
-        return np.array(given if joints is None else fitted(name, given, joints))
+        return np.array(given if joints is None else fit_to_joints(name, given, joints))
 
     def spread(self, name: str, joints: int) -> Array:
         """Standard deviation of an effect between machines, in the form of `mean`; 0 when off."""
         given = self.effects[name].spread if name in self.effects else (0.0,)
-        return np.array(fitted(name, given, joints))
+        return np.array(fit_to_joints(name, given, joints))
 
     # -- description ---------------------------------------------------------------------------
 
@@ -450,7 +450,7 @@ def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> 
         InputError: If a list of the quantity does not match the system's joints.
     """
     effect = EFFECTS[name]
-    both = [fitted(name, given, joints) for given in (quantity.value, quantity.spread)]
+    both = [fit_to_joints(name, given, joints) for given in (quantity.value, quantity.spread)]
     for given in both:
         wrong = effect.mismatch(f"machine.{name}", given, joints)
         if wrong:
@@ -521,7 +521,7 @@ _PRESET_LISTS = {
 }
 
 
-def fitted(name: str, numbers: Sequence[float], joints: int) -> Sequence[float]:
+def fit_to_joints(name: str, numbers: Sequence[float], joints: int) -> Sequence[float]:
     """Values of an effect for an arm with `joints` joints.
 
     The prototype has three joints. For an arm with fewer or more, its lists are cut, or their last

@@ -146,7 +146,7 @@ class March:
         flat = np.swapaxes(slips, 0, 1).reshape(-1, slips.shape[-1])
         self.slipping[0] = np.where(flat.any(axis=0), flat.argmax(axis=0), -1)
         grip = Grip(c, data.lateral, data.capacity)
-        hold = grip.hold(grip.carried(loads))
+        hold = grip.hold(grip.contact_load(loads))
         # Rate lost per N m, by creep and sideways; the drag of P3 loads P2 at any torque.
         lost, drag = data.creep * grip.cosine + grip.sideways / hold, grip.sideways * hold
         kept = np.maximum(data.kept * np.ones_like(c), 0.0)

@@ -25,7 +25,7 @@ from planner.machine.commands import (
 )
 from planner.machine.compiled import MOST_PASSIVE, CompiledMotion, library
 from planner.machine.friction.contact_load import refuse_sliding
-from planner.machine.limits import lower_margins, watched
+from planner.machine.limits import breakable_limits, lower_margins
 from planner.machine.machine import Draws, Machine, draw
 from planner.machine.stepwise import MachineMotion, StepwiseMotion
 from planner.plan.plan import Plan
@@ -80,7 +80,8 @@ class Recording:
 
 def _blank(plan: Plan, times: Array, count: int, motions: int, has_feedback: bool) -> Recording:
     """An empty recording of `count` samples that keeps the motions of the first `motions`."""
-    size, parts = plan.problem.system.size, sum(len(each.parts) for each in watched(plan.problem))
+    size = plan.problem.system.size
+    parts = sum(len(each.parts) for each in breakable_limits(plan.problem))
     return Recording(
         t=times,
         q=np.empty((motions, len(times), size)),

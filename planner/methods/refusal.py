@@ -59,7 +59,8 @@ BY_COLLOCATION = Change(method="collocation", words=", which plans in joint coor
 
 def duration_change(seconds: float) -> Change:
     """The change to another duration, rounded up."""
-    return Change({"goal.duration": float(rounded(seconds))}, f"goal.duration = {rounded(seconds)}")
+    text = round_up(seconds)
+    return Change({"goal.duration": float(text)}, f"goal.duration = {text}")
 
 
 def travel_changes(problem: Problem, without: str = "") -> list[Change]:
@@ -104,7 +105,7 @@ def path_changes(problem: Problem) -> list[Change]:
     return list(out.values())
 
 
-def rounded(value: float) -> str:
+def round_up(value: float) -> str:
     """A number rounded up to about four digits."""
     scale = 10.0 ** (3 - int(np.floor(np.log10(value))))
     return f"{np.ceil(value * scale) / scale:.10g}"
@@ -208,7 +209,7 @@ def changed_words(plan: Plan, broken: Sequence[Violation]) -> str:
     for kind in dict.fromkeys(type(demand) for demand in reversed(problem.demands)):
         group = [each for each in demands if type(each[0]) is kind]
         if kind is Duration and group:
-            parts.append(f"goal.duration = {rounded(plan.duration)} or more")
+            parts.append(f"goal.duration = {round_up(plan.duration)} or more")
         elif kind is Goal and any(part.index == 0 for _, part, _ in group):
             ((key, value),) = problem.travel_change(plan.travel).items()
             parts.append(f"{key} = {value:.6g}")

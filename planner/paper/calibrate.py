@@ -47,7 +47,7 @@ from planner.plan.plan import Plan
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.report.figures.style import COLOURS, GRID_STYLE
 from planner.support.files import folder
-from planner.support.package import made_by
+from planner.support.package import provenance
 from planner.support.progress import Tell, expect_listener
 from planner.support.tables import Column, Markup, markdown_table
 
@@ -182,7 +182,7 @@ stiffness of the long shaft, transmission parts of low resolution and a lack of 
 `Machine.prototype()` has the most probable parameters, given these statements and the ranges of
 typical parts.
 
-{made_by}
+{provenance}
 
 The paper does not print the travel and the inputs of its experiment. Instead we use its polynomial
 method, at the travel of least peak input that stays inside the chart's domain.
@@ -195,7 +195,7 @@ def page(calibration: Calibration) -> str:
     """Return the page as Markdown."""
     return "\n".join(
         [
-            _HEAD.format(made_by=made_by("planner calibrate --out results/calibration")),
+            _HEAD.format(provenance=provenance("planner calibrate --out results/calibration")),
             "## The paper's statements and the preset\n",
             _statements(calibration.fit),
             "## Sideways friction is not in the paper\n",
@@ -310,11 +310,11 @@ def remaining_share(data: DataSet, parameter: Parameter) -> float:
 
 def _preset(value: Any, joint: int | None = None) -> str:
     if isinstance(value, dict):
-        return f"{_of(value['value'], joint):g} ± {_of(value['spread'], joint):g}"
-    return f"{_of(value, joint):g}"
+        return f"{_entry(value['value'], joint):g} ± {_entry(value['spread'], joint):g}"
+    return f"{_entry(value, joint):g}"
 
 
-def _of(number: Any, joint: int | None) -> float:
+def _entry(number: Any, joint: int | None) -> float:
     """Return a number, or its entry for a joint 2 … n if it is a list."""
     return float(number if joint is None else number[joint - 2])
 
@@ -339,7 +339,7 @@ def _identification(data: Sequence[DataSet]) -> str:
             lambda d: ", ".join(f"{s:.3g}" for s in d.singular[:8]),
             left=True,
         ),
-        Column("parameters not identified", "> 0.9", _unidentified, left=True),
+        Column("parameters not identified", "> 0.9", _open_parameters, left=True),
     ]
     table = markdown_table(columns, data) + "\n"
     words = data[0]
@@ -362,7 +362,7 @@ def _identification(data: Sequence[DataSet]) -> str:
     )
 
 
-def _unidentified(data: DataSet) -> Markup:
+def _open_parameters(data: DataSet) -> Markup:
     names = [f"`{r.key}`" for r in FITTED_PARAMETERS if remaining_share(data, r) > 0.9]
     return Markup("; ".join(names) or "none")
 

@@ -19,7 +19,7 @@ from planner.report.figures.style import COLOURS, grid, heading
 from planner.report.film import animate
 from planner.report.panels import z2_band
 from planner.support.files import folder
-from planner.support.package import made_by
+from planner.support.package import provenance
 from planner.support.progress import Tell, expect_listener
 from planner.support.tables import Column, Markup, markdown_table
 
@@ -280,7 +280,7 @@ FINDING_COLUMNS: list[Column[PaperNumber]] = [
 def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
     """Return the page as Markdown."""
     command = f"planner reproduce --out results/paper --samples {samples} --seed {seed}"
-    parts = [_HEAD.format(made_by=made_by(command)), "## Numbers and claims\n"]
+    parts = [_HEAD.format(provenance=provenance(command)), "## Numbers and claims\n"]
     parts.append(markdown_table(FINDING_COLUMNS, findings) + "\n")
     parts.append("\n## Misprints\n")
     heads = ("where", "printed", "corrected")
@@ -302,7 +302,7 @@ _HEAD = """# The paper, reproduced and corrected
 *Chained-Form Design and Motion Planning for a Nonholonomic Manipulator*: what it prints, what we
 find, and where the two differ.
 
-{made_by}
+{provenance}
 
 The travel of the disk, its start and the duration are not printed. The constraint point (5, -0.2)
 suggests T = 10 s, and a travel of pi/4 reproduces what the paper says of Figs 4 and 5. Gear

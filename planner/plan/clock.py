@@ -36,7 +36,7 @@ class Clock:
         return cls((0.0, seconds), (0.0, seconds))
 
     @classmethod
-    def held(cls, seconds: float, holds: Iterable[tuple[float, float]]) -> Clock:
+    def with_holds(cls, seconds: float, holds: Iterable[tuple[float, float]]) -> Clock:
         """The clock of a plan that is held at some of its times.
 
         Args:
@@ -45,7 +45,7 @@ class Clock:
         """
         t, s = [0.0], [0.0]
 
-        def go_on(until: float, more: float) -> None:
+        def advance(until: float, more: float) -> None:
             rate_now = until > s[-1]
             if more <= 0:
                 return
@@ -56,9 +56,9 @@ class Clock:
                 s.append(until)
 
         for place, length in sorted(holds, key=lambda hold: hold[0]):
-            go_on(place, place - s[-1])
-            go_on(place, length)
-        go_on(seconds, seconds - s[-1])
+            advance(place, place - s[-1])
+            advance(place, length)
+        advance(seconds, seconds - s[-1])
         return cls(tuple(t), tuple(s))
 
     @property

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import InputError, TimeLimitError, expect, made_by
+from planner.errors import InputError, TimeLimitError, expect, factory
 from planner.plan.claims import Certificate, shown_labels
 from planner.plan.clock import Clock
 from planner.plan.measures import DomainReport, domain_report, effort, effort_unit, peak_inputs
@@ -53,7 +53,7 @@ ROUNDING = 1e-9
 of thousands of steps have smaller errors."""
 
 
-@made_by("planner.solve(problem, method) or planner.load_plan(path)")
+@factory("planner.solve(problem, method) or planner.load_plan(path)")
 @dataclass(frozen=True, eq=False)
 class Plan:
     """A motion from start to goal that evaluates at any time.

@@ -60,7 +60,7 @@ def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Cl
         clock = Clock(tuple(said["t"]), tuple(said["s"]))
     elif "lead_s" in made_from:
         ends = [(0.0, made_from["lead_s"]), (seconds, made_from.get("tail_s", 0.0))]
-        clock = Clock.held(seconds, ends)
+        clock = Clock.with_holds(seconds, ends)
     else:
         raise InputError(f"{path}: compensation.clock is missing; compensate the plan again")
     why = clock.flaw

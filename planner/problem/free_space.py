@@ -65,9 +65,9 @@ def is_blocked(problem: Problem) -> bool:
     start = problem.start[1:]
     for grid in _grids(problem):
         goal = grid.goal_cells(problem)
-        if grid.joined(start, goal, grid.cells == FREE, corners=False):
+        if grid.connects(start, goal, grid.cells == FREE, corners=False):
             return False
-        if not grid.joined(start, goal, grid.cells != BLOCKED, corners=True):
+        if not grid.connects(start, goal, grid.cells != BLOCKED, corners=True):
             return True
     return False
 
@@ -91,7 +91,7 @@ def find_way(problem: Problem) -> Array | None:
     if not has_free_space(problem):
         return None
     *_, grid = (g for g in _grids(problem) if g.cells.size <= MOST_WAY_CELLS)
-    return _shortened(problem, grid.shortest(problem, problem.start[1:], problem.likely.goal[1:]))
+    return _shorten(problem, grid.shortest(problem, problem.start[1:], problem.likely.goal[1:]))
 
 
 def has_free_space(problem: Problem) -> bool:
@@ -142,7 +142,7 @@ class Grid:
             mask[tuple(where.T)] = near
         return mask
 
-    def joined(
+    def connects(
         self, start: Array, goal: NDArray[np.bool_], may_pass: NDArray[np.bool_], corners: bool
     ) -> bool:
         """Whether passable cells connect the start with the goal, by faces or also by corners."""
@@ -206,7 +206,7 @@ def _beyond(problem: Problem) -> Array:
     return np.cumsum(problem.system.link_lengths[::-1])[::-1]  # type: ignore[attr-defined]
 
 
-def _shortened(problem: Problem, way: Array) -> Array:
+def _shorten(problem: Problem, way: Array) -> Array:
     """Replace detours of the path by straight segments if these have as much clearance."""
     room, corners, at = clearance(problem, way), [0], 0
     while at < len(way) - 1:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.errors import InputError, InputWarning, expect, made_by
+from planner.errors import InputError, InputWarning, expect, factory
 from planner.problem.conditions import (
     Limits,
     bare_limits,
@@ -61,7 +61,7 @@ WIDEST_FREE_JOINT_RAD = np.deg2rad(88.0)
 the largest value to which joint limits are widened; at 90 degrees an arm's drive stands still."""
 
 
-@made_by("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")
+@factory("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")
 @dataclass(frozen=True, eq=False)
 class Problem:
     """A motion-planning problem: system, start, goal and limits. Build it with `load_problem`.

@@ -64,7 +64,7 @@ class Format:
         reader: The Python function that reads it, or "".
         options: Names of the `ExportOptions` it has.
         is_command: Whether motors are to execute it directly.
-        held: Whether motors hold each row until the next.
+        sample_and_hold: Whether motors hold each row until the next.
         command_columns: Names of the columns for the motors, in a table with named columns.
     """
 
@@ -74,7 +74,7 @@ class Format:
     reader: str = ""
     options: tuple[str, ...] = ("rate_hz",)
     is_command: bool = True
-    held: bool = False
+    sample_and_hold: bool = False
     command_columns: Callable[[Plan], Sequence[str]] = lambda _: ()
 
 
@@ -84,7 +84,7 @@ FORMATS: dict[str, Format] = {
         (".csv",),
         lambda plan, asked: _csv(sample(plan, asked.rate_hz)),
         "planner.load_samples",
-        held=True,
+        sample_and_hold=True,
         command_columns=commands,
     ),
     "json": Format(
@@ -106,7 +106,7 @@ FORMATS: dict[str, Format] = {
         (".mat",),
         lambda plan, asked: _mat(plan, sample(plan, asked.rate_hz), asked.rate_hz),
         "planner.load_samples",
-        held=True,
+        sample_and_hold=True,
     ),
     "urdf": Format(
         "the arm for ROS and RViz: link lengths, joint limits, joints named as the coordinates",

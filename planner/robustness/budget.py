@@ -29,7 +29,7 @@ from planner.robustness.sobol import (
     switches_per_sample,
 )
 from planner.support.arrays import Array, jsonable
-from planner.support.package import import_function, made_by
+from planner.support.package import import_function, provenance
 from planner.support.progress import Tell, expect_listener
 from planner.support.statistics import percentile_interval
 from planner.support.tables import (
@@ -406,7 +406,7 @@ def budget_markdown(budgets: Mapping[str, Budget], command: str | None = None) -
         CAPTION[0].upper() + CAPTION[1:],
     ]
     if command:
-        lines += ["", made_by(clean_text(command))]
+        lines += ["", provenance(clean_text(command))]
     return "\n".join(lines) + "\n"
 
 

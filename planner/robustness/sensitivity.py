@@ -225,13 +225,13 @@ def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
     S[0, :, first : first + system.size] = np.eye(system.size)
     ends = np.where(np.isin(t[1:], plan.t[1:-1]), np.nextafter(t[1:], 0.0), t[1:])
     places = (t[:-1], (t[:-1] + t[1:]) / 2, ends)
-    A, B = zip(*(_linearised(plan, instant) for instant in places), strict=True)
+    A, B = zip(*(_linearise(plan, instant) for instant in places), strict=True)
     for k, h in enumerate(np.diff(t)):
         S[k + 1] = runge_kutta.step(lambda S, j, k=k: A[j][k] @ S + B[j][k], S[k], h)  # type: ignore[misc]
     return Sensitivity(plan, t, S, names, units)
 
 
-def _linearised(plan: Plan, t: Array) -> tuple[Array, Array]:
+def _linearise(plan: Plan, t: Array) -> tuple[Array, Array]:
     """Return A (m, N, N) and B (m, N, P) at the times t (m,)."""
     system = plan.problem.system
     size = system.size

@@ -64,7 +64,7 @@ def release() -> str:
     return f"planner {version()}" + (f", commit {commit}" if commit else "")
 
 
-def made_by(*commands: str) -> str:
+def provenance(*commands: str) -> str:
     """Lines for a page that name the version and the commands that made it.
 
     Returns:

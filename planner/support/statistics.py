@@ -65,7 +65,7 @@ class Difference:
         return self.p_corrected < SIGNIFICANCE_LEVEL
 
     @property
-    def told_apart(self) -> bool:
+    def is_clear(self) -> bool:
         """Whether one plan is called better: the difference matters, and is significant or has the
         same sign on all machines."""
         return self.matters and (self.significant or self.first_better in (0.0, 1.0))

@@ -145,7 +145,7 @@ def _typos(model: type[BaseModel], grouped: Mapping[Path, Any]) -> set[Path]:
 
 
 def _line(model: type[BaseModel], path: Path, group: Sequence[Any]) -> str:
-    where, value = _dotted(path), shorten(_short_repr.repr(group[0]["input"]))
+    where, value = _dot(path), shorten(_short_repr.repr(group[0]["input"]))
     match group[0]["type"]:
         case "extra_forbidden":
             former = getattr(_table_at(model, path[:-1]), "former", {}).get(path[-1])
@@ -174,7 +174,7 @@ def _phrase(error: Any) -> str:
     return phrase.format(**error.get("ctx", {}))
 
 
-def _dotted(parts: Sequence[Any]) -> str:
+def _dot(parts: Sequence[Any]) -> str:
     out = ""
     for part in parts:
         out += f"[{part}]" if isinstance(part, int) else f".{shorten(str(part))}"

@@ -66,24 +66,24 @@ class BallGear(PlanarArm, TangentSystem):
 
     # -- numeric form --------------------------------------------------------------------------
 
-    def _transmitted(self, q: Array) -> Array:
+    def _ratios(self, q: Array) -> Array:
         """Speed of each ball relative to k_g u₁, shape (…, n): 1, cosθ₁, cosθ₁cosθ₂, …"""
         ones = np.ones_like(q[..., :1])
         return np.asarray(np.cumprod(np.concatenate([ones, np.cos(q[..., 1:-1])], -1), axis=-1))
 
     def slopes(self, q: Array) -> Array:
         """θᵢ' for i = 2 … n, shape (…, n−1), as the ratio of joint speed to φ̇ₙ."""
-        ball = self._transmitted(q)
+        ball = self._ratios(q)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self.K * np.sin(q[..., 1:-1]) * ball[..., :-1] / ball[..., -1:])
 
     def drive(self, q: Array) -> Array:
         """γ, shape (…,)."""
-        return np.asarray(self.k_g * self._transmitted(q)[..., -1])
+        return np.asarray(self.k_g * self._ratios(q)[..., -1])
 
     def rates(self, q: Array, u: Array) -> Array:
         """q̇, shape (…, n+1), ball by ball; regular at every angle."""
-        ball = self.k_g * self._transmitted(q) * u[..., 0:1]
+        ball = self.k_g * self._ratios(q) * u[..., 0:1]
         joints = self.K * np.sin(q[..., 1:-1]) * ball[..., :-1]
         return np.concatenate([ball[..., -1:], u[..., 1:2], joints], axis=-1)
 

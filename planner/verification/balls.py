@@ -69,7 +69,7 @@ SQUARE_COLUMN = np.append(np.zeros(POINTS), SQUARE)
 HALF_COLUMN = np.append(np.zeros(POINTS), np.full(len(RHO), 0.5))
 """R, the bound of |z² − 1/2| and 1/2 for every column of a `Ball`; zero at points."""
 
-CUT = 4 * RHO[1:] ** (1 - POINTS) / (RHO[1:] - 1) * (1 + 64 * ROUNDING_UNIT)
+REMAINDER_FACTOR = 4 * RHO[1:] ** (1 - POINTS) / (RHO[1:] - 1) * (1 + 64 * ROUNDING_UNIT)
 """Interpolation error for r = 1 in each ellipse."""
 
 
@@ -90,7 +90,7 @@ class Ellipses(NamedTuple):
     @property
     def remainder(self) -> Array:
         """Bound of the interpolation error, shape (C,)."""
-        return np.asarray(np.fmin.reduce(self.r[:, 1:] * CUT, axis=1))
+        return np.asarray(np.fmin.reduce(self.r[:, 1:] * REMAINDER_FACTOR, axis=1))
 
     def integral(self, half: Array, middle: Array, doubt: Array) -> Ellipses:
         """middle + ∫ from the middle of each cell: ∫ (c + bz + e) = cz + bz²/2 + ∫ e.
@@ -378,7 +378,7 @@ def models(balls: Sequence[Ball], cells: int) -> list[Model]:
     for i, ball in enumerate(balls):
         c[i], b[i], r[i] = ball
     v, line = c[:, :, :SEGMENT], r[:, :, SEGMENT]
-    left_over = np.fmin.reduce(r[:, :, SEGMENT + 1 :] * CUT, axis=2)
+    left_over = np.fmin.reduce(r[:, :, SEGMENT + 1 :] * REMAINDER_FACTOR, axis=2)
     wrong = LEBESGUE_BOUND * np.max(r[:, :, :SEGMENT], axis=2)
     rest = (
         left_over + wrong + 28 * ROUNDING_UNIT * COEFFICIENT_SUM_BOUND * np.max(np.abs(v), axis=2)

@@ -102,9 +102,9 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int, Array]:
         broken = Claim(part.label, "violated", -np.inf, report.margin, report.time_s, part.unit)
         why = "the path leaves the chart's domain, where no real coordinates exist"
         others = [each for each in problem.demands if not each.in_chart]
-        return [broken, *_undecided_claims(plan, why, others)], *nothing
+        return [broken, *_open_plan_claims(plan, why, others)], *nothing
     if why:
-        return _undecided_claims(plan, why), *nothing
+        return _open_plan_claims(plan, why), *nothing
     if plan.compensation is not None:
         count = len(trajectory.breaks) - 1
         return _claims_on_inputs(plan, NO_PROOF_ON_MACHINE), nothing[0], count, nothing[2]
@@ -130,7 +130,7 @@ def _claims_on_inputs(plan: Plan, why: str) -> list[Claim]:
     try:
         source = source_of(plan.trajectory)
     except UnboundedError:
-        return _undecided_claims(plan, why)
+        return _open_plan_claims(plan, why)
     evidence = Evidence(plan, EnclosedMotion(resolve(source), source, frozenset({"u", "du"})), [])
     proofs: list[Proof] = []
     for demand in plan.problem.demands:
@@ -138,11 +138,11 @@ def _claims_on_inputs(plan: Plan, why: str) -> list[Claim]:
         if isinstance(demand, Duration | LongestDuration) or reads <= evidence.path.reads:
             proofs += prove(demand, evidence)
         else:
-            proofs += _undecided_claims(plan, why, [demand])[:-1]
+            proofs += _open_plan_claims(plan, why, [demand])[:-1]
     return [*decide(proofs), undecided_claim(PLAN_DEVIATION.label, PLAN_DEVIATION.unit, why)]
 
 
-def _undecided_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = None) -> list[Claim]:
+def _open_plan_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = None) -> list[Claim]:
     """Undecided claims on the given requirements (or all) and on the plan's own q(t)."""
     free, in_coordinates = np.isnan(plan.problem.target), plan.trajectory.in_coordinates
     parts = [
@@ -160,10 +160,10 @@ def _undecided_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = N
 @singledispatch
 def prove(demand: Demand, evidence: Evidence) -> Iterable[Proof]:
     """Obligations that prove a demand, or claims that are decided already."""
-    return _undecided(demand, "there is no proof for this kind of requirement")
+    return _open_claims(demand, "there is no proof for this kind of requirement")
 
 
-def _undecided(demand: Demand, why: str, required: bool = True) -> list[Claim]:
+def _open_claims(demand: Demand, why: str, required: bool = True) -> list[Claim]:
     return [undecided_claim(part.label, part.unit, why, required) for part in demand.parts]
 
 
@@ -172,7 +172,7 @@ def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
     """Prove a requirement by its rows, at all times or only at the end."""
     reads = required.reads
     if "du" in reads and not required.is_direct:
-        return _undecided(required, "there is no proof for this kind of requirement")
+        return _open_claims(required, "there is no proof for this kind of requirement")
     motion, margins_of = evidence.motion_for(reads), dict[str, MarginAt]()
     if required.is_direct:
         models = (
@@ -187,7 +187,7 @@ def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
         try:
             motion, values = _row_models(required, evidence, motion)
         except UnboundedError as error:
-            return _undecided(required, f"there is no bound for {error}")
+            return _open_claims(required, f"there is no bound for {error}")
         margins_of = _own_margins(required, evidence.plan.problem.system, motion, values)
     proofs: list[Proof] = []
     for part, value in zip(required.parts, values, strict=True):
@@ -304,7 +304,7 @@ def _(chart: ChartDomain, evidence: Evidence) -> Iterable[Proof]:
     try:
         balls = _rows(evidence.plan.problem.system, chart)(evidence.path.enclosure.q)
     except UnboundedError as error:
-        return _undecided(chart, f"there is no bound for {error}", required)
+        return _open_claims(chart, f"there is no bound for {error}", required)
     (part,) = chart.parts
     margins: list[Margin] = [
         (1.0, value, -part.low) for value in evidence.path.enclosure.models(*balls)

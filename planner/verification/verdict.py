@@ -41,26 +41,26 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
         plan = replace(plan, compensation=replace(plan.compensation, plan=inside))
         if not check.ok:
             words = (f"in its original plan, {v}" for v in check.violations)
-            return plan, _refused(check, [_flaw(text) for text in words])
+            return plan, _refusal(check, [_flaw(text) for text in words])
     check, motion = examine(plan)
     if not check.ok:
         return plan, check
     certificate = certificate or certify(plan)
     if broken := sorted(_proven_violations(plan, certificate), key=lambda v: -v.scaled):
         margins = {v.label: certificate[v.label].attained for v in broken}
-        return plan, replace(_refused(check, broken), margins={**check.margins, **margins})
+        return plan, replace(_refusal(check, broken), margins={**check.margins, **margins})
     if certificate.only_sampled and plan.compensation is None:
         closer, _ = examine(plan, certificate.edges, motion)
         proven = {claim.label for claim in certificate.claims if claim.status == "proven"}
         if broken := [v for v in closer.violations if v.label not in proven]:
-            return plan, _refused(closer, broken)
+            return plan, _refusal(closer, broken)
     if not any(claim.status == "proven" for claim in certificate.claims if claim.required):
         why = certificate.open[0].why
-        return plan, _refused(check, [_flaw(f"nothing of the plan can be proven: {why}")])
+        return plan, _refusal(check, [_flaw(f"nothing of the plan can be proven: {why}")])
     return replace(plan, verified=True, certificate=certificate), check
 
 
-def _refused(check: Check, broken: Sequence[Violation]) -> Check:
+def _refusal(check: Check, broken: Sequence[Violation]) -> Check:
     return replace(check, ok=False, violations=tuple(broken))
 
 

@@ -21,7 +21,7 @@ from bench_cases import PROBLEMS, cases
 from matplotlib.ticker import FormatStrFormatter
 
 from planner.support.files import write_bytes, write_text
-from planner.support.package import made_by
+from planner.support.package import provenance
 
 FRESH = """
 import time
@@ -35,7 +35,7 @@ print(imported - began, time.perf_counter() - began, time.process_time())
 PLAIN = FormatStrFormatter("%g")
 HEAD = """# Speed of collocation
 
-{made_by}
+{provenance}
 
 on {machine}.
 While it ran the computer had other work: load {load} on {cores} cores. Times are
@@ -99,7 +99,7 @@ def write(out: Path, found: dict[str, Any]) -> None:
 def _page(found: dict[str, Any]) -> str:
     out = ", ".join(found["left_out"])
     head = HEAD.format(
-        made_by=made_by("make bench"),
+        provenance=provenance("make bench"),
         machine=found["machine"],
         load=found["load"],
         cores=os.cpu_count(),

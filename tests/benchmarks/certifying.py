@@ -69,7 +69,7 @@ def serve() -> None:
 
 def compare(other: Path, out: Path) -> None:
     """Measure and write the table."""
-    from planner.support.package import made_by
+    from planner.support.package import provenance
 
     here, script = Path(__file__).parents[2], Path(__file__).resolve()
     with tempfile.TemporaryDirectory() as folder:
@@ -117,7 +117,7 @@ def compare(other: Path, out: Path) -> None:
         "| plan | ms | cells | statuses changed | weaker | claims |\n|---|---|---|---|---|---|\n"
         + "\n".join(rows)
         + "\n\n"
-        + made_by("python tests/benchmarks/certifying.py OTHER")
+        + provenance("python tests/benchmarks/certifying.py OTHER")
         + "\n"
     )
 

@@ -26,7 +26,7 @@ from planner.problem.tables.machine_effects import StartState
 from planner.report.figures.style import GRID_STYLE, colour_of, shade_holds
 from planner.support.arrays import Array
 from planner.support.files import folder
-from planner.support.package import made_by
+from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[2]
 SEED = 2026
@@ -375,7 +375,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             starts=study.starts(),
             widths=study.widths(),
             capacities=study.capacities(),
-            made_by=made_by("make compensation"),
+            provenance=provenance("make compensation"),
         )
     )
     crossing = planner.solve(planner.load_problem(ROOT / "problems/crossing.toml"))

@@ -28,7 +28,7 @@ from planner.machine.replay import Replay
 from planner.plan.plan import Plan
 from planner.report.controller.controller import Recorder
 from planner.support.files import folder
-from planner.support.package import made_by
+from planner.support.package import provenance
 
 sys.path.append(str(Path(__file__).parents[1]))
 
@@ -160,7 +160,7 @@ def page(rows: Sequence[Measured], samples: int) -> str:
         "SAMPLES": str(samples),
         "ERRORS": "\n".join(errors),
         "COSTS": "\n".join(costs),
-        "MADE_BY": made_by("make controller"),
+        "MADE_BY": provenance("make controller"),
     }
     for name, value in parts.items():
         text = text.replace(f"<{name}>", value)

@@ -21,7 +21,7 @@ from rich.progress import Progress
 from stress_problems import INPUT, WIDE, arm
 
 from planner.report.figures.style import colours
-from planner.support.package import made_by
+from planner.support.package import provenance
 from planner.support.tables import Column, markdown_table
 from planner.sweep.results import read
 from planner.sweep.run import run_sweep
@@ -190,7 +190,7 @@ def main() -> int:
             found += rows(joints, results(joints, count, db, given.workers))
     given.out.mkdir(parents=True, exist_ok=True)
     picture(found).savefig(given.out / "coverage.png", dpi=130)
-    command = made_by(shlex.join(["python", "tests/benchmarks/coverage.py", *sys.argv[1:]]))
+    command = provenance(shlex.join(["python", "tests/benchmarks/coverage.py", *sys.argv[1:]]))
     best = [row for row in found if row["method"] == "collocation"]
     page = HEAD.format(
         command=command,

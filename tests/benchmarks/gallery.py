@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from planner.support.files import write_text
-from planner.support.package import made_by
+from planner.support.package import provenance
 
 PAGE = Path(__file__).parents[2] / "docs" / "gallery.md"
 BLOCK = re.compile(r"^```python\n(.*?)^```\n\n!\[.+?\]\((.+?)\)", flags=re.DOTALL | re.MULTILINE)
@@ -33,4 +33,4 @@ if __name__ == "__main__":
         path.parent.mkdir(exist_ok=True)
         figure_of(code).savefig(path, dpi=80)
     note = "The pictures of [the gallery](../../docs/gallery.md), each drawn by the lines above it."
-    write_text(path.parent / "README.md", f"# Gallery\n\n{note}\n\n{made_by('make gallery')}\n")
+    write_text(path.parent / "README.md", f"# Gallery\n\n{note}\n\n{provenance('make gallery')}\n")

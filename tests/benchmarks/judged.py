@@ -14,7 +14,7 @@ from pathlib import Path
 
 from outside_judge import OUTCOMES, campaign
 
-from planner.support.package import made_by
+from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[2]
 
@@ -26,7 +26,7 @@ judged by `load_plan` and by DOP853 with samples of everything that is limited; 
 plan's u(t) and the system's NumPy kinematics, and share nothing else. *No form*: refused before
 there was a motion to judge, with the reason. *Too close*: within a fifth of a tolerance.
 
-{made_by}
+{provenance}
 
 """
 
@@ -45,7 +45,7 @@ def main() -> int:
     rows += [[name, *(str(tally[name, each]) for each in OUTCOMES)] for name in names]
     sums = [sum(tally[name, each] for name in names) for each in OUTCOMES]
     rows.append(["**all**", *(f"**{each}**" for each in sums)])
-    head = HEAD.format(**vars(given), made_by=made_by("python tests/benchmarks/judged.py"))
+    head = HEAD.format(**vars(given), provenance=provenance("python tests/benchmarks/judged.py"))
     text = head + "\n".join("| " + " | ".join(row) + " |" for row in rows)
     text += "\n" + "".join(f"\n- {line}" for line in told) + "\n" * bool(told)
     (ROOT / "results" / "judging" / "outside.md").write_text(text, encoding="utf-8")

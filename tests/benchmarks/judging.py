@@ -22,7 +22,7 @@ from statistics import median
 from typing import Any
 
 import planner
-from planner.support.package import made_by
+from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[2]
 
@@ -206,7 +206,7 @@ def report(files: dict[str, Path], other: str | None, rounds: int) -> str:
         )
         print(lines[-1], file=sys.stderr, flush=True)
     lines += ["", "What it was shown, and what it said: [attacks.md](attacks.md).", ""]
-    lines.append(made_by("python tests/benchmarks/judging.py --python INTERPRETER --out FOLDER"))
+    lines.append(provenance("python tests/benchmarks/judging.py --python INTERPRETER --out FOLDER"))
     return "\n".join(lines) + "\n"
 
 

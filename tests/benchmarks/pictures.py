@@ -16,7 +16,7 @@ from playwright.sync_api import sync_playwright
 
 import planner
 from planner.support.files import folder, write_bytes, write_text
-from planner.support.package import made_by
+from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[2]
 sys.path.append(str(ROOT / "tests" / "browser"))
@@ -35,7 +35,7 @@ the plan to take, because of what, and at what price; the motion opens on that p
 collocation's. Wide and pale curves are plans whose compensated plans run on top of them. The
 pictures are of 200 machines.
 
-{made_by}
+{provenance}
 
 | light | dark | phone |
 | --- | --- | --- |
@@ -58,7 +58,7 @@ def main() -> int:
         for name, view in VIEWS.items():
             write_bytes(target / f"{name}.png", picture(browser, page, *view))
         browser.close()
-        write_text(target / "README.md", HEAD.format(made_by=made_by("make report")))
+        write_text(target / "README.md", HEAD.format(provenance=provenance("make report")))
     return 0
 
 

@@ -38,7 +38,7 @@ from planner.machine.commands import Command, lengths
 from planner.machine.machine import Draws
 from planner.support.arrays import Array
 from planner.support.files import write_text
-from planner.support.package import made_by
+from planner.support.package import provenance
 
 ROOT, HERE = Path(__file__).parents[2], Path(__file__).parent
 SOURCE = HERE / "replay.c"
@@ -271,7 +271,7 @@ def page(rows: list[tuple[str, Best, float]], samples: int) -> str:
 the fastest of {SCIPY_SAMPLES} machines times {samples}; its difference is that at the motion's end.
 Times are the best of some runs in turns; "against ours" compares processor time.
 
-{made_by("python tests/benchmarks/replay.py --out results/benchmarks")}
+{provenance("python tests/benchmarks/replay.py --out results/benchmarks")}
 """
 
 

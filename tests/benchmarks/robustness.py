@@ -29,7 +29,7 @@ from planner.problem.problem import Problem
 from planner.report.figures.style import COLOURS, GRID_STYLE
 from planner.support.arrays import Array
 from planner.support.files import folder
-from planner.support.package import made_by
+from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[2]
 SEED = 0
@@ -387,7 +387,7 @@ def main() -> int:
     rows = study.main_rows()
     figure = study.sweeps(max(1, samples // 20))
     parts = {
-        "MADE_BY": made_by("make robustness"),
+        "MADE_BY": provenance("make robustness"),
         "MAIN": table(rows),
         "GAIN": gain(rows),
         "LATE": f"{rows[6][1].percentile(50):.1f}",

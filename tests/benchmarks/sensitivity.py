@@ -24,7 +24,7 @@ from planner.problem.problem import Problem
 from planner.report import plot_sensitivity
 from planner.support.arrays import Array
 from planner.support.files import folder, refuse_unwritable_folder
-from planner.support.package import made_by
+from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[2]
 SEED = 2026
@@ -160,7 +160,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             machines=MACHINES,
             set=LIMIT,
             methods=METHODS,
-            made_by=made_by("make sensitivity"),
+            provenance=provenance("make sensitivity"),
             side_by_side=side_by_side(out),
             plans=table(
                 ["plan", "effort", *HEAD],

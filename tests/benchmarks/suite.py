@@ -12,7 +12,7 @@ from pathlib import Path
 import planner
 from planner.errors import InputError, NoPlanError
 from planner.support.files import folder
-from planner.support.package import made_by
+from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[2]
 HEAD = """# Every method on every problem
@@ -42,7 +42,7 @@ def main() -> int:
         rows.append([f"{path.stem} ({problem.system.kind})", *cells])
     table = [["problem", *names], ["---"] * (len(names) + 1), *rows]
     lines = ["| " + " | ".join(row) + " |" for row in table]
-    text = HEAD + "\n".join([made_by("make suite"), "", *lines])
+    text = HEAD + "\n".join([provenance("make suite"), "", *lines])
     text += "\n\n## Why not\n\n" + "\n".join(reasons) + "\n"
     with folder(ROOT / "results" / "suite") as place:
         (place / "README.md").write_text(text, encoding="utf-8")

@@ -20,7 +20,7 @@ from time import perf_counter
 from typing import Any
 
 from planner.support.files import write_text
-from planner.support.package import made_by
+from planner.support.package import provenance
 from planner.sweep.results import read
 from planner.sweep.run import run_sweep
 
@@ -76,7 +76,7 @@ def main() -> None:
     print("\n".join(lines))
     if arguments.out:
         listing = "\n".join(f"    {line}" for line in lines)
-        again = made_by("python tests/benchmarks/sweep.py --out results/benchmarks")
+        again = provenance("python tests/benchmarks/sweep.py --out results/benchmarks")
         write_text(
             arguments.out / "sweep.md",
             f"# What a sweep costs beside its cases\n\n{listing}\n\n{SCOPE}\n\n{again}\n",

@@ -92,7 +92,7 @@ def test_one_contact(degrees: float, share: float, eps: float) -> None:
 
     v = solve_ivp(rate, (0, 5.0), [V * np.cos(theta)], "BDF", rtol=1e-9, atol=1e-11).y[0, -1]
     grip = Grip(np.array([np.cos(theta)]), np.array([eps]), np.array([C]))
-    assert grip.passed(np.array([load])) * np.cos(theta) == pytest.approx(v / V, abs=2e-5)
+    assert grip.transmission(np.array([load])) * np.cos(theta) == pytest.approx(v / V, abs=2e-5)
     felt = friction(V, v, theta, C, eps)[1]
     assert grip.driver_torque(np.array([load])) == pytest.approx(felt, abs=2e-4)
 
@@ -109,7 +109,7 @@ def test_gross_slip_begins_where_friction_in_the_plane_gives_in(share: float, st
 
     v = solve_ivp(rate, (0, 5.0), [0.2], "BDF", rtol=1e-9, atol=1e-11).y[0, -1]
     assert (v < 1e-4) == stands
-    assert (float(grip.passed(np.array([load]))[0]) == 0) == stands
+    assert (float(grip.transmission(np.array([load]))[0]) == 0) == stands
 
 
 CHAINS = [

@@ -18,10 +18,10 @@ def test_the_rate_brings_the_load_that_lets_this_rate_pass() -> None:
     inside = (rate > 0) & (rate < 1)
     assert inside.sum() > count / 4
     low, high = rate - 1e-9, rate + 1e-9
-    brought = [grip.passed(steady + (whole - steady) * edge) - edge for edge in (low, high)]
+    brought = [grip.transmission(steady + (whole - steady) * edge) - edge for edge in (low, high)]
     assert np.all(brought[0][inside] >= 0)
     assert np.all(brought[1][inside] <= 0)
-    still = grip.passed(steady) <= 0
+    still = grip.transmission(steady) <= 0
     assert np.array_equal(rate == 0, still)
     assert np.all(load[still] == steady[still])
 
@@ -30,7 +30,7 @@ def test_few_tries_are_enough() -> None:
     """Forty halvings took 38 times as long as a replay without this."""
     grip = contacts.Grip(np.array([0.8]), np.array([0.3]), np.array([1.0]))
     asked: list[int] = []
-    usual = grip.passed
-    grip.passed = lambda load: (asked.append(1), usual(load))[1]  # type: ignore[method-assign,func-returns-value]
+    usual = grip.transmission
+    grip.transmission = lambda load: (asked.append(1), usual(load))[1]  # type: ignore[method-assign,func-returns-value]
     contacts._share(grip, np.array([0.1]), np.array([0.9]))
     assert len(asked) < 12

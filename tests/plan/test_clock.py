@@ -9,7 +9,7 @@ from planner.plan.clock import Clock
 
 
 def test_it_is_held_before_on_the_way_and_after() -> None:
-    clock = Clock.held(10.0, [(10.0, 1.0), (0.0, 3.0), (4.0, 1.5)])
+    clock = Clock.with_holds(10.0, [(10.0, 1.0), (0.0, 3.0), (4.0, 1.5)])
     assert clock.t == (0.0, 3.0, 7.0, 8.5, 14.5, 15.5)
     assert clock.s == (0.0, 0.0, 4.0, 4.0, 10.0, 10.0)
     assert (clock.lead_s, clock.tail_s, clock.seconds) == (3.0, 1.0, 10.0)
@@ -21,7 +21,7 @@ def test_it_is_held_before_on_the_way_and_after() -> None:
 
 def test_a_plan_without_holds_has_its_own_time() -> None:
     clock = Clock.running(4.0)
-    assert clock == Clock.held(4.0, [(0.0, 0.0), (2.0, 0.0)])
+    assert clock == Clock.with_holds(4.0, [(0.0, 0.0), (2.0, 0.0)])
     assert (clock.lead_s, clock.tail_s, clock.holds) == (0.0, 0.0, ())
     assert np.array_equal(clock(np.arange(5.0)), np.arange(5.0))
 

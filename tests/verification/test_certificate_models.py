@@ -14,7 +14,13 @@ import planner
 from planner.plan.curves import Cells
 from planner.plan.trajectory import StateTrajectory
 from planner.support.calculus.chebyshev import from_bernstein
-from planner.verification.balls import CUT, RADIUS_COLUMN, Ball, models, polynomial_balls
+from planner.verification.balls import (
+    RADIUS_COLUMN,
+    REMAINDER_FACTOR,
+    Ball,
+    models,
+    polynomial_balls,
+)
 from planner.verification.functions import Expression, UnboundedError, derivative, polynomials
 from planner.verification.input_models import InputSource, _feedback, resolve, root, source_of
 from planner.verification.models import POINTS, Model, least_values
@@ -97,7 +103,7 @@ def test_a_cell_of_noise_is_halved_once_however_often_others_are() -> None:
         rest = np.where(cells.piece == 0, 1e-6, 5e-3 * (4 * cells.size) ** np.log2(100))
         zero = np.zeros((len(rest), len(RADIUS_COLUMN)))
         radius = np.where(np.arange(len(RADIUS_COLUMN)) < POINTS, zero, np.inf)
-        radius[:, -1] = rest / CUT[-1]
+        radius[:, -1] = rest / REMAINDER_FACTOR[-1]
         return [Ball(zero, zero, radius)] * 2
 
     trajectory: Any = SimpleNamespace(breaks=np.array([0.0, 1.0, 2.0]))

@@ -95,7 +95,7 @@ class TrackingProgramme:
         self._driven = self.horizon * (self._kinds[0] + self._kinds[1])
         self._inner = Solver(mask[: self._driven], iterations)
         self._whole = Solver(mask, iterations)
-        self._step = lru_cache(KEPT_STEPS)(self._assembled)
+        self._step = lru_cache(KEPT_STEPS)(self._assemble)
 
     @property
     def solve_count(self) -> int:
@@ -132,7 +132,7 @@ class TrackingProgramme:
         v = np.clip(v, low[:size], high[:size])
         return Decision(v.reshape(self.horizon, 2, -1), c, fell)
 
-    def _assembled(self, k: int) -> ControlStep:
+    def _assemble(self, k: int) -> ControlStep:
         """Assemble the programme of instant k by propagating the regulator; nothing moves after the
         course's end."""
         ref, law, H = self._ref, self._law, self.horizon

@@ -361,7 +361,7 @@ class Regulator:
 def regulator(ref: Reference, weights: Weights) -> Regulator:
     """Solve the Riccati recursion backwards."""
     count, size = ref.A.shape[:2]
-    F, G = _augmented(ref)
+    F, G = _augment(ref)
     n = F.shape[-1]
     move = slice(size, size + 2)
     cost = np.zeros((n, n))
@@ -381,7 +381,7 @@ def regulator(ref: Reference, weights: Weights) -> Regulator:
     return Regulator(F, G, gain, root)
 
 
-def _augmented(ref: Reference) -> tuple[Array, Array]:
+def _augment(ref: Reference) -> tuple[Array, Array]:
     count, size = ref.A.shape[:2]
     n = size + 2 + ref.E.shape[-1]
     F = np.zeros((count, n, n))

@@ -62,7 +62,7 @@ PIN_WEIGHT = 30.0
 PIN_TOLERANCE_RAD = np.deg2rad(0.01)
 """Largest miss of a pin that is good enough, a fifth of what the judge allows."""
 
-NEAR = 0.05
+NEAR_MARGIN = 0.05
 """A requirement bounds the programmes if its margin, in its scale, is less than this."""
 
 PIN_SLACK_RAD = np.deg2rad(0.03)
@@ -136,12 +136,12 @@ class Correction:
         """
         now = self._variants.run(self.values[:, :, None])[0]
         for power in PIN_PRICES:
-            now = self._go_on(now, power)
+            now = self._run_rounds(now, power)
         now = self._pin()
         missed = float(np.max(np.abs(now.pins)))
         self.keeps_all = bool(missed < PINNED_DEG and np.min(now.margins, initial=0.0) >= -SAFE)
 
-    def _go_on(self, now: Runs, power: int) -> Runs:
+    def _run_rounds(self, now: Runs, power: int) -> Runs:
         """Run the rounds for one norm; return the resulting motion."""
         best, damping, probes = self._measure(now, self.values, power), 1.0, list(PROBES_RAD)
         if not self.rounds:  # even a tiny correction makes a resting motor cross its play
@@ -203,7 +203,7 @@ class Correction:
         R, r = RIDGE * D, RIDGE * D @ np.rad2deg(self.values[1:]).ravel()
         H = A.T @ A + B.T @ B + R.T @ R
         g = A.T @ e + B.T @ b + R.T @ r
-        near = now.margins < NEAR
+        near = now.margins < NEAR_MARGIN
         rows = [D, slopes.margins.T[near]]
         low_input, high_input = self._input_room()
         free = np.full(int(near.sum()), np.inf)

@@ -79,14 +79,14 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
         "lead_s": candidate.lead_s,
         "tail_s": candidate.tail_s,
         "holds_s": [[begin, end] for begin, end in candidate.clock.holds],
-        "uneven": _uneven(shape, system),
+        "uneven": _worst_joints(shape, system),
         "rounds": correction.rounds,
     }
     candidate = replace(candidate, notes={**plan.notes, "compensation": notes})
     return mark_cut_short(candidate, span, CUT_SHORT_WORDS) if was_cut_short else candidate
 
 
-def _uneven(shape: CommandShape, system: Manipulator) -> list[dict[str, Any]]:
+def _worst_joints(shape: CommandShape, system: Manipulator) -> list[dict[str, Any]]:
     """For each leg: its start, s, the joint with the largest error, and that error, degrees."""
     out, earlier = list[dict[str, Any]](), 0.0
     for leg in shape.legs:

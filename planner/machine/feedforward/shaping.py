@@ -92,7 +92,8 @@ class CommandShape:
         self.tick = tick = hold.value[0] if hold else DEFAULT_TICK_S
         self._sides = start_shares(machine, system)[:2]
         self.legs = legs = legs_of(plan, system, machine, options, tick, most_away)
-        self.clock = Clock.held(plan.duration, [(leg.place_s, leg.seconds(tick)) for leg in legs])
+        holds = [(leg.place_s, leg.seconds(tick)) for leg in legs]
+        self.clock = Clock.with_holds(plan.duration, holds)
         self.t: Array = tick * np.arange(
             1 + int(np.ceil(self.clock.t[-1] / tick - 1e-9)), dtype=np.float64
         )
@@ -131,10 +132,10 @@ class CommandShape:
             knots: Times of the knots, (m,), s.
             is_rounded: Whether to round to the motors' resolution, as when they are sent.
         """
-        angle = self._angle[:, :, None] + self._added(corrections, knots)
+        angle = self._angle[:, :, None] + self._interpolate(corrections, knots)
         return self._pursue(angle, self._grain if is_rounded else np.zeros(2))
 
-    def _added(self, corrections: Array, knots: Array) -> Array:
+    def _interpolate(self, corrections: Array, knots: Array) -> Array:
         """Angles (K+1, 2, S) that corrections (m, 2, S) at the knots add, linear between knots."""
         out = np.empty((len(self.t), 2, corrections.shape[2]))
         for i in range(2):

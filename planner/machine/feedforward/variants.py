@@ -77,12 +77,12 @@ class Variants:
             self._end = clock.when(plan.duration)  # ignore the drive's intended way back after it
         self.knots = self._place_knots()
         marks = [0.0, self._begin, self._end, *np.ravel(clock.holds), clock.t[-1] + SETTLE_S]
-        marks += [clock.when(time_s) for _, time_s in self._pinned]
+        marks += [clock.when(time_s) for _, time_s in self._pins]
         rows = np.linspace(self._begin, clock.t[-1], ROWS)
         self._times = np.unique(np.round(np.concatenate([marks, rows]), 9))
-        self._counted = self._times >= self._begin - 1e-9
+        self._is_in_plan = self._times >= self._begin - 1e-9
         wanted = plan.trajectory.q(clock(self._times))
-        self._wanted = wanted[self._counted, 1:]
+        self._reference = wanted[self._is_in_plan, 1:]
 
     def _place_knots(self) -> Array:
         """Place knots evenly over the plan, and more densely in the holds."""
@@ -98,7 +98,7 @@ class Variants:
         return np.array([*knots, self._end])
 
     @cached_property
-    def _pinned(self) -> list[tuple[Array, float]]:
+    def _pins(self) -> list[tuple[Array, float]]:
         """Coordinates (N,) of goal and waypoints, NaN where free, with their times in the plan."""
         problem, out = self._plan.problem, []
         for point in problem.waypoints:
@@ -125,11 +125,11 @@ class Variants:
 
     def _judge(self, q: Array) -> Runs:
         problem, count = self._plan.problem, len(q)
-        errors = q[:, self._counted, 1:] - self._wanted
+        errors = q[:, self._is_in_plan, 1:] - self._reference
         end = end_of(self._times, q, self.shape.clock) - self._goal
         first = 0 if problem.travel is not None else 1
         pins = [end[:, first:]]
-        for place, time_s in self._pinned:
+        for place, time_s in self._pins:
             there = np.searchsorted(self._times, self.shape.clock.when(time_s) - 1e-9)
             pins.append((q[:, there] - place)[:, ~np.isnan(place)])
         margins = [np.empty((count, 0))]

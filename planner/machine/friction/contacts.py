@@ -88,7 +88,7 @@ class Grip:
         self._capacity = capacity
         self.most = capacity * c / np.sqrt(c * c + s * s)
 
-    def carried(self, load: Array) -> Array:
+    def contact_load(self, load: Array) -> Array:
         """The load that the contact carries, N m."""
         return np.maximum(np.minimum(load, self.most), -MOST_SHARE * self._capacity)
 
@@ -99,18 +99,18 @@ class Grip:
 
     def driver_torque(self, load: Array) -> Array:
         """Torque on the driver under a load at the driven rim, N m."""
-        load = self.carried(load)
+        load = self.contact_load(load)
         return np.asarray(load * self.cosine + self.sideways * self.hold(load))
 
-    def passed(self, load: Array) -> Array:
+    def transmission(self, load: Array) -> Array:
         """V' / (V cosθ) under a load, the fraction transmitted; 0 in gross slip."""
-        carried = self.carried(load)
+        carried = self.contact_load(load)
         lost = self.sideways * carried / (self.cosine * self.hold(carried))
         return np.where(load < self.most, np.maximum(1.0 - lost, 0.0), 0.0)
 
     def slope(self, load: Array) -> Array:
         """−d passed / d load, 1/(N m); 0 beyond the loads that the contact carries."""
-        carried = self.carried(load)
+        carried = self.contact_load(load)
         slope = self.sideways * self._capacity**2 / (self.cosine * self.hold(carried) ** 3)
         return np.where(carried == load, slope, 0.0)
 
@@ -151,7 +151,7 @@ def chain_loads(
             if place == 0:
                 steady, whole = steady + later_steady, whole + later
             load, part = (
-                (whole, grip.passed(whole)) if rising is None else _share(grip, steady, whole)
+                (whole, grip.transmission(whole)) if rising is None else _share(grip, steady, whole)
             )
             loads[place, j], parts[place, j], most[place, j] = load, part, grip.most
             whole = grip.driver_torque(load)
@@ -162,20 +162,20 @@ def chain_loads(
 
 
 def _share(grip: Grip, steady: Array, whole: Array) -> tuple[Array, Array]:
-    """Solve rate = passed(steady + rate · (whole − steady)); return load and rate (a fraction).
+    """Solve rate = transmission(steady + rate · (whole − steady)); return load and rate.
 
     It is Newton's method within bounds. Each sample stops when it has converged, so its result does
     not depend on the others.
     """
-    full, rising = grip.passed(whole), whole - steady
+    full, rising = grip.transmission(whole), whole - steady
     low, high = np.zeros_like(full), np.ones_like(full)
-    free, still = full >= 1, grip.passed(steady) <= 0
+    free, still = full >= 1, grip.transmission(steady) <= 0
     rate, active = np.where(still & ~free, 0.0, full), ~(free | still)
     for _ in range(MOST_TRIES):
         if not active.any():
             break
         load = steady + rising * rate
-        gap = grip.passed(load) - rate
+        gap = grip.transmission(load) - rate
         low, high = np.where(gap > 0, rate, low), np.where(gap < 0, rate, high)
         guess = rate + gap / (1 + rising * grip.slope(load))
         guess = np.where((guess > low) & (guess < high), guess, (low + high) / 2)

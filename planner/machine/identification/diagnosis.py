@@ -30,7 +30,7 @@ LATEST_S, LATE_STEP_S = 2.0, 0.02
 LEAST_LIKENESS = 0.99
 """Least correlation of joint 1 with motor 2 at the right delay; only a gearhead is between them."""
 
-MOST_REORDERED = 4
+MAX_JOINTS = 4
 """Largest number of joints for which all orders are tried; for more, only exchanges of two."""
 
 LEAST_SWING_DEG = 4.0
@@ -68,12 +68,12 @@ def refuse_misfit(log: Log, system: Manipulator) -> None:
             " the commands; check that both were recorded with the same clock, and that each row"
             " has the command that holds from its time on"
         )
-    left = _left(log, system)
+    left = _misfit(log, system)
     if np.all(left < FIT_SHARE):
         return
     worst = int(np.argmax(left))
-    fault = min(_mistakes(log), key=lambda each: float(np.max(_left(each[1], system))))
-    fits = np.max(_left(fault[1], system)) < FIT_SHARE
+    fault = min(_mistakes(log), key=lambda each: float(np.max(_misfit(each[1], system))))
+    fits = np.max(_misfit(fault[1], system)) < FIT_SHARE
     advice = f"it fits if {fault[0]}" if fits else "no sign, unit or order of columns makes it fit"
     raise InputError(
         f"{log.source}: theta{worst + 1} does not turn as the commands and the problem's gears"
@@ -81,7 +81,7 @@ def refuse_misfit(log: Log, system: Manipulator) -> None:
     )
 
 
-def _left(log: Log, system: Manipulator) -> Array:
+def _misfit(log: Log, system: Manipulator) -> Array:
     """Root mean square of read minus commanded angles, divided by that of the larger motion, (n,).
 
     For joints behind contacts it uses the play that gives the least.
@@ -127,7 +127,7 @@ def _mistakes(log: Log) -> Iterator[tuple[str, Log]]:
         tuple(j if k == i else i if k == j else k for k in joints)
         for i, j in combinations(joints, 2)
     ]
-    if len(joints) <= MOST_REORDERED:
+    if len(joints) <= MAX_JOINTS:
         orders = list(permutations(joints))[1:]
     for order in orders:
         names = ", ".join(f"theta{i + 1}" for i in order)

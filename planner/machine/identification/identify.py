@@ -48,7 +48,7 @@ ZERO_OFF_DEG, ZERO_SPREADS = 0.3, 5.0
 """Error of an encoder's zero, and multiple of its standard deviation, above which it is reported.
 On emulated arms that are read without one, it is 0.12 degrees or 2.5 deviations at most."""
 
-UNTOLD_SHARE = 0.9
+PRIOR_SHARE = 0.9
 """The logs do not determine a parameter that keeps this fraction of its prior's deviation."""
 
 
@@ -134,7 +134,7 @@ class Identification:
     @property
     def untold(self) -> tuple[str, ...]:
         """Names of parameters that the logs do not determine; they keep the preset's values."""
-        return tuple(e.parameter.name for e in self.estimates if e.told < 1 - UNTOLD_SHARE)
+        return tuple(e.parameter.name for e in self.estimates if e.told < 1 - PRIOR_SHARE)
 
     def predict(self, log: Log, machine: Machine | None = None) -> Log:
         """Predict the angles of a log from its commands.

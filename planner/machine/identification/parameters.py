@@ -51,7 +51,7 @@ SHARE_SPREAD = 0.06
 """Spread of the share of twist in the lost motion, for 10 % spread of backlash, friction and
 stiffness."""
 
-LOADED = {"lateral_friction", "friction_capacity_nm"}
+LOAD_EFFECTS = {"lateral_friction", "friction_capacity_nm"}
 """Effects through which the joints' friction can be seen: loaded contacts transmit less."""
 
 LEAST_LAG_S = 0.001
@@ -163,7 +163,7 @@ class Parameters:
         self._twist = self._each("coulomb_friction_nm") / self._each("shaft_stiffness_nm_per_rad")
         rubs = bool(np.all(self._twist > 0))
         self._has_inertia = machine.fidelity == "dynamic" and rubs
-        self._has_friction = rubs and (self._has_inertia or machine.effects.keys() >= LOADED)
+        self._has_friction = rubs and (self._has_inertia or machine.effects.keys() >= LOAD_EFFECTS)
         self.rows = (*self._rows(), *(_zero(i) for i in range(1, system.n) if zeros))
         self._value = np.array([row.value for row in self.rows])
         self._prior = np.array([row.prior for row in self.rows])

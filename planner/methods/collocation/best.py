@@ -73,17 +73,17 @@ class Best:
     """The best candidates that a search holds at any time.
 
     Attributes:
-        held: The best candidate of each exactness, if there is one.
+        candidates: The best candidate of each exactness, if there is one.
     """
 
     def __init__(self, accuracy: float) -> None:
         self._accuracy = accuracy
-        self.held: dict[Exactness, Candidate] = {}
+        self.candidates: dict[Exactness, Candidate] = {}
 
     @property
     def motions(self) -> list[Candidate]:
         """The candidates from which a plan may be made."""
-        return [each for each in self.held.values() if each.solution.ok]
+        return [each for each in self.candidates.values() if each.solution.ok]
 
     def holds(self) -> bool:
         """Whether there is one."""
@@ -92,20 +92,20 @@ class Best:
     def take(self, candidate: Candidate) -> None:
         """Keep a candidate if it is the best of its exactness."""
         exactness, solved = candidate.exactness, candidate.exactness is Exactness.SOLVED
-        known = self.held.get(exactness)
+        known = self.candidates.get(exactness)
         worse = known is not None and not candidate.rank > known.rank
         if worse or (solved and not clears(candidate.task, candidate.solution)):
             return
-        self.held[exactness] = candidate
+        self.candidates[exactness] = candidate
         if solved:
             kind = candidate.task.objective.name.partition(":")[0]
             progress.report_motion(f"{kind} {candidate.solution.objective:.4g}")
-            if Exactness.EXACT not in self.held and deadline.remaining() < SHORT_OF_TIME_S:
+            if Exactness.EXACT not in self.candidates and deadline.remaining() < SHORT_OF_TIME_S:
                 self.make_exact()
 
     def make_exact(self) -> None:
         """Make the best solution exact, if that needs no solver; it takes about a second."""
-        best = self.held.get(Exactness.SOLVED)
+        best = self.candidates.get(Exactness.SOLVED)
         if best is None or not has_only_limits(best.task):
             return
         chain = chain_of(best.task, best.solution)

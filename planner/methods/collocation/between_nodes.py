@@ -28,14 +28,14 @@ CUBIC_BULGE = 0.0642
 """Largest difference of a cubic from the parabola through three even samples, in units of its third
 difference."""
 
-LARGEST_STEP, MOST_BETWEEN = 0.5, 100
+LARGEST_STEP, MAX_PARTS = 0.5, 100
 """Largest move of a link between two samples, in radii of a disc; and most parts of a step."""
 
 ROUNDING = 1e-9
 """Relative excess over a limit that counts as none, as in certificates."""
 
 
-SETTLED = 1e-3
+SAVING = 1e-3
 """Savings of a finer mesh below this share of the objective are ignored."""
 
 
@@ -75,7 +75,7 @@ class Inspection:
 
 def inspect(task: Task, solution: Solution) -> Inspection:
     """Sample an iterate and the true motion under its input."""
-    iterate, form = solution.iterate, task.made.form
+    iterate, form = solution.iterate, task.nlp.form
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
     values = values[..., : task.problem.system.size]
     plan = _basis(form.scheme_kind, form.degree) @ values
@@ -100,7 +100,7 @@ def _savings(task: Task, solution: Solution) -> Array:
     if len(widths) < 4 or solution.objective <= 0:
         return np.zeros(len(widths))
     narrow = np.minimum(widths[1:], widths[:-1])[:, None]
-    if task.made.form.input == "constant":
+    if task.nlp.form.input == "constant":
         lost = effort * np.diff(left, axis=0) ** 2 * narrow / 12
     else:
         kinks = np.diff((right - left) / widths[:, None], axis=0)
@@ -160,10 +160,10 @@ def excess(
             here = MotionPoint.of(system, _dense(system, curves, required.thickness))
         values = np.stack(required.values(here), axis=-1)
         if (low == -high).all():
-            out.append(_over(np.abs(values), high, scale))
+            out.append(_excess(np.abs(values), high, scale))
         else:
-            above = _over(values, high, scale) if np.isfinite(high).any() else 0.0
-            out.append(np.maximum(above, _over(-values, -low, scale)))
+            above = _excess(values, high, scale) if np.isfinite(high).any() else 0.0
+            out.append(np.maximum(above, _excess(-values, -low, scale)))
     return np.concatenate(out, axis=-1)
 
 
@@ -171,14 +171,14 @@ def _dense(system: Any, curves: Array, thickness: float) -> Array:
     """Add samples to (C, K, M, N) until no link passes over a disc of `thickness` between two."""
     points = system.arm_points(curves[..., 1:])
     moved = float(np.linalg.norm(np.diff(points, axis=2), axis=-1).max())
-    count = int(np.clip(np.ceil(moved / (LARGEST_STEP * thickness)), 1, MOST_BETWEEN))
+    count = int(np.clip(np.ceil(moved / (LARGEST_STEP * thickness)), 1, MAX_PARTS))
     share = np.arange(count)[:, None] / count
     before, after = curves[:, :, :-1, None], curves[:, :, 1:, None]
     inner = (before + share * (after - before)).reshape(*curves.shape[:2], -1, curves.shape[-1])
     return np.concatenate([inner, curves[:, :, -1:]], axis=2)
 
 
-def _over(curves: Array, limit: Array, scale: Array) -> Array:
+def _excess(curves: Array, limit: Array, scale: Array) -> Array:
     """Excess of curves over a limit in each interval (K, …), enlarged by just over a tenth; or 0.
 
     The samples have the shape (C, K, M, …). A parabola through three of them rises above the
@@ -205,11 +205,11 @@ def peaks(values: Array) -> Array:
     slope, bend = (after - before) / 2, after - 2 * inner + before
     top = np.abs(slope) < -bend
     with np.errstate(divide="ignore", invalid="ignore"):
-        vertex = np.where(top, inner - slope**2 / (2 * bend) + CUBIC_BULGE * _uneven(bend), -np.inf)
+        vertex = np.where(top, inner - slope**2 / (2 * bend) + CUBIC_BULGE * _jumps(bend), -np.inf)
     return np.asarray(np.maximum(np.max(values, axis=1), np.max(vertex, axis=1, initial=-np.inf)))
 
 
-def _uneven(bend: Array) -> Array:
+def _jumps(bend: Array) -> Array:
     """Differences of second differences (K, M, …) from their neighbours."""
     steps = np.abs(np.diff(bend, axis=1))
     none = np.zeros_like(bend[:, :1])

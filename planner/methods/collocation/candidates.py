@@ -265,7 +265,7 @@ MOST_BRANCHES = 4
 """Largest number of branches (ways to bend the elbows) of a goal with free joints to try, the
 nearest first; three joints have no more. The motion may leave its branch to reach the best goal."""
 
-MOST_SORTED = 5040
+MAX_ORDERS = 5040
 """Largest number of orders to sort: those of seven waypoints without a time, in about a second."""
 
 LEAST_SHARE = 0.02
@@ -288,10 +288,10 @@ def routes(problem: Problem) -> list[Problem]:
     if count < 2 or not expected:
         return expected
     free = sum(w.time_s is None for w in problem.waypoints)
-    if (ways := math.perm(count, free)) > MOST_SORTED:
+    if (ways := math.perm(count, free)) > MAX_ORDERS:
         raise InputError(
             f"{problem.source}: {count} waypoints, {free} of them without a time, can be passed"
-            f" in {ways:.3g} orders; at most {MOST_SORTED} are tried, so give more of them a"
+            f" in {ways:.3g} orders; at most {MAX_ORDERS} are tried, so give more of them a"
             " time"
         )
     orders = sorted(_orders(problem), key=lambda order: _length(expected[0], order))[:MOST_ORDERS]
@@ -322,7 +322,7 @@ def rebalance(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
     edges = np.interp(job.mesh.edges, old, new)
     mesh = Mesh(edges, job.mesh.marks)
     pace = np.diff(job.mesh.edges) / np.diff(edges)
-    form = job.made.form
+    form = job.nlp.form
     factor = pace[:, None]
     if len(iterate.inputs) != len(pace):
         factor = np.append(pace, pace[-1])[:, None]

@@ -116,7 +116,7 @@ def _finish_best(
         candidate = max(done, key=lambda each: each.rank)
         return replace(candidate, start="the best found by then", stage="time limit")
     far, last, broken = progress.current_progress(), None, list[Violation]()
-    if failed := best.held.get(Exactness.FAILED):
+    if failed := best.candidates.get(Exactness.FAILED):
         last, broken = iterate_plan(problem, failed, options)
     came = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
     nearest = "; the closest attempt breaks:" if broken else ""
@@ -234,7 +234,7 @@ def _resample(job: Task, warm: Plan) -> Iterate:
     """The plan's motion on the task's mesh, shifted linearly so that it ends at start and goal."""
     problem, mesh, T = job.problem, job.mesh, warm.duration
     duration = problem.duration or T
-    inside = mesh.at(job.made.form.scheme.points)
+    inside = mesh.at(job.nlp.form.scheme.points)
     s = np.append(mesh.edges, inside)
     states, last = warm.q(s * T), len(mesh.edges) - 1
     first, final = problem.start - states[0], problem.target - states[last]
@@ -245,5 +245,5 @@ def _resample(job: Task, warm: Plan) -> Iterate:
         duration=duration,
         nodes=nodes,
         points=points.reshape(*inside.shape, -1),
-        inputs=warm.u(job.made.form.input_places(mesh) * T) * (T / duration),
+        inputs=warm.u(job.nlp.form.input_places(mesh) * T) * (T / duration),
     )

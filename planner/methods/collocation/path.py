@@ -45,7 +45,7 @@ ALIKE, REPEATS, LEAST_PATHS = 5, 3, 9
 first direction and side); otherwise once the shortest has been found `REPEATS` times among at least
 `LEAST_PATHS`, when each direction and side has been tried twice."""
 
-MOVED, MOVES, MOVE = ", moved", 8, 0.3
+SUFFIX, MOVES, MOVE = ", moved", 8, 0.3
 """Guesses about the shortest path, tried if the seeds lead to different paths: suffix of their
 names, their number, and their size relative to a seed's. Each takes a fifth of a seed's time. Most
 lead back to the same path, some to a shorter one."""
@@ -129,8 +129,8 @@ def search(
             break
     for number in range(MOVES if simple and len(state.solved) >= LEAST_PATHS else 0):
         best, seed = state.distinct[0], wander(number)
-        name = f"{best.seed.removesuffix(MOVED)}{MOVED}"
-        seed = Seed(name, _scaled(seed.path), _scaled(seed.driven))
+        name = f"{best.seed.removesuffix(SUFFIX)}{SUFFIX}"
+        seed = Seed(name, _scale(seed.path), _scale(seed.driven))
         _try(job, widths, state, seed, free.curve(best.solution.iterate))
         yield state
 
@@ -140,7 +140,7 @@ def is_sure(problem: Problem) -> bool:
     return problem.system.size <= SURE_ONE_WAY
 
 
-def _scaled(excursion: Excursion) -> Excursion:
+def _scale(excursion: Excursion) -> Excursion:
     return lambda s: MOVE * excursion(s)
 
 
@@ -162,7 +162,7 @@ def _try(
     """
     free = widths[-1]
     progress.tell(f"searching a path from the first guess '{seed.name}'")
-    solution = _shrink(widths, guess(free.problem, free.made, free.mesh, seed, about))
+    solution = _shrink(widths, guess(free.problem, free.nlp, free.mesh, seed, about))
     effort = solution.objective if solution.ok else None
     entry = {"start": seed.name, "status": solution.status, "path_effort": effort}
     state.log.append({**entry, "iterations": solution.iterations})
@@ -215,11 +215,11 @@ def path_task(job: Task) -> Task:
     It depends only on system, ends and geometry, so the same paths are found for every duration: if
     a motion is found, every slower one is found too.
     """
-    unhurried = replace(job.problem, duration=strategy(job.made, job.settings).reference_s)
+    unhurried = replace(job.problem, duration=strategy(job.nlp, job.settings).reference_s)
     demands = replace(job.demands, timeless=True)
     settings, effort = replace(job.settings, direct=False), shortest_path(job.problem)
-    free = task(unhurried, effort, job.made.form, job.mesh, demands, settings)
-    return replace(free, drawn=job.drawn)
+    free = task(unhurried, effort, job.nlp.form, job.mesh, demands, settings)
+    return replace(free, inset=job.inset)
 
 
 MOST_INPUT_ANGLE, INTERVAL_STEP, MOST_INTERVALS = 0.5, 20, 400
@@ -248,7 +248,7 @@ def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
         return free, path
     fine = free.on_mesh(uniform(path_intervals(free, path.iterate)))
     for new in (fine, fine.with_inner_rows()):
-        if new.made.form != free.made.form:
+        if new.nlp.form != free.nlp.form:
             path, free = new.solve(transfer(free, path.iterate, new)), new
             if not path.ok:
                 return None
@@ -317,7 +317,7 @@ def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Arr
 def on_mesh(job: Task, free: Task, mesh: Mesh) -> Task:
     """The job on a mesh, with limits kept inside the intervals if the path's task keeps them."""
     fine = job.on_mesh(mesh)
-    return fine.with_inner_rows() if free.made.form.inner and not fine.made.form.inner else fine
+    return fine.with_inner_rows() if free.nlp.form.inner and not fine.nlp.form.inner else fine
 
 
 def _repeats_shortest(paths: Sequence[SeedPath]) -> bool:

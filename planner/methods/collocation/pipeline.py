@@ -113,7 +113,7 @@ class Pipeline:
                     if candidate.final and candidate.solution.ok:
                         answers.append(candidate)
             least = min((each.solution.objective for each in answers), default=-math.inf)
-            top = best.held.get(Exactness.SOLVED)
+            top = best.candidates.get(Exactness.SOLVED)
             if top and top.solution not in tried and top.solution.objective < least * (1 - GAIN):
                 answers.append(top)
             if refined := self._refine(answers):
@@ -183,7 +183,7 @@ class Pipeline:
             job, solutions = collocation_task(problem, self.options, few, True), list[Candidate]()
             later = replace(job, settings=replace(job.settings, direct=False))
             for seed in seeds("straight", sides=sides(problem)):
-                solution = job.solve(guess(job.problem, job.made, job.mesh, seed))
+                solution = job.solve(guess(job.problem, job.nlp, job.mesh, seed))
                 name = seed.name + _goal_words(problem)
                 motion = Candidate(later, solution, name, "straight line", k, final=False)
                 yield motion

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from planner.methods.collocation.best import Candidate, Exactness
-from planner.methods.collocation.between_nodes import INTERPOLANT, SETTLED, Inspection, inspect
+from planner.methods.collocation.between_nodes import INTERPOLANT, SAVING, Inspection, inspect
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
     exact_motion,
@@ -34,7 +34,7 @@ TIGHTENING_TRIES = 6
 REFINING_SHARE = 0.6
 """Share of the remaining time for refinement; then the best result so far is used."""
 
-DRAWN_IN_ELSEWHERE = 0.01
+SIDE_SHARE = 0.01
 """Share of the greatest excess by which a limit is tightened where it is kept, since a motion that
 moves in one place moves a little everywhere."""
 
@@ -43,7 +43,7 @@ def polish(candidate: Candidate, accuracy: float, refinements: int) -> Candidate
     """Refine a candidate's mesh, then tighten limits where needed.
 
     The mesh is fine enough when the simulated end is accurate and the objective has settled: a
-    finer mesh would save at most the share `SETTLED` of it, by estimate or by the last refinement.
+    finer mesh would save at most the share `SAVING` of it, by estimate or by the last refinement.
     Tightened limits move the motion, which may then need a finer mesh; so both steps are repeated
     until neither changes anything or the refinements are used up.
 
@@ -75,9 +75,9 @@ def polish(candidate: Candidate, accuracy: float, refinements: int) -> Candidate
     parts = [part for required in now.task.requirements for part in required.parts]
     scales = np.array([part.scale for part in parts])
     inside = bool((now.excess <= LIMIT_TOLERANCE * scales).all())
-    most = zip(parts, now.task.drawn.max(axis=0).tolist(), strict=True)
-    drawn = {"rounds": rounds, **{part.label: amount for part, amount in most if amount}}
-    inner = now.task.made.form.inner
+    most = zip(parts, now.task.inset.max(axis=0).tolist(), strict=True)
+    inset = {"rounds": rounds, **{part.label: amount for part, amount in most if amount}}
+    inner = now.task.nlp.form.inner
     checked = Exactness.SOLVED
     if inside and now.end_error <= LARGEST_ERROR:
         whole = now.fine(accuracy) and not now.excess.any()
@@ -86,7 +86,7 @@ def polish(candidate: Candidate, accuracy: float, refinements: int) -> Candidate
         "resimulated_end_error": now.end_error,
         "intervals": meshes,
         "limits_inside": inner,
-        "limits_drawn_in": drawn,
+        "limits_drawn_in": inset,
     }
     return replace(candidate, task=now.task, solution=now.solution, checked=checked, notes=notes)
 
@@ -95,7 +95,7 @@ def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Insp
     """The motion on finer and finer meshes until one is fine enough or has no solution."""
     settled = False
     for _ in range(most):
-        settled = settled or bool(np.sum(now.savings) <= SETTLED)
+        settled = settled or bool(np.sum(now.savings) <= SAVING)
         if settled and now.fine(accuracy):
             return
         progress.tell("refining the mesh")
@@ -105,7 +105,7 @@ def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Insp
         if not solution.ok:
             return
         before, now = now.solution.objective, inspect(finer, solution)
-        settled = abs(before - solution.objective) <= SETTLED * abs(solution.objective)
+        settled = abs(before - solution.objective) <= SAVING * abs(solution.objective)
         yield now
 
 
@@ -122,13 +122,13 @@ def _tighter_motions(now: Inspection) -> Iterator[tuple[int, Inspection]]:
         if not now.excess.any():
             return
         progress.tell("keeping limits between the nodes")
-        if not now.task.made.form.inner:
+        if not now.task.nlp.form.inner:
             tighter = _add_build_time(now.task, now.task.with_inner_rows())
         else:
             rounds += 1
-            broken, share = rounds * now.excess, DRAWN_IN_ELSEWHERE if rounds == 1 else 1.0
+            broken, share = rounds * now.excess, SIDE_SHARE if rounds == 1 else 1.0
             more = np.maximum(broken, share * np.max(broken, axis=0))
-            tighter = replace(now.task, drawn=now.task.drawn + more)
+            tighter = replace(now.task, inset=now.task.inset + more)
         solution = tighter.solve_near(now.solution.iterate)
         now = inspect(tighter, solution) if solution.ok else replace(now, task=tighter)
         yield rounds, now
@@ -158,7 +158,7 @@ def _finer_mesh(now: Inspection, accuracy: float) -> Mesh:
     are pushed, and at least the growth of a random sum. The next solution may move where this one
     rests, so no interval is much wider than the others.
     """
-    task, d, widths = now.task, now.task.made.form.degree, now.task.mesh.widths
+    task, d, widths = now.task, now.task.nlp.form.degree, now.task.mesh.widths
     if now.fine(accuracy):
         return _split_at_kinks(now)
     errors = np.abs(task.motion_apart(now.solution.iterate) - now.curves[0]).max(axis=2)
@@ -173,15 +173,15 @@ def _finer_mesh(now: Inspection, accuracy: float) -> Mesh:
     covered = np.concatenate([[0.0], np.cumsum(density * widths)])
     edges = np.interp(np.linspace(0, covered[-1], count + 1), covered, task.mesh.edges)
     edges[0], edges[-1] = 0.0, 1.0
-    return task.mesh.snapped(edges)
+    return task.mesh.snap(edges)
 
 
 def _split_at_kinks(now: Inspection) -> Mesh:
     """Split intervals with costly kinks; the cost of a kink decreases with the width cubed."""
     edges, widths = now.task.mesh.edges, now.task.mesh.widths
-    parts = np.ceil(np.maximum(1.0, (now.savings * len(widths) / SETTLED) ** (1 / 3)))
+    parts = np.ceil(np.maximum(1.0, (now.savings * len(widths) / SAVING) ** (1 / 3)))
     places = [
         np.linspace(a, b, int(n) + 1)[1:]
         for a, b, n in zip(edges[:-1], edges[1:], parts, strict=True)
     ]
-    return now.task.mesh.snapped(np.append(0.0, np.concatenate(places)))
+    return now.task.mesh.snap(np.append(0.0, np.concatenate(places)))

@@ -27,12 +27,12 @@ from planner.methods.collocation.task import Solution, Task, transfer
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.support import progress
 
-MOST_TIMED, REFINED_INTERVALS = 2, 200
+MAX_PATHS, REFINED_INTERVALS = 2, 200
 """Largest number of paths to time, and of intervals of all meshes for refining paths. Long paths
 take long to refine, and when the first failed, so did all others (6 of 6 among 22 random pairs of
 four joints within 40 degrees; the ladder then had the answer)."""
 
-MOST_TIMED_UNREFINED = 6
+MAX_COARSE_PATHS = 6
 """Largest number of paths to time on a given mesh, where it is not known which is the fastest."""
 
 LEAST_TIME_RATIO = 0.95
@@ -48,7 +48,7 @@ class RefinedPath:
     free: Task
     solution: Solution
 
-    def needed(self, job: Task) -> float:
+    def duration(self, job: Task) -> float:
         """Duration with uniformly scaled time, s."""
         return needed_duration(job.problem, self.free.mesh, self.solution.iterate)
 
@@ -102,21 +102,21 @@ class RoutePaths:
             motions: The motions found so far; the list may grow between two starts.
         """
         if self.refined is None:
-            for one in self.search.distinct[:MOST_TIMED_UNREFINED]:
+            for one in self.search.distinct[:MAX_COARSE_PATHS]:
                 yield one, job, transfer(self.free, one.solution.iterate, job)
             return
         wanted, limited = job.problem.duration, bool(np.isfinite(job.problem.limits.input).all())
-        slow = [each for each in self.refined if each.needed(job) <= (wanted or 0.0)]
+        slow = [each for each in self.refined if each.duration(job) <= (wanted or 0.0)]
         slow.sort(key=lambda each: (not each.origin.clear, each.solution.objective))
-        for path in slow[:MOST_TIMED]:
+        for path in slow[:MAX_PATHS]:
             yield _start_at_own_speed(path, job)
         if wanted and motions:
             return
-        seconds = RefinedPath.clock_s if limited else RefinedPath.needed
+        seconds = RefinedPath.clock_s if limited else RefinedPath.duration
         most = wanted / LEAST_TIME_RATIO if wanted else math.inf
         fast = [(seconds(each, job), each) for each in self.refined if each not in slow]
         fast.sort(key=lambda each: (not each[1].origin.clear, each[0]))
-        for needed, path in fast[:MOST_TIMED]:
+        for needed, path in fast[:MAX_PATHS]:
             if needed > min([most, *(each.iterate.duration for each in motions)]):
                 return
             if limited:

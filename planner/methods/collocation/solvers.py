@@ -157,8 +157,8 @@ def strategy(nlp: Transcription, settings: Settings) -> Strategy:
     if not short:
         return STRATEGIES["far, long chain"]
     winding = any("q" in required.reads and not required.is_direct for required in form.kept)
-    drawn = form.inner or (form.intervals > COARSE_INTERVALS and not form.free_duration)
-    return STRATEGIES["far, winding" if winding or drawn else "far"]
+    is_narrow = form.inner or (form.intervals > COARSE_INTERVALS and not form.free_duration)
+    return STRATEGIES["far, winding" if winding or is_narrow else "far"]
 
 
 def names(nlp: Transcription, settings: Settings) -> tuple[SolverName, ...]:
@@ -234,13 +234,13 @@ class _Fatrop:
         program = nlp.program
         functions = {"nlp_grad_f": program.gradient, "nlp_hess_l": program.gradient_and_hessian}
         functions["nlp_grad"] = _values(program)
-        self._made, self._functions = nlp, functions
+        self._nlp, self._functions = nlp, functions
         self._options: dict[str, Any] = {"fatrop": options, **_stages(nlp)}
         self._intervals = nlp.form.intervals
         self._fresh()
 
     def _fresh(self) -> None:
-        self._call = _nlpsol(self._made, "fatrop", self._functions, self._options)
+        self._call = _nlpsol(self._nlp, "fatrop", self._functions, self._options)
         self._lock = threading.Lock()
         self._memories: dict[bytes, tuple[Any, Callable[[], None]]] = {}
 

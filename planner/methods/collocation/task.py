@@ -73,36 +73,36 @@ class Task:
         problem: Start, goal and limits.
         requirements: The requirements that may be broken between the nodes.
         objective: The objective.
-        made: The transcription.
+        nlp: The transcription.
         mesh: Its mesh.
         demands: Demands on the inputs beside the problem's limits.
         settings: Options of the solver.
-        drawn: Amounts by which the parts of the requirements are tightened, shape (K, R).
+        inset: Amounts by which the parts of the requirements are tightened, shape (K, R).
         build_time_s: Time to build the transcription, s; zero if it was cached.
     """
 
     problem: Problem
     requirements: list[Requirement]
     objective: Objective
-    made: Transcription
+    nlp: Transcription
     mesh: Mesh
     demands: InputDemands
     settings: Settings
-    drawn: Array
+    inset: Array
     build_time_s: float
 
     @property
     def bounds(self) -> Bounds:
         """Bounds from the problem's numbers."""
-        given = self.mesh, self.objective, self.demands, self.drawn
-        return bounds(self.problem, self.requirements, self.made, *given)
+        given = self.mesh, self.objective, self.demands, self.inset
+        return bounds(self.problem, self.requirements, self.nlp, *given)
 
     def solve(self, start: Iterate, near: bool = False) -> Solution:
         """Solve from a start, which may be near the answer.
 
         If the first solver fails, the next one allowed is tried.
         """
-        nlp, data, settings = self.made, self.bounds, replace(self.settings, near=near)
+        nlp, data, settings = self.nlp, self.bounds, replace(self.settings, near=near)
         iterations, solution = 0, None
         for name in names(nlp, settings):
             if solution is not None and solution.residual <= FEASIBLE_RESIDUAL:
@@ -129,38 +129,38 @@ class Task:
     def judge(self, iterate: Iterate) -> Solution:
         """An iterate as a solution, without a solver; ok if it keeps the task's rows and bounds."""
         data = self.bounds
-        vector = self.made.layout.pack(iterate, data.widths) / data.units
+        vector = self.nlp.layout.pack(iterate, data.widths) / data.units
         answer = SolverAnswer(vector, True, "a motion, not the best", 0)
-        return _check(self.made, data, answer, FEASIBLE_RESIDUAL)
+        return _check(self.nlp, data, answer, FEASIBLE_RESIDUAL)
 
     def curve(self, iterate: Iterate) -> StateTrajectory:
         """The motion that an iterate describes."""
-        return curve(self.made.system, self.made.form, self.mesh, iterate)
+        return curve(self.nlp.system, self.nlp.form, self.mesh, iterate)
 
     def motion(self, iterate: Iterate) -> Array:
         """The true motion under the iterate's input, see `resimulate`."""
-        nlp = self.made
+        nlp = self.nlp
         states = resimulate(nlp.moved, self.mesh, iterate, nlp.start(self.problem))
         return states[..., : nlp.system.size]
 
     def motion_apart(self, iterate: Iterate) -> Array:
         """The true motion in each interval from the iterate's own node, shape (K, M, N)."""
-        states = resimulated_apart(self.made.moved, self.mesh, iterate)
-        return states[..., : self.made.system.size]
+        states = resimulated_apart(self.nlp.moved, self.mesh, iterate)
+        return states[..., : self.nlp.system.size]
 
     def on_mesh(self, mesh: Mesh) -> Task:
         """The same task on another mesh, without tightened limits."""
-        form = replace(self.made.form, intervals=len(mesh.widths))
+        form = replace(self.nlp.form, intervals=len(mesh.widths))
         return task(self.problem, self.objective, form, mesh, self.demands, self.settings)
 
     def for_problem(self, problem: Problem, objective: Objective) -> Task:
         """The same mesh and tightened limits for another problem of the same system."""
-        given = self.made.form, self.mesh, self.demands, self.settings
-        return replace(task(problem, objective, *given), drawn=self.drawn)
+        given = self.nlp.form, self.mesh, self.demands, self.settings
+        return replace(task(problem, objective, *given), inset=self.inset)
 
     def with_inner_rows(self) -> Task:
         """The same task with limits kept at the collocation points too."""
-        form = replace(self.made.form, inner=True)
+        form = replace(self.nlp.form, inner=True)
         return task(self.problem, self.objective, form, self.mesh, self.demands, self.settings)
 
 
@@ -209,19 +209,19 @@ def _check(nlp: Transcription, data: Bounds, answer: SolverAnswer, accepted: flo
 
 def transfer(old: Task, iterate: Iterate, new: Task) -> Iterate:
     """An iterate of one task as a start for another that differs in mesh or input kind."""
-    q, u = pieces(old.made.form, old.mesh, iterate)
+    q, u = pieces(old.nlp.form, old.mesh, iterate)
     mesh, T = new.mesh, iterate.duration
     return Iterate(
         duration=T,
         nodes=q(mesh.edges * T),
-        points=q(mesh.at(new.made.form.scheme.points) * T),
-        inputs=u(new.made.form.input_places(mesh) * T),
+        points=q(mesh.at(new.nlp.form.scheme.points) * T),
+        inputs=u(new.nlp.form.input_places(mesh) * T),
     )
 
 
 def iterate_of_inputs(job: Task, duration: float, inputs: Array) -> Iterate:
     """The iterate of the motion from the start under inputs in the shape of `Iterate.inputs`."""
-    nlp, tau = job.made, job.made.form.scheme.points * STEPS
+    nlp, tau = job.nlp, job.nlp.form.scheme.points * STEPS
     shape = nlp.form.intervals, nlp.form.degree, nlp.moved.size
     still = Iterate(duration, np.empty(0), np.empty(shape), inputs)
     states = resimulate(nlp.moved, job.mesh, still, nlp.start(job.problem))

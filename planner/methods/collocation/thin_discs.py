@@ -32,12 +32,12 @@ def thicknesses(problem: Problem) -> Iterator[Problem]:
         thickness = LEAST_THICKNESS * float(np.sum(problem.system.link_lengths))
         thinnest = min(disc.radius + disc.clearance for disc in problem.obstacles)
         while thickness > thinnest:
-            yield _thickened(problem, thickness)
+            yield _thicken(problem, thickness)
             thickness /= SHRINKING
     yield problem
 
 
-def _thickened(problem: Problem, thickness: float) -> Problem:
+def _thicken(problem: Problem, thickness: float) -> Problem:
     """The problem with thin discs thickened to `thickness`, as far as start, goal and waypoints
     allow."""
     places = (problem.start, problem.likely.goal, *(point.q for point in problem.waypoints))

@@ -272,7 +272,7 @@ def excursion_guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
     the straight line; added to the easy plan, it would stay on that plan's side.
     """
     duration = job.problem.duration or FREE_DURATION_RATIO * easy.duration
-    s = job.made.form.input_places(job.mesh)
+    s = job.nlp.form.input_places(job.mesh)
     u = np.array(easy.u(s * easy.duration) * easy.duration)
     if seed is not EASY_PLAN:
         u[:, 1] = easy.q(easy.duration)[1] - easy.q(0.0)[1]
@@ -288,7 +288,7 @@ def excursion_guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
 
 
 def _sizes(job: Task, solution: Solution) -> dict[str, Any]:
-    moved, iterate = job.made.form.augmented, solution.iterate
+    moved, iterate = job.nlp.form.augmented, solution.iterate
     assert moved is not None
     passive, total = moved.sizes_deg(iterate.nodes[-1])
     spent = effort(job.curve(iterate))
@@ -297,7 +297,7 @@ def _sizes(job: Task, solution: Solution) -> dict[str, Any]:
 
 
 def _plan(job: Task, solution: Solution, options: DesensitisedOptions) -> Plan:
-    moved = job.made.form.augmented
+    moved = job.nlp.form.augmented
     assert moved is not None
     return Plan(
         problem=job.problem,
@@ -320,10 +320,10 @@ def _refuse_no_room(job: Task) -> None:
 
     At the start the spread is a given constant, so no path can help.
     """
-    problem, moved = job.problem, job.made.form.augmented
+    problem, moved = job.problem, job.nlp.form.augmented
     if moved is None or not moved.backoff:
         return
-    W = moved.response(job.made.start(problem))
+    W = moved.response(job.nlp.start(problem))
     for required in filter(backs_off, problem.requirements):
         for part, row, q in _functions(required, problem.system):
             there = ca.Function("there", [q], [row, ca.jacobian(row, q)])
@@ -355,14 +355,14 @@ def _not_converged(
         f"{'s' if tried > 1 else ''} (the last one: {solution.status} after"
         f" {solution.iterations} iterations)",
         plan=plan,
-        violations=_broken(job, plan, solution.iterate.nodes),
+        violations=_violations(job, plan, solution.iterate.nodes),
         advice=", or ".join(ways),
     )
 
 
-def _broken(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
+def _violations(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
     """Violations of an iterate: those of `verify`, then of the effort and of backed-off limits."""
-    problem, moved, spent = job.problem, job.made.form.augmented, effort(plan.trajectory)
+    problem, moved, spent = job.problem, job.nlp.form.augmented, effort(plan.trajectory)
     assert moved is not None
     out = list(verify(plan).violations)
     if spent > job.demands.effort:

@@ -47,7 +47,7 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
         InputError: If a constraint point lies outside the motion or contradicts another.
     """
     began = time.perf_counter()
-    given = _points_given(problem, options)
+    given = _given_points(problem, options)
     ends = Ends.of(problem)
     if given is None:
         reach, points, notes = choose_points(ends, options)
@@ -70,7 +70,7 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
     return replace(plan, notes={"points": used, **plan.notes})
 
 
-def _points_given(problem: Problem, options: PolynomialOptions) -> tuple[Point, ...] | None:
+def _given_points(problem: Problem, options: PolynomialOptions) -> tuple[Point, ...] | None:
     """The constraint points of the options, checked; None if the program chooses them."""
     if options.points == "auto":
         return None

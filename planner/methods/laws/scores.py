@@ -275,14 +275,14 @@ def search_candidates(
     samples: int | Array = _SEARCH
     for stage, (rounds, part, spread) in enumerate(_STAGES if starts and grid.shape[1] else ()):
         if stage == 2:
-            samples = _crowded(problem, make(x))
+            samples = _sample_places(problem, make(x))
         x, cost = evolve(partial(costs, samples=samples), x, part * step, rounds, spread)
         best = np.argmin(cost, keepdims=True)
         x, step = x[best], step[best]
     return BestCandidate(x[0], float(costs(x[:1], _FINE)[0]), tried)
 
 
-def _crowded(problem: Problem, curves: Curves) -> Array:
+def _sample_places(problem: Problem, curves: Curves) -> Array:
     """Places to sample a candidate at: more beside its peaks and where it is closest to limits."""
     fine, usual = _places(curves, _FINE), _places(curves, _SEARCH)
     z, v = (_sample(curve, fine)[0] for curve in curves)

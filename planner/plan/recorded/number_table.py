@@ -90,7 +90,7 @@ class NumberTable:
         cells = {k: [row[k].strip().translate(_PLAIN) for row in self.rows] for k in blanks}
         for place, meaning in blanks.items():
             if meaning == "held":
-                cells[place] = _held(cells[place])
+                cells[place] = _fill_blanks(cells[place])
         decimal = self._decimal_mark(cells, {p for p, each in blanks.items() if each == "nan"})
         dropped = str.maketrans("", "", "' " + ("," if decimal == "." else "."))
         out = {}
@@ -149,7 +149,7 @@ class NumberTable:
         )
 
 
-def _held(cells: Sequence[str]) -> list[str]:
+def _fill_blanks(cells: Sequence[str]) -> list[str]:
     """Fill blanks with the cell above; leading blanks stay."""
     out, last = [], ""
     for cell in cells:

@@ -121,17 +121,17 @@ class VehicleFile(NamedFile):
 
     def start_state(self) -> Array:
         """q(0), shape (N,), in m and radians."""
-        return self._turned([self.start.x_m, *self.angles(self.start, 0.0), self.start.y_m], 0)
+        return self._set_heading([self.start.x_m, *self.angles(self.start, 0.0), self.start.y_m], 0)
 
     def goal_state(self) -> Array:
         """q(T), shape (N,); NaN first, since the travel gives that coordinate."""
-        return self._turned([np.nan, *self.angles(self.goal, 0.0), self.goal.y_m], -1)
+        return self._set_heading([np.nan, *self.angles(self.goal, 0.0), self.goal.y_m], -1)
 
     def waypoint_states(self) -> list[Array]:
         """q of each waypoint, shape (N,), NaN if free."""
-        return [self._turned(q, k) for k, q in enumerate(super().waypoint_states(), 1)]
+        return [self._set_heading(q, k) for k, q in enumerate(super().waypoint_states(), 1)]
 
-    def _turned(self, q: Sequence[float] | Array, place: int) -> Array:
+    def _set_heading(self, q: Sequence[float] | Array, place: int) -> Array:
         out = np.array(q)
         out[self._heading_index] = self.headings[place]
         return out

@@ -97,7 +97,7 @@ def _sizes(design: TrackerDesign, real: str) -> str:
     }
     lines = [f"#define TRACKER_{name} {value}" for name, value in sizes.items()]
     lines += [f"#define TRACKER_PERIOD_S {clock.period!r}", f"typedef {real} tracker_real;"]
-    return _guarded("TRACKER_SIZES_H", lines)
+    return _guard("TRACKER_SIZES_H", lines)
 
 
 def _tables(design: TrackerDesign, system: TriangularSystem, real: str) -> str:
@@ -131,7 +131,7 @@ def _tables(design: TrackerDesign, system: TriangularSystem, real: str) -> str:
     ]
     if design.ramp:
         lines.append(_array("static const int LAST_TICK", ref.last_ticks, str))
-    return _guarded("TRACKER_TABLES_H", [*lines, *_rates_in_c(system, write)])
+    return _guard("TRACKER_TABLES_H", [*lines, *_rates_in_c(system, write)])
 
 
 def _arrays(design: TrackerDesign) -> dict[str, Array]:
@@ -193,7 +193,7 @@ def _recording(plan: Plan, machine: Machine, follower: Tracker, real: str) -> st
         _array("static const tracker_real MEASURED", read, write),
         _array("static const double EXPECTED", told, _writer("double")),
     ]
-    return _guarded("TRACKER_RECORDING_H", lines)
+    return _guard("TRACKER_RECORDING_H", lines)
 
 
 LOST_EVERY = 23
@@ -306,7 +306,7 @@ def _rates_in_c(system: TriangularSystem, write: Callable[[float], str]) -> list
     ]
 
 
-def _guarded(name: str, lines: list[str]) -> str:
+def _guard(name: str, lines: list[str]) -> str:
     return "\n".join([f"#ifndef {name}", f"#define {name}", *lines, "#endif", ""])
 
 

@@ -143,7 +143,7 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
             expect_plan(plan)
     if not isinstance(plans, Mapping):
         plans = {f"{k + 1}: {plan.label}": plan for k, plan in enumerate(listed)}
-    colour, covered = colours(list(plans)), followed(plans)
+    colour, covered = colours(list(plans)), find_covered(plans)
     drawn_curves = [
         Curve(label, plan, colour[label], label in covered)
         for label, plan in plans.items()
@@ -156,7 +156,7 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
     return drawn_curves
 
 
-def followed(labels: Iterable[str]) -> set[str]:
+def find_covered(labels: Iterable[str]) -> set[str]:
     """Labels of plans whose compensated plan is also present; both have the same path."""
     known = {label for label in labels if not label.endswith(FEEDBACK)}
     return {plain_label(label) for label in known if plain_label(label) != label} & known

@@ -15,7 +15,7 @@ from planner.machine.machine import Machine
 from planner.plan.samples import import_library
 from planner.support.arrays import jsonable
 from planner.support.files import make_folder, write_figure, write_json, write_text
-from planner.support.package import import_function, made_by, versions
+from planner.support.package import import_function, provenance, versions
 from planner.support.tables import (
     Column,
     csv_table,
@@ -204,7 +204,7 @@ class DesignStudy:
             InputError: If the folder or a file cannot be written.
         """
         place = make_folder(folder)
-        again = made_by(f"planner design {self.input.source} --out {folder}")
+        again = provenance(f"planner design {self.input.source} --out {folder}")
         text = f"{self.markdown()}\n![The study](design.png)\n\n{again}\n"
         write_text(place / "design.md", text)
         write_text(place / "design.csv", csv_table(self.columns, self.rows))

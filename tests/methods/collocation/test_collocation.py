@@ -393,7 +393,7 @@ def test_the_fastest_motion_may_be_of_another_form_than_what_was_asked(paper: Pr
     kept = CollocationOptions(intervals=30, degree=5, input="constant")
     job = collocation_task(paper.changed({"goal.duration": 2.5}), coarse, 20)
     free = collocation_task(paper.changed({"goal.duration": "free"}), kept, 30)
-    solution = free.solve(guess(free.problem, free.made, free.mesh, seeds("straight")[0]))
+    solution = free.solve(guess(free.problem, free.nlp, free.mesh, seeds("straight")[0]))
 
     refusal = too_short(job.problem, Candidate(free, solution), coarse)
     assert refusal.plan is not None

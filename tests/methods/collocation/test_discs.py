@@ -132,4 +132,4 @@ def test_links_that_pass_over_a_disc_between_two_places_are_seen(radius: float) 
 
 
 def _straight(task: Any) -> Iterate:
-    return guess(task.problem, task.made, task.mesh, seeds("straight")[0])
+    return guess(task.problem, task.nlp, task.mesh, seeds("straight")[0])

@@ -98,7 +98,7 @@ def test_where_time_is_short_the_best_exact_motion_is_held(
     monkeypatch.setattr(best, "exact_motion", lambda *_: (job, solution(next(made))))
 
     def held() -> float | None:
-        exact = kept.held.get(Exactness.EXACT)
+        exact = kept.candidates.get(Exactness.EXACT)
         return exact and exact.solution.objective
 
     with deadline.time_limit(100.0):

@@ -180,7 +180,7 @@ def test_orders_follow_times_and_begin_with_the_shortest(paper: planner.Problem)
 def test_meshes_hold_their_marks(fractions: list[float]) -> None:
     mesh = through(20, fractions)
     np.testing.assert_allclose(mesh.edges[list(mesh.marks)], fractions)
-    finer = mesh.snapped(np.linspace(0, 1, 41))
+    finer = mesh.snap(np.linspace(0, 1, 41))
     np.testing.assert_allclose(finer.edges[list(finer.marks)], fractions)
     assert np.all(finer.widths > 0)
     assert np.all(mesh.widths > 0)

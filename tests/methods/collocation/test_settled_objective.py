@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import planner
-from planner.methods.collocation.between_nodes import SETTLED
+from planner.methods.collocation.between_nodes import SAVING
 
 ENDS = [1.0, 1.0, 1.0], [30.0, 30.0, 30.0]
 
@@ -40,7 +40,7 @@ def test_a_finer_mesh_saves_less_than_promised(
 ) -> None:
     plan = _plan(duration, rate, **options)
     fine = _plan(duration, rate, intervals=200, **options)
-    assert plan.objective <= fine.objective * (1 + SETTLED)
+    assert plan.objective <= fine.objective * (1 + SAVING)
 
 
 def test_a_smooth_input_needs_no_finer_mesh() -> None:

@@ -44,7 +44,7 @@ def has_only_limits(job: Task) -> bool:
     """Whether a task has no requirements on a path except limits on joints and inputs."""
     may_jump = not (job.demands.rest or job.objective.smooth or job.problem.reads("du"))
     plain = all(required.is_direct for required in job.problem.requirements)
-    return may_jump and plain and not (job.problem.waypoints or job.made.form.augmented)
+    return may_jump and plain and not (job.problem.waypoints or job.nlp.form.augmented)
 
 
 def exact_motion(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution] | None:
@@ -115,7 +115,7 @@ def follow(job: Task, chain: PieceChain, degree: int = 0) -> tuple[Task, Iterate
 
 def _with_constant_inputs(job: Task, degree: int) -> Task:
     """The job with constant inputs in each interval, like the path, if inputs may jump."""
-    form = job.made.form
+    form = job.nlp.form
     wanted = replace(form, degree=max(form.degree, degree))
     if has_only_limits(job):
         wanted = replace(wanted, input="constant")
@@ -125,10 +125,10 @@ def _with_constant_inputs(job: Task, degree: int) -> Task:
 
 
 def _iterate(job: Task, nodes: Array, rates: Array, duration: float) -> Iterate:
-    tau = job.made.form.scheme.points
+    tau = job.nlp.form.scheme.points
     points = nodes[:-1, None] + tau[:, None] * np.diff(nodes, axis=0)[:, None]
     inputs = rates
-    if job.made.form.input == "linear":
+    if job.nlp.form.input == "linear":
         padded = np.vstack([rates[:1], rates, rates[-1:]])
         inputs = (padded[:-1] + padded[1:]) / 2
     return Iterate(duration=duration, nodes=nodes, points=points, inputs=inputs)

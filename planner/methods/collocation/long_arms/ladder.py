@@ -57,7 +57,7 @@ LARGEST_GAPS = (0.12, 0.05, 0.02)
 """Largest gaps that a joint in front may leave, rad; smaller ones are tried if gaps do not
 close."""
 
-MOST_SHORTENED = 5000
+MAX_PIECES = 5000
 """A path with more pieces than this is not shortened."""
 
 FREE_LIMIT_SHARE = 0.1
@@ -128,7 +128,7 @@ def _lift_shorter_path(job: Task) -> tuple[PieceChain, int] | None:
 def _shorten(job: Task, path: PieceChain, ends: ChainEnds) -> PieceChain:
     """The path, or the one of least effort near it if that needs less driving and turning."""
     path_job, iterate = follow(job, path)
-    if len(path_job.mesh.widths) > MOST_SHORTENED:
+    if len(path_job.mesh.widths) > MAX_PIECES:
         return path
     settings = replace(path_job.settings, max_iterations=LADDER_ITERATIONS["shortening"])
     effort = path_task(replace(path_job, settings=settings))
@@ -147,7 +147,7 @@ def _search_path(job: Task) -> tuple[PieceChain, int] | None:
 
     None also if it is a path only on its coarse mesh.
     """
-    guesses = strategy(job.made, job.settings).guesses
+    guesses = strategy(job.nlp, job.settings).guesses
     settings = replace(job.settings, max_iterations=LADDER_ITERATIONS["guess"])
     job = path_task(replace(job, settings=settings))
     *_, paths = search(job, seeds("auto", guesses), ENOUGH_PATHS, simple=True)
@@ -160,7 +160,7 @@ def _search_path(job: Task) -> tuple[PieceChain, int] | None:
 
 def _shorter_arm_task(job: Task) -> Task:
     """The job of the arm without its first joint."""
-    problem, form = job.problem, job.made.form
+    problem, form = job.problem, job.nlp.form
     assert isinstance(problem.system, Manipulator)
     start, goal = (np.delete(q, 1) for q in (problem.start, problem.goal))
     joint = np.delete(ChainEnds.of(problem, 1 - FREE_LIMIT_SHARE).limit, 1)

@@ -57,20 +57,20 @@ class Augmented:
     @property
     def size(self) -> int:
         """Number of states."""
-        return self._made.size
+        return self._formulas.size
 
     def rates_expr(self, x: Any, u: Any) -> list[Any]:
         """CasADi expressions of ẋ."""
-        return list(ca.vertsplit(self._made.rates(x, u)))
+        return list(ca.vertsplit(self._formulas.rates(x, u)))
 
     def end_cost_expr(self, x: Any) -> Any:
         """CasADi expression of the response's cost at the end."""
-        W = DEGREES * self._made.response.function(x)
+        W = DEGREES * self._formulas.response.function(x)
         return self.passive * ca.sumsqr(W[2:, self._passive]) + self.terminal * ca.sumsqr(W[1:, :])
 
     def path_cost_expr(self, x: Any) -> Any:
         """CasADi expression of the response's cost along the path."""
-        return self.path * ca.sumsqr(DEGREES * self._made.response.function(x)[1:, :])
+        return self.path * ca.sumsqr(DEGREES * self._formulas.response.function(x)[1:, :])
 
     def sides(self, q: Any, value: Any, places: list[Any]) -> list[Any]:
         """An expression in q (N) at the states `places`, minus and plus the back-off."""
@@ -79,7 +79,7 @@ class Augmented:
         for x in places:
             here, slope = both(x[: self.system.size])
             spread = ca.sqrt(
-                ca.sumsqr(slope @ self._made.response.function(x)) + VARIANCE_ROUNDING**2
+                ca.sumsqr(slope @ self._formulas.response.function(x)) + VARIANCE_ROUNDING**2
             )
             out += [here - self.backoff * spread, here + self.backoff * spread]
         return out
@@ -87,7 +87,7 @@ class Augmented:
     def response(self, x: Array) -> Array:
         """W (…, N, P) in SI units at x (…, N + m). Row 0, of the path coordinate, is zero if
         nothing depends on it."""
-        return self._made.response(x)
+        return self._formulas.response(x)
 
     def sizes_deg(self, x: Array) -> tuple[float, float]:
         """Size of the passive block and of the whole response at x (N + m), degrees."""
@@ -101,7 +101,7 @@ class Augmented:
         return [p for p, (name, _) in enumerate(self.spread) if name in names]
 
     @cached_property
-    def _made(self) -> _Expressions:
+    def _formulas(self) -> _Expressions:
         return _expressions(self)
 
 

@@ -77,7 +77,7 @@ def bounds(
     mesh: Mesh,
     objective: Objective,
     demands: InputDemands,
-    drawn: Array,
+    inset: Array,
 ) -> Bounds:
     """Compute bounds and parameters from a problem's numbers.
 
@@ -88,12 +88,12 @@ def bounds(
         mesh: Its mesh.
         objective: The objective.
         demands: Demands on the inputs beside the problem's limits.
-        drawn: Amounts by which the parts of the requirements are tightened, shape (K, R), so that
+        inset: Amounts by which the parts of the requirements are tightened, shape (K, R), so that
             they hold between the nodes.
     """
     low, high = (np.concatenate([[], *(each.bounds[k] for each in requirements)]) for k in (0, 1))
     most = MOST_DRAWN_IN * (high - low) / 2
-    inside, edges = np.minimum(drawn, most), np.minimum(_at_nodes(drawn), most)
+    inside, edges = np.minimum(inset, most), np.minimum(_at_nodes(inset), most)
     lower, upper = _limits(problem, nlp, mesh, demands, inside, edges)
     _fix(lower, upper, problem, nlp, mesh, demands)
     reads = [required.reads for required in requirements for _ in required.parts]
@@ -149,9 +149,9 @@ def _limits(
     upper = np.full(places.size, np.inf)
     lower = -upper
 
-    def within(unknowns: Index, sides: tuple[Array, Array], drawn: Array | float = 0.0) -> None:
-        lower[unknowns] = np.maximum(lower[unknowns], sides[0] + drawn)
-        upper[unknowns] = np.minimum(upper[unknowns], sides[1] - drawn)
+    def restrict(unknowns: Index, sides: tuple[Array, Array], inset: Array | float = 0.0) -> None:
+        lower[unknowns] = np.maximum(lower[unknowns], sides[0] + inset)
+        upper[unknowns] = np.minimum(upper[unknowns], sides[1] - inset)
 
     r = 0
     for required in problem.requirements:
@@ -159,18 +159,18 @@ def _limits(
         if required.is_direct and required.reads != {"q"}:
             unknowns = places.inputs if "u" in required.reads else places.slopes
             if not demands.timeless:
-                within(unknowns[:, index], (low, high))
+                restrict(unknowns[:, index], (low, high))
             continue
         if required.is_direct:
-            within(places.nodes[:, index], (low, high), edges[:, r : r + len(index)])
+            restrict(places.nodes[:, index], (low, high), edges[:, r : r + len(index)])
             for k in set(index) & set(places.lifted):
                 at = index.index(k)
                 points = places.points[..., places.lifted.index(k)]
-                within(points, (low[at], high[at]), inside[:, [r + at]])
+                restrict(points, (low[at], high[at]), inside[:, [r + at]])
         r += len(index)
     if problem.free:
         end, most = places.nodes[-1, list(problem.free)], problem.free_within
-        within(end, (-most, most))
+        restrict(end, (-most, most))
     lower[places.durations[:1]] = SHORTEST_S * nlp.form.units.time_s
     if demands.first_sign:
         turned = np.searchsorted(demands.turns, nlp.form.input_places(mesh))
@@ -202,7 +202,7 @@ def _fix(
         lower[where[known]] = upper[where[known]] = values[known]
 
 
-def _at_nodes(drawn: Array) -> Array:
+def _at_nodes(inset: Array) -> Array:
     """Amounts (K, R) of intervals at the K+1 edges: the greater of the two neighbours."""
-    ends = np.concatenate([drawn[:1], drawn, drawn[-1:]])
+    ends = np.concatenate([inset[:1], inset, inset[-1:]])
     return np.asarray(np.maximum(ends[:-1], ends[1:]))

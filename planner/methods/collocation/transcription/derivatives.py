@@ -80,7 +80,7 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
 
 def _function(chain: ChainRule, name: str, inputs: list[Any], outputs: list[Any]) -> Any:
     deadline.check()
-    outputs = ca.cse([ca.densify(out) for out in chain.closed(outputs)])
+    outputs = ca.cse([ca.densify(out) for out in chain.substitute(outputs)])
     return ca.Function(f"interval_{name}", inputs, outputs)
 
 
@@ -136,6 +136,6 @@ class ChainRule:
             out[k] += self.by_v[last:, first:last].T @ ca.vertcat(*out[k + 1 :])
         return ca.densify(ca.vertcat(*out))
 
-    def closed(self, outputs: list[Any]) -> list[Any]:
+    def substitute(self, outputs: list[Any]) -> list[Any]:
         """Expressions with v substituted."""
         return list(ca.substitute_inplace(ca.vertsplit(self.v), ca.vertsplit(self.F), outputs)[1])

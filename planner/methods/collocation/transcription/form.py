@@ -218,7 +218,7 @@ class Mesh:
         """Fractions of the whole, shape (K, m), at fractions tau (m,) of each interval."""
         return np.asarray(self.edges[:-1, None] + self.widths[:, None] * tau)
 
-    def snapped(self, edges: Array) -> Mesh:
+    def snap(self, edges: Array) -> Mesh:
         """Another partition with its nearest edges moved onto the marks of this one."""
         edges = edges.copy()
         marks: list[int] = []
@@ -310,7 +310,7 @@ def objective(problem: Problem, options: CollocationOptions) -> Objective:
                 " table has none; without one the least duration is zero"
             )
         return fastest(problem)
-    return _mixed(options)
+    return _mixed_objective(options)
 
 
 _SLOWNESS = "a slower motion always has less"
@@ -325,7 +325,7 @@ _FIXED_TIME: dict[str, tuple[str, list[float], str]] = {
 }
 
 
-def _mixed(options: CollocationOptions) -> Objective:
+def _mixed_objective(options: CollocationOptions) -> Objective:
     parts = [
         (options.effort_weight, EFFORT, [0.0, 1.0, 1.0, 0.0, 0.0, 0.0]),
         (options.smoothness_weight, SMOOTHNESS, [0.0, 0.0, 0.0, 1.0, 1.0, 0.0]),

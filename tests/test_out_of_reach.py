@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import planner
-from planner.methods.collocation.candidates import routes
+from planner.methods.collocation.guesses import routes
 from planner.problem.nonholonomy import nonholonomy
 from planner.problem.tables.arms import MOST_JOINTS
 from planner.problem.tables.method_options import MOST_POINTS

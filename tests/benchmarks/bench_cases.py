@@ -12,7 +12,7 @@ from rivals import Arm
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.methods.collocation.candidates import likely_travel
+from planner.methods.collocation.guesses import likely_travel
 from planner.methods.collocation.transcription.form import Mesh
 from planner.methods.collocation.transcription.unknowns import Iterate
 

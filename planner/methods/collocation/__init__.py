@@ -1,7 +1,7 @@
 """Optimal plans in joint coordinates: one pipeline, with one file for each stage.
 
 Read the files in this order: `pipeline` (the search), `best` (its candidates), `method` (the plan
-of the best of them), then the stages: `candidates` (first guesses), `path` (shortest paths and
+of the best of them), then the stages: `guesses` (first guesses), `path` (shortest paths and
 their timing; with thin discs `thin_discs`), `route_paths` (selects the paths to time), `refine`
 (finer mesh, limits between nodes). `task` is the problem on a transcription, solved by one of
 `solvers`; `between_nodes` checks an iterate between the nodes; `refusals` words the refusals. The

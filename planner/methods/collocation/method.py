@@ -17,7 +17,7 @@ import numpy as np
 from planner.errors import InputError, TimeLimitError, Violation
 from planner.methods.collocation.best import Best, Candidate, Exactness
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.candidates import routes
+from planner.methods.collocation.guesses import routes
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
     exact_motion,

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from planner.methods.collocation.between_nodes import clears, inspect
-from planner.methods.collocation.candidates import Excursion, Seed, guess, sides, wander
+from planner.methods.collocation.guesses import Excursion, Seed, guess, sides, wander
 from planner.methods.collocation.solvers import strategy
 from planner.methods.collocation.task import (
     Solution,

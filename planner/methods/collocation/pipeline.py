@@ -5,7 +5,7 @@
 The systems are driftless, so a path and its speed can be found separately. The stages:
 
 - *Straight line*: the whole problem is solved directly from a straight line, where that may do.
-- *Paths*: paths of least effort are found from many first guesses (`candidates`, `path`). The
+- *Paths*: paths of least effort are found from many first guesses (`guesses`, `path`). The
   shortest few (`route_paths`) are then solved with the duration, the limits and the objective of
   the problem (`solve_timing`).
 - *Slower motions*: if none of the paths fits into the given duration, the fastest motion is found
@@ -31,7 +31,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.methods.collocation.best import Best, Candidate, Exactness
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.candidates import (
+from planner.methods.collocation.guesses import (
     guess,
     mesh_through,
     rebalance,
@@ -74,7 +74,7 @@ class Pipeline:
     """One search and its results.
 
     Attributes:
-        routes: Variants of the problem, see `routes` of `candidates`.
+        routes: Variants of the problem, see `routes` of `guesses`.
         options: Options of the method.
         best: Takes every candidate; None if they do not answer the problem.
         near: Candidates near an existing plan, the first stage.

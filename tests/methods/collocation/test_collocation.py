@@ -11,7 +11,7 @@ import planner
 from planner.errors import InfeasibleError, InputError, NotConvergedError
 from planner.methods.collocation import refine
 from planner.methods.collocation.best import Candidate
-from planner.methods.collocation.candidates import guess, seeds
+from planner.methods.collocation.guesses import guess, seeds
 from planner.methods.collocation.method import plan_collocation
 from planner.methods.collocation.pipeline import collocation_task
 from planner.methods.collocation.refusals import too_short

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.methods.collocation.candidates import routes
+from planner.methods.collocation.guesses import routes
 from planner.methods.collocation.transcription.form import through
 from planner.methods.refusal import duration_changes, path_changes
 from planner.problem.requirements.places import Obstacle

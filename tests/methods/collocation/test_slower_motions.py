@@ -13,7 +13,7 @@ import pytest
 import planner
 from planner.methods.collocation import best, method, pipeline, route_paths
 from planner.methods.collocation.between_nodes import inspect
-from planner.methods.collocation.candidates import seeds
+from planner.methods.collocation.guesses import seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain, cut_finer, ends_of
 from planner.methods.collocation.path import (
     clock,

@@ -21,7 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.methods.collocation.candidates import seeds
+from planner.methods.collocation.guesses import seeds
 from planner.methods.collocation.long_arms.bridges import (
     ChainEnds,
     Index,

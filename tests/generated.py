@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import planner
+from planner import METHODS
 from planner.machine import compiled
-from planner.methods.registry import METHODS
 
 HOME = Path(planner.__file__).parent
 sys.path.append(str(Path(__file__).parents[1] / "docs"))

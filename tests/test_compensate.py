@@ -15,15 +15,13 @@ import pytest
 from registered import restored
 
 import planner
-from planner import Plan, compensation
-from planner.errors import Violation
+from planner import Check, Plan, Violation, compensation
 from planner.machine.feedforward import legs
 from planner.machine.feedforward.advice import compensation_changes, settings_to_try
 from planner.machine.feedforward.follow import follow
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.user_tables import parse
-from planner.verification.verify import Check
 
 ROOT = Path(__file__).parents[1]
 UNTUNED = 31

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner import chained_form
 from planner.cli import output
 from planner.cli.app import main
 from planner.cli.output import Job, keep_best_on_interrupt
@@ -25,7 +26,6 @@ from planner.methods.laws import scores
 from planner.support import deadline
 from planner.support.calculus.bernstein import Bernstein
 from planner.support.progress import Progress
-from planner.systems.chained_form import chained_form
 from planner.verification.summary import plan_summary
 
 PAPER = Path(__file__).parents[1] / "problems/paper.toml"

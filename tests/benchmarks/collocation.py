@@ -33,6 +33,7 @@ from scipy.interpolate import BarycentricInterpolator
 from scipy.stats import linregress
 
 import planner
+from planner import chained_form
 from planner.methods.collocation.method import plan_collocation, replan_collocation
 from planner.methods.collocation.pipeline import DIRECT_INTERVALS
 from planner.methods.collocation.solvers import Settings
@@ -41,7 +42,6 @@ from planner.methods.collocation.transcription.bounds import InputDemands
 from planner.methods.collocation.transcription.form import Form, objective, uniform
 from planner.methods.convex.method import plan_convex
 from planner.problem.tables.method_options import CollocationOptions, ConvexOptions
-from planner.systems.chained_form import chained_form
 from planner.verification.verify import GOAL_TOLERANCE, LIMIT_TOLERANCE
 
 OUT = Path(__file__).parents[2] / "results" / "benchmarks"

@@ -16,12 +16,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import planner
+from planner import Machine, Plan, Replay
 from planner.machine.feedforward.legs import reversals
 from planner.machine.friction.contact_load import contact_load
-from planner.machine.machine import Machine
-from planner.machine.replay import Replay
 from planner.plan.measures import peak_inputs
-from planner.plan.plan import Plan
 from planner.problem.tables.machine_effects import StartState
 from planner.report.figures.style import GRID_STYLE, colour_of, shade_holds
 from planner.support.arrays import Array

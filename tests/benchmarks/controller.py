@@ -22,10 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import planner
-from planner.machine.feedback.tracker import Tracker
-from planner.machine.machine import Machine
-from planner.machine.replay import Replay
-from planner.plan.plan import Plan
+from planner import Machine, Plan, Replay, Tracker
 from planner.report.controller.controller import Recorder
 from planner.support.files import folder
 from planner.support.package import provenance

@@ -20,11 +20,11 @@ from matplotlib.figure import Figure
 from rich.progress import Progress
 from stress_problems import INPUT, WIDE, arm
 
+from planner import run_sweep
 from planner.report.figures.style import colours
 from planner.support.package import provenance
 from planner.support.tables import Column, markdown_table
 from planner.sweep.results import read
-from planner.sweep.run import run_sweep
 
 ROOT = Path(__file__).parents[2]
 SEED = 7

@@ -20,12 +20,10 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 import planner
+from planner import Machine, Plan, Problem, Replay, Tracker, replay
 from planner.machine.feedback.reference import Reference
-from planner.machine.feedback.tracker import Tracker, TrackerControl
-from planner.machine.machine import Machine, draw
-from planner.machine.replay import Replay, replay
-from planner.plan.plan import Plan
-from planner.problem.problem import Problem
+from planner.machine.feedback.tracker import TrackerControl
+from planner.machine.machine import draw
 from planner.report.figures.style import COLOURS, GRID_STYLE
 from planner.support.arrays import Array
 from planner.support.files import folder

@@ -16,11 +16,9 @@ from typing import Any
 import numpy as np
 
 import planner
+from planner import NoPlanError, Plan, Problem
 from planner.cli.app import main as command
-from planner.errors import NoPlanError
 from planner.plan.measures import effort, turns
-from planner.plan.plan import Plan
-from planner.problem.problem import Problem
 from planner.report import plot_sensitivity
 from planner.support.arrays import Array
 from planner.support.files import folder, refuse_unwritable_folder

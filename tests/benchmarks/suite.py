@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import planner
-from planner.errors import InputError, NoPlanError
+from planner import InputError, NoPlanError
 from planner.support.files import folder
 from planner.support.package import provenance
 

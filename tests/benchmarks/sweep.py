@@ -19,10 +19,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from planner import run_sweep
 from planner.support.files import write_text
 from planner.support.package import provenance
 from planner.sweep.results import read
-from planner.sweep.run import run_sweep
 
 ROOT = Path(__file__).parents[2]
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.errors import InputError
+from planner import InputError
 from planner.explorer.outcome import judge, path
 from planner.explorer.screen import Screen, path_line
 from planner.explorer.state import State

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 import planner
-from planner.methods.registry import METHODS
+from planner import METHODS
 from planner.support import deadline
 from planner.support.progress import Progress
 from planner.verification import verdict

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import planner
+from planner import Plan
 from planner.comparison.comparison import comparison_csv
-from planner.plan.plan import Plan
 from planner.report.page.words import verdict_html
 from planner.verification.verify import LIMIT_TOLERANCE
 

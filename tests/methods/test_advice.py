@@ -8,12 +8,9 @@ from typing import Any
 import pytest
 
 import planner
-from planner.errors import NoPlanError, NotConvergedError, TimeLimitError
+from planner import METHODS, NoPlanError, NotConvergedError, Plan, Problem, TimeLimitError
 from planner.methods import refusal as refusals
 from planner.methods.refusal import BY_COLLOCATION, Change, advise, duration_changes, path_changes
-from planner.methods.registry import METHODS
-from planner.plan.plan import Plan
-from planner.problem.problem import Problem
 from planner.support import deadline
 from planner.support.deadline import TimeUpError
 

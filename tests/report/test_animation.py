@@ -18,8 +18,8 @@ from PIL import Image
 
 import planner
 from planner.cli.app import main
+from planner.report import animate
 from planner.report import film as video
-from planner.report.film import animate
 from planner.support.package import how_to_install
 
 ROOT = Path(__file__).parents[2]
@@ -154,7 +154,7 @@ def test_a_vehicle_drives(tmp_path: Path) -> None:
 
 
 def test_obstacles_and_waypoints_are_in_the_picture(plan: planner.Plan) -> None:
-    from planner.report.figures.arm import plot_arm
+    from planner.report import plot_arm
 
     tables = {
         "obstacles": [{"centre_m": [0.8, 2.2], "radius_m": 0.3}],

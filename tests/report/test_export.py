@@ -17,8 +17,9 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.io import loadmat
 
 import planner
+from planner import load_samples
 from planner.plan.plan_file import plan_schema
-from planner.plan.samples import held_miss, load_samples, sample
+from planner.plan.samples import held_miss, sample
 from planner.problem.tables.kinds import json_schema
 from planner.report.export import FORMATS, Format, joint_trajectory
 from planner.report.figures.style import curves

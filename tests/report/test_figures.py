@@ -16,14 +16,18 @@ from scipy.interpolate import BPoly
 
 import planner
 from planner.plan.trajectory import StateTrajectory
-from planner.report.figures.arm import plot_arm
-from planner.report.figures.on_the_machine import (
-    median_sample,
+from planner.report import (
+    plot_arm,
     plot_efforts,
     plot_errors,
+    plot_inputs,
+    plot_joints,
+    plot_map,
     plot_replays,
+    plot_z,
 )
-from planner.report.figures.over_time import plot, plot_inputs, plot_joints, plot_map, plot_z
+from planner.report.figures.on_the_machine import median_sample
+from planner.report.figures.over_time import plot
 from planner.report.figures.style import COLOURS, curves, symbol
 from planner.report.folders import replay_data
 from planner.report.page.series import page_data

@@ -18,12 +18,12 @@ import planner
 from planner.cli.app import main
 from planner.comparison.rows import FEEDBACK
 from planner.report import folders as report_folder
+from planner.report import load_comparison, write_report
 from planner.report.charts.scripts import stylesheet
 from planner.report.figures.style import readable_name
-from planner.report.page.page import report_page, write_report
+from planner.report.page.page import report_page
 from planner.report.page.series import page_data
 from planner.report.panels import PLAN_FIGURES
-from planner.report.saved import load_comparison
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 

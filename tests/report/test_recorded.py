@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner import InputError, Machine, Problem, emulate_log, identify, solve
+from planner import InputError, Log, Machine, Problem, emulate_log, identify, solve
 from planner.machine.identification.identify import predict_run
-from planner.plan.recorded.log import Log
 from planner.report import plot_joints, plot_run
 from planner.report.figures.style import REFUSED_SUFFIX
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import planner
-from planner import machine_sensitivity, sensitivity
+from planner import MachineSensitivity, machine_sensitivity, sensitivity
 from planner.problem.tables.machine_effects import EFFECTS
-from planner.robustness.machine_sensitivity import MachineSensitivity
 
 
 @pytest.fixture(scope="module")

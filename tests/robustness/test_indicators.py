@@ -9,9 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
 
 import planner
-from planner import indicators
+from planner import Indicators, indicators
 from planner.plan.trajectory import StateTrajectory
-from planner.robustness.sensitivity import Indicators
 
 Array = NDArray[np.float64]
 

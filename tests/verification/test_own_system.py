@@ -11,9 +11,9 @@ import pytest
 from registered import restored
 
 import planner
+from planner import Manipulator
 from planner.plan.trajectory import StateTrajectory
 from planner.support.user_tables import Table
-from planner.systems.manipulator import Manipulator
 from planner.verification.verdict import judge
 
 OTHER_ARMS = {

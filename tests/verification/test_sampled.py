@@ -13,12 +13,13 @@ import pytest
 from registered import Bump, restored
 
 import planner
+from planner import verify
 from planner.plan.claims import undecided_claim
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.requirements.requirement import MotionPoint
 from planner.verification.summary import plan_summary
 from planner.verification.verdict import judge
-from planner.verification.verify import examine, verify
+from planner.verification.verify import examine
 
 SMOOTH = "tan(heading)"
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.errors import InfeasibleError, InputError, NotConvergedError
+from planner import InfeasibleError, InputError, NotConvergedError, Plan, Problem, verify
 from planner.methods.collocation import refine
 from planner.methods.collocation.best import Candidate
 from planner.methods.collocation.guesses import guess, seeds
@@ -16,10 +16,7 @@ from planner.methods.collocation.method import plan_collocation
 from planner.methods.collocation.pipeline import collocation_task
 from planner.methods.collocation.refusals import too_short
 from planner.plan.measures import effort, peak_inputs, peak_rates
-from planner.plan.plan import Plan
-from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions
-from planner.verification.verify import verify
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 

@@ -8,11 +8,11 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
+from planner import Manipulator
 from planner.methods.collocation import refusals as collocation_refusals
 from planner.methods.collocation.best import Candidate
 from planner.methods.collocation.transcription.form import Form, Kind, Mesh
 from planner.methods.collocation.transcription.unknowns import Iterate, curve
-from planner.systems.manipulator import Manipulator
 
 MESH = Mesh(np.array([0.0, 0.2, 0.7, 1.0]))
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.machine.machine import Machine
+from planner import Machine
 from planner.problem.problem import WIDEST_FREE_JOINT_RAD
 from planner.problem.requirements.ends import TipGoal
 from planner.solve import solve_and_check

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.errors import NotConvergedError
+from planner import NotConvergedError, TriangularSystem
 from planner.methods.collocation import pipeline
 from planner.methods.collocation.best import Candidate, Exactness
 from planner.methods.collocation.between_nodes import inspect
@@ -25,7 +25,6 @@ from planner.methods.collocation.refine import polish
 from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.tables.method_options import CollocationOptions
-from planner.systems.triangular_system import TriangularSystem
 
 PROBLEM = planner.Problem.manipulator(
     [10, -20, 30], [-40, 50, -10], travel=0.0, duration=None, input_rad_s=0.5, joint_deg=80

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from planner.errors import InputError
+from planner import InputError, Manipulator
 from planner.methods.collocation.long_arms.bridges import ChainEnds, PieceChain, close_gaps, ends_of
 from planner.methods.collocation.long_arms.ladder import lift
-from planner.systems.manipulator import Manipulator
 
 ARM = Manipulator([0.87, 0.71, 0.58], 0.67)
 MOVES = np.array([[0.7, -0.4], [0.0, 0.6], [-0.5, 0.0], [0.9, 0.4], [-0.3, 0.5]])

@@ -11,14 +11,13 @@ import pytest
 from scipy.sparse.linalg import spsolve
 
 import planner
+from planner import Manipulator, chained_form
 from planner.methods.collocation.transcription.augmented import Augmented
 from planner.methods.collocation.transcription.form import TERMS, Form, Kind, Mesh, uniform
 from planner.methods.collocation.transcription.transcription import transcription
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.requirements.motion_limits import JointLimit, Z2Margin
-from planner.systems.chained_form import chained_form
 from planner.systems.linearisation import parameters
-from planner.systems.manipulator import Manipulator
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 START = np.array([0.1, -0.9, 0.2])

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 import planner
-from planner.errors import InputError
+from planner import InputError, Plan, Problem
 from planner.methods.collocation import method as replan
 from planner.methods.collocation.method import plan_collocation, replan_collocation
 from planner.methods.collocation.transcription import transcription as transcriptions
-from planner.plan.plan import Plan
-from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions
 
 PROBLEMS = Path(__file__).parents[3] / "problems"

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner import Problem
 from planner.methods.collocation import task as module
 from planner.methods.collocation.method import plan_collocation
 from planner.methods.collocation.solvers import (
@@ -24,7 +25,6 @@ from planner.methods.collocation.solvers import (
 )
 from planner.methods.collocation.transcription.form import Form
 from planner.methods.collocation.transcription.transcription import transcription
-from planner.problem.problem import Problem
 from planner.problem.requirements.places import Obstacle
 from planner.problem.tables.method_options import CollocationOptions, SolverName
 

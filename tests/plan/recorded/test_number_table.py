@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner import InputError
-from planner.errors import InputWarning
+from planner import InputError, InputWarning
 from planner.plan.recorded.number_table import Blanks, read_table
 
 NAMES = ["t_s", "count", "angle [deg]"]

@@ -121,7 +121,7 @@ def animate(
       planner animate polynomial.json collocation.json --speed 2 --out both.mp4
     """
     check_film(out, fps, speed)
-    motions = _plans_by_label(plans)
+    motions = plans_by_label(plans)
     with job() as tell:
 
         def report(done: int, total: int) -> None:
@@ -131,7 +131,7 @@ def animate(
     return finish({"plans": plans, "written": written})
 
 
-def _plans_by_label(paths: Sequence[Path]) -> dict[str, Plan]:
+def plans_by_label(paths: Sequence[Path]) -> dict[str, Plan]:
     """Load plans, labelled by method, or by file name if two plans have the same method."""
     loaded = [load_plan(path, strict=True) for path in paths]
     methods = [plan.label for plan in loaded]

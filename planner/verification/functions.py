@@ -46,7 +46,7 @@ class Expression:
         for k in range(function.n_instructions()):
             deadline.check_stopped()
             operation, inputs = function.instruction_id(k), function.instruction_input(k)
-            if operation not in _SUPPORTED:
+            if operation not in SUPPORTED:
                 raise UnboundedError(f"the function {_NAMES[operation]} of an expression")
             if operation == ca.OP_OUTPUT:
                 self._ends[function.instruction_output(k)[1]] = holds[inputs[0]]
@@ -160,7 +160,7 @@ _ARITHMETIC: dict[int, Callable[..., Ball]] = {
 
 _NAMES = {getattr(ca, name): name[3:].lower() for name in dir(ca) if name.startswith("OP_")}
 
-_SUPPORTED = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_CIRCULAR, *_ARITHMETIC}
+SUPPORTED = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_CIRCULAR, *_ARITHMETIC}
 
 
 # -- piecewise polynomials -------------------------------------------------------------------------

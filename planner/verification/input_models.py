@@ -208,7 +208,7 @@ def _law(path: Trajectory) -> tuple[list[Bernstein], Law, Law]:
     if type(path) is StateTrajectory:
         return [path.u_curve], lambda u: u, lambda _, du: du
     if type(path) is ChainedTrajectory:
-        return [path.z_curve, path.v_curve], *_feedback(path.system, tuple(path.branch.tolist()))
+        return [path.z_curve, path.v_curve], *feedback_law(path.system, tuple(path.branch.tolist()))
     twice = isinstance(path, RetimedTrajectory)
     words = "a path that is retimed twice" if twice else f"trajectories of kind '{path.kind}'"
     raise UnboundedError(words)
@@ -257,7 +257,7 @@ def _inverse_by_links(system: TriangularSystem, branch: tuple[float, ...]) -> St
 
 
 @lru_cache(maxsize=32)
-def _feedback(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[Law, Law]:
+def feedback_law(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[Law, Law]:
     """u as a function of (z, v), and du/dt of (z, v, ż, v̇), on one branch."""
     n = system.size
     z, v, dz, dv = (ca.SX.sym(name, k) for name, k in (("z", n), ("v", 2), ("dz", n), ("dv", 2)))
@@ -371,10 +371,10 @@ def derivative_on_balls(
     matrix = from_bernstein(len(b))
     grown = (len(b) + 4) * np.sum(np.abs(matrix)) * ROUNDING_UNIT
     slips = (slip + grown * np.max(np.abs(b), axis=0))[piece]
-    return _composite(b.transpose(2, 1, 0)[:, piece] @ matrix.T, slips.T[..., None], x)
+    return composite(b.transpose(2, 1, 0)[:, piece] @ matrix.T, slips.T[..., None], x)
 
 
-def _composite(c: Array, slip: Array, x: Ball) -> list[Ball]:
+def composite(c: Array, slip: Array, x: Ball) -> list[Ball]:
     """p(x) = Σ cₖ Tₖ(x) for coefficients (k, C, width) whose errors sum to `slip` (k, C, 1).
 
     rest = δ²/2 max|p''|. All points within δ of c lie in the ellipse about [−1, 1] with the greater

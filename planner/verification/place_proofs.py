@@ -121,10 +121,10 @@ def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple
         values = [Model(*halves(x.c[~settled], x.r[~settled])) for x in values]
         cells = cells.select(~settled).halves()
     square, along, twice = (join_models([m[k] for _, m in kept]) for k in range(3))
-    return _lower_model(square, along, twice, length), join_cells([c for c, _ in kept])
+    return lower_model(square, along, twice, length), join_cells([c for c, _ in kept])
 
 
-def _lower_model(square: Model, along: Model, twice: Model, length: float) -> Model:
+def lower_model(square: Model, along: Model, twice: Model, length: float) -> Model:
     """|P − C|² + m(a), with the chord of m on cells across two of its ranges."""
     low, high = np.clip(along.low, -1e6, 1e6), np.clip(along.high, -1e6, 1e6)
     behind, beyond, beside = low >= 0, high <= -length, (high <= 0) & (low >= -length)

@@ -14,7 +14,7 @@ import planner
 from planner import Comparison, Machine
 from planner.comparison.comparison import command
 from planner.comparison.rows import Row
-from planner.methods.spec import _value
+from planner.support.files import toml_value
 
 PAPER = ROOT / "problems/paper.toml"
 
@@ -32,7 +32,7 @@ def words(text: str | None) -> list[str]:
 
 def values(settings: list[str]) -> dict[str, Any]:
     """By key, as the command reads them."""
-    return {key: _value("", key, value) for key, _, value in (s.partition("=") for s in settings)}
+    return {key: toml_value(value) for key, _, value in (s.partition("=") for s in settings)}
 
 
 def changes(parts: list[str]) -> list[str]:

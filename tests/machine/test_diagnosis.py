@@ -9,7 +9,7 @@ import pytest
 
 from planner import InputError, Log, Machine, Problem, emulate_log, excitation, identify
 from planner.machine.identification.diagnosis import refuse_misfit
-from planner.machine.identification.identify import _warnings
+from planner.machine.identification.identify import find_warnings
 
 DEG, RPM = 180 / np.pi, 30 / np.pi
 
@@ -76,7 +76,7 @@ def test_a_coarse_encoder_is_not_blamed_on_inertia(paper: Problem) -> None:
         excitation(paper), Machine.prototype(encoder_resolution_deg=1.0), noise_deg=0
     )
     left, noise = np.full((1, 3), 0.3), np.full((1, 3), 0.1)
-    (text, *_) = _warnings([coarse], [], left, noise)
+    (text, *_) = find_warnings([coarse], [], left, noise)
     assert "read in steps of 1 deg" in text
     assert "inertia" not in text
 

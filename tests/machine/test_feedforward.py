@@ -14,7 +14,7 @@ import planner
 from planner import Plan
 from planner.machine.feedforward.follow import follow
 from planner.machine.feedforward.legs import preparation
-from planner.machine.feedforward.shaping import CommandShape, _on_grid
+from planner.machine.feedforward.shaping import CommandShape, round_to_grid
 from planner.problem.tables.problem_file import CompensationTable
 
 NONE: dict[str, Any] = {
@@ -228,6 +228,6 @@ def test_speeds_keep_their_limits_where_the_motors_resolution_is_coarser() -> No
     """The multiple of 1 next to a value that lies between the limits, or else the value itself."""
     value = np.array([0.4, 0.6, 0.5, 2.5])
     low, high = np.array([0.0, 0.0, 0.45, 2.2]), np.array([0.9, 0.9, 0.55, 2.6])
-    found = _on_grid(value, low, high, np.ones(4))
+    found = round_to_grid(value, low, high, np.ones(4))
     assert found.tolist() == [0.0, 0.0, 0.5, 2.5]
-    assert _on_grid(value, low, high, np.zeros(4)).tolist() == value.tolist()
+    assert round_to_grid(value, low, high, np.zeros(4)).tolist() == value.tolist()

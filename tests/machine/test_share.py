@@ -13,7 +13,7 @@ def test_the_rate_brings_the_load_that_lets_this_rate_pass() -> None:
     grip = contacts.Grip(cosines, rng.uniform(0.05, 1, count), capacity)
     steady = capacity * rng.uniform(-1.2, 1.2, count)
     whole = steady + capacity * 10.0 ** rng.uniform(-4, 2, count)
-    load, rate = contacts._share(grip, steady, whole)
+    load, rate = contacts.share(grip, steady, whole)
     assert np.allclose(load, steady + (whole - steady) * np.minimum(rate, 1), rtol=1e-9)
     inside = (rate > 0) & (rate < 1)
     assert inside.sum() > count / 4
@@ -32,5 +32,5 @@ def test_few_tries_are_enough() -> None:
     asked: list[int] = []
     usual = grip.transmission
     grip.transmission = lambda load: (asked.append(1), usual(load))[1]  # type: ignore[method-assign,func-returns-value]
-    contacts._share(grip, np.array([0.1]), np.array([0.9]))
+    contacts.share(grip, np.array([0.1]), np.array([0.9]))
     assert len(asked) < 12

@@ -177,11 +177,11 @@ def test_animate_command(plan: planner.Plan, tmp_path: Path, capsys: Any) -> Non
     assert main(words) == 0
     assert capsys.readouterr().err == f"written to {film}\n"
     assert film.read_bytes().startswith(b"GIF89a")
-    from planner.cli.files import _plans_by_label
+    from planner.cli.files import plans_by_label
 
-    assert list(_plans_by_label([a, b])) == ["a", "b"]
-    assert list(_plans_by_label([a, a])) == ["1: a", "2: a"]
-    assert list(_plans_by_label([a])) == ["polynomial"]
+    assert list(plans_by_label([a, b])) == ["a", "b"]
+    assert list(plans_by_label([a, a])) == ["1: a", "2: a"]
+    assert list(plans_by_label([a])) == ["polynomial"]
 
 
 def test_ctrl_c_leaves_no_film(plan: planner.Plan, tmp_path: Path) -> None:

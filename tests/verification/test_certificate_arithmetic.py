@@ -20,8 +20,8 @@ from planner.verification import balls
 from planner.verification import models as series
 from planner.verification.balls import POINTS, RADIUS_COLUMN, RHO, Ball, models, polynomial_balls
 from planner.verification.enclosure import enclose, integral
-from planner.verification.functions import _SUPPORTED, Expression, balls_on_cells
-from planner.verification.input_models import _composite
+from planner.verification.functions import SUPPORTED, Expression, balls_on_cells
+from planner.verification.input_models import composite
 from planner.verification.models import halves
 
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")  # as `certify`
@@ -171,7 +171,7 @@ def test_every_operation_that_balls_know_is_tested() -> None:
         function = ca.Function("f", [ca.vertcat(x, y)], [expression])
         tested |= {function.instruction_id(k) for k in range(function.n_instructions())}
     never = {ca.OP_ASSIGN, ca.OP_CONSTPOW, ca.OP_POW}
-    assert _SUPPORTED - never <= tested, _SUPPORTED - tested
+    assert SUPPORTED - never <= tested, SUPPORTED - tested
 
 
 @pytest.mark.parametrize(
@@ -368,7 +368,7 @@ def test_polynomials_of_balls(width: int) -> None:
     c = rng.normal(size=(2, CELLS, width)) * 10.0 ** -np.linspace(0, 3, width)
     slip = 10.0 ** rng.uniform(-16, 0, (2, CELLS, 1))
     argument = _argument(rng, -1.0, 1.0)
-    found = _composite(c, slip, argument)
+    found = composite(c, slip, argument)
     off = c.copy()
     off[..., -1:] += slip * 0.999
     for cell in range(CELLS):

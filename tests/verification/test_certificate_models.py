@@ -22,9 +22,9 @@ from planner.verification.balls import (
     polynomial_balls,
 )
 from planner.verification.functions import Expression, UnboundedError, derivative, polynomials
-from planner.verification.input_models import InputSource, _feedback, resolve, root, source_of
+from planner.verification.input_models import InputSource, feedback_law, resolve, root, source_of
 from planner.verification.models import POINTS, Model, least_values
-from planner.verification.place_proofs import _lower_model
+from planner.verification.place_proofs import lower_model
 
 x = ca.SX.sym("x")
 
@@ -146,7 +146,7 @@ def test_the_rate_of_a_feedback_is_its_derivative_along_the_motion() -> None:
         q = rng.uniform(0.2, 0.9, 4)
         branch, z = arm.branch(q), form.z(q)
         v, dz, dv = (rng.normal(size=k) for k in (2, 4, 2))
-        u, rate = _feedback(arm, tuple(branch.tolist()))
+        u, rate = feedback_law(arm, tuple(branch.tolist()))
         balls = [[Ball.constant(float(value)) for value in x] for x in (z, v, dz, dv)]
         np.testing.assert_allclose(
             [ball.c[0, 0] for ball in u(*balls[:2])], form.inputs(z, v, branch), rtol=1e-12
@@ -190,7 +190,7 @@ def test_no_place_of_a_link_is_farther_than_it_is(low: float, high: float) -> No
     a = middle + half * x
     squared = [middle**2 + half**2 / 2, 2 * middle * half, half**2 / 2]
     along, square = (Model(np.array([c]), np.zeros(1)) for c in ([middle, half], squared))
-    found = _lower_model(square, along, square, length)
+    found = lower_model(square, along, square, length)
     bound = np.polynomial.chebyshev.chebval(x, found.c[0])
     truth = np.where(a >= 0, a, np.maximum(0.0, -a - length)) ** 2
     assert np.all(bound - found.r <= truth + 1e-12)

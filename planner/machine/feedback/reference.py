@@ -267,13 +267,13 @@ def _bounds(feed: Array, limit: Array, least_speed: Array) -> tuple[Array, Array
     low, high = -limit - feed.min(axis=1), limit - feed.max(axis=1)
     drive = feed[:, :, 0]
     least, most = drive.min(axis=1), drive.max(axis=1)
-    way, spare = _direction(least, most), 1 - least_speed
+    way, spare = drive_direction(least, most), 1 - least_speed
     low[:, 0] = np.where(way > 0, np.maximum(low[:, 0], -spare * least), low[:, 0])
     high[:, 0] = np.where(way < 0, np.minimum(high[:, 0], -spare * most), high[:, 0])
     return low, high
 
 
-def _direction(least: Array, most: Array) -> Array:
+def drive_direction(least: Array, most: Array) -> Array:
     """1 forward, -1 backward, 0 free (K,), from the least and greatest drive of each period.
 
     A period at rest takes the direction of its neighbours if they agree. At the end it takes that

@@ -299,7 +299,7 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
     allowed = lost if before is not None or course.is_predicted else 0 * lost
     limit, resolution = input_limit(plan, machine), resolution_of(system, machine)
     ref = reference(course, clock, forecast, allowed, limit, count, options.least_speed)
-    law = regulator(ref, _weights(plan, machine, ref, options))
+    law = regulator(ref, cost_weights(plan, machine, ref, options))
     horizon = max(1, round(options.horizon_s / clock.period))
     return TrackerDesign(
         ref=ref,
@@ -332,7 +332,7 @@ def _refuse_too_long(plan: Plan, size: int) -> None:
         )
 
 
-def _weights(plan: Plan, machine: Machine, ref: Reference, options: FeedbackTable) -> Weights:
+def cost_weights(plan: Plan, machine: Machine, ref: Reference, options: FeedbackTable) -> Weights:
     """Weights of the cost from the units in the options; 1 m counts as 1 rad."""
     tracked = np.ones(ref.q.shape[1])
     if plan.problem.system.coordinates[0].unit == "rad":

@@ -170,7 +170,7 @@ class CommandShape:
             speed = (angle[k + 1] - now) / tick + np.copysign(catch, behind)
             speed = np.minimum(np.maximum(speed, low), high)
             if rounded:
-                speed = _on_grid(speed, low, high, grain)
+                speed = round_to_grid(speed, low, high, grain)
             place = place + speed * tick
             out[k] = speed
         return out
@@ -180,7 +180,7 @@ class CommandShape:
         tick, limit = self.tick, self.limit[:, None]
         place = np.zeros(angle.shape[1:])
         if np.any(grain):
-            safe, most = np.where(grain > 0, grain, 1.0), _on_grid(limit, -limit, limit, grain)
+            safe, most = np.where(grain > 0, grain, 1.0), round_to_grid(limit, -limit, limit, grain)
             out = np.empty((len(angle) - 1, *place.shape))
             for k, then in enumerate(angle[1:]):
                 speed = (then - place) / tick
@@ -221,7 +221,7 @@ STILL_RAD = 1e-9
 """Largest turn in a tick that counts as rounding, not motion, rad."""
 
 
-def _on_grid(value: Array, low: Array, high: Array, grain: Array) -> Array:
+def round_to_grid(value: Array, low: Array, high: Array, grain: Array) -> Array:
     """Round values to multiples of `grain` between low and high; keep a value if there is none."""
     safe = np.where(grain > 0, grain, 1.0)
     nearest, slack = safe * np.round(value / safe), 1e-9 * safe

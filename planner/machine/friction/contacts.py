@@ -151,7 +151,7 @@ def chain_loads(
             if place == 0:
                 steady, whole = steady + later_steady, whole + later
             load, part = (
-                (whole, grip.transmission(whole)) if rising is None else _share(grip, steady, whole)
+                (whole, grip.transmission(whole)) if rising is None else share(grip, steady, whole)
             )
             loads[place, j], parts[place, j], most[place, j] = load, part, grip.most
             whole = grip.driver_torque(load)
@@ -161,7 +161,7 @@ def chain_loads(
     return loads, parts, most
 
 
-def _share(grip: Grip, steady: Array, whole: Array) -> tuple[Array, Array]:
+def share(grip: Grip, steady: Array, whole: Array) -> tuple[Array, Array]:
     """Solve rate = transmission(steady + rate · (whole − steady)); return load and rate.
 
     It is Newton's method within bounds. Each sample stops when it has converged, so its result does

@@ -326,7 +326,7 @@ def identify(
         estimates=estimates,
         residual_deg=residual,
         noise_deg=noise,
-        warnings=tuple(_warnings(every, estimates, residual, noise)),
+        warnings=tuple(find_warnings(every, estimates, residual, noise)),
     )
 
 
@@ -357,9 +357,10 @@ EDGE_SHARE = 1e-3
 """A parameter is at the end of its range if it is this near, in deviations of its prior."""
 
 
-def _warnings(
+def find_warnings(
     logs: Sequence[Log], estimates: Sequence[Estimate], residual: Array, noise: Array
 ) -> Iterator[str]:
+    """What the user should know about the logs and the fit, a sentence each."""
     for log, left, usual in zip(logs, residual, noise, strict=True):
         ratio = left / usual
         if np.max(ratio) > NOISE_RATIO:

@@ -160,10 +160,10 @@ def excess(
             here = MotionPoint.of(system, _dense(system, curves, required.thickness))
         values = np.stack(required.values(here), axis=-1)
         if (low == -high).all():
-            out.append(_excess(np.abs(values), high, scale))
+            out.append(limit_excess(np.abs(values), high, scale))
         else:
-            above = _excess(values, high, scale) if np.isfinite(high).any() else 0.0
-            out.append(np.maximum(above, _excess(-values, -low, scale)))
+            above = limit_excess(values, high, scale) if np.isfinite(high).any() else 0.0
+            out.append(np.maximum(above, limit_excess(-values, -low, scale)))
     return np.concatenate(out, axis=-1)
 
 
@@ -178,7 +178,7 @@ def _dense(system: Any, curves: Array, thickness: float) -> Array:
     return np.concatenate([inner, curves[:, :, -1:]], axis=2)
 
 
-def _excess(curves: Array, limit: Array, scale: Array) -> Array:
+def limit_excess(curves: Array, limit: Array, scale: Array) -> Array:
     """Excess of curves over a limit in each interval (K, …), enlarged by just over a tenth; or 0.
 
     The samples have the shape (C, K, M, …). A parabola through three of them rises above the

@@ -93,7 +93,7 @@ def plan_desensitised(
     ) as span:  # the plan of least effort alone is not an answer
         if near is not None:
             refuse_start(problem, near)
-        job = _task(problem.within_reach(), options)
+        job = desensitised_task(problem.within_reach(), options)
         _refuse_no_room(job)
         if near is None:
             plain = CollocationOptions(rest=options.rest, intervals=options.intervals)
@@ -125,7 +125,8 @@ def plan_desensitised(
         )
 
 
-def _task(problem: Problem, options: DesensitisedOptions) -> Task:
+def desensitised_task(problem: Problem, options: DesensitisedOptions) -> Task:
+    """The task of the system augmented by its response to the errors."""
     spread = spreads(problem.system, options)
     moved = Augmented(
         problem.system,

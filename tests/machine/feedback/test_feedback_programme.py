@@ -14,14 +14,14 @@ import planner
 from planner import Machine, Plan
 from planner.machine.feedback.programme import TrackingProgramme, change_range
 from planner.machine.feedback.reference import Reference, regulator
-from planner.machine.feedback.tracker import TrackerDesign, _weights, design
+from planner.machine.feedback.tracker import TrackerDesign, cost_weights, design
 from planner.problem.tables.problem_file import FeedbackTable
 
 OPTIONS = FeedbackTable(run_up=False)
 
 
 def weights(plan: Plan, ref: Reference, machine: Machine) -> Any:
-    return _weights(plan, machine, ref, OPTIONS)
+    return cost_weights(plan, machine, ref, OPTIONS)
 
 
 def programme(

@@ -18,7 +18,7 @@ from planner.machine.feedback.estimate import (
     reading_variance,
 )
 from planner.machine.feedback.means import gearhead_play, lost_motion
-from planner.machine.feedback.reference import _direction
+from planner.machine.feedback.reference import drive_direction
 from planner.machine.feedback.run_up import STEP_S, hindrance, run_up
 from planner.machine.feedback.tracker import TrackerDesign, design
 from planner.problem.tables.problem_file import FeedbackTable
@@ -62,7 +62,7 @@ def test_commands_come_early_by_the_known_delay(smooth: Plan) -> None:
 def test_a_direction_of_the_drive_goes_on_where_it_stands() -> None:
     least = np.array([0.0, 0.1, 0.0, 0.2, 0.0, -0.3, 0.0, -0.1])
     most = np.array([0.0, 0.2, 0.0, 0.2, 0.0, -0.1, 0.0, 0.1])
-    assert _direction(least, most).tolist() == [1, 1, 1, 1, 0, -1, 0, 0]
+    assert drive_direction(least, most).tolist() == [1, 1, 1, 1, 0, -1, 0, 0]
 
 
 def test_a_reversing_motor_first_crosses_its_play(smooth: Plan) -> None:

@@ -13,7 +13,7 @@ import planner
 from planner.methods.collocation.long_arms.bridges import (
     ChainEnds,
     PieceChain,
-    _programme,
+    chain_programme,
     close_gaps,
     cut_finer,
     make_exact,
@@ -58,7 +58,7 @@ def test_a_piece_is_the_motion_under_its_inputs() -> None:
 
 
 def test_the_programmes_derivatives_are_those_of_its_functions() -> None:
-    problem, options = _programme(HARD.system, 3)
+    problem, options = chain_programme(HARD.system, 3)
     rng = np.random.default_rng(0)
     x, near = rng.normal(size=(2, problem["x"].numel()))
     dual = rng.normal(size=problem["g"].numel())

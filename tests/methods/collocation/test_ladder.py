@@ -39,7 +39,7 @@ def no_guesses(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="module")
 def chain() -> PieceChain:
     """A path of the arm."""
-    found = ladder._lift_shorter_path(collocation_task(PROBLEM, CollocationOptions(), 40))
+    found = ladder.lift_shorter_path(collocation_task(PROBLEM, CollocationOptions(), 40))
     assert found is not None
     return found[0]
 
@@ -127,7 +127,7 @@ def test_long_arms_climb_by_several_joints_within_their_limits(
     arm = {"kind": "manipulator", "joints": n, "K": K, "k_g": 0.67}
     asked = {"goal.theta_deg": goal, "goal.travel": travel, "limits.joint_deg": limit}
     problem = PROBLEM.changed({"system": arm, "start.theta_deg": start, **asked})
-    found = ladder._lift_shorter_path(collocation_task(problem, CollocationOptions(), 40))
+    found = ladder.lift_shorter_path(collocation_task(problem, CollocationOptions(), 40))
     assert found is not None
     assert found[1] in (n - 2, n - 1)
     q, u = found[0].q, found[0].u
@@ -204,5 +204,5 @@ def test_smaller_gaps_are_asked_for_only_where_some_of_them_are_closed(
     inner_lift = ladder.lift
     monkeypatch.setattr(ladder, "close_gaps", closed)
     monkeypatch.setattr(ladder, "lift", lifted)
-    assert ladder._lift_shorter_path(collocation_task(PROBLEM, CollocationOptions(), 40)) is None
+    assert ladder.lift_shorter_path(collocation_task(PROBLEM, CollocationOptions(), 40)) is None
     assert len(gaps) == asked

@@ -11,7 +11,7 @@ import pytest
 import planner
 from planner.methods.collocation import pipeline, refine
 from planner.methods.collocation.best import Candidate, Exactness
-from planner.methods.collocation.between_nodes import _excess, peaks
+from planner.methods.collocation.between_nodes import limit_excess, peaks
 
 TAU = np.linspace(0, 1, 13)
 
@@ -36,7 +36,7 @@ def test_a_limit_passed_between_samples_is_seen() -> None:
         curve = 1.0 - bend * (TAU - vertex) ** 2
         top = peaks(curve[None])[0]
         for limit in (top - 1e-6, top + 1e-6):
-            over = _excess(curve[None, None], np.array(limit), np.array(1.0))
+            over = limit_excess(curve[None, None], np.array(limit), np.array(1.0))
             assert bool(over[0] > 0) == (top > limit)
 
 

@@ -10,7 +10,7 @@ from perturbed import draws, motions
 import planner
 from planner.methods.collocation.long_arms.exact_motion import has_only_limits
 from planner.methods.collocation.pipeline import collocation_task
-from planner.methods.desensitised.method import _task
+from planner.methods.desensitised.method import desensitised_task
 from planner.plan.measures import effort, turns
 from planner.support.deadline import time_up
 
@@ -149,7 +149,8 @@ def test_no_path_kept_as_it_is_stands_for_the_least_response(paper: planner.Prob
     free = {k: v for k, v in paper.to_dict()["limits"].items() if k != "z2_margin"}
     problem = paper.changed({"limits": free})
     assert has_only_limits(collocation_task(problem, planner.METHODS["collocation"].options(), 8))
-    assert not has_only_limits(_task(problem, planner.METHODS["desensitised"].options(intervals=8)))
+    options = planner.METHODS["desensitised"].options(intervals=8)
+    assert not has_only_limits(desensitised_task(problem, options))
 
 
 def test_input_rates_rest_and_a_free_duration(paper: planner.Problem) -> None:

@@ -161,7 +161,7 @@ class _Nearest:
 
     def __init__(self, system: TriangularSystem, count: int) -> None:
         self._size, self._count = system.size, count
-        self._solver = IpoptCall("nearest", *_programme(system, count))
+        self._solver = IpoptCall("nearest", *chain_programme(system, count))
 
     def __call__(
         self, chain: PieceChain, gap: Array, ends: ChainEnds
@@ -200,7 +200,7 @@ def _nearest(system: TriangularSystem, count: int) -> _Nearest:
     return _Nearest(system, count)
 
 
-def _programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any], dict[str, Any]]:
+def chain_programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any], dict[str, Any]]:
     """The problem and the solver's options, with the derivatives."""
     size = system.size
     w, near = (ca.MX.sym(name, count * (size + 2) + size) for name in ("w", "near"))

@@ -79,7 +79,7 @@ def find_arm_path(job: Task) -> tuple[PieceChain, int] | None:
     if not isinstance(system, Manipulator) or system.n < 3 or not has_only_limits(job):
         return None
     progress.tell("looking for a path by way of shorter arms")
-    return _lift_shorter_path(job)
+    return lift_shorter_path(job)
 
 
 def time_arm_path(job: Task, chain: PieceChain) -> tuple[Task, Solution] | None:
@@ -104,13 +104,13 @@ def _solve_timing(job: Task, path: Iterate) -> Solution:
     return replace(last, ok=True, status=f"{last.status} (a motion, not the best)")
 
 
-def _lift_shorter_path(job: Task) -> tuple[PieceChain, int] | None:
+def lift_shorter_path(job: Task) -> tuple[PieceChain, int] | None:
     """The path, and the number of joints of the arm with which it began."""
     problem = job.problem
     short = _shorter_arm_task(job)
     below = _search_path(short)
     if below is None and short.problem.system.size > 3:
-        below = _lift_shorter_path(short)
+        below = lift_shorter_path(short)
     if below is None:
         return None
     path, joints = below
@@ -143,7 +143,7 @@ def _length(path: PieceChain) -> float:
 
 
 def _search_path(job: Task) -> tuple[PieceChain, int] | None:
-    """The shortest path found from a few guesses, as in `_lift_shorter_path`.
+    """The shortest path found from a few guesses, as in `lift_shorter_path`.
 
     None also if it is a path only on its coarse mesh.
     """

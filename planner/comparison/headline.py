@@ -34,8 +34,8 @@ def compare_pairs(
     """
     kept = {row.label: row.machine_errors_deg for row in rows}
     by_E, by_end = ({k: each[i] for k, each in kept.items() if each is not None} for i in (0, 1))
-    errors, beside = (by_E, by_end) if which == "E" else (by_end, by_E)
-    return differences(errors, threshold_deg, beside)
+    errors, others = (by_E, by_end) if which == "E" else (by_end, by_E)
+    return differences(errors, threshold_deg, others)
 
 
 def recommend(rows: Sequence[Row], threshold_deg: float) -> Row | None:

@@ -158,19 +158,19 @@ def _start_state(machine: Machine) -> Control:
 def _compensation(state: State) -> Control:
     """Return the switch that compensates plans for the machine."""
     key = "compensation.on"
-    on = bool(state.value(key, False))
+    is_on = bool(state.value(key, False))
     help_text = (
         "compensate the plan's commands for the mean machine's backlash, torsion, creep and lag"
     )
     label = "compensate for the machine"
-    return Control(MACHINE_TITLE, label, "switch", key, on, shown=on, help=help_text)
+    return Control(MACHINE_TITLE, label, "switch", key, is_on, shown=is_on, help=help_text)
 
 
 def _effect(name: str, first: Machine, now: Machine, setting: Any) -> Control:
     """Return the control of an effect; `setting` is its value in the initial problem."""
     usual = (first if name in first.effects else now).effects[name].to_setting()
-    on = name in now.effects
-    whole = now.effects[name].to_setting() if on else usual
+    is_on = name in now.effects
+    whole = now.effects[name].to_setting() if is_on else usual
     effect = EFFECTS[name]
     part: tuple[str, ...] = ()
     if isinstance(usual, dict):  # with a mean of zero only the spread matters
@@ -180,14 +180,14 @@ def _effect(name: str, first: Machine, now: Machine, setting: Any) -> Control:
     key = f"machine.{name}"
     if isinstance(number, list):
         return Control(
-            MACHINE_TITLE, label, "choice", key, whole, shown="on" if on else "off",
+            MACHINE_TITLE, label, "choice", key, whole, shown="on" if is_on else "off",
             choices=["on", "off"], writes=[setting, False], help=help_text,
         )  # fmt: skip
     position = whole[part[0]] if part else whole
     low, high = _effect_range(effect, float(number), spread=part == ("spread",))
     return Control(
         MACHINE_TITLE, label, "slider", key, whole, part, position, low, high,
-        unit=effect.unit, on=on, off=False, off_word="off", help=help_text,
+        unit=effect.unit, on=is_on, off=False, off_word="off", help=help_text,
     )  # fmt: skip
 
 

@@ -313,10 +313,10 @@ class StageLaws:
                 new = part._search(before, new)
             v[:, left] = before = new
             fresh[:, left] = after = part._pieces(new, guess)
-            on = np.flatnonzero((after != guess).any(axis=0))
-            if not on.size:
+            active = np.flatnonzero((after != guess).any(axis=0))
+            if not active.size:
                 break
-            left, part, before = left[on], part.part(on), before[:, on]
+            left, part, before = left[active], part.part(active), before[:, active]
         return v, fresh
 
     # -- the laws ------------------------------------------------------------------------------

@@ -174,12 +174,12 @@ class FeedbackCommand:
         """See `CommandGrid`."""
         times = self.t[first:last, None] - self._delay - self._start
         index = np.floor(times / self._tick + 1e-9).astype(np.int64)
-        on = (index >= 0) & (index < self._count)
-        index = np.where(on, index - self._first, 0)
+        inside = (index >= 0) & (index < self._count)
+        index = np.where(inside, index - self._first, 0)
         if index.shape[1] == 1 or np.all(index == index[:, :1]):
             commands = self._values[index[:, 0]]
         else:
             samples = np.arange(self._values.shape[2])
             commands = np.moveaxis(self._values[index, :, samples], -1, 1)
-        commands = quantise(np.where(on[:, None], commands, 0.0), self._resolution)
+        commands = quantise(np.where(inside[:, None], commands, 0.0), self._resolution)
         return np.broadcast_to(commands[:, None], (len(commands), 2, *commands.shape[1:]))

@@ -74,8 +74,8 @@ class ContinuousSource:
 
     def __call__(self, times: Array) -> Array:
         """See `CommandSource`."""
-        on = (times >= 0) & (times < self._plan.duration)
-        values = np.where(on[..., None], self._plan.u(np.where(on, times, 0.0)), 0.0)
+        inside = (times >= 0) & (times < self._plan.duration)
+        values = np.where(inside[..., None], self._plan.u(np.where(inside, times, 0.0)), 0.0)
         return _check_finite(values, times)
 
 

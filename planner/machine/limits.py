@@ -105,8 +105,8 @@ def lower_margins(least: Array, when: Array, problem: Problem, q: Array, times: 
     block = max(1, BLOCK_STATES // max(1, len(times)))
     blocks = product(range(0, len(q), block), range(0, len(times), BLOCK_STATES))
     for first, row in blocks if required else ():
-        some, at = slice(first, first + block), slice(row, row + BLOCK_STATES)
-        point, parts = MotionPoint.of(problem.system, q[some, at]), count()
+        some, part = slice(first, first + block), slice(row, row + BLOCK_STATES)
+        point, parts = MotionPoint.of(problem.system, q[some, part]), count()
         for each in required:
             low, high = bounds(each)
             for value, smallest, largest in zip(each.values(point), low, high, strict=True):
@@ -115,7 +115,7 @@ def lower_margins(least: Array, when: Array, problem: Problem, q: Array, times: 
                 margin = np.take_along_axis(margin, place[:, None], 1)[:, 0]
                 new = margin < least[some, k]
                 least[some, k] = np.where(new, margin, least[some, k])
-                when[some, k] = np.where(new, times[at][place], when[some, k])
+                when[some, k] = np.where(new, times[part][place], when[some, k])
 
 
 def machine_limits(

@@ -93,10 +93,10 @@ class Servos:
         r = self._gain * command[:1] if is_constant else self._gain * command
         if running:
             r = r + self._bias
-        over = np.abs(r[len(r) // 2]) > self._limit
+        excess = np.abs(r[len(r) // 2]) > self._limit
         r = np.broadcast_to(np.clip(r, -self._limit, self._limit), (len(r), *self._shape))
         points = [r[0]] * len(command) if is_constant else list(r)
-        return points, over if over.any() else None
+        return points, excess if excess.any() else None
 
     def _advance(self, r0: Array, r1: Array, h: float) -> Array:
         """Advance by h for a reference from r0 to r1; return the travel, (2, S)."""

@@ -334,7 +334,7 @@ def _fixed_point(system: TriangularSystem, start: Array, width: Array, q: Array,
         if not change > SWEEP_TOLERANCE * max(1.0, float(np.max(np.abs(q)))):
             return q
     growth = apply(integration(POINTS), _jacobian(system, q, u)) * width[..., None]
-    across = growth[-1] + np.eye(system.size)
+    transition = growth[-1] + np.eye(system.size)
     for _ in range(MOST_SWEEPS):
         deadline.check_stopped()
         integrals = apply(integration(POINTS), system.rates(q, u)) * width
@@ -343,7 +343,7 @@ def _fixed_point(system: TriangularSystem, start: Array, width: Array, q: Array,
         shift = np.zeros_like(miss)
         shift[0] = start - q[0, 0]
         for c in range(1, len(shift)):
-            shift[c] = miss[c - 1] + across[c - 1] @ shift[c - 1]
+            shift[c] = miss[c - 1] + transition[c - 1] @ shift[c - 1]
         new = q[0] + integrals + shift + (growth @ shift[..., None])[..., 0]
         change, q = float(np.max(np.abs(new - q))), new
         if not change > SWEEP_TOLERANCE * max(1.0, float(np.max(np.abs(q)))):

@@ -134,7 +134,7 @@ def tip_of(
     if away > reach:
         nearest = tip.place * (reach / away)
         small = SMALL_UNITS.items() if away > 10 * reach else ()
-        unit = next((unit for by, unit in small if away / by <= reach), "")
+        unit = next((unit for factor, unit in small if away / factor <= reach), "")
         slip = f" (in {unit}? The key is in metres)" if unit else ""
         raise InputError(
             f"{where} is {away:.4g} m from the base{slip}, and the stretched arm is {reach:.4g} m"
@@ -149,9 +149,9 @@ def tip_of(
     for disc in discs:
         apart = disc.radius + disc.clearance
         if (inside := apart - float(np.hypot(*(tip.place - disc.centre)))) > 0:
-            around = " and its clearance" if disc.clearance else ""
+            extra = " and its clearance" if disc.clearance else ""
             raise InputError(
-                f"{where} lies {inside:.3g} m inside obstacle {disc.number}{around};"
+                f"{where} lies {inside:.3g} m inside obstacle {disc.number}{extra};"
                 " move one of them"
             )
     return tip

@@ -119,8 +119,8 @@ class Grid:
 
     def index(self, theta: Array) -> tuple[int, ...]:
         """Index of the cell that contains angles (n,)."""
-        at = np.floor((theta - self.low) / self.widths).astype(int)
-        return tuple(np.clip(at, 0, np.array(self.cells.shape) - 1).tolist())
+        cell = np.floor((theta - self.low) / self.widths).astype(int)
+        return tuple(np.clip(cell, 0, np.array(self.cells.shape) - 1).tolist())
 
     def goal_cells(self, problem: Problem) -> NDArray[np.bool_]:
         """Mask of cells that may contain a goal: several if the goal leaves joints free."""
@@ -208,14 +208,14 @@ def _beyond(problem: Problem) -> Array:
 
 def _shorten(problem: Problem, way: Array) -> Array:
     """Replace detours of the path by straight segments if these have as much clearance."""
-    room, corners, at = clearance(problem, way), [0], 0
-    while at < len(way) - 1:
-        for to in range(len(way) - 1, at, -1):
-            least = min(float(room[at : to + 1].min()), 0.5 * float(room[1:-1].max()))
-            if to == at + 1 or clearance_between(problem, way[at], way[to]) >= least:
+    room, corners, i = clearance(problem, way), [0], 0
+    while i < len(way) - 1:
+        for j in range(len(way) - 1, i, -1):
+            least = min(float(room[i : j + 1].min()), 0.5 * float(room[1:-1].max()))
+            if j == i + 1 or clearance_between(problem, way[i], way[j]) >= least:
                 break
-        corners.append(to)
-        at = to
+        corners.append(j)
+        i = j
     return np.asarray(way[corners])
 
 

@@ -82,7 +82,7 @@ FORMATS: dict[str, Format] = {
     "csv": Format(
         "table of t, q, u, motor angles, z, v at even times, one header line with units",
         (".csv",),
-        lambda plan, asked: _csv(sample(plan, asked.rate_hz)),
+        lambda plan, options: _csv(sample(plan, options.rate_hz)),
         "planner.load_samples",
         sample_and_hold=True,
         command_columns=commands,
@@ -98,13 +98,15 @@ FORMATS: dict[str, Format] = {
     "ros2": Format(
         "trajectory_msgs/JointTrajectory as YAML, the two motors; needs rest at both ends",
         (".yaml", ".yml"),
-        lambda plan, asked: yaml_text(joint_trajectory(plan, asked.rate_hz, asked.joint_names)),
+        lambda plan, options: yaml_text(
+            joint_trajectory(plan, options.rate_hz, options.joint_names)
+        ),
         options=("rate_hz", "joint_names"),
     ),
     "mat": Format(
         "MATLAB: as csv, with names of coordinates and inputs, and facts of the plan",
         (".mat",),
-        lambda plan, asked: _mat(plan, sample(plan, asked.rate_hz), asked.rate_hz),
+        lambda plan, options: _mat(plan, sample(plan, options.rate_hz), options.rate_hz),
         "planner.load_samples",
         sample_and_hold=True,
     ),
@@ -118,7 +120,7 @@ FORMATS: dict[str, Format] = {
     "c": Format(
         "folder with the tracker of the plan in C99, a self-test and a page on its use",
         (),
-        lambda plan, asked: _c(plan, asked),
+        lambda plan, options: _c(plan, options),
         options=("real", "machine"),
     ),
 }
@@ -164,9 +166,9 @@ def export(
     expect_plan(plan)
     name = find_format(path, format)
     refuse_target(path, name)
-    asked = ExportOptions(rate_hz, joint_names, real, machine)
-    _refuse_options(name, asked)
-    content = FORMATS[name].content(plan, asked)
+    options = ExportOptions(rate_hz, joint_names, real, machine)
+    _refuse_options(name, options)
+    content = FORMATS[name].content(plan, options)
     if FORMATS[name].is_command and (moving := moving_inputs(plan, 0.0)):
         warnings.warn(
             f"this {plan.method} plan does not start at rest: {', '.join(moving)} at t = 0;"
@@ -193,15 +195,15 @@ def refuse_target(path: str | Path, format: str) -> None:
     (refuse_unwritable if FORMATS[format].endings else refuse_unwritable_folder)(path)
 
 
-def _refuse_options(name: str, asked: ExportOptions) -> None:
+def _refuse_options(name: str, options: ExportOptions) -> None:
     for each in fields(ExportOptions):
-        if getattr(asked, each.name) != each.default and each.name not in FORMATS[name].options:
+        if getattr(options, each.name) != each.default and each.name not in FORMATS[name].options:
             raise InputError(
                 f"the format '{name}' has no option for {each.metadata['words']}; formats that"
                 f" have one: {fitting(each.name)}"
             )
-    if asked.real not in get_args(Real):
-        raise InputError(f"real = {asked.real!r}; {allowed_hint(str(asked.real), get_args(Real))}")
+    if (real := options.real) not in get_args(Real):
+        raise InputError(f"real = {real!r}; {allowed_hint(str(real), get_args(Real))}")
 
 
 def find_format(path: str | Path, format: str | None) -> str:
@@ -223,10 +225,10 @@ def find_format(path: str | Path, format: str | None) -> str:
     return format
 
 
-def _c(plan: Plan, asked: ExportOptions) -> dict[str, str]:
+def _c(plan: Plan, options: ExportOptions) -> dict[str, str]:
     from planner.report.controller.controller import controller_files  # imports OSQP
 
-    return controller_files(plan, asked.machine, asked.real)
+    return controller_files(plan, options.machine, options.real)
 
 
 def _csv(samples: Samples) -> str:

@@ -221,8 +221,8 @@ class _BudgetRun:
     def budget(self) -> Budget:
         """Compute the whole budget."""
         self.tell("finding effects without influence", 0.0)
-        on, static = self.machine.effects, self.machine.fidelity == "quasi-static"
-        every = [k for k, e in EFFECTS.items() if k in on and not (static and e.dynamic_only)]
+        effects, static = self.machine.effects, self.machine.fidelity == "quasi-static"
+        every = [k for k, e in EFFECTS.items() if k in effects and not (static and e.dynamic_only)]
         none, whole, alone, without = self._one_by_one(every, min(self.samples, SCREENING_MACHINES))
         active = [
             k for k in every if np.max(np.abs([alone[k] - none, without[k] - whole])) >= IDLE_DEG

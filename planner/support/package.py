@@ -54,10 +54,10 @@ def release() -> str:
 
     The commit is the last that changed the package; it is left out without a git checkout.
     """
-    asked = ["git", "log", "-1", "--format=%h", "--abbrev=7", "--", "."]
+    command = ["git", "log", "-1", "--format=%h", "--abbrev=7", "--", "."]
     where = ROOT / "planner"
     try:
-        log = subprocess.run(asked, cwd=where, capture_output=True, text=True, check=False)
+        log = subprocess.run(command, cwd=where, capture_output=True, text=True, check=False)
         commit = log.stdout.strip()
     except OSError:  # no git
         commit = ""

@@ -100,7 +100,7 @@ def differences(
         One entry per pair, in the order of the labels.
     """
     gaps, others = (
-        {(a, b): of[a] - of[b] for a, b in combinations(of, 2)} for of in (errors, beside or {})
+        {(a, b): e[a] - e[b] for a, b in combinations(e, 2)} for e in (errors, beside or {})
     )
     p_values = [_sign_test(gap) for gap in gaps.values()]
     together = holm([*p_values, *map(_sign_test, others.values())])[: len(p_values)]

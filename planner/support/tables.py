@@ -142,11 +142,11 @@ def terminal_table(
     for column, *texts in zip(shown, heads, *cells, strict=True):
         most = max(len(part) for text in texts for part in text.split("\n"))
         widths.append(min(most, column.width or most))
-    over = max(0, sum(widths) + (1 + gap) * (len(widths) - 1) - TABLE_WIDTH)
+    excess = max(0, sum(widths) + (1 + gap) * (len(widths) - 1) - TABLE_WIDTH)
     free = [k for k, c in enumerate(shown) if c.left and c.width is None]
     if ruled and free:
         widest = max(free, key=lambda k: widths[k])
-        widths[widest] = max(LEAST_TEXT_WIDTH, widths[widest] - over)
+        widths[widest] = max(LEAST_TEXT_WIDTH, widths[widest] - excess)
     for column, head, width in zip(shown, heads, widths, strict=True):
         table.add_column(
             Text(head),

@@ -94,10 +94,10 @@ class Controllability:
 
     def __str__(self) -> str:
         values = ", ".join(f"{s:.4g}" for s in self.singular_values)
-        around = " and ".join(_vector(g) for g in self.neighbours)
+        text = " and ".join(_vector(g) for g in self.neighbours)
         lines = [
             f"growth vector {_vector(self.growth)}, N = {self.size}, "
-            + ("regular point" if self.regular else f"singular point (around it: {around})"),
+            + ("regular point" if self.regular else f"singular point (around it: {text})"),
             "degree of nonholonomy "
             + (f"{self.degree}" if self.degree else f"above {self.depth}, the depth examined"),
             f"spanned by {', '.join(self.basis)}",
@@ -156,9 +156,9 @@ def controllability(
         names += family.names(length)
         if depth is None and _rank(blocks, tolerance) == system.size:
             break
-    growth, around = _growth(blocks, tolerance), _nearby_points(point)
+    growth, points = _growth(blocks, tolerance), _nearby_points(point)
     reached = [k for k, rank in enumerate(growth, start=1) if rank == system.size]
-    nearby = (_growth(_blocks(family, p, len(growth)), tolerance) for p in around)
+    nearby = (_growth(_blocks(family, p, len(growth)), tolerance) for p in points)
     return Controllability(
         system=system.kind,
         q=tuple(point.tolist()),
@@ -168,7 +168,7 @@ def controllability(
         basis=_basis(blocks, names, growth),
         singular_values=tuple(_singular_values(blocks).tolist()),
         tolerance=tolerance,
-        involutive=all(_growth(_blocks(family, p, 2), tolerance)[1] == 2 for p in [point, *around]),
+        involutive=all(_growth(_blocks(family, p, 2), tolerance)[1] == 2 for p in [point, *points]),
         chow=bool(reached),
         neighbours=tuple(dict.fromkeys(nearby)),
     )

@@ -221,14 +221,14 @@ class Ball:
     __radd__ = __add__
     __rmul__ = __mul__
 
-    def scaled(self, by: Array | np.float64) -> Ball:
+    def scaled(self, factor: Array | np.float64) -> Ball:
         """The ball times a number, or times one number per cell, (C, 1)."""
         r = self.r + ROUNDING_UNIT * self.size
-        return Ball(self.c * by, self.b * by, np.abs(by) * r * ROUNDING_FACTOR)
+        return Ball(self.c * factor, self.b * factor, np.abs(factor) * r * ROUNDING_FACTOR)
 
-    def widen(self, by: Array) -> Ball:
-        """The ball with radii increased by `by`, shape (C, 1) or (C, 25)."""
-        return Ball(self.c, self.b, (self.r + by) * ROUNDING_FACTOR)
+    def widen(self, extra: Array) -> Ball:
+        """The ball with radii increased by `extra`, shape (C, 1) or (C, 25)."""
+        return Ball(self.c, self.b, (self.r + extra) * ROUNDING_FACTOR)
 
 
 def choose(mask: Index, one: Triple, other: Triple) -> Triple:

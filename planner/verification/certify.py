@@ -250,7 +250,7 @@ def _own_margins(
     if type(required).values is Requirement.values:
         return out
     enclosure = motion.enclosure
-    q, u = (np.array([ball.points.c for ball in of]) for of in (enclosure.q, enclosure.u))
+    q, u = (np.array([ball.points.c for ball in group]) for group in (enclosure.q, enclosure.u))
     values = required.values(MotionPoint(system, q, u, np.zeros_like(u)))
     for k, (part, row, value) in enumerate(zip(required.parts, rows, values, strict=True)):
         known = np.isfinite(row.r)

@@ -241,7 +241,7 @@ def perturbed_motion(system: TriangularSystem, motion: Enclosure, off: Array) ->
             break
     inside = np.logical_and.accumulate(np.all(far < most, axis=0))
     far = np.where(inside, far, np.inf)
-    q = [ball.widen(by[:, None]) for ball, by in zip(motion.q, far, strict=True)]
+    q = [ball.widen(radius[:, None]) for ball, radius in zip(motion.q, far, strict=True)]
     return Enclosure(cells, q, motion.u, motion.rates)
 
 
@@ -255,11 +255,11 @@ def _logarithmic_norm(size: Array, high: Array, block: list[int]) -> Array:
 def _error_bounds(mu: Array, norm: Array, error: Array, width: Array) -> Array:
     """Bounds (C,) of ‖x − P‖ in each cell, by the comparison equation, one cell after the other."""
     most = np.exp(np.maximum(mu, 0.0) * width) * (1 + 1e-9)
-    across, pushed = np.exp(mu * width) * (1 + 1e-9), norm * error * width * most
+    growth, pushed = np.exp(mu * width) * (1 + 1e-9), norm * error * width * most
     out, now = np.empty(len(mu)), 0.0
     for k in range(len(mu)):
         out[k] = most[k] * now + pushed[k]
-        now = across[k] * now + pushed[k]
+        now = growth[k] * now + pushed[k]
     return out
 
 

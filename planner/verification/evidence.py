@@ -79,7 +79,8 @@ class EnclosedMotion:
         ends = self.enclosure.cells.times(np.array([-1.0, 1.0]))
         k = int(np.clip(np.searchsorted(ends[:, 0], time_s, side="right") - 1, 0, len(ends) - 1))
         x = 2 * (time_s - ends[k, 0]) / (ends[k, 1] - ends[k, 0]) - 1
-        q, u = ([chebval(x, m.c[k]) for m in of] for of in (self.enclosure.states, self.inputs))
+        both = self.enclosure.states, self.inputs
+        q, u = ([chebval(x, model.c[k]) for model in models] for models in both)
         return np.array(q), np.array(u)
 
     def claim(

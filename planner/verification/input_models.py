@@ -309,20 +309,20 @@ def resolve(
     if len(cells.piece) < FEWEST_CELLS:
         cells, _ = cells.split()
     u = source.inputs(cells)
-    before = {of: np.full(len(cells.piece), np.inf) for of in ("inputs", "rates", "values")}
+    before = {stage: np.full(len(cells.piece), np.inf) for stage in ("inputs", "rates", "values")}
     for _ in range(source.halvings):
-        motion, of = Enclosure(cells, [], u), "inputs"
-        bad, rough = _cells_to_divide(u, before[of])
+        motion, stage = Enclosure(cells, [], u), "inputs"
+        bad, rough = _cells_to_divide(u, before[stage])
         if start is not None and not np.any(bad):
-            motion, of = enclose(source.trajectory, cells, u, start), "rates"
-            bad, rough = _cells_to_divide(motion.rates, before[of])
+            motion, stage = enclose(source.trajectory, cells, u, start), "rates"
+            bad, rough = _cells_to_divide(motion.rates, before[stage])
         if coarse is not None and not np.any(bad):
-            of, bad, rough = "values", coarse(motion), np.full(len(bad), np.inf)
+            stage, bad, rough = "values", coarse(motion), np.full(len(bad), np.inf)
         if not np.any(bad) or len(bad) + np.sum(bad) > MOST_CELLS:
             break
         cells, origin = cells.split(np.where(bad, np.where(rough > COARSE_REMAINDER, 4, 2), 1))
-        before[of] = np.where(bad, rough, before[of])
-        before = {of: kept[origin] for of, kept in before.items()}
+        before[stage] = np.where(bad, rough, before[stage])
+        before = {stage: kept[origin] for stage, kept in before.items()}
         fresh = bad[origin]
         new = source.inputs(cells.select(fresh))
         u = [old.replace_rows(origin, fresh, x) for old, x in zip(u, new, strict=True)]

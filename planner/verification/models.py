@@ -109,10 +109,10 @@ class Model:
     def __sub__(self, other: Model | float) -> Model:
         return self + (-other)
 
-    def scaled(self, by: Array) -> Model:
+    def scaled(self, k: Array) -> Model:
         """The model times one number per cell, shape (C,)."""
-        c = self.c * by[:, None]
-        return Model.truncate(c, np.abs(by) * self.r + ROUNDING_UNIT * np.sum(np.abs(c), axis=1))
+        c = self.c * k[:, None]
+        return Model.truncate(c, np.abs(k) * self.r + ROUNDING_UNIT * np.sum(np.abs(c), axis=1))
 
     def at_begin(self) -> tuple[Array, Array]:
         """Value at the left end and its uncertainty, each (C,)."""
@@ -301,8 +301,8 @@ def _curved_bounds(c: Array) -> tuple[Index, Array, Array, Array]:
     value, slope = np.sum(c * t, axis=1), np.sum(d * t, axis=1)
     inward = np.where(theta == 0, slope, np.where(theta == np.pi, -slope, np.abs(slope)))
     steep = np.maximum(inward, 0.0) + slip
-    under = value - np.where(hollowed, steep**2 / 2 / np.where(hollowed, hollow, 1.0), 0.0)
-    return settled, value, t[:, 1], under
+    lowest = value - np.where(hollowed, steep**2 / 2 / np.where(hollowed, hollow, 1.0), 0.0)
+    return settled, value, t[:, 1], lowest
 
 
 def halves(c: Array, r: Array) -> tuple[Array, Array]:

@@ -50,8 +50,8 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
         )
     tried: list[tuple[tuple[bool, bool, float], Correction, CommandShape, Plan, float]] = []
     was_cut_short, plain_E_deg = False, predict(plan, machine).error_deg
-    without = options.model_copy(update={"take_up": False})
-    ways = [(options, most_away) for most_away in MOST_AWAYS_DEG] + [(without, MOST_AWAYS_DEG[0])]
+    plain = options.model_copy(update={"take_up": False})
+    ways = [(options, most_away) for most_away in MOST_AWAYS_DEG] + [(plain, MOST_AWAYS_DEG[0])]
     with time_limit(None) as span:
         for done, most_away in ways:
             shape = CommandShape(plan, system, machine, done, most_away)
@@ -67,7 +67,7 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
             error_deg = prediction.error_deg
             is_better = correction.keeps_all and error_deg < plain_E_deg
             # If it does not help, report the plan compensated as requested.
-            in_vain = done is without and not is_better
+            in_vain = done is plain and not is_better
             rank = (in_vain or not correction.keeps_all, in_vain, error_deg)
             tried.append((rank, correction, shape, candidate, error_deg))
             if was_cut_short or is_better or not shape.clock.holds:

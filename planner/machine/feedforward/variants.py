@@ -165,9 +165,9 @@ class Variants:
         probes = np.repeat(values[:, :, None], 2 * (m - 1), axis=2)
         k = np.arange(2 * (m - 1))
         probes[1 + k // 2, k % 2, k] += probe
-        runs, by = self.run(probes), np.rad2deg(probe)
+        runs, step = self.run(probes), np.rad2deg(probe)
         return Runs(
-            (runs.errors - now.errors) / by,
-            (runs.pins - now.pins) / by,
-            (runs.margins - now.margins) / by,
+            (runs.errors - now.errors) / step,
+            (runs.pins - now.pins) / step,
+            (runs.margins - now.margins) / step,
         )

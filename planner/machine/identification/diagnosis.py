@@ -89,15 +89,15 @@ def _misfit(log: Log, system: Manipulator) -> Array:
     q = np.column_stack([np.zeros(len(log.t)), log.theta])
     middle = (q[:-1] + q[1:]) / 2
     steps = system.rates(middle, log.u[:-1])[:, 1:] * np.diff(log.t)[:, None]
-    asked = np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
-    swing = np.maximum(np.std(asked, axis=0), np.std(log.theta, axis=0))
-    passed = np.empty((len(log.t), len(PLAYS_DEG), asked.shape[1]))
-    half = np.deg2rad(PLAYS_DEG)[:, None] * (np.arange(asked.shape[1]) > 0)
-    now = np.repeat(asked[:1], len(PLAYS_DEG), axis=0)
-    for k, angle in enumerate(asked):
+    commands = np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
+    swing = np.maximum(np.std(commands, axis=0), np.std(log.theta, axis=0))
+    passed = np.empty((len(log.t), len(PLAYS_DEG), commands.shape[1]))
+    half = np.deg2rad(PLAYS_DEG)[:, None] * (np.arange(commands.shape[1]) > 0)
+    now = np.repeat(commands[:1], len(PLAYS_DEG), axis=0)
+    for k, angle in enumerate(commands):
         passed[k] = now = np.minimum(np.maximum(now, angle - half), angle + half)
     left = np.min(np.std(log.theta[:, None] - passed, axis=0), axis=0)
-    small = np.maximum(np.ptp(asked, axis=0), np.ptp(log.theta, axis=0)) < np.deg2rad(
+    small = np.maximum(np.ptp(commands, axis=0), np.ptp(log.theta, axis=0)) < np.deg2rad(
         LEAST_SWING_DEG
     )
     return np.asarray(np.where(small, 0.0, left / np.maximum(swing, 1e-12)))

@@ -104,8 +104,8 @@ def _savings(task: Task, solution: Solution) -> Array:
         lost = effort * np.diff(left, axis=0) ** 2 * narrow / 12
     else:
         kinks = np.diff((right - left) / widths[:, None], axis=0)
-        beside = np.pad(kinks, ((1, 1), (0, 0)), mode="reflect")
-        uneven = np.minimum(np.abs(kinks), np.abs(kinks - (beside[:-2] + beside[2:]) / 2))
+        pairs = np.pad(kinks, ((1, 1), (0, 0)), mode="reflect")
+        uneven = np.minimum(np.abs(kinks), np.abs(kinks - (pairs[:-2] + pairs[2:]) / 2))
         lost = effort * uneven**2 * narrow**3 / 10 + smooth * kinks**2 * narrow / 12
     share = np.sum(lost, axis=1) / solution.objective
     return np.asarray(np.append(share, 0.0) + np.append(0.0, share)) / 2
@@ -143,7 +143,7 @@ def excess(
         curves: Samples (C, K, M, N) of curves that must all keep the limits.
         requirements: The requirements to check; by default all that are kept between nodes.
     """
-    system, at = task.problem.system, MotionPoint.of(task.problem.system, curves)
+    system, point = task.problem.system, MotionPoint.of(task.problem.system, curves)
     requirements = task.requirements if requirements is None else requirements
     if any(required.reads != {"q"} for required in requirements):
         (left, right), tau = iterate.input_ends(), np.arange(STEPS + 1)[:, None] / STEPS
@@ -151,11 +151,11 @@ def excess(
         slope = (right - left) / (task.mesh.widths[:, None] * iterate.duration)
         du = np.broadcast_to(slope[:, None], u.shape)
         alike = (np.broadcast_to(each, (*curves.shape[:-1], 2)) for each in (u, du))
-        at = MotionPoint.of(system, curves, *alike)
+        point = MotionPoint.of(system, curves, *alike)
     out = [np.zeros((curves.shape[1], 0))]
     for required in requirements:
         low, high, scale = required.bounds
-        here = at
+        here = point
         if required.divides:
             here = MotionPoint.of(system, _dense(system, curves, required.thickness))
         values = np.stack(required.values(here), axis=-1)

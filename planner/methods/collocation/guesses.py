@@ -162,8 +162,8 @@ def _states(
 
 def _states_along(problem: Problem, way: Array, s: Array) -> Array:
     """States along a way at constant speed, with the path coordinate that fits its slopes best."""
-    at = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
-    theta = _interpolate(s * at[-1], at, way)
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
+    theta = _interpolate(s * length[-1], length, way)
     q = np.concatenate([np.full((len(s), 1), problem.start[0]), theta], axis=1)
     slopes, moves = problem.system.slopes(q)[:-1], np.diff(q[:, 2:], axis=0)
     steps = np.sum(slopes * moves, axis=1) / np.maximum(np.sum(slopes**2, axis=1), 1e-12)

@@ -320,13 +320,13 @@ def _values(program: Program) -> Any:
 
 
 def _stages(nlp: Transcription) -> dict[str, Any]:
-    at = nlp.layout
+    layout = nlp.layout
     return {
         "structure_detection": "manual",
-        "N": at.intervals,
-        "nx": [at.state] * (at.intervals + 1),
-        "nu": [at.control] * at.intervals + [0],
-        "ng": [nlp.height - at.state] * at.intervals + [0],
+        "N": layout.intervals,
+        "nx": [layout.state] * (layout.intervals + 1),
+        "nu": [layout.control] * layout.intervals + [0],
+        "ng": [nlp.height - layout.state] * layout.intervals + [0],
     }
 
 

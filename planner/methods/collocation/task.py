@@ -180,7 +180,7 @@ def task(
     """
     requirements = kept_between_nodes(problem)
     at_edges = [each for each in (*problem.final, problem.on_the_way) if each.parts]
-    kept, final = (tuple(each.template for each in of) for of in (requirements, at_edges))
+    kept, final = (tuple(each.template for each in group) for group in (requirements, at_edges))
     units = Units() if form.augmented else natural_units(problem, objective, demands.timeless)
     free = problem.duration is None
     form = replace(form, free_duration=free, kept=kept, final=final, units=units)
@@ -200,8 +200,8 @@ def _check(nlp: Transcription, data: Bounds, answer: SolverAnswer, accepted: flo
     values = np.concatenate([rows, answer.vector])
     lower = np.concatenate([data.row_lower, data.lower])
     upper = np.concatenate([data.row_upper, data.upper])
-    over = np.maximum(np.maximum(lower - values, values - upper), 0.0)
-    residual = float(np.where(np.isnan(values), np.inf, over).max())
+    excess = np.maximum(np.maximum(lower - values, values - upper), 0.0)
+    residual = float(np.where(np.isnan(values), np.inf, excess).max())
     ok = answer.finished and residual <= accepted
     objective *= nlp.form.units.objective
     return Solution(iterate, objective, residual, ok, answer.status, answer.iterations)

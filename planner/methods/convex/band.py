@@ -102,10 +102,10 @@ class Band:
         """
         if len(self.K) == 1:
             return np.zeros(np.shape(z3)), self.cap(z3)
-        at = np.clip(z3, 1e-9 * self.K[1], (1 - 1e-9) * self.K[1])
-        c = np.cbrt(at / self.K[1])
+        x = np.clip(z3, 1e-9 * self.K[1], (1 - 1e-9) * self.K[1])
+        c = np.cbrt(x / self.K[1])
         slope = self.cap_factor * self.K[0] * (2 - 3 * c**2) / (c * np.sqrt(1 - c**2))
-        return np.asarray(slope), np.asarray(self.cap(at) - slope * at)
+        return np.asarray(slope), np.asarray(self.cap(x) - slope * x)
 
 
 def band_of(problem: Problem, start: Array, goal: Array, edge: float) -> Band:
@@ -183,9 +183,9 @@ def _search(p: Array, z: Array, band: Band | None, tolerance: float, proof: bool
     proven = -np.inf
     piece, low, width = np.arange(pieces), np.zeros(pieces), 1.0
     for _ in range(MAX_HALVINGS):
-        for end, at in ((0, low), (-1, low + width)):
+        for end, tau in ((0, low), (-1, low + width)):
             value = p[end] - (0.0 if band is None else band.cap(z[end]))
-            _keep_best(best, where, piece, value, at)
+            _keep_best(best, where, piece, value, tau)
         bound = _upper_bound(p, z, band)
         broken = best[piece] > 0 if proof else True
         slack = max(tolerance, COARSE * float(best.max()))
@@ -203,12 +203,12 @@ def _search(p: Array, z: Array, band: Band | None, tolerance: float, proof: bool
     return Excess(proven, bad, where[bad], best[bad])
 
 
-def _keep_best(best: Array, where: Array, piece: Indices, value: Array, at: Array) -> None:
+def _keep_best(best: Array, where: Array, piece: Indices, value: Array, tau: Array) -> None:
     order = np.argsort(value, kind="stable")  # the last value for a piece, the greatest, wins
-    piece, value, at = piece[order], value[order], at[order]
+    piece, value, tau = piece[order], value[order], tau[order]
     top = np.full(len(best), -np.inf)
     place = np.zeros(len(best))
-    top[piece], place[piece] = value, at
+    top[piece], place[piece] = value, tau
     better = top > best
     best[better], where[better] = top[better], place[better]
 

@@ -175,9 +175,9 @@ def band_rows(frame: Frame, band: Band, touch: Touch) -> tuple[Array, Array]:
     b[~cap] -= band.floor
     if cap.any():
         slope, offset = band.tangent(touch.at[cap])
-        z3, at = frame.z_rows(2, touch.tau[cap])
+        z3, constant = frame.z_rows(2, touch.tau[cap])
         A[cap] -= slope[:, None] * z3
-        b[cap] += offset + slope * at
+        b[cap] += offset + slope * constant
     return A, b
 
 
@@ -196,8 +196,8 @@ def _violations(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch,
     _, z2, z3, *_ = frame.bernstein(y)
     low, high = floor_excess(band, z2, TOLERANCE, proof), cap_excess(band, z2, z3, TOLERANCE, proof)
     floor, cap = ((e.piece + e.local) / frame.shape.pieces for e in (low, high))
-    rows, at = frame.z_rows(2, cap)
-    touch = Touch(floor, np.full(len(floor), np.nan)).plus(Touch(cap, rows @ y + at))
+    rows, constant = frame.z_rows(2, cap)
+    touch = Touch(floor, np.full(len(floor), np.nan)).plus(Touch(cap, rows @ y + constant))
     return touch, max(low.proven, high.proven)
 
 
@@ -276,7 +276,7 @@ def search_travels(solve: Solve, travels: Array, prune: bool = True) -> BestTrav
     return search
 
 
-def _refine(at: Callable[[float], float], best: ClassOptimum, travels: Array) -> None:
+def _refine(f: Callable[[float], float], best: ClassOptimum, travels: Array) -> None:
     from scipy.optimize import minimize_scalar  # slow to import
 
     centre = best.frame.travel
@@ -284,10 +284,10 @@ def _refine(at: Callable[[float], float], best: ClassOptimum, travels: Array) ->
     step = min(float(travels[1] - travels[0]), 0.999 * abs(centre))  # do not reach zero
     bounds = (max(centre - step, float(travels[0])), min(centre + step, float(travels[-1])))
     tolerance = {"xatol": 1e-5 * (bounds[1] - bounds[0])}
-    minimize_scalar(lambda d: min(at(d), worse), bounds=bounds, method="bounded", options=tolerance)
+    minimize_scalar(lambda d: min(f(d), worse), bounds=bounds, method="bounded", options=tolerance)
 
 
-def _approach(at: Callable[[float], float], search: BestTravel) -> None:
+def _approach(f: Callable[[float], float], search: BestTravel) -> None:
     """Search for a travel with a path between those tried, where the certificates are weakest."""
     from scipy.optimize import minimize_scalar  # slow to import
 
@@ -296,7 +296,7 @@ def _approach(at: Callable[[float], float], search: BestTravel) -> None:
     ends = (search.refusals[max(k - 1, 0)], search.refusals[min(k + 1, len(search.refusals) - 1)])
 
     def margin(travel: float) -> float:
-        return -1.0 if np.isfinite(at(travel)) else search.refusals[-1].proof.margin
+        return -1.0 if np.isfinite(f(travel)) else search.refusals[-1].proof.margin
 
     bounds = (ends[0].frame.travel, ends[1].frame.travel)
     minimize_scalar(margin, bounds=bounds, method="bounded", options={"maxiter": 24})

@@ -379,13 +379,13 @@ def _violations(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
         for part, value, q in _functions(required, problem.system):
             reach = ca.Function("reach", [x], [ca.vertcat(*moved.sides(q, value, [x]))])
             below, above = np.asarray(reach(nodes.T))
-            over = np.maximum(above - part.high, part.low - below)
-            k = int(np.argmax(over))
-            if over[k] > ACCEPTED_RESIDUAL:
-                upper = above[k] - part.high == over[k]
+            excesses = np.maximum(above - part.high, part.low - below)
+            k = int(np.argmax(excesses))
+            if excesses[k] > ACCEPTED_RESIDUAL:
+                upper = above[k] - part.high == excesses[k]
                 extreme, limit = (above[k], part.high) if upper else (below[k], part.low)
                 label = f"{part.label} with {moved.backoff:g} standard deviations of back-off"
-                time_s, excess = float(job.mesh.edges[k] * plan.duration), float(over[k])
+                time_s, excess = float(job.mesh.edges[k] * plan.duration), float(excesses[k])
                 out.append(Violation(label, time_s, float(extreme), limit, part.unit, excess))
     return out
 

@@ -73,12 +73,12 @@ def steer(start: Array, goal: Array, legs: Sequence[Leg], points: Sequence[Point
     values = [np.broadcast_to(p.value, len(goals))[:, None] for p in points]
     wanted = np.concatenate([goals[:, 1:], *values], axis=1)
     coefficients, condition = solve_conditions(rows, wanted - drift)
-    v, v2, at = [], [], 0
+    v, v2, first = [], [], 0
     for leg, block in zip(legs, blocks, strict=True):
-        v2.append(block.T @ coefficients[:, at : at + leg.terms].T)
+        v2.append(block.T @ coefficients[:, first : first + leg.terms].T)
         v1 = np.broadcast_to(leg.travel / leg.duration, v2[-1].shape)
         v.append(np.stack([v1, v2[-1]], axis=-1))
-        at += leg.terms
+        first += leg.terms
     z = [np.moveaxis(c, 1, -1) for c in _propagate(start[:, None], legs, v2)]
     return Motion.of(_stack(z, legs), _stack(v, legs), coefficients, condition, goal)
 
@@ -120,12 +120,12 @@ def _conditions(
     response to a single coefficient.
     """
     total = sum(len(block) for block in blocks)
-    v2, at = [], 1
+    v2, first = [], 1
     for block in blocks:
         coefficients = np.zeros((block.shape[1], 1 + total, 1))
-        coefficients[:, at : at + len(block), 0] = block.T
+        coefficients[:, first : first + len(block), 0] = block.T
         v2.append(coefficients)
-        at += len(block)
+        first += len(block)
     columns = np.zeros((len(start), 1 + total, 1))
     columns[:, 0, 0] = start
     z = _propagate(columns, legs, v2)

@@ -172,9 +172,9 @@ class _PointFamily:
         reaches, deviations, widths = self.reaches, _DEVIATIONS[self.count], self.widths
         if known is not None:
             reaches, deviations, widths = known[0], np.zeros(1), widths[:1]
-        around = _motion(self.ends, reaches, known[1] if known else ())
-        z2 = around.z(np.array(self.times, dtype=float))[..., 1].T
-        size = np.max(np.abs(around.z(np.linspace(0, self.ends.duration, 50))[..., 1]), axis=0)
+        motion = _motion(self.ends, reaches, known[1] if known else ())
+        z2 = motion.z(np.array(self.times, dtype=float))[..., 1].T
+        size = np.max(np.abs(motion.z(np.linspace(0, self.ends.duration, 50))[..., 1]), axis=0)
         off = np.array(list(product(deviations, repeat=self.count)))
         values = z2[:, None] + size[:, None, None] * off
         steps = np.broadcast_to(0.05 * size[:, None, None], values.shape)

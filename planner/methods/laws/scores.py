@@ -167,10 +167,10 @@ def _room(problem: Problem, z: Array, q: Array) -> Array:
 
 def _rooms(problem: Problem, z: Array, q: Array) -> Iterator[Array]:
     """Slack (…) to each limit on coordinates, relative to it, at z and q (…, N)."""
-    at = replace(MotionPoint.of(problem.system, q), z=np.moveaxis(z, -1, 0))
+    point = replace(MotionPoint.of(problem.system, q), z=np.moveaxis(z, -1, 0))
     for required in problem.requirements:
         if required.reads == {"q"} and required.smooth:
-            for part, value in zip(required.parts, required.values(at), strict=True):
+            for part, value in zip(required.parts, required.values(point), strict=True):
                 if part.low == -part.high:
                     yield 1 - np.abs(value) / part.high
                 else:

@@ -221,8 +221,8 @@ class Requirement(Demand):
         """Factor by which to slow a motion whose R values range from `least` to `most` (R,)."""
         low, high, _ = self.bounds
         with np.errstate(divide="ignore", invalid="ignore"):
-            over = np.where(high > 0, most / high, 0.0), np.where(low < 0, least / low, 0.0)
-        return np.asarray(np.maximum(*over) ** (1 / self.speed_power))
+            share = np.where(high > 0, most / high, 0.0), np.where(low < 0, least / low, 0.0)
+        return np.asarray(np.maximum(*share) ** (1 / self.speed_power))
 
     @property
     def is_direct(self) -> bool:

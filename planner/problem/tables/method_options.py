@@ -44,9 +44,9 @@ Rest = Annotated[
 ]
 
 
-def rests(asked: Rest, input_rate: Array) -> bool:
+def rests(option: Rest, input_rate: Array) -> bool:
     """Decide the option `rest`: are inputs zero at both ends? Rate limits (2,) may be infinite."""
-    return bool(np.any(np.isfinite(input_rate))) if asked == "auto" else asked
+    return bool(np.any(np.isfinite(input_rate))) if option == "auto" else option
 
 
 Intervals = Annotated[Annotated[int, Field(ge=1, le=2000)] | Literal["auto"], Slider(5, 120)]

@@ -105,8 +105,8 @@ class MechanismLayout:
     @property
     def contact(self) -> Array:
         """Position of P₁ of joint 1 in the view from above."""
-        over = max(1.25 + 0.25 * RADII_PER_INCH, (RIM_RATIO + np.sin(BEND_ANGLE)) * self.gears[0].R)
-        return np.array([-0.2, self.top_view_z - 0.25 * RADII_PER_INCH - over])
+        side = max(1.25 + 0.25 * RADII_PER_INCH, (RIM_RATIO + np.sin(BEND_ANGLE)) * self.gears[0].R)
+        return np.array([-0.2, self.top_view_z - 0.25 * RADII_PER_INCH - side])
 
     notes_x = 2.7
     """x at which the notes begin, to the right of disk and link in the view from above."""

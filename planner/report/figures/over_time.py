@@ -303,8 +303,8 @@ def _plane(ax: Any, panel: PlanePanel) -> None:
     """Draw everything in a panel in the plane except its paths."""
     from matplotlib.patches import Rectangle
 
-    across, up = (f"{symbol(name)} ({escape_math(panel.unit)})" for name in panel.names)
-    ax.set(xlabel=across, ylabel=up)
+    x_label, up = (f"{symbol(name)} ({escape_math(panel.unit)})" for name in panel.names)
+    ax.set(xlabel=x_label, ylabel=up)
     if panel.view:
         ax.set(xlim=panel.view[0], ylim=panel.view[1])
     if panel.region:

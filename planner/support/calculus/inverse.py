@@ -61,11 +61,11 @@ def inverse(function: WithSlope, value: Array, low: float, high: float, sign: fl
         (gap_a, at_a), (gap_b, at_b) = (
             _gap_and_slope(function, x, value, sign)[:2] for x in (a, b)
         )
-        under, over = at_a & (gap_a <= 0), at_b & (gap_b >= 0)
+        below, above = at_a & (gap_a <= 0), at_b & (gap_b >= 0)
         none = (~at_a & ~at_b) | np.isnan(value)
         outside = none | (at_a & (gap_a > 0)) | (at_b & (gap_b < 0))
         x, under_seen, over_seen = _search(
-            function, value, sign, (a, b), (at_a, at_b), (under, over), ~outside
+            function, value, sign, (a, b), (at_a, at_b), (below, above), ~outside
         )
         exists = under_seen & over_seen & ~outside
         x = np.where(at_a & (gap_a > 0), a, np.where(at_b & (gap_b < 0), b, x))
@@ -98,21 +98,21 @@ def _search(
     active: NDArray[np.bool_],
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
     """Iterate in the bracket; also return whether values ≤ and ≥ the target were met."""
-    (low, high), (under, over) = bracket, seen
+    (low, high), (below, above) = bracket, seen
     turn_is_high = on_stretch[0] & ~on_stretch[1]
     x, last = 0.5 * (low + high), high - low
     for _ in range(_STEPS):
-        gap, on, newton = _gap_and_slope(function, x, value, sign)
-        under, over = under | (on & (gap <= 0)), over | (on & (gap >= 0))
-        too_far = np.where(on, gap > 0, turn_is_high)
+        gap, ok, newton = _gap_and_slope(function, x, value, sign)
+        below, above = below | (ok & (gap <= 0)), above | (ok & (gap >= 0))
+        too_far = np.where(ok, gap > 0, turn_is_high)
         low, high = np.where(too_far, low, x), np.where(too_far, x, high)
-        safe = on & (newton >= low) & (newton <= high) & (np.abs(newton - x) < 0.5 * np.abs(last))
+        safe = ok & (newton >= low) & (newton <= high) & (np.abs(newton - x) < 0.5 * np.abs(last))
         settled = active & safe & (np.abs(newton - x) <= 2e-16 * (1e-6 + np.abs(x)))
-        under, over = under | settled, over | settled
+        below, above = below | settled, above | settled
         following = np.where(safe, newton, 0.5 * (low + high))
-        active = active & ~(on & (np.abs(gap) <= 1e-16 * np.abs(value)))
+        active = active & ~(ok & (np.abs(gap) <= 1e-16 * np.abs(value)))
         last, x = np.where(active, following - x, 0.0), np.where(active, following, x)
         active = active & (np.abs(last) > 2e-16 * (1e-6 + np.abs(x)))
         if not np.any(active):
             break
-    return x, under, over
+    return x, below, above

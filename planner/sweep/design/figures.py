@@ -219,7 +219,7 @@ def recommend(
     losses = np.where([figure.share for figure in front_by], cost - best, ratio).sum(axis=1)
     beaten = [((cost[able] <= c).all(axis=1) & (cost[able] < c).any(axis=1)).any() for c in cost]
     front = able & ~np.array(beaten)
-    marked = tuple(replace(row, on_front=bool(on)) for row, on in zip(rows, front, strict=True))
+    marked = tuple(replace(row, on_front=bool(k)) for row, k in zip(rows, front, strict=True))
     choice = marked[int(np.argmin(np.where(able, losses, np.inf)))]
     candidates = [row for row, possible in zip(marked, able, strict=True) if possible]
     return marked, choice, _reason(marked, candidates, choice, front_by, method, tasks)

@@ -135,8 +135,8 @@ def _link_needs(gear: Gear, bends: Array, c: float) -> list[tuple[int, float, st
         out.append((j, gear.r1 * float(np.sin(bend)) + c, wheels))
         bend_text = f"{np.rad2deg(next_bend):.3g} deg"
         for radius, name, disk in ((gear.R, "R", "A"), (gear.r3, "r3", "A'")):
-            across = 4 * (radius + c) ** 2 - (radius * np.sin(next_bend)) ** 2
-            least = radius * (1 - float(np.cos(next_bend))) + float(np.sqrt(across))
+            square = 4 * (radius + c) ** 2 - (radius * np.sin(next_bend)) ** 2
+            least = radius * (1 - float(np.cos(next_bend))) + float(np.sqrt(square))
             rim = f"({name}{plus})" if c else name
             formula = f"{name} (1 - cos b) + sqrt(4 {rim}^2 - ({name} sin b)^2)"
             words = f"disks {disk} of joints {j} and {j + 1} collide, bent by b = {bend_text}"

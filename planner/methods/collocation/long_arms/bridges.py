@@ -167,8 +167,8 @@ class _Nearest:
         self, chain: PieceChain, gap: Array, ends: ChainEnds
     ) -> tuple[PieceChain | None, int]:
         lower, upper = self._bounds(ends)
-        at = self._pack(chain.q, chain.u)
-        given = {"x0": np.clip(at, lower, upper), "p": at, "lbx": lower, "ubx": upper}
+        x = self._pack(chain.q, chain.u)
+        given = {"x0": np.clip(x, lower, upper), "p": x, "lbx": lower, "ubx": upper}
         given |= {"lbg": gap.ravel(), "ubg": gap.ravel()}
         answer = solver_answer(lambda: self._solver(**given), lambda _: {})
         if not answer:

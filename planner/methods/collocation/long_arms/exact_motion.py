@@ -62,8 +62,8 @@ def exact_motion(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, S
         goal[free] = chain.q[-1, free]
         places = replace(places, goal=goal)
     for halved in range(HALVINGS + 1):
-        cut = cut_finer(system, chain, list(system.limited), MOST_TURN, least=2 if halved else 1)
-        whole, _ = close_gaps(system, cut, places)
+        pieces = cut_finer(system, chain, list(system.limited), MOST_TURN, least=2 if halved else 1)
+        whole, _ = close_gaps(system, pieces, places)
         motion = make_exact(system, whole, places) if whole is not None else None
         if motion is None:
             return None

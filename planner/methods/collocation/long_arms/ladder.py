@@ -196,9 +196,9 @@ def lift(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> 
     for _ in range(HALVINGS):
         chain, stretch = _lifted_chain(system, path, known, ends, edges)
         missed = np.max(np.abs(chain.gap), axis=1)
-        over = np.max(np.abs(chain.q[1:] - chain.gap) - ends.limit, axis=1)
+        excess = np.max(np.abs(chain.q[1:] - chain.gap) - ends.limit, axis=1)
         wide = np.zeros(len(edges) - 1, dtype=bool)
-        np.logical_or.at(wide, stretch, np.maximum(missed, 4 * over) > gap)
+        np.logical_or.at(wide, stretch, np.maximum(missed, 4 * excess) > gap)
         if not np.any(wide):
             break
         edges = np.sort(np.concatenate([edges, (edges[:-1] + edges[1:])[wide] / 2]))
@@ -224,10 +224,10 @@ def _stretches(
 ) -> tuple[Array, Array]:
     """Coordinates between the stretches, (S+1, n), and drive and turn in each, (S, 2)."""
     sums = np.vstack([np.zeros(2), np.cumsum(path.u, axis=0)])
-    at = np.stack([np.interp(edges, known, column) for column in sums.T], axis=-1)
+    values = np.stack([np.interp(edges, known, column) for column in sums.T], axis=-1)
     piece = np.clip(np.searchsorted(known, edges[:-1], side="right") - 1, 0, len(path.u) - 1)
-    places = ends_of(short, path.q[piece], at[:-1] - sums[piece])
-    return np.vstack([places, path.q[-1]]), np.diff(at, axis=0)
+    places = ends_of(short, path.q[piece], values[:-1] - sums[piece])
+    return np.vstack([places, path.q[-1]]), np.diff(values, axis=0)
 
 
 def _drives(system: Manipulator, moves: Array, ends: ChainEnds) -> tuple[Array, Array]:

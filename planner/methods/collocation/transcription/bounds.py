@@ -164,9 +164,9 @@ def _limits(
         if required.is_direct:
             restrict(places.nodes[:, index], (low, high), edges[:, r : r + len(index)])
             for k in set(index) & set(places.lifted):
-                at = index.index(k)
+                place = index.index(k)
                 points = places.points[..., places.lifted.index(k)]
-                restrict(points, (low[at], high[at]), inside[:, [r + at]])
+                restrict(points, (low[place], high[place]), inside[:, [r + place]])
         r += len(index)
     if problem.free:
         end, most = places.nodes[-1, list(problem.free)], problem.free_within

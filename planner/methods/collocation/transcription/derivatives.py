@@ -60,8 +60,8 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
     chain = ChainRule(unknowns, stage.inside, stage.meaning)
     gradient, hessian = chain.second(scale * stage.cost + ca.dot(duals, rows))
     identity = ca.DM.eye(stage.state.numel())
-    beside = ca.DM(identity.size1(), stage.control.numel())
-    jacobian = ca.vertcat(ca.horzcat(identity, beside), chain.jacobian(rows))
+    zeros = ca.DM(identity.size1(), stage.control.numel())
+    jacobian = ca.vertcat(ca.horzcat(identity, zeros), chain.jacobian(rows))
     (row, column), states = _pattern(jacobian), stage.state.numel()
     leading = np.where(row < states, row - stage.height, row - states), column
     return IntervalFunctions(
@@ -115,9 +115,9 @@ class ChainRule:
                 rows[k] += self.by_v[first:last, :first] @ ca.vertcat(*rows[:k])
         self.Z = ca.vertcat(*rows)
 
-    def jacobian(self, of: Any) -> Any:
-        """Matrix of first derivatives by w, with a row for each entry of the column `of`."""
-        return ca.jacobian(of, self.w) + ca.jacobian(of, self.v) @ self.Z
+    def jacobian(self, value: Any) -> Any:
+        """Matrix of first derivatives by w, with a row for each entry of the column `value`."""
+        return ca.jacobian(value, self.w) + ca.jacobian(value, self.v) @ self.Z
 
     def second(self, of: Any) -> tuple[Any, Any]:
         """Gradient and Hessian by w of one function."""

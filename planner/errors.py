@@ -233,10 +233,10 @@ class NoPlanError(PlannerError):
         self.advice = "; or ".join(each for each in (*words, *others) if each) or None
         self.args = (self._text(),)
 
-    def blame(self, requirement: str, plan: Any, broken: Sequence[Violation]) -> None:
-        """Name the requirement that prevents a plan; `plan` ignores it and breaks it (`broken`)."""
+    def blame(self, requirement: str, plan: Any, violations: Sequence[Violation]) -> None:
+        """Name the requirement that prevents a plan; `plan` ignores and breaks it."""
         self.reason += f"; without {requirement} there is a plan, which breaks:"
-        self.plan, self.violations, self.blamed = plan, tuple(broken), requirement
+        self.plan, self.violations, self.blamed = plan, tuple(violations), requirement
         self.args = (self._text(),)
 
     def _text(self) -> str:

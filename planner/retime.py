@@ -112,11 +112,11 @@ SLOWED_TIME_OBJECTIVE = (
 def _excess_factor(problem: Problem, certificate: Certificate) -> float:
     """Return the factor by which to slow the motion so that peaks between samples keep limits."""
     factor = 1.0
-    for required in problem.requirements:
-        for part in required.parts if required.speed_power else ():
+    for requirement in problem.requirements:
+        for part in requirement.parts if requirement.speed_power else ():
             excess = -certificate[part.label].attained / part.scale
             if 0 < excess < SAMPLING_EXCESS:
-                factor = max(factor, (1 + excess) ** (1 / required.speed_power) * (1 + 1e-9))
+                factor = max(factor, (1 + excess) ** (1 / requirement.speed_power) * (1 + 1e-9))
     return factor
 
 

@@ -69,26 +69,26 @@ class MachineLimit:
 def breakable_limits(problem: Problem) -> list[Requirement]:
     """The limits that a machine may break: all but that of z₂, a quantity of the methods only."""
     return [
-        required
-        for required in problem.requirements
-        if required.reads == {"q"} and not required.final and not isinstance(required, Z2Margin)
+        each
+        for each in problem.requirements
+        if each.reads == {"q"} and not each.final and not isinstance(each, Z2Margin)
     ]
 
 
-def bounds(required: Requirement) -> tuple[Array, Array]:
+def bounds(requirement: Requirement) -> tuple[Array, Array]:
     """Least and largest values for a machine, (R,) each.
 
     They leave out the clearance, which is room for machines to deviate: a machine that enters it
     without contact breaks no limit.
     """
-    low, high, _ = required.bounds
-    return low - getattr(required, "clearance", 0.0), high
+    low, high, _ = requirement.bounds
+    return low - getattr(requirement, "clearance", 0.0), high
 
 
 def parts_of(problem: Problem) -> Iterator[tuple[Requirement, Part, float, float]]:
     """The P parts of these limits, each with the least and the largest value for a machine."""
-    for required in breakable_limits(problem):
-        yield from zip(repeat(required), required.parts, *bounds(required), strict=False)
+    for requirement in breakable_limits(problem):
+        yield from zip(repeat(requirement), requirement.parts, *bounds(requirement), strict=False)
 
 
 def lower_margins(least: Array, when: Array, problem: Problem, q: Array, times: Array) -> None:
@@ -101,13 +101,13 @@ def lower_margins(least: Array, when: Array, problem: Problem, q: Array, times: 
         q: Coordinates, (S, R, N).
         times: Times of q, (R,), s.
     """
-    required = breakable_limits(problem)
+    limits = breakable_limits(problem)
     block = max(1, BLOCK_STATES // max(1, len(times)))
     blocks = product(range(0, len(q), block), range(0, len(times), BLOCK_STATES))
-    for first, row in blocks if required else ():
+    for first, row in blocks if limits else ():
         some, part = slice(first, first + block), slice(row, row + BLOCK_STATES)
         point, parts = MotionPoint.of(problem.system, q[some, part]), count()
-        for each in required:
+        for each in limits:
             low, high = bounds(each)
             for value, smallest, largest in zip(each.values(point), low, high, strict=True):
                 margin = np.minimum(value - smallest, largest - value)
@@ -131,7 +131,7 @@ def machine_limits(
         numbers: The machines' numbers, (S,).
     """
     out = []
-    for k, (required, part, low, high) in enumerate(parts_of(problem)):
+    for k, (requirement, part, low, high) in enumerate(parts_of(problem)):
         distances = margins[:, k]
         if np.isnan(distances).any():
             continue
@@ -139,7 +139,7 @@ def machine_limits(
         value = high - distances[worst] if np.isfinite(high) else low + distances[worst]
         out.append(
             MachineLimit(
-                required,
+                requirement,
                 part,
                 int(np.sum(distances < 0)),
                 len(distances),
@@ -159,21 +159,21 @@ def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
         limits: Result of `machine_limits`.
         machines: Number of machines that break at least one limit.
     """
-    broken = sorted((each for each in limits if each.broken), key=lambda each: -each.broken)
-    if not broken:
+    violations = sorted((each for each in limits if each.broken), key=lambda each: -each.broken)
+    if not violations:
         return ""
-    first = broken[0]
+    first = violations[0]
     count = f"{machines} of {first.samples} machine{'s' if first.samples > 1 else ''}"
-    more = f", and {len(broken) - 1} limits more" if len(broken) > 1 else ""
-    ways = dict.fromkeys(filter(None, map(_advice, _furthest(broken))))
+    more = f", and {len(violations) - 1} limits more" if len(violations) > 1 else ""
+    ways = dict.fromkeys(filter(None, map(_advice, _furthest(violations))))
     keeps = f"; about {' and '.join(ways)} keeps {KEPT_PERCENT:.0f} % clear" if ways else ""
     return f"{count} break a limit: {first}{more}{keeps}"
 
 
-def _furthest(broken: Sequence[MachineLimit]) -> list[MachineLimit]:
+def _furthest(violations: Sequence[MachineLimit]) -> list[MachineLimit]:
     """The limit of each requirement that machines come nearest to, or exceed most."""
     worst: dict[Requirement, MachineLimit] = {}
-    for each in broken:
+    for each in violations:
         known = worst.get(each.requirement)
         if known is None or known.sweep < each.sweep:
             worst[each.requirement] = each
@@ -182,14 +182,14 @@ def _furthest(broken: Sequence[MachineLimit]) -> list[MachineLimit]:
 
 def _advice(each: MachineLimit) -> str:
     """The setting that leaves room for a machine's error; "" for kinds that have none."""
-    required = each.requirement
-    if isinstance(required, Obstacle):
-        return f"clearance_m = {_round_up(each.sweep)} of obstacle {required.number}"
-    if isinstance(required, SelfCollision):
-        return f"limits.{required.key} = {_round_up(each.sweep)}"
-    if type(required) is JointLimit and each.part.unit == "rad":
+    requirement = each.requirement
+    if isinstance(requirement, Obstacle):
+        return f"clearance_m = {_round_up(each.sweep)} of obstacle {requirement.number}"
+    if isinstance(requirement, SelfCollision):
+        return f"limits.{requirement.key} = {_round_up(each.sweep)}"
+    if type(requirement) is JointLimit and each.part.unit == "rad":
         most = np.rad2deg(each.part.high - each.sweep)
-        return f"limits.joint_deg = {np.floor(most):g} for {required.limit_name(each.part)}"
+        return f"limits.joint_deg = {np.floor(most):g} for {requirement.limit_name(each.part)}"
     return ""
 
 

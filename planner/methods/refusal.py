@@ -88,7 +88,7 @@ def duration_changes(problem: Problem) -> list[Change]:
     if (
         problem.duration is None
         or timed
-        or not any(required.speed_power for required in problem.requirements)
+        or not any(requirement.speed_power for requirement in problem.requirements)
     ):
         return free
     duration = Change({"goal.duration": "free"})
@@ -193,19 +193,19 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
         error.advise(time_advice() if remaining() <= 0 else None, "; ".join(said))
         return None
     shown = replace(tries.plan, problem=problem, verified=False, certificate=None)
-    broken = verify(shown).violations
-    if not broken and not any(key.startswith("method.") for key in tries.change.keys):
+    violations = verify(shown).violations
+    if not violations and not any(key.startswith("method.") for key in tries.change.keys):
         return tries.plan  # a plan with other options does not answer the request
-    error.advise(f"{changed_words(shown, broken) or tries.change} (tried)")
+    error.advise(f"{changed_words(shown, violations) or tries.change} (tried)")
     if tries.change.without:
-        error.blame(tries.change.without, replace(shown, status=error.status), broken)
+        error.blame(tries.change.without, replace(shown, status=error.status), violations)
     return None
 
 
-def changed_words(plan: Plan, broken: Sequence[Violation]) -> str:
+def changed_words(plan: Plan, violations: Sequence[Violation]) -> str:
     """Changes of the problem, in words, that make this its plan, given its present violations."""
     problem, parts = plan.problem, []
-    demands = [(*asked, v) for v in broken if (asked := problem.asking(v.label))]
+    demands = [(*asked, v) for v in violations if (asked := problem.asking(v.label))]
     for kind in dict.fromkeys(type(demand) for demand in reversed(problem.demands)):
         group = [each for each in demands if type(each[0]) is kind]
         if kind is Duration and group:

@@ -183,8 +183,8 @@ def slowing_factor(requirements: Sequence[Requirement], trajectory: Trajectory) 
 
     A driftless path does not depend on its timing, so inputs scale with 1/T and rates with 1/T².
     """
-    speed_limits = [required for required in requirements if required.speed_power]
-    formulas = [required for required in speed_limits if not required.is_direct]
+    speed_limits = [requirement for requirement in requirements if requirement.speed_power]
+    formulas = [requirement for requirement in speed_limits if not requirement.is_direct]
     system, factors = trajectory.system, [0.0]
 
     def row_values(q: Array, u: Array) -> Array:
@@ -194,13 +194,13 @@ def slowing_factor(requirements: Sequence[Requirement], trajectory: Trajectory) 
     reading = read_trajectory(trajectory, input_values, *[row_values] * bool(formulas))
     cells = reading.cells
     point = MotionPoint.of(system, reading.q, reading.u, slopes(cells, reading.u))
-    for required in speed_limits:
-        values = np.stack(required.values(point), axis=-1)
+    for requirement in speed_limits:
+        values = np.stack(requirement.values(point), axis=-1)
         top, _ = greatest(cells, np.concatenate([values, -values], axis=-1))
         most, below = np.split(top, 2)
-        slower_by = required.slowing_factor(-below, most)
-        jumping = jumps(reading.u) if "du" in required.reads else np.zeros(2, bool)
-        indices = [part.index for part in required.parts] if required.is_direct else [0, 1]
+        slower_by = requirement.slowing_factor(-below, most)
+        jumping = jumps(reading.u) if "du" in requirement.reads else np.zeros(2, bool)
+        indices = [part.index for part in requirement.parts] if requirement.is_direct else [0, 1]
         factors.append(np.inf if any(jumping[indices]) else float(np.max(slower_by)))
     return float(np.max(factors))
 

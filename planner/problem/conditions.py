@@ -188,23 +188,23 @@ def registered_limits_of(
         if value is None:
             continue
         try:
-            required = kind.of(value, system)
+            requirement = kind.of(value, system)
         except ValueError as error:
             raise InputError(f"{source}: 'limits.{key}': {error}") from None
         except Exception as error:
             why: str | None = f"failed: {line(error_words(error))}"
         else:
-            why = _fault(required, system)
+            why = _fault(requirement, system)
         if why:
             raise InputError(f"{source}: 'limits.{key}': its class {kind.__name__} {why}")
-        out.append(required)
+        out.append(requirement)
     return out
 
 
-def _fault(required: Requirement, system: TriangularSystem) -> str | None:
+def _fault(requirement: Requirement, system: TriangularSystem) -> str | None:
     """Describe how a class contradicts itself, or fails when it is tried; None if it is sound."""
     try:
-        return required.fault(system)
+        return requirement.fault(system)
     except Exception as error:  # from foreign code; a registered class names itself as the cause
         return f"failed: {line(error_words(error.__cause__ or error))}"
 
@@ -214,9 +214,9 @@ def contradiction(
 ) -> str:
     """Describe which of these states (N,), by name, violates a requirement; empty if none does."""
     for name, q in states.items():
-        for required in requirements:
+        for requirement in requirements:
             try:
-                why = required.contradiction(name, q, system)
+                why = requirement.contradiction(name, q, system)
             except MethodError as error:
                 return f"the {name} cannot be checked: {error}"
             if why:

@@ -169,7 +169,7 @@ class Problem:
             warnings.warn(f"{source}: {doubt}", InputWarning, stacklevel=2)
         formulas = [r for r in problem.requirements if r.speed_power and not r.is_direct]
         if problem.compensation.on and formulas:
-            keys = ", ".join(f"limits.{required.key}" for required in formulas)
+            keys = ", ".join(f"limits.{requirement.key}" for requirement in formulas)
             warnings.warn(
                 f"{source}: compensation.on: the inputs that it adds ignore {keys}; a"
                 " compensated plan that violates one of them is refused",
@@ -427,11 +427,11 @@ class Problem:
     @property
     def divided(self) -> bool:
         """Whether paths can pass a requirement on different sides, so that several optima exist."""
-        return any(required.divides for required in self.requirements)
+        return any(requirement.divides for requirement in self.requirements)
 
     def reads(self, name: str) -> bool:
         """Whether a requirement depends on "q", "u" or "du"."""
-        return any(name in required.reads for required in self.requirements)
+        return any(name in requirement.reads for requirement in self.requirements)
 
     @property
     def target(self) -> Array:

@@ -171,10 +171,10 @@ def _keeps_requirements(problem: Problem, theta: Array) -> Array:
     """Whether configurations (S, n) satisfy the requirements at all times, shape (S,)."""
     q = np.column_stack([np.zeros(len(theta)), theta])
     points, out = MotionPoint.of(problem.system, q), np.ones(len(theta), dtype=bool)
-    for required in problem.requirements:
-        if required.reads == {"q"}:
-            low, high, scale = required.bounds
-            values, slack = np.stack(required.values(points), axis=1), 1e-9 * scale
+    for requirement in problem.requirements:
+        if requirement.reads == {"q"}:
+            low, high, scale = requirement.bounds
+            values, slack = np.stack(requirement.values(points), axis=1), 1e-9 * scale
             out &= np.all((values >= low - slack) & (values <= high + slack), axis=1)
     return out
 

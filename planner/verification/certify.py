@@ -99,10 +99,10 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int, Array]:
         why = "the trajectory belongs to another system than the problem"
     if not why and not plan.executable:  # proven by one sample outside
         report, (part,) = plan.domain, problem.chart.parts
-        broken = Claim(part.label, "violated", -np.inf, report.margin, report.time_s, part.unit)
+        violation = Claim(part.label, "violated", -np.inf, report.margin, report.time_s, part.unit)
         why = "the path leaves the chart's domain, where no real coordinates exist"
         others = [each for each in problem.demands if not each.in_chart]
-        return [broken, *_open_plan_claims(plan, why, others)], *nothing
+        return [violation, *_open_plan_claims(plan, why, others)], *nothing
     if why:
         return _open_plan_claims(plan, why), *nothing
     if plan.compensation is not None:
@@ -168,13 +168,13 @@ def _open_claims(demand: Demand, why: str, required: bool = True) -> list[Claim]
 
 
 @prove.register
-def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
+def _(requirement: Requirement, evidence: Evidence) -> Iterable[Proof]:
     """Prove a requirement by its rows, at all times or only at the end."""
-    reads = required.reads
-    if "du" in reads and not required.is_direct:
-        return _open_claims(required, "there is no proof for this kind of requirement")
+    reads = requirement.reads
+    if "du" in reads and not requirement.is_direct:
+        return _open_claims(requirement, "there is no proof for this kind of requirement")
     motion, margins_of = evidence.motion_for(reads), dict[str, MarginAt]()
-    if required.is_direct:
+    if requirement.is_direct:
         models = (
             motion.enclosure.states
             if "q" in reads
@@ -182,17 +182,17 @@ def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
             if "u" in reads
             else motion.rates
         )
-        values = [models[part.index] for part in required.parts]
+        values = [models[part.index] for part in requirement.parts]
     else:
         try:
-            motion, values = _row_models(required, evidence, motion)
+            motion, values = _row_models(requirement, evidence, motion)
         except UnboundedError as error:
-            return _open_claims(required, f"there is no bound for {error}")
-        margins_of = _own_margins(required, evidence.plan.problem.system, motion, values)
+            return _open_claims(requirement, f"there is no bound for {error}")
+        margins_of = _own_margins(requirement, evidence.plan.problem.system, motion, values)
     proofs: list[Proof] = []
-    for part, value in zip(required.parts, values, strict=True):
+    for part, value in zip(requirement.parts, values, strict=True):
         margins: list[Margin] = [(-1.0, value, part.high), (1.0, value, -part.low)]
-        if required.final:
+        if requirement.final:
             end, doubt = np.array(value.at_end())[:, -1].tolist()
             slack = GOAL_TOLERANCE * part.scale
             margin = slack + min(end - part.low, part.high - end)
@@ -207,20 +207,20 @@ def _(required: Requirement, evidence: Evidence) -> Iterable[Proof]:
 
 
 def _row_models(
-    required: Requirement, evidence: Evidence, motion: EnclosedMotion
+    requirement: Requirement, evidence: Evidence, motion: EnclosedMotion
 ) -> tuple[EnclosedMotion, list[Model]]:
     """Models of the rows, with cells refined where a remainder leaves a limit undecided."""
-    rows, names = _rows(evidence.plan.problem.system, required), sorted(required.reads)
+    rows, names = _rows(evidence.plan.problem.system, requirement), sorted(requirement.reads)
 
     def models_of(enclosure: Enclosure) -> list[Model]:
         return enclosure.models(*rows(*(getattr(enclosure, name) for name in names)))
 
     def coarse_cells(enclosure: Enclosure, models: list[Model]) -> Index:
         hidden = np.zeros(len(enclosure.cells.piece), dtype=bool)
-        for part, value in zip(required.parts, models, strict=True):
+        for part, value in zip(requirement.parts, models, strict=True):
             open_ = (value.low < part.low) | (value.high > part.high)
             hidden |= open_ & (value.r > LIMIT_TOLERANCE * part.scale)
-        if required.final:
+        if requirement.final:
             hidden[:-1] = False
         read = [ball for name in names for ball in getattr(enclosure, name)]
         return np.asarray(hidden & np.all([np.isfinite(ball.range[0]) for ball in read], axis=0))
@@ -239,7 +239,7 @@ MarginAt = Callable[[Array, Array], float]
 
 
 def _own_margins(
-    required: Requirement, system: TriangularSystem, motion: EnclosedMotion, rows: list[Model]
+    requirement: Requirement, system: TriangularSystem, motion: EnclosedMotion, rows: list[Model]
 ) -> dict[str, MarginAt]:
     """Margins of the parts whose rows are a substitute for their values, by label.
 
@@ -247,19 +247,19 @@ def _own_margins(
     them: u²/limit can replace |u|.
     """
     out: dict[str, MarginAt] = {}
-    if type(required).values is Requirement.values:
+    if type(requirement).values is Requirement.values:
         return out
     enclosure = motion.enclosure
     q, u = (np.array([ball.points.c for ball in group]) for group in (enclosure.q, enclosure.u))
-    values = required.values(MotionPoint(system, q, u, np.zeros_like(u)))
-    for k, (part, row, value) in enumerate(zip(required.parts, rows, values, strict=True)):
+    values = requirement.values(MotionPoint(system, q, u, np.zeros_like(u)))
+    for k, (part, row, value) in enumerate(zip(requirement.parts, rows, values, strict=True)):
         known = np.isfinite(row.r)
         gap = np.abs(row.c @ evaluation(row.c.shape[1]).T - value)[known]
         if np.any(gap > (SUBSTITUTE_GAP * part.scale + row.r[known])[:, None]):
 
             def margin_at(q: Array, u: Array, k: int = k, part: Part = part) -> float:
                 point = MotionPoint(system, q, u, np.zeros(2))
-                value = float(required.values(point)[k])
+                value = float(requirement.values(point)[k])
                 return min(part.high - value, value - part.low)
 
             out[part.label] = margin_at
@@ -267,11 +267,11 @@ def _own_margins(
 
 
 @lru_cache(maxsize=64)
-def _rows(system: TriangularSystem, required: Requirement | ChartDomain) -> Expression:
+def _rows(system: TriangularSystem, requirement: Requirement | ChartDomain) -> Expression:
     """The rows of a requirement as functions of what it reads, in alphabetical order."""
     sizes = {"q": system.size, "u": 2, "du": 2}
-    read = {name: ca.SX.sym(name, sizes[name]) for name in sorted(required.reads)}
-    rows = required.rows(MotionPoint(system, **read))
+    read = {name: ca.SX.sym(name, sizes[name]) for name in sorted(requirement.reads)}
+    rows = requirement.rows(MotionPoint(system, **read))
     if not rows:
         raise UnboundedError(f"the chart margins of system '{system.kind}'")
     return Expression(list(read.values()), ca.vertcat(*rows))
@@ -358,16 +358,16 @@ def _(disc: Obstacle, evidence: Evidence) -> Iterable[Proof]:
 
 
 @prove.register
-def _(required: SelfCollision, evidence: Evidence) -> Iterable[Proof]:
+def _(requirement: SelfCollision, evidence: Evidence) -> Iterable[Proof]:
     """Prove that each joint keeps clear of each link that is not adjacent to it.
 
     This implies that no two links cross: the problem excludes crossing at the start, and by
     continuity an end of one link would first touch the other.
     """
     points = joints(evidence.plan.problem.system, evidence.path.enclosure)
-    for part, (place, link) in zip(required.parts, required.joint_link_pairs, strict=True):
+    for part, (place, link) in zip(requirement.parts, requirement.joint_link_pairs, strict=True):
         centre = points[2 * place : 2 * place + 2]
-        yield from _clearance_claims(evidence, centre, [link - 1], (part,), required.clearance)
+        yield from _clearance_claims(evidence, centre, [link - 1], (part,), requirement.clearance)
 
 
 def _clearance_claims(

@@ -43,14 +43,14 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
         if said.certificate is None:
             return said
         return replace(said, certificate=_with_first_time(said, certify(said)))
-    plan, broken = _judge_again(said, path)
-    if broken and strict:
+    plan, violations = _judge_again(said, path)
+    if violations and strict:
         raise InputError(
             f"{path} is marked as a verified plan, but the plan fails the verification:"
-            f" {broken}; the file was changed, so plan again"
+            f" {violations}; the file was changed, so plan again"
         )
-    if broken:
-        return replace(plan, status=VerificationError.status, why=broken)
+    if violations:
+        return replace(plan, status=VerificationError.status, why=violations)
     return plan
 
 

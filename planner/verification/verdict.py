@@ -46,22 +46,22 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
     if not check.ok:
         return plan, check
     certificate = certificate or certify(plan)
-    if broken := sorted(_proven_violations(plan, certificate), key=lambda v: -v.scaled):
-        margins = {v.label: certificate[v.label].attained for v in broken}
-        return plan, replace(_refusal(check, broken), margins={**check.margins, **margins})
+    if violations := sorted(_proven_violations(plan, certificate), key=lambda v: -v.scaled):
+        margins = {v.label: certificate[v.label].attained for v in violations}
+        return plan, replace(_refusal(check, violations), margins={**check.margins, **margins})
     if certificate.only_sampled and plan.compensation is None:
         closer, _ = examine(plan, certificate.edges, motion)
         proven = {claim.label for claim in certificate.claims if claim.status == "proven"}
-        if broken := [v for v in closer.violations if v.label not in proven]:
-            return plan, _refusal(closer, broken)
+        if violations := [v for v in closer.violations if v.label not in proven]:
+            return plan, _refusal(closer, violations)
     if not any(claim.status == "proven" for claim in certificate.claims if claim.required):
         why = certificate.open[0].why
         return plan, _refusal(check, [_flaw(f"nothing of the plan can be proven: {why}")])
     return replace(plan, verified=True, certificate=certificate), check
 
 
-def _refusal(check: Check, broken: Sequence[Violation]) -> Check:
-    return replace(check, ok=False, violations=tuple(broken))
+def _refusal(check: Check, violations: Sequence[Violation]) -> Check:
+    return replace(check, ok=False, violations=tuple(violations))
 
 
 def _flaw(words: str) -> Violation:

@@ -99,16 +99,16 @@ class Check:
 
     def _repr_html_(self) -> str:
         """Table for notebooks: one row per requirement."""
-        broken = {violation.label: str(violation) for violation in self.violations}
+        texts = {violation.label: str(violation) for violation in self.violations}
         columns: list[Column[tuple[str, float]]] = [
             Column("requirement", "", lambda r: r[0], left=True),
-            Column("verdict", "", lambda r: broken.get(r[0], "kept"), left=True),
+            Column("verdict", "", lambda r: texts.get(r[0], "kept"), left=True),
             Column("margin", "negative: broken", lambda r: r[1], "{:.4g}".format),
             Column("unit", "", lambda r: self.units.get(r[0], ""), left=True),
         ]
         above = "verified"
         if not self.ok:
-            above = f"{len(broken)} of {len(self.margins)} requirements broken"
+            above = f"{len(texts)} of {len(self.margins)} requirements broken"
         above += f"; integrated to {self.integration_error:.1g} rad or m"
         return html_table(columns, self.margins.items(), above)
 
@@ -171,8 +171,8 @@ def examine(
         return np.stack(
             [
                 value / part.scale
-                for required in to_resolve
-                for part, value in zip(required.parts, required.values(point), strict=True)
+                for requirement in to_resolve
+                for part, value in zip(requirement.parts, requirement.values(point), strict=True)
             ],
             axis=-1,
         )
@@ -192,11 +192,11 @@ def examine(
         else:
             motion, end, machine_error = _motion_on_machine(plan)
             tolerance = ON_MACHINE_TOLERANCE
-        smooth = [required for required in problem.requirements if required.smooth]
+        smooth = [requirement for requirement in problem.requirements if requirement.smooth]
         groups = [(motion, smooth)]
         if coarse is not None and coarse.input_distance(motion) <= LIMIT_TOLERANCE:
-            steep = [required for required in smooth if "du" in required.reads]
-            others = [required for required in smooth if "du" not in required.reads]
+            steep = [requirement for requirement in smooth if "du" in requirement.reads]
+            others = [requirement for requirement in smooth if "du" not in requirement.reads]
             groups = [(motion, others), (coarse, steep)]
         goal = problem.target
         error = np.asarray(end - np.where(np.isnan(goal), end, goal))
@@ -209,7 +209,7 @@ def examine(
         ]
         if plan.compensation is not None:
             findings += _claimed_findings(plan, machine_error)
-        broken = sorted(
+        violations = sorted(
             (v for f in findings if (v := f.violation())),
             key=lambda v: np.nan_to_num(-v.scaled, nan=-np.inf),
         )
@@ -218,11 +218,11 @@ def examine(
             error = np.asarray(reached - np.where(np.isnan(wanted), reached, wanted))
         error_deg = np.rad2deg(error[_angular(plan)])
     check = Check(
-        ok=not broken,
+        ok=not violations,
         terminal_error=error,
         terminal_error_deg=error_deg,
         margins={f.part.label: f.margin for f in findings},
-        violations=tuple(broken),
+        violations=tuple(violations),
         interpolant_error=motion.gap[0],
         integration_error=motion.error,
         units={f.part.label: f.part.unit for f in findings},
@@ -384,21 +384,21 @@ def _limit_findings(
     system, cells = plan.problem.system, motion.cells
     point = MotionPoint.of(system, motion.q, motion.u, slopes(cells, motion.u))
     wanted = [
-        (required, part, value)
-        for required in smooth
-        for part, value in zip(required.parts, required.values(point), strict=True)
+        (requirement, part, value)
+        for requirement in smooth
+        for part, value in zip(requirement.parts, requirement.values(point), strict=True)
     ]
     columns = np.stack([side for *_, value in wanted for side in (value, -value)], axis=-1)
     values, times = (a.reshape(-1, 2).tolist() for a in greatest(cells, columns))
     jumping, out = jumps(motion.u), []
-    for (required, part, _), (most, minus_least), when in zip(wanted, values, times, strict=True):
+    for (each, part, _), (most, minus_least), when in zip(wanted, values, times, strict=True):
         below = part.low + minus_least > most - part.high
         upper = not below or part.low == -part.high  # report symmetric limits by magnitude
         value = (minus_least if upper else -minus_least) if below else most
-        if "du" in required.reads and (jumping[part.index] if required.is_direct else any(jumping)):
+        if "du" in each.reads and (jumping[part.index] if each.is_direct else any(jumping)):
             value = np.inf
         limit = part.high if upper else part.low
-        time_s = when[below] if "q" in required.reads else None
+        time_s = when[below] if "q" in each.reads else None
         out.append(_Finding(part, value, limit, time_s, LIMIT_TOLERANCE * part.scale, upper))
     return out
 
@@ -406,15 +406,15 @@ def _limit_findings(
 def _corner_findings(plan: Plan, motion: IntegratedMotion) -> list[_Finding]:
     """Check the requirements with corners at all times, except those that cannot be broken."""
     system, out = plan.problem.system, []
-    for required in plan.problem.requirements:
-        if required.smooth:
+    for requirement in plan.problem.requirements:
+        if requirement.smooth:
             continue
-        parts, settled = required.parts, required.values_out_of_reach(system)
+        parts, settled = requirement.parts, requirement.values_out_of_reach(system)
         values, times = np.array(settled or []), np.zeros(len(parts))
         if settled is None:
             values, times = _least_values(
                 motion,
-                lambda q, r=required: np.stack(r.values(MotionPoint.of(system, q)), axis=-1),  # type: ignore[misc]
+                lambda q, r=requirement: np.stack(r.values(MotionPoint.of(system, q)), axis=-1),  # type: ignore[misc]
             )
         for part, value, when in zip(parts, values.tolist(), times.tolist(), strict=True):
             slack = LIMIT_TOLERANCE * part.scale

@@ -120,8 +120,8 @@ class Correction:
         missed = float(
             np.linalg.norm(np.maximum(np.abs(runs.pins) - np.rad2deg(PIN_SLACK_RAD), 0.0))
         )
-        broken = float(np.max(np.maximum(-runs.margins, 0.0), initial=0.0))
-        return float(np.hypot(norm, rough)) + PIN_PRICES[power] * missed + 100.0 * broken
+        violation = float(np.max(np.maximum(-runs.margins, 0.0), initial=0.0))
+        return float(np.hypot(norm, rough)) + PIN_PRICES[power] * missed + 100.0 * violation
 
     @property
     def commands(self) -> Array:

@@ -242,10 +242,10 @@ def _gentle_s(system: Manipulator, machine: Machine, swing: Array) -> Array:
 def _reachable(problem: Problem, q: Array, start: float) -> Array:
     """Whether joint 1 can move from the start to each q (M, N) and keep all requirements, (M,)."""
     kept = np.ones(len(q), dtype=bool)
-    for required in problem.requirements:
-        if required.reads == {"q"} and not required.final:
-            values = required.values(MotionPoint.of(problem.system, q))
-            for part, value in zip(required.parts, values, strict=True):
+    for requirement in problem.requirements:
+        if requirement.reads == {"q"} and not requirement.final:
+            values = requirement.values(MotionPoint.of(problem.system, q))
+            for part, value in zip(requirement.parts, values, strict=True):
                 slack = 1e-9 * part.scale
                 kept &= (value >= part.low - slack) & (value <= part.high + slack)
     away = q[:, 1] - start

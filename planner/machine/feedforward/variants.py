@@ -133,10 +133,10 @@ class Variants:
             there = np.searchsorted(self._times, self.shape.clock.when(time_s) - 1e-9)
             pins.append((q[:, there] - place)[:, ~np.isnan(place)])
         margins = [np.empty((count, 0))]
-        for required in problem.requirements:
-            if required.reads == {"q"} and not required.final:
-                values = required.values(MotionPoint.of(problem.system, q))
-                for part, value in zip(required.parts, values, strict=True):
+        for requirement in problem.requirements:
+            if requirement.reads == {"q"} and not requirement.final:
+                values = requirement.values(MotionPoint.of(problem.system, q))
+                for part, value in zip(requirement.parts, values, strict=True):
                     if np.isfinite(part.low):
                         margins.append((value - part.low) / part.scale - SAFE)
                     if np.isfinite(part.high):

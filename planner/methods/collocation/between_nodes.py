@@ -123,7 +123,7 @@ def clears(task: Task, solution: Solution) -> bool:
 
     A link that enters less than half the radius counts as clear, since refinement can move it out.
     """
-    requirements = [required for required in task.requirements if required.divides]
+    requirements = [requirement for requirement in task.requirements if requirement.divides]
     if not requirements:
         return True
     thickness = np.concatenate([[each.thickness] * len(each.parts) for each in requirements])
@@ -145,7 +145,7 @@ def excess(
     """
     system, point = task.problem.system, MotionPoint.of(task.problem.system, curves)
     requirements = task.requirements if requirements is None else requirements
-    if any(required.reads != {"q"} for required in requirements):
+    if any(requirement.reads != {"q"} for requirement in requirements):
         (left, right), tau = iterate.input_ends(), np.arange(STEPS + 1)[:, None] / STEPS
         u = left[:, None] + tau * (right - left)[:, None]
         slope = (right - left) / (task.mesh.widths[:, None] * iterate.duration)
@@ -153,12 +153,12 @@ def excess(
         alike = (np.broadcast_to(each, (*curves.shape[:-1], 2)) for each in (u, du))
         point = MotionPoint.of(system, curves, *alike)
     out = [np.zeros((curves.shape[1], 0))]
-    for required in requirements:
-        low, high, scale = required.bounds
+    for requirement in requirements:
+        low, high, scale = requirement.bounds
         here = point
-        if required.divides:
-            here = MotionPoint.of(system, _dense(system, curves, required.thickness))
-        values = np.stack(required.values(here), axis=-1)
+        if requirement.divides:
+            here = MotionPoint.of(system, _dense(system, curves, requirement.thickness))
+        values = np.stack(requirement.values(here), axis=-1)
         if (low == -high).all():
             out.append(limit_excess(np.abs(values), high, scale))
         else:

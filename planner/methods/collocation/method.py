@@ -115,16 +115,16 @@ def _finish_best(
     if done:
         candidate = max(done, key=lambda each: each.rank)
         return replace(candidate, start="the best found by then", stage="time limit")
-    far, last, broken = progress.current_progress(), None, list[Violation]()
+    far, last, violations = progress.current_progress(), None, list[Violation]()
     if failed := best.candidates.get(Exactness.FAILED):
-        last, broken = iterate_plan(problem, failed, options)
+        last, violations = iterate_plan(problem, failed, options)
     came = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
-    nearest = "; the closest attempt breaks:" if broken else ""
+    nearest = "; the closest attempt breaks:" if violations else ""
     raise TimeLimitError(
         f"{problem.source}: {span.why} ended the search before it had found a motion{came}"
         f"{nearest}",
         plan=last,
-        violations=broken,
+        violations=violations,
         advice=time_advice(),
     )
 

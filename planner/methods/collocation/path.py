@@ -369,8 +369,8 @@ def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
     slope = (u[1] - u[0]) / (mesh.widths[:, None] * iterate.duration)
     q = np.stack([iterate.nodes[:-1], iterate.nodes[1:]])[..., : problem.system.size]
     point, factors = MotionPoint.of(problem.system, q, u, np.stack([slope, slope])), [0.0]
-    for required in problem.requirements:
-        if required.speed_power:
-            values = np.stack([np.ravel(value) for value in required.values(point)])
-            factors += required.slowing_factor(values.min(axis=1), values.max(axis=1)).tolist()
+    for requirement in problem.requirements:
+        if requirement.speed_power:
+            values = np.stack([np.ravel(value) for value in requirement.values(point)])
+            factors += requirement.slowing_factor(values.min(axis=1), values.max(axis=1)).tolist()
     return iterate.duration * float(np.max(factors))

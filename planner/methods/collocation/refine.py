@@ -72,7 +72,7 @@ def polish(candidate: Candidate, accuracy: float, refinements: int) -> Candidate
         with suppress(TimeUpError):
             now = _exact_path(now, accuracy) or now
         meshes.append(len(now.task.mesh.widths))
-    parts = [part for required in now.task.requirements for part in required.parts]
+    parts = [part for requirement in now.task.requirements for part in requirement.parts]
     scales = np.array([part.scale for part in parts])
     inside = bool((now.excess <= LIMIT_TOLERANCE * scales).all())
     most = zip(parts, now.task.inset.max(axis=0).tolist(), strict=True)
@@ -126,8 +126,8 @@ def _tighter_motions(now: Inspection) -> Iterator[tuple[int, Inspection]]:
             tighter = _add_build_time(now.task, now.task.with_inner_rows())
         else:
             rounds += 1
-            broken, share = rounds * now.excess, SIDE_SHARE if rounds == 1 else 1.0
-            more = np.maximum(broken, share * np.max(broken, axis=0))
+            excess, share = rounds * now.excess, SIDE_SHARE if rounds == 1 else 1.0
+            more = np.maximum(excess, share * np.max(excess, axis=0))
             tighter = replace(now.task, inset=now.task.inset + more)
         solution = tighter.solve_near(now.solution.iterate)
         now = inspect(tighter, solution) if solution.ok else replace(now, task=tighter)

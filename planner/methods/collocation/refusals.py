@@ -54,12 +54,12 @@ def too_short(problem: Problem, fastest: Candidate, options: CollocationOptions)
     found, wanted = fastest.solution.iterate.duration, problem.duration
     proof = why_too_short(problem)
     why = f"{proof}. The" if proof else f"goal.duration = {wanted:g} s is too short: the"
-    plan, broken = iterate_plan(problem, fastest, options)
+    plan, violations = iterate_plan(problem, fastest, options)
     return (InfeasibleError if proof else NotConvergedError)(
         f"{problem.source}: {why} fastest motion found takes {found:.4g} s. Shortened to"
         f" {wanted:g} s it breaks:",
         plan=plan,
-        violations=broken,
+        violations=violations,
         changes=[
             *motion_changes(problem, options),
             duration_change(found),
@@ -79,7 +79,7 @@ def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
         return too_short(problem, search.fastest, search.options)
     assert search.last is not None
     solution, options = search.last.solution, search.options
-    plan, broken = iterate_plan(problem, search.last, options)
+    plan, violations = iterate_plan(problem, search.last, options)
     proof = why_too_short(problem)
     changes = path_changes(problem)
     if search.pathless:
@@ -96,7 +96,7 @@ def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
         f"{problem.source}: {f'{proof}; and ' if proof else ''}the solver found no motion from"
         f" {starts}{'' if solution.ok else said}",
         plan=plan,
-        violations=broken,
+        violations=violations,
         changes=changes,
         advice="another start or goal, or wider limits",
     )

@@ -190,7 +190,7 @@ def task(
     new = transcription.cache_info().misses > built or wanted not in nlp.solvers
     solver_answer(lambda: backend(nlp, wanted), lambda _: None)  # `solve` says what it raises
     seconds = time.perf_counter() - began if new else 0.0
-    none = np.zeros((form.intervals, sum(len(required.parts) for required in requirements)))
+    none = np.zeros((form.intervals, sum(len(requirement.parts) for requirement in requirements)))
     return Task(problem, requirements, objective, nlp, mesh, demands, settings, none, seconds)
 
 

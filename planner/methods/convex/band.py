@@ -187,9 +187,9 @@ def _search(p: Array, z: Array, band: Band | None, tolerance: float, proof: bool
             value = p[end] - (0.0 if band is None else band.cap(z[end]))
             _keep_best(best, where, piece, value, tau)
         bound = _upper_bound(p, z, band)
-        broken = best[piece] > 0 if proof else True
+        is_violated = best[piece] > 0 if proof else True
         slack = max(tolerance, COARSE * float(best.max()))
-        open_ = bound > np.where(broken, np.maximum(best[piece], 0.0) + slack, 0.0)
+        open_ = bound > np.where(is_violated, np.maximum(best[piece], 0.0) + slack, 0.0)
         proven = max(proven, float(np.max(bound[~open_], initial=-np.inf)))
         if not open_.any():
             break

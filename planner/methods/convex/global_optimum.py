@@ -153,15 +153,15 @@ def optimum_by_cuts(
             return EmptyClass(frame, touch, A / length[:, None], b / length, answer)
         if relaxed is None and answer.bound > ceiling:
             return BoundAboveCeiling(answer.bound)
-        broken, proven = _violations(frame, band, answer.y, relaxed is not None)
-        if len(broken.tau) == 0:
+        cuts, proven = _violations(frame, band, answer.y, relaxed is not None)
+        if len(cuts.tau) == 0:
             relaxed = relaxed or answer
             tighten = 2 * max(tighten, TOLERANCE)
         if relaxed is not None and proven <= 0:
             leant = (answer.multipliers > 0) & (np.arange(len(b)) >= nodes)
             return ClassOptimum(frame, answer, relaxed.bound, touch.only(leant), round_, proven)
-        touch = touch.plus(broken)
-        more = band_rows(frame, band, broken)
+        touch = touch.plus(cuts)
+        more = band_rows(frame, band, cuts)
         A, b = np.concatenate([A, more[0]]), np.append(b, more[1])
     raise StalledError(f"cuts did not settle in {max_rounds} rounds")
 

@@ -325,14 +325,14 @@ def _refuse_no_room(job: Task) -> None:
     if moved is None or not moved.backoff:
         return
     W = moved.response(job.nlp.start(problem))
-    for required in filter(backs_off, problem.requirements):
-        for part, row, q in _functions(required, problem.system):
+    for requirement in filter(backs_off, problem.requirements):
+        for part, row, q in _functions(requirement, problem.system):
             there = ca.Function("there", [q], [row, ca.jacobian(row, q)])
             value, slope = (np.asarray(entry, dtype=float) for entry in there(problem.start))
             room = min(part.high - float(value.item()), float(value.item()) - part.low)
             needed = moved.backoff * float(np.linalg.norm(slope @ W))
             if needed > room:
-                name = required.limit_name(part)
+                name = requirement.limit_name(part)
                 raise InfeasibleError(
                     f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs a"
                     f" distance of {format_value(needed, part.unit)} from the limit on {name},"
@@ -373,10 +373,10 @@ def _violations(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
     if not moved.backoff:
         return out
     x = ca.SX.sym("x", moved.size)
-    for required in problem.requirements:
-        if not backs_off(required):
+    for requirement in problem.requirements:
+        if not backs_off(requirement):
             continue
-        for part, value, q in _functions(required, problem.system):
+        for part, value, q in _functions(requirement, problem.system):
             reach = ca.Function("reach", [x], [ca.vertcat(*moved.sides(q, value, [x]))])
             below, above = np.asarray(reach(nodes.T))
             excesses = np.maximum(above - part.high, part.low - below)
@@ -390,8 +390,8 @@ def _violations(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
     return out
 
 
-def _functions(required: Requirement, system: TriangularSystem) -> list[tuple[Part, Any, Any]]:
+def _functions(requirement: Requirement, system: TriangularSystem) -> list[tuple[Part, Any, Any]]:
     """Parts of a requirement, each with its row as an expression of q, and with q."""
     q = ca.SX.sym("q", system.size)
-    pairs = zip(required.parts, required.rows(MotionPoint(system, q)), strict=True)
+    pairs = zip(requirement.parts, requirement.rows(MotionPoint(system, q)), strict=True)
     return [(part, row, q) for part, row in pairs]

@@ -207,7 +207,7 @@ def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
     """
     if problem.duration is not None:
         return trajectory
-    if not any(required.speed_power for required in problem.requirements):
+    if not any(requirement.speed_power for requirement in problem.requirements):
         raise InputError(
             f"{problem.source}: goal.duration is free but [limits] holds no limit of an input;"
             " set one of them"

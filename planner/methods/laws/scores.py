@@ -72,12 +72,12 @@ class Scores:
         with np.errstate(invalid="ignore"):
             outside = 2 + _bound(-self.margin)
             close = 1 - self.margin / (_CLOSE * ends)
-            broken = 1 + _bound(np.maximum(close, slack - self.slack))
+            penalty = 1 + _bound(np.maximum(close, slack - self.slack))
             kept = _bound(self.peak)
             if criterion == "margin":
                 short = self.margin < ends * (1 - 1e-6)
                 kept = np.where(short, 1 - 0.5 * self.margin / ends, 0.5 * kept)
-            cost = np.where((self.slack < slack - ROUNDING) | (close > 0), broken, kept)
+            cost = np.where((self.slack < slack - ROUNDING) | (close > 0), penalty, kept)
             cost = np.where(self.margin > 0, cost, outside)
         return np.where(np.isnan(cost), 3.0, cost)
 
@@ -168,9 +168,9 @@ def _room(problem: Problem, z: Array, q: Array) -> Array:
 def _rooms(problem: Problem, z: Array, q: Array) -> Iterator[Array]:
     """Slack (…) to each limit on coordinates, relative to it, at z and q (…, N)."""
     point = replace(MotionPoint.of(problem.system, q), z=np.moveaxis(z, -1, 0))
-    for required in problem.requirements:
-        if required.reads == {"q"} and required.smooth:
-            for part, value in zip(required.parts, required.values(point), strict=True):
+    for requirement in problem.requirements:
+        if requirement.reads == {"q"} and requirement.smooth:
+            for part, value in zip(requirement.parts, requirement.values(point), strict=True):
                 if part.low == -part.high:
                     yield 1 - np.abs(value) / part.high
                 else:

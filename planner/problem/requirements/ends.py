@@ -103,11 +103,11 @@ class TipGoal(Requirement):
         return [every[name] for name in self.quantities]
 
     @classmethod
-    def easing(cls, broken: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Breach]) -> str:
         """The goal changed to the tip pose that the motion reaches."""
-        tip = broken[0][0]
+        tip = breaches[0][0]
         assert isinstance(tip, TipGoal)
-        reached = {part.label: violation.value for _, part, violation in broken}
+        reached = {part.label: violation.value for _, part, violation in breaches}
         pose = [reached.get(part.label, part.low) for part in tip.parts]
         keys = [f"goal.tip_m = [{pose[0]:.4g}, {pose[1]:.4g}]"] if "x" in tip.quantities else []
         keys += [f"goal.tip_angle_deg = {np.rad2deg(pose[-1]):.4g}"] * ("angle" in tip.quantities)
@@ -147,6 +147,6 @@ class LongestDuration(Demand):
         return (Part("all that is run", "s", -np.inf, self.seconds, self.seconds),)
 
     @classmethod
-    def easing(cls, broken: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Breach]) -> str:
         """The limit changed to the duration of the run."""
-        return f"goal.duration_max = {max(v.value for *_, v in broken) * 1.0001:.4g}"
+        return f"goal.duration_max = {max(v.value for *_, v in breaches) * 1.0001:.4g}"

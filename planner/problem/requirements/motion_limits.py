@@ -34,7 +34,7 @@ class ChartDomain(Demand):
         return (Part("chart domain", "", 0.0, np.inf, 1.0),)
 
     @classmethod
-    def easing(cls, broken: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Breach]) -> str:
         """Empty, because no key of the file widens the domain."""
         return ""
 
@@ -166,9 +166,9 @@ class Z2Margin(Requirement):
         return (Part("z2 margin", "", self.margin, np.inf, max(self.margin, SMALLEST_Z2)),)
 
     @classmethod
-    def easing(cls, broken: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Breach]) -> str:
         """A smaller margin, or none if z₂ changes sign."""
-        ((_, _, v),) = broken
+        ((_, _, v),) = breaches
         if v.value > 0:
             return f"limits.z2_margin = {0.999 * v.value:.4g} or less"
         return "leave out limits.z2_margin, so that z2 may change sign"

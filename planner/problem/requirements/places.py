@@ -40,9 +40,9 @@ class Waypoint(Demand):
         return (Part(f"distance from waypoint {self.number}", self.unit, -np.inf, 0.0, 1.0),)
 
     @classmethod
-    def easing(cls, broken: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Breach]) -> str:
         """Leave these waypoints out."""
-        return _omission("waypoints", broken)
+        return _omission("waypoints", breaches)
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """The change that removes all waypoints."""
@@ -106,12 +106,12 @@ class Obstacle(Requirement):
         return self.radius + self.clearance
 
     @classmethod
-    def easing(cls, broken: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Breach]) -> str:
         """A smaller clearance; or leave out the discs that links touch."""
-        touched = [breach for breach in broken if breach[2].value <= 0]
+        touched = [breach for breach in breaches if breach[2].value <= 0]
         if touched:
             return _omission("obstacles", touched)
-        return f"obstacles.clearance_m = {0.999 * min(v.value for *_, v in broken):.4g} or less"
+        return f"obstacles.clearance_m = {0.999 * min(v.value for *_, v in breaches):.4g} or less"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """The change that removes all obstacles."""
@@ -185,6 +185,6 @@ def nearest_on_segment(point: Array, first: Array, last: Array) -> Array:
     return np.asarray(first + np.clip(share, 0.0, 1.0)[..., None] * step)
 
 
-def _omission(table: str, broken: Sequence[Breach]) -> str:
-    numbers = sorted({demand.number for demand, *_ in broken})  # type: ignore[attr-defined]
+def _omission(table: str, breaches: Sequence[Breach]) -> str:
+    numbers = sorted({demand.number for demand, *_ in breaches})  # type: ignore[attr-defined]
     return f"leave out [[{table}]] {' and '.join(map(str, numbers))}"

@@ -85,10 +85,10 @@ class Demand(ABC):
         return part.label
 
     @classmethod
-    def easing(cls, broken: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Breach]) -> str:
         """The change of the problem file that would satisfy all of these, in words."""
         peaks = []
-        for demand, part, v in broken:
+        for demand, part, v in breaches:
             above = v.limit == part.high
             value = v.value + (1e-3 if above else -1e-3) * abs(v.value)
             shown, _, unit = replace(v, value=value).shown(4)

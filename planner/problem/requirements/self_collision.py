@@ -89,9 +89,9 @@ class SelfCollision(Requirement):
         )
 
     @classmethod
-    def easing(cls, broken: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Breach]) -> str:
         """A smaller clearance, or none if links cross."""
-        least = min(v.value for *_, v in broken)
+        least = min(v.value for *_, v in breaches)
         if least > 0:
             return f"limits.{cls.key} = {0.999 * least:.4g} or less"
         return f"leave out limits.{cls.key}"

@@ -56,7 +56,7 @@ class UserGoal(_UserPart):
         return tuple(Part(f"goal {c.name}", c.unit, value, value, 1.0, i) for c, i, value in given)
 
     @classmethod
-    def easing(cls, broken: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Breach]) -> str:
         """The goal changed to the place that the motion reaches."""
-        reached = (f"{part.label.removeprefix('goal ')} = {v.value:.4g}" for _, part, v in broken)
+        reached = (f"{part.label.removeprefix('goal ')} = {v.value:.4g}" for _, part, v in breaches)
         return f"goal.q with {', '.join(reached)}"

@@ -177,12 +177,12 @@ def _draw(ax: Any, curve: Curve, scale: Any, poses: int) -> None:
 
 def _draw_closest(ax: Any, plan: Plan) -> None:
     """Draw the pose in which two links are closest to each other, and their distance."""
-    required = plan.problem.self_collision
-    if required is None:
+    requirement = plan.problem.self_collision
+    if requirement is None:
         return
     poses = body_points(plan.problem, plan.q(times(plan)))
-    points = poses[int(np.argmin(np.min(required.distances(poses), axis=0)))]
-    one, other, away = required.nearest_pair(points)
+    points = poses[int(np.argmin(np.min(requirement.distances(poses), axis=0)))]
+    one, other, away = requirement.nearest_pair(points)
     ax.plot(*points.T, "-", color="crimson", linewidth=1, zorder=4)
     ax.plot(*np.stack([one, other]).T, "-", color="crimson", linewidth=2.5, zorder=6)
     words = f"links {away:.2g} m apart" if away > 0 else "links cross"

@@ -43,7 +43,7 @@ FREE_LIMIT_SHARE = 1e-4
 def has_only_limits(job: Task) -> bool:
     """Whether a task has no requirements on a path except limits on joints and inputs."""
     may_jump = not (job.demands.rest or job.objective.smooth or job.problem.reads("du"))
-    plain = all(required.is_direct for required in job.problem.requirements)
+    plain = all(requirement.is_direct for requirement in job.problem.requirements)
     return may_jump and plain and not (job.problem.waypoints or job.nlp.form.augmented)
 
 

@@ -156,10 +156,10 @@ MovingSystem = TriangularSystem | Augmented
 """A system that can be transcribed."""
 
 
-def backs_off(required: Requirement) -> bool:
+def backs_off(requirement: Requirement) -> bool:
     """Whether a requirement is backed off: limits on coordinates, but not obstacles.
 
     Rows that depend on fields of the requirement (`numbers`) are not backed off, since their slope
     is not a function of q alone.
     """
-    return required.reads == {"q"} and required.smooth and not required.row_fields
+    return requirement.reads == {"q"} and requirement.smooth and not requirement.row_fields

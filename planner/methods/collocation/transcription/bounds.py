@@ -96,11 +96,11 @@ def bounds(
     inside, edges = np.minimum(inset, most), np.minimum(_at_nodes(inset), most)
     lower, upper = _limits(problem, nlp, mesh, demands, inside, edges)
     _fix(lower, upper, problem, nlp, mesh, demands)
-    reads = [required.reads for required in requirements for _ in required.parts]
-    speeds = [required.speed_power for required in requirements for _ in required.parts]
+    reads = [requirement.reads for requirement in requirements for _ in requirement.parts]
+    speeds = [requirement.speed_power for requirement in requirements for _ in requirement.parts]
     units, of_unknowns = nlp.form.units, nlp.layout.units(nlp.form.units)
     row_lower, row_upper = np.zeros((2, nlp.form.intervals, nlp.height))
-    ends = [part for required in problem.final for part in required.parts]
+    ends = [part for requirement in problem.final for part in requirement.parts]
     for rows in nlp.labels:
         if rows.kind == "final":
             row_lower[:, rows.positions], row_upper[:, rows.positions] = -np.inf, np.inf
@@ -127,8 +127,8 @@ def bounds(
         row_lower[:, where] = (low[r] + amounts) * unit
         row_upper[:, where] = (high[r] - amounts) * unit
     numbers: list[float] = []
-    for required in (*requirements, *problem.final):
-        numbers += required.row_field_values
+    for requirement in (*requirements, *problem.final):
+        numbers += requirement.row_field_values
     known = [] if problem.duration is None else [problem.duration / units.time_s]
     weights = units.weights(objective.weights)
     parameters = np.concatenate([weights, numbers, known, mesh.widths])
@@ -154,14 +154,14 @@ def _limits(
         upper[unknowns] = np.minimum(upper[unknowns], sides[1] - inset)
 
     r = 0
-    for required in problem.requirements:
-        index, (low, high, _) = [part.index for part in required.parts], required.bounds
-        if required.is_direct and required.reads != {"q"}:
-            unknowns = places.inputs if "u" in required.reads else places.slopes
+    for requirement in problem.requirements:
+        index, (low, high, _) = [part.index for part in requirement.parts], requirement.bounds
+        if requirement.is_direct and requirement.reads != {"q"}:
+            unknowns = places.inputs if "u" in requirement.reads else places.slopes
             if not demands.timeless:
                 restrict(unknowns[:, index], (low, high))
             continue
-        if required.is_direct:
+        if requirement.is_direct:
             restrict(places.nodes[:, index], (low, high), edges[:, r : r + len(index)])
             for k in set(index) & set(places.lifted):
                 place = index.index(k)

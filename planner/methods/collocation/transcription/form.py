@@ -178,7 +178,7 @@ class Form:
     def parameters(self) -> int:
         """Number of parameters of an interval beside its width: weights of the objective, numbers
         of the requirements, and the duration if it is known."""
-        numbers = sum(len(required.row_fields) for required in (*self.kept, *self.final))
+        numbers = sum(len(requirement.row_fields) for requirement in (*self.kept, *self.final))
         return TERMS + numbers + (not self.free_duration)
 
     @property

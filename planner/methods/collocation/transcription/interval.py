@@ -237,14 +237,14 @@ def _limit_rows(
     part, first = 0, TERMS
     for blank in form.kept:
         last = first + len(blank.row_fields)
-        required, first = blank.with_row_fields(ca.vertsplit(x.weights[first:last])), last
+        requirement, first = blank.with_row_fields(ca.vertsplit(x.weights[first:last])), last
         places = [*[0.0] * (not blank.is_direct), *at_points]
         if "q" not in blank.reads:
             places = LIMITED_PLACES if "u" in blank.reads and form.input == "linear" else [0.0]
         elif blank.reads != {"q"}:
             places = sorted({*places, 1.0})  # inputs may jump at the next edge
         rows_at = [
-            required.rows(
+            requirement.rows(
                 MotionPoint(
                     system,
                     state.get(tau, x.X)[: system.size],
@@ -261,8 +261,8 @@ def _limit_rows(
     part = 0
     for blank in form.final:
         last = first + len(blank.row_fields)
-        required, first = blank.with_row_fields(ca.vertsplit(x.weights[first:last])), last
-        for row in required.rows(MotionPoint(system, after[: system.size])):
+        requirement, first = blank.with_row_fields(ca.vertsplit(x.weights[first:last])), last
+        for row in requirement.rows(MotionPoint(system, after[: system.size])):
             rows.add("final", part, np.ones(1), [row])
             part += 1
 

@@ -236,11 +236,11 @@ def find_remedy(
         for change in (*nearer, *duration_changes(problem), *path_changes(problem))
         for name in able
     ]
-    tried = try_changes(changes, attempt, say)
-    if tried.change is None or tried.plan is None:
+    result = try_changes(changes, attempt, say)
+    if result.change is None or result.plan is None:
         return None
-    words = str(replace(tried.change, method=""))
-    return Remedy(tried.change.keys, tried.change.method, plan_summary(tried.plan), words)
+    words = str(replace(result.change, method=""))
+    return Remedy(result.change.keys, result.change.method, plan_summary(result.plan), words)
 
 
 def _outcome(problem: Problem, name: str) -> dict[str, Any]:

@@ -88,10 +88,10 @@ def compensate_plan(
         if meets_before_start(compensated, check.violations):
             where += f" in the preparation, the first {compensated.lead_s:.3g} s, before the plan"
             where += " starts"
-        tried = _try_settings(
+        attempt = _try_settings(
             plan, machine, options, compensated, check, time.perf_counter() - began
         )
-        raise refusal(compensated, check, where, "; or ".join([*tried, *changes]))
+        raise refusal(compensated, check, where, "; or ".join([*attempt, *changes]))
     ways = "; or ".join(changes)
     errors = compensated.notes["compensation"]
     if not errors["E_deg"] < errors["plain_E_deg"]:

@@ -150,8 +150,8 @@ def solve_and_check(
             ) from None
         except NoPlanError as error:
             seconds = time.monotonic() - began
-            tried = partial(attempt, short=error.plan)
-            advised = advise(error, problem, tried, seconds) if advice else None
+            retry = partial(attempt, short=error.plan)
+            advised = advise(error, problem, retry, seconds) if advice else None
             if advised is None:
                 raise
             plan, check = judge_plan(replace(advised, problem=problem))

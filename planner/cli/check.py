@@ -219,9 +219,9 @@ def _unpromised_limits(analysis: Analysis) -> list[str]:
     lists: dict[tuple[str, ...], list[str]] = {}
     for name, labels in analysis.not_promised.items():
         lists.setdefault(labels, []).append(name)
-    kept = lists.pop((), [])
+    common = lists.pop((), [])
     out = [f"{', '.join(names)}: may break {', '.join(labels)}" for labels, names in lists.items()]
-    return ["", *out, f"{', '.join(kept)}: every plan keeps all limits"] if kept else ["", *out]
+    return ["", *out, f"{', '.join(common)}: every plan keeps all limits"] if common else ["", *out]
 
 
 def _refusals(analysis: Analysis) -> Iterator[str]:

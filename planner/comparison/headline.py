@@ -51,11 +51,11 @@ def recommend(rows: Sequence[Row], threshold_deg: float) -> Row | None:
     solved = [row for row in rows if row.solved and not row.feedback]
     if not solved:
         return None
-    known = [row for row in solved if np.isfinite(row.E_median_deg)]
-    if known:
-        best = min(known, key=lambda row: row.E_median_deg)
+    finite = [row for row in solved if np.isfinite(row.E_median_deg)]
+    if finite:
+        best = min(finite, key=lambda row: row.E_median_deg)
         worse = _worse_than(best, rows, threshold_deg)
-        solved = [row for row in known if row.label not in worse]
+        solved = [row for row in finite if row.label not in worse]
     return min(solved, key=lambda row: row.effort if np.isfinite(row.effort) else np.inf)
 
 

@@ -217,8 +217,8 @@ def _sliders(group: str, key: str, now: Any, usual: Any, help_text: str) -> Iter
         if listed:  # a motor drives the first joint directly, so gears begin with K2
             number = k + (2 if name == "K" else 1)
             counted = f"{label.removesuffix('s')} {number}"
-            known = {"theta": readable_name(f"theta{number}"), "K": readable_name(f"K{number}")}
-            label = f"tip {'xy'[k]}" if name == "tip" else known.get(name, counted)
+            names = {"theta": readable_name(f"theta{number}"), "K": readable_name(f"K{number}")}
+            label = f"tip {'xy'[k]}" if name == "tip" else names.get(name, counted)
         if key == JOINTS_KEY:
             ends: tuple[float, float] = (2, max(MAX_JOINTS, value))
         elif group == GROUPS["system"]:

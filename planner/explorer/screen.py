@@ -65,8 +65,8 @@ class Screen:
                 control = replace(control, whole=now)
             self.state = self.state.with_value(control.key, control.new_value(value))
             # Show the value even if it makes the problem invalid: `_rebuild` is skipped then.
-            known = {"on": False} if value is None else {"on": True, "shown": value}
-            self.controls = {**self.controls, name: replace(self.controls[name], **known)}
+            state = {"on": False} if value is None else {"on": True, "shown": value}
+            self.controls = {**self.controls, name: replace(self.controls[name], **state)}
         before = list(self.controls)
         with suppress(InputError):
             self._rebuild(self.state.problem(), None)

@@ -66,8 +66,8 @@ class DiskChain:
         self._creep, self._creep_per_nm = draws["creep"], draws["creep_per_nm"]
         self._lateral, self._capacity = lateral_friction(draws), friction_capacity(draws)
         self._loaded = any(draws.has_effect(name) for name in VARYING_EFFECTS)
-        kept = np.repeat(1 - self._creep, len(k), axis=0)
-        self._unloaded = (kept, kept**2) if draws.has_effect("creep") else None
+        shares = np.repeat(1 - self._creep, len(k), axis=0)
+        self._unloaded = (shares, shares**2) if draws.has_effect("creep") else None
         self._motor = Play.gearhead(draws, 0, np.zeros(draws.count))
         self._motor.settle()
         self._joints = [Play.gearhead(draws, 1, q[1].copy())]
@@ -271,13 +271,13 @@ class Play:
             return axis
         still = self.theta
         least, most = axis - self._most, axis - self._least
-        moved = np.minimum(np.maximum(still, least), most)
+        place = np.minimum(np.maximum(still, least), most)
         if self._lagging:
             start, end = self._weight.get(h) or self._deflection_weights(h)
-            moved = still + start * self._wound + end * (moved - still)
-            self._wound = np.minimum(np.maximum(moved, least), most) - moved
-        self.theta = moved
-        return np.asarray(moved)
+            place = still + start * self._wound + end * (place - still)
+            self._wound = np.minimum(np.maximum(place, least), most) - place
+        self.theta = place
+        return np.asarray(place)
 
     def _deflection_weights(self, h: float) -> tuple[Array, Array]:
         """Fractions of the deflections at start and end of a step that the joint makes up in it.

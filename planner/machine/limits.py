@@ -174,8 +174,8 @@ def _furthest(violations: Sequence[MachineLimit]) -> list[MachineLimit]:
     """The limit of each requirement that machines come nearest to, or exceed most."""
     worst: dict[Requirement, MachineLimit] = {}
     for each in violations:
-        known = worst.get(each.requirement)
-        if known is None or known.sweep < each.sweep:
+        rival = worst.get(each.requirement)
+        if rival is None or rival.sweep < each.sweep:
             worst[each.requirement] = each
     return list(worst.values())
 

@@ -119,8 +119,8 @@ class Machine:
             override = getattr(table, name)
             setting = getattr(base, name) if override is None else override
             if setting is not None and setting is not False:
-                known = isinstance(setting, Spread)
-                value, spread = (setting.value, setting.spread) if known else (setting, 0.0)
+                is_spread = isinstance(setting, Spread)
+                value, spread = (setting.value, setting.spread) if is_spread else (setting, 0.0)
                 effects[name] = Quantity(_as_tuple(value), _as_tuple(spread))
         step = table.step_s or base.step_s or DEFAULT_STEP_S
         fidelity = table.fidelity or base.fidelity or "quasi-static"
@@ -152,8 +152,8 @@ class Machine:
         Raises:
             InputError: If a name is unknown.
         """
-        kept = set(_check_names(names))
-        return self.without(*(name for name in EFFECTS if name not in kept))
+        names_off = set(_check_names(names))
+        return self.without(*(name for name in EFFECTS if name not in names_off))
 
     def nominal(self) -> Machine:
         """The same machine with all spreads zero, so that all samples are equal.
@@ -174,13 +174,13 @@ class Machine:
             joints: Number of coordinates after the first; a preset's list is then cut or extended
                 to that number, see `fitted`.
         """
-        given = self.effects[name].value if name in self.effects else (EFFECTS[name].off_value,)
-        return np.array(given if joints is None else fit_to_joints(name, given, joints))
+        value = self.effects[name].value if name in self.effects else (EFFECTS[name].off_value,)
+        return np.array(value if joints is None else fit_to_joints(name, value, joints))
 
     def spread(self, name: str, joints: int) -> Array:
         """Standard deviation of an effect between machines, in the form of `mean`; 0 when off."""
-        given = self.effects[name].spread if name in self.effects else (0.0,)
-        return np.array(fit_to_joints(name, given, joints))
+        spread = self.effects[name].spread if name in self.effects else (0.0,)
+        return np.array(fit_to_joints(name, spread, joints))
 
     # -- description ---------------------------------------------------------------------------
 
@@ -410,12 +410,12 @@ def draw_start(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: 
         wrong = f"machine.start_state has {count} words, but needs one, or {joints}, one per joint"
         raise InputError(wrong)
     rows = [words[min(1, joints - 1)], *words]
-    known = np.array([_SHARES.get(word, 0.0) for word in rows])[:, None]
+    position = np.array([_SHARES.get(word, 0.0) for word in rows])[:, None]
     if "unknown" not in rows:
-        return np.broadcast_to(known, (len(rows), len(numbers)))
+        return np.broadcast_to(position, (len(rows), len(numbers)))
     unknown = np.array([word == "unknown" for word in rows])[:, None]
     drawn = 2 * _uniform("start_state", numbers, len(rows), seed) - 1
-    return np.asarray(np.where(unknown, drawn, known))
+    return np.asarray(np.where(unknown, drawn, position))
 
 
 def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int) -> Array:
@@ -425,8 +425,8 @@ def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int) -> Ar
         sequence
     )  # as in `numpy.random.default_rng`; each number advances it by one step
     generator, passed, runs = np.random.Generator(bits), 0, []
-    wanted, place = np.unique(numbers, return_inverse=True)
-    for run in np.split(wanted, np.flatnonzero(np.diff(wanted) > 1) + 1):
+    unique, place = np.unique(numbers, return_inverse=True)
+    for run in np.split(unique, np.flatnonzero(np.diff(unique) > 1) + 1):
         bits.advance((int(run[0]) - passed) * count)
         runs.append(generator.random((len(run), count)))
         passed = int(run[-1]) + 1

@@ -175,8 +175,8 @@ class Replay(Recording):
     @property
     def measured(self) -> Array:
         """Encoder readings, shape (M, R, N): `q` with the angles rounded to their resolution."""
-        kept = self.draws.part(slice(len(self.q)))
-        return encoder_readings(self.plan.problem.system, kept, self.q.T).T
+        draws = self.draws.part(slice(len(self.q)))
+        return encoder_readings(self.plan.problem.system, draws, self.q.T).T
 
     @property
     def worst(self) -> int:

@@ -122,10 +122,10 @@ def simulate(
             the feedback is not finite, or if the motions would take too much memory.
     """
     count = draws.count
-    kept = count if motions is None else min(motions, count)
-    _refuse_too_large(plan, kept, settle_s, record_s)
+    records = count if motions is None else min(motions, count)
+    _refuse_too_large(plan, records, settle_s, record_s)
     times = _record_times(plan.duration, settle_s, record_s)
-    whole = _blank(plan, times, count, kept, feedback is not None)
+    whole = _blank(plan, times, count, records, feedback is not None)
     run = _Run(plan, machine, draws, whole)
     block = max(1, min(CHUNK_SAMPLES, count, int(BLOCK_BYTES / (run.most_rows * _row_bytes(plan)))))
     firsts = range(0, count, block)
@@ -176,7 +176,7 @@ def _row_bytes(plan: Plan) -> int:
     return 8 * (plan.problem.system.size + 2)
 
 
-def _refuse_too_large(plan: Plan, kept: int, settle: float, record: float | None) -> None:
+def _refuse_too_large(plan: Plan, records: int, settle: float, record: float | None) -> None:
     """Refuse motions that need too much memory.
 
     Raises:
@@ -185,15 +185,15 @@ def _refuse_too_large(plan: Plan, kept: int, settle: float, record: float | None
     span, width = plan.duration + settle, _row_bytes(plan)
     rows = 3 if record is None else 3 + span / record
     room = int(MOST_BYTES / (rows * width))
-    if room >= max(kept, 1):
+    if room >= max(records, 1):
         return
     ways = [f"motions = {room} or fewer (errors are kept for all samples)"] if room else []
-    if (least := MOST_BYTES / (width * max(kept, 1)) - 3) > 1:
+    if (least := MOST_BYTES / (width * max(records, 1)) - 3) > 1:
         ways.append(f"record_s = {np.ceil(1e3 * span / least) / 1e3:g} or more")
     ways.append("record_s = None")
     raise InputError(
-        f"the motions of {kept} samples, recorded {rows:.4g} times each, take"
-        f" {kept * rows * width / 1e9:.3g} GB of memory, more than the limit of"
+        f"the motions of {records} samples, recorded {rows:.4g} times each, take"
+        f" {records * rows * width / 1e9:.3g} GB of memory, more than the limit of"
         f" {MOST_BYTES / 1e9:g} GB; give {', or '.join(ways)}"
     )
 

@@ -65,8 +65,8 @@ def duration_change(seconds: float) -> Change:
 
 def travel_changes(problem: Problem, without: str = "") -> list[Change]:
     """A free travel, if the travel is given and does not follow from the rest of the goal."""
-    given = problem.travel is not None and problem.has_travel_key
-    return [Change(problem.travel_change(None), without=without)][:given]
+    has_key = problem.travel is not None and problem.has_travel_key
+    return [Change(problem.travel_change(None), without=without)][:has_key]
 
 
 def reach_changes(problem: Problem, reach: Reach) -> list[Change]:

@@ -195,11 +195,11 @@ def _solve(stretch: PathIntervals, top: Array, rate: Array) -> Array:
     steepest = np.max(np.abs(stretch.dw), axis=1) / rate
     safe = float(1 / max(np.max(steepest), 1e-6))  # a constant b that keeps the rates
     guess = 0.1 * np.minimum(ceiling[free], safe)
-    given: dict[str, Any] = {"x0": guess, "lbx": 0.0, "ubx": ceiling[free], "lbg": -1.0, "ubg": 1.0}
+    data: dict[str, Any] = {"x0": guess, "lbx": 0.0, "ubx": ceiling[free], "lbg": -1.0, "ubg": 1.0}
 
     def solved() -> tuple[Any, str]:
         solver = ca.nlpsol("timing", "ipopt", programme, _QUIET_OPTIONS)
-        b, stats = solver(**given)["x"], solver.stats()
+        b, stats = solver(**data)["x"], solver.stats()
         return b, "" if stats["success"] else stats["return_status"]
 
     b, why = solver_answer(solved, lambda words: (None, words or "an error"))

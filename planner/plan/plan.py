@@ -124,9 +124,9 @@ class Plan:
         if self.compensation is not None:
             name += " compensated"
             state += " on the nominal machine" if self.verified else ""
-        moved = f"{self.travel:.4g} {self.problem.system.coordinates[0].unit}"
+        travel = f"{self.travel:.4g} {self.problem.system.coordinates[0].unit}"
         state = ", ".join([state, *self.reservations])
-        return f"Plan({name}: travel {moved} in {self.duration:.4g} s, {state})"
+        return f"Plan({name}: travel {travel} in {self.duration:.4g} s, {state})"
 
     @property
     def only_sampled(self) -> tuple[str, ...]:

@@ -105,7 +105,7 @@ def read_trajectory(trajectory: Trajectory, *values: Values, start: Cells | None
     functions = values or (input_values,)
     open_ = Cells.of(trajectory.breaks) if start is None else start
     before = np.full(len(open_.piece), np.inf)
-    kept: list[Reading] = []
+    readings: list[Reading] = []
     kept_cells, most = 0, MOST_CELLS + len(open_.piece)
     for step in range(MOST_SPLITS + 1):
         deadline.check_stopped()
@@ -114,16 +114,16 @@ def read_trajectory(trajectory: Trajectory, *values: Values, start: Cells | None
         rough = (tail > TAIL_TOLERANCE) & ((tail > NOISE_TAIL) | (tail < 0.2 * before))
         kept_cells += int(np.sum(~rough))
         if step == MOST_SPLITS or not np.any(rough) or kept_cells + 4 * np.sum(rough) > most:
-            kept.append(Reading(open_, q, u))
+            readings.append(Reading(open_, q, u))
             break
-        kept.append(Reading(open_.select(~rough), q[:, ~rough], u[:, ~rough]))
+        readings.append(Reading(open_.select(~rough), q[:, ~rough], u[:, ~rough]))
         before = np.repeat(tail[rough], 4)
         open_ = open_.select(rough).split()[0]
-    if len(kept) == 1:
-        return kept[0]
-    cells = join_cells([k.cells for k in kept])
+    if len(readings) == 1:
+        return readings[0]
+    cells = join_cells([k.cells for k in readings])
     order = np.lexsort((cells.low, cells.piece))
-    q, u = (np.concatenate([getattr(k, name) for k in kept], axis=1)[:, order] for name in "qu")
+    q, u = (np.concatenate([getattr(k, name) for k in readings], axis=1)[:, order] for name in "qu")
     return Reading(cells.select(order), q, u)
 
 
@@ -192,8 +192,8 @@ class IntegratedMotion:
         """
         cells, share = self.cells, other.cells.fractions(points(POINTS)[1:-1])
         # Number the pieces in steps of two, so that no piece ends where the next begins.
-        begins, wanted = 2 * cells.piece + cells.low, 2 * other.cells.piece + share
-        cell = np.searchsorted(begins, wanted, side="right") - 1
+        begins, places = 2 * cells.piece + cells.low, 2 * other.cells.piece + share
+        cell = np.searchsorted(begins, places, side="right") - 1
         x = np.clip(2 * (share - cells.low[cell]) / cells.size[cell] - 1, -1.0, 1.0)
         series = apply(to_series(POINTS), self.u)[:, cell.ravel()]
         u = _values_in_cells(series, x.ravel()).reshape(*x.shape, 2)

@@ -314,8 +314,8 @@ class Inverse:
             left, right = np.where(gap <= 0, sigma, left), np.where(gap >= 0, sigma, right)
             new = _step(sigma, gap, slope)
             new = np.where((new >= left) & (new <= right), new, (left + right) / 2)
-            moved, sigma = np.abs(new - sigma), new
-            if np.all(moved <= 1e-8 * (high - low)):
+            change, sigma = np.abs(new - sigma), new
+            if np.all(change <= 1e-8 * (high - low)):
                 break
         new = np.clip(_step(sigma, *gap_and_slope(sigma)), low, high)
         return np.where(np.isnan(new), sigma, new)
@@ -329,11 +329,11 @@ def _step(sigma: Array, gap: Array, slope: Array) -> Array:
 def _merge_breaks(breaks: Array, extra: Array) -> Array:
     """Merge the breaks with the extra times, except extra times very close to another."""
     apart = 1e-9 * breaks[-1]
-    kept = list(breaks)
+    knots = list(breaks)
     for time in np.sort(extra):
-        if np.min(np.abs(np.array(kept) - time)) > apart:
-            kept.append(time)
-    return np.sort(kept)
+        if np.min(np.abs(np.array(knots) - time)) > apart:
+            knots.append(time)
+    return np.sort(knots)
 
 
 def _corners(path: Trajectory, scale: Array, norm: Norm, samples: Array, mean: float) -> Array:

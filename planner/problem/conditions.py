@@ -75,18 +75,18 @@ class Limits:
 
 def bare_limits(tables: ProblemFile) -> Limits:
     """The limits of a problem file as arrays."""
-    given = tables.limits
+    limits = tables.limits
     coordinates = tables.joint_limits(), tables.user_limits()
-    margin = getattr(given, "z2_margin", None)  # not all kinds of systems have this key
-    return Limits(given.inputs(), given.input_rates(), *coordinates, margin)
+    margin = getattr(limits, "z2_margin", None)  # not all kinds of systems have this key
+    return Limits(limits.inputs(), limits.input_rates(), *coordinates, margin)
 
 
 def waypoints_of(tables: ProblemFile, system: TriangularSystem) -> list[Waypoint]:
     """The waypoints of a problem file."""
     out = []
     for k, (table, w) in enumerate(zip(tables.waypoints, tables.waypoint_states(), strict=True), 1):
-        given = zip(system.user_coordinates, ~np.isnan(w), strict=True)
-        units = {c.unit for c, known in given if known}
+        pairs = zip(system.user_coordinates, ~np.isnan(w), strict=True)
+        units = {c.unit for c, known in pairs if known}
         unit = units.pop() if len(units) == 1 else ""
         out.append(Waypoint(k, w, table.time, unit, system))
     return out

@@ -74,14 +74,14 @@ def _end(name: str, problem: Problem, q: Array) -> End:
         nowhere = np.full(system.size, np.nan)
         unknown = {label: np.nan for _, label in system.margin_labels}
         return End(name, q, nowhere, nowhere, unknown, (), ())
-    known = np.where(np.isnan(q), 0.0, q)
-    z = chained_form(system).z(known)
+    q_known = np.where(np.isnan(q), 0.0, q)
+    z = chained_form(system).z(q_known)
     z[0] = q[0]
-    branch = system.branch(known)
+    branch = system.branch(q_known)
     names = [c.name for c in system.coordinates]
     labels = [label for _, label in system.margin_labels]
-    margins = system.chart_margins(known, home)
-    moved = (branch != home) & (branch != 0) & (home != 0)
+    margins = system.chart_margins(q_known, home)
+    crosses = (branch != home) & (branch != 0) & (home != 0)
     return End(
         name=name,
         q=q,
@@ -89,7 +89,7 @@ def _end(name: str, problem: Problem, q: Array) -> End:
         branch=branch,
         margins=dict(zip(labels, (float(m) for m in margins), strict=True)),
         singular=tuple(n for n, b in zip(names, branch, strict=True) if b == 0),
-        crossed=tuple(n for n, m in zip(names, moved, strict=True) if m),
+        crossed=tuple(n for n, m in zip(names, crosses, strict=True) if m),
     )
 
 
@@ -217,14 +217,14 @@ def travel_window(problem: Problem) -> TravelWindow | None:
     if not isinstance(problem.system, Manipulator) or problem.free:
         return None
     start, goal = problem.start[1:], problem.goal[1:]
-    moved = goal[1:] - start[1:]
-    if np.any(moved > 0) and np.any(moved < 0):
+    change = goal[1:] - start[1:]
+    if np.any(change > 0) and np.any(change < 0):
         return _empty_window("the passive joints must move in opposite directions")
-    if np.all(moved == 0):
+    if np.all(change == 0):
         return _empty_window("the passive joints must end where they started")
-    if np.any(moved == 0):
+    if np.any(change == 0):
         return _empty_window("one passive joint must stay while another moves")
-    if np.all(moved < 0):  # the reverse of a motion from goal to start
+    if np.all(change < 0):  # the reverse of a motion from goal to start
         ahead = _forward_window(problem.system, goal, start)
         return TravelWindow(-ahead.high, -ahead.low, ahead.exact, ahead.reason)
     return _forward_window(problem.system, start, goal)

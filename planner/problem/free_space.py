@@ -221,7 +221,7 @@ def _shorten(problem: Problem, way: Array) -> Array:
 
 def clearance_between(problem: Problem, one: Array, other: Array) -> float:
     """Least clearance on the straight segment between two configurations (n,), by sampling."""
-    moved = float(np.abs(other - one) @ _beyond(problem))
+    reach = float(np.abs(other - one) @ _beyond(problem))
     thinnest = min(disc.radius + disc.clearance for disc in problem.obstacles)
-    count = 2 + int(min(moved / (SAMPLE_SHARE * thinnest), MOST_SAMPLES))
+    count = 2 + int(min(reach / (SAMPLE_SHARE * thinnest), MOST_SAMPLES))
     return float(clearance(problem, np.linspace(one, other, count)).min())

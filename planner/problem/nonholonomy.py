@@ -137,15 +137,15 @@ def _family(system: Manipulator, point: Array, step: Step, zero: set[int]) -> Fa
     columns = ca.densify(ca.horzcat(*family, *remainders))
     values = np.array(ca.Function("family", [q], [columns])(point))
     xs, ys = values[:, :n], values[:, n:]
-    known = min(zero, default=n)
+    order = min(zero, default=n)
     x_error = [np.max(np.abs(xs[:, i] - np.eye(n + 1)[:, i + 1])) for i in range(1, n)]
     y_error = [np.max(np.abs(ys[:, i] - _remaining_field(ys[:, 0], point, i))) for i in range(1, n)]
     basis = np.roll(np.column_stack([xs, ys[:, -1]]), -1, axis=0)
     return Family(
-        x_error=tuple(float(e) if i < known else np.nan for i, e in enumerate(x_error, start=1)),
-        y_error=tuple(float(e) if i < known else np.nan for i, e in enumerate(y_error, start=1)),
+        x_error=tuple(float(e) if i < order else np.nan for i, e in enumerate(x_error, start=1)),
+        y_error=tuple(float(e) if i < order else np.nan for i, e in enumerate(y_error, start=1)),
         divides_by_zero=tuple(sorted(zero)),
-        determinant=float(np.linalg.det(basis)) if known == n else np.nan,
+        determinant=float(np.linalg.det(basis)) if order == n else np.nan,
     )
 
 

@@ -462,8 +462,8 @@ class Problem:
         """
         if not self.free:
             return self
-        given = {"goal.theta_deg": np.rad2deg(end[1:]).tolist()}
-        return self.changed({**given, "goal.tip_m": None, "goal.tip_angle_deg": None})
+        changes = {"goal.theta_deg": np.rad2deg(end[1:]).tolist()}
+        return self.changed({**changes, "goal.tip_m": None, "goal.tip_angle_deg": None})
 
     @property
     def branch(self) -> Array:

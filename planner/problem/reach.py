@@ -74,8 +74,8 @@ def expected_goals(problem: Problem) -> list[Array]:
     reach, system = goal_reach(problem), problem.system
     if reach is not None:
         return [*reach.branches]
-    wanted = problem.user_goal
-    return [system.from_user(np.where(np.isnan(wanted), system.user(problem.start), wanted))]
+    goal = problem.user_goal
+    return [system.from_user(np.where(np.isnan(goal), system.user(problem.start), goal))]
 
 
 def goal_reach(problem: Problem) -> Reach | None:
@@ -140,12 +140,12 @@ def _improved_angles(problem: Problem, theta: Array, free: Array, most: Array) -
         step = -(slope.transpose(0, 2, 1) @ push)[:, :, 0]
         longest = np.max(np.abs(step), axis=1, keepdims=True)
         step *= np.minimum(1.0, LONGEST_STEP_RAD / np.maximum(longest, LONGEST_STEP_RAD))
-        moved = np.clip(now + step, -most, most)
+        new = np.clip(now + step, -most, most)
         out = np.abs(now + step) > most
         if not np.any(out & np.any(slope, axis=1)):
             break
         slope = np.where(out[:, None, :], 0.0, slope)
-    return moved
+    return new
 
 
 def _tip_errors(problem: Problem, theta: Array) -> Array:

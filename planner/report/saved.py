@@ -109,9 +109,9 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem, errors: Array |
     if fault:
         why = f"{file} was changed after it was made: {fault}; compare again"
         return Row(data["label"], data["method"], False, why, plan=plan, feedback=data["feedback"])
-    known = {field.name for field in fields(Row)} - KEPT_IN_FILES
+    names = {field.name for field in fields(Row)} - KEPT_IN_FILES
     values = {**data, "peak_u": data["peak_u_rad_s"]}
-    values = {k: _read_back(v) for k, v in values.items() if k in known}
+    values = {k: _read_back(v) for k, v in values.items() if k in names}
     values["domain_ok"] = data["domain_ok"]
     return Row(**values, plan=plan, machine_errors_deg=errors)
 

@@ -203,9 +203,9 @@ def sensitivities(
     """
     for plan in filter(None, plans.values()):
         expect_plan(plan)
-    known = {k: plan for k, plan in plans.items() if plan is not None and plan.executable}
-    if not known:
+    executable = {k: plan for k, plan in plans.items() if plan is not None and plan.executable}
+    if not executable:
         raise InputError("there is no executable plan to compute sensitivities of")
-    if len({plan.problem.system for plan in known.values()}) > 1:
+    if len({plan.problem.system for plan in executable.values()}) > 1:
         raise InputError("the plans are of several systems; compare plans of one")
-    return Sensitivities({k: sensitivity(plan) for k, plan in known.items()}, spread)
+    return Sensitivities({k: sensitivity(plan) for k, plan in executable.items()}, spread)

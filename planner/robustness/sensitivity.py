@@ -92,9 +92,9 @@ class Sensitivity:
             InputError: If a name is unknown; the message lists the known names.
         """
         names = [c.name for c in self.plan.problem.system.coordinates]
-        for name, known in ((coordinate, names), (parameter, list(self.parameters))):
-            if name not in known:
-                raise InputError(f"unknown name '{name}'; known: {', '.join(known)}")
+        for name, options in ((coordinate, names), (parameter, list(self.parameters))):
+            if name not in options:
+                raise InputError(f"unknown name '{name}'; known: {', '.join(options)}")
         row, column = names.index(coordinate), self.parameters.index(parameter)
         return float(self.terminal[row, column])
 
@@ -196,8 +196,8 @@ class Sensitivity:
 
     def standard_deviation(self, spread: Mapping[str, float]) -> Array:
         """Return the standard deviation of each parameter, shape (P,), in the parameters' units."""
-        known = parameters(self.plan.problem.system)
-        return np.array([spread.get(p.name, spread.get(p.family, 0.0)) for p in known])
+        names = parameters(self.plan.problem.system)
+        return np.array([spread.get(p.name, spread.get(p.family, 0.0)) for p in names])
 
     def _rss(self, spread: Mapping[str, float], mask: NDArray[np.bool_]) -> float:
         response = np.where(mask, self.terminal, 0.0)[self.angles] * self.standard_deviation(spread)
@@ -336,10 +336,10 @@ def sampled_end(plan: Plan, period_s: float) -> Array:
     count = int(np.ceil(plan.duration / period_s * (1 - 1e-12)))
     edges = np.append(period_s * np.arange(count), plan.duration)
     for u, span in zip(plan.u(edges[:-1]), np.diff(edges), strict=True):
-        moved = solve_ivp(
+        motion = solve_ivp(
             lambda _, q, u=u: system.rates(q, u), (0, span), q, "DOP853", rtol=1e-9, atol=1e-11
         )
-        q = moved.y[:, -1]
+        q = motion.y[:, -1]
     return np.asarray(q)
 
 

@@ -218,9 +218,9 @@ class PointStore:
             return
         data = self._read(index)
         for name, entry in data["points"].items():
-            known = {f.name for f in fields(TradeOffPoint)} - {"plan"}
+            names = {f.name for f in fields(TradeOffPoint)} - {"plan"}
             plan = load_plan(path / "plans" / f"{name}.json", strict=True)
-            values = {key: entry.get(key) for key in known}
+            values = {key: entry.get(key) for key in names}
             self.points[int(name)] = TradeOffPoint(plan=plan, **values)
 
     def _read(self, index: Path) -> dict[str, Any]:

@@ -26,8 +26,8 @@ class Call(threading.local):
     def __call__(self, *arguments: Array) -> Array:
         """Return all nonzeros, shape (n,); matrices column by column, as CasADi stores them."""
         out, buffer, kept_alive = np.empty(self._size), self._buffer, []
-        for i, given in enumerate(arguments):
-            kept_alive.append(np.ascontiguousarray(given, dtype=float).reshape(-1))
+        for i, value in enumerate(arguments):
+            kept_alive.append(np.ascontiguousarray(value, dtype=float).reshape(-1))
             buffer.set_arg(i, kept_alive[i].data)
         buffer.set_res(0, out.data)
         self._evaluate()

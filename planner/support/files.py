@@ -123,15 +123,15 @@ def _possible_path(path: str | Path) -> Path:
     Raises:
         InputError: If a part is too long, contains a zero byte, or is a link to itself.
     """
-    wanted = expect_path(path)
+    target = expect_path(path)
     try:
-        os.stat(wanted)
+        os.stat(target)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
         pass  # `refuse_unwritable` reports these with better words
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise InputError(f"cannot write {shorten(str(path))}: {reason}; use another name") from None
-    return wanted
+    return target
 
 
 def refuse_unwritable_folder(path: str | Path) -> None:

@@ -191,9 +191,9 @@ def _mark_code(text: str, code: bool) -> str:
 
 def csv_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:
     """Format as CSV in full precision; undefined numbers are empty."""
-    kept = [column for column in columns if column.key != ""]
-    lines = ([jsonable(c.value(row)) for c in kept] for row in rows)
-    return csv_text([[c.name for c in kept], *lines])
+    named = [column for column in columns if column.key != ""]
+    lines = ([jsonable(c.value(row)) for c in named] for row in rows)
+    return csv_text([[c.name for c in named], *lines])
 
 
 def html_table(

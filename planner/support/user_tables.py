@@ -92,9 +92,9 @@ def _explain(model: type[BaseModel], data: Any, errors: Sequence[Any]) -> list[s
     for error in errors:
         grouped.setdefault(_path(data, error), []).append(error)
     above = {path[:k] for path in grouped for k in range(len(path))}
-    kept = {p: e for p, e in grouped.items() if not _has_faulty_entry(p, e, above)}
-    typos = _typos(model, kept)
-    reported = {p: e for p, e in kept.items() if e[0]["type"] != "missing" or p not in typos}
+    faults = {p: e for p, e in grouped.items() if not _has_faulty_entry(p, e, above)}
+    typos = _typos(model, faults)
+    reported = {p: e for p, e in faults.items() if e[0]["type"] != "missing" or p not in typos}
     lines = [_line(model, path, group) for path, group in islice(reported.items(), MOST_ERRORS)]
     more = len(reported) - len(lines)
     return lines + [f"and {more} more errors"] * (more > 0)

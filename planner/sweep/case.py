@@ -234,9 +234,9 @@ def _replay_figures(plan: Plan, samples: int, seed: int) -> Row:
 
 def _plan_figures(plan: Plan, check: Check) -> Row:
     """Return the figures that sweeps share with comparisons, and those that only sweeps have."""
-    known = rows.Row.from_plan(plan.method, plan.method, plan, check)
+    row = rows.Row.from_plan(plan.method, plan.method, plan, check)
     columns = rows.columns(plan.problem.system)
-    figures = {c.name: c.value(known) for c in columns if RESULTS.get(c.name) == "REAL"}
+    figures = {c.name: c.value(row) for c in columns if RESULTS.get(c.name) == "REAL"}
     return {**figures, "objective": plan.objective, "iterations": plan.iterations}
 
 

@@ -341,8 +341,8 @@ def _refuse_junk(address: str) -> None:
     scheme, prefix, place = address.rpartition("://")
     host, colon, port = place.rpartition(":")
     numbered = colon and port.isascii() and port.isdigit() and 0 < int(port[:6]) < 65536
-    known = not prefix or scheme in ("tcp", "tls", "ws", "wss", "ucx")
-    if not (known and host and numbered and host.isprintable() and " " not in host):
+    is_scheme = not prefix or scheme in ("tcp", "tls", "ws", "wss", "ucx")
+    if not (is_scheme and host and numbered and host.isprintable() and " " not in host):
         raise InputError(
             f"--cluster {shorten(address)!r} is not the address of a Dask scheduler, as in"
             " tcp://host:8786"

@@ -117,8 +117,8 @@ class ChainedForm:
         q = np.full(z.shape, np.nan)
         q[..., 0], q[..., -1] = z[..., 0], z[..., -1]
         for i in range(self.system.size - 2, 0, -1):
-            known = np.where(np.arange(z.shape[-1]) > i, q, 0.0)
-            a, c = np.moveaxis(self._links[i](known), -1, 0)
+            fixed = np.where(np.arange(z.shape[-1]) > i, q, 0.0)
+            a, c = np.moveaxis(self._links[i](fixed), -1, 0)
             with np.errstate(divide="ignore", invalid="ignore"):
                 slope = (z[..., i] - a) / c
             q[..., i] = self.system.link_from_slope(i, slope, q, branch)
@@ -144,14 +144,14 @@ def _compile_functions(
     """Functions (z, branch) → q, (z, v, branch) → u and → (q, u); None if a link has no formula."""
     size = system.size
     z, v, branch = ca.SX.sym("z", size), ca.SX.sym("v", 2), ca.SX.sym("branch", size)
-    known: list[Any] = [z[0], *[ca.SX(0)] * (size - 2), z[size - 1]]
+    states: list[Any] = [z[0], *[ca.SX(0)] * (size - 2), z[size - 1]]
     for i in range(size - 2, 0, -1):
-        a, c = ca.substitute(list(links[i]), [q], [ca.vertcat(*known)])
-        link = system.link_expr(i, (z[i] - a) / c, known, branch)
+        a, c = ca.substitute(list(links[i]), [q], [ca.vertcat(*states)])
+        link = system.link_expr(i, (z[i] - a) / c, states, branch)
         if link is None:
             return None, None, None
-        known[i] = link
-    state = ca.vertcat(*known)
+        states[i] = link
+    state = ca.vertcat(*states)
     (values,) = ca.substitute([feedback], [q], [state])
     u = ca.vertcat(v[0] / values[0], (v[1] - values[2] * v[0]) / values[1])
     every = [z, v, branch]

@@ -99,9 +99,9 @@ def _source(node: ast.expr) -> str:
 
 
 def _call(name: str, args: list[Any], where: str) -> Any:
-    wanted = 2 if name == "atan2" else 1
-    if len(args) != wanted:
-        raise InputError(f"{where}: {name} takes {wanted} argument{'s' if wanted > 1 else ''}")
+    count = 2 if name == "atan2" else 1
+    if len(args) != count:
+        raise InputError(f"{where}: {name} takes {count} argument{'s' if count > 1 else ''}")
     return getattr(ca, name)(*args)
 
 

@@ -385,8 +385,8 @@ class PlanarArm(TriangularSystem):
         self.K = positive("K", K)
         self.k_g = float(positive("k_g", [k_g])[0])
         self.n = len(self.K) + 1
-        given = [1.0] * self.n if link_lengths is None else link_lengths
-        self.link_lengths = positive("link_lengths", given)
+        lengths = [1.0] * self.n if link_lengths is None else link_lengths
+        self.link_lengths = positive("link_lengths", lengths)
         if len(self.link_lengths) != self.n:
             raise InputError(
                 f"link_lengths has {len(self.link_lengths)} values for {self.n} joints; give"

@@ -253,9 +253,9 @@ def _own_margins(
     q, u = (np.array([ball.points.c for ball in group]) for group in (enclosure.q, enclosure.u))
     values = requirement.values(MotionPoint(system, q, u, np.zeros_like(u)))
     for k, (part, row, value) in enumerate(zip(requirement.parts, rows, values, strict=True)):
-        known = np.isfinite(row.r)
-        gap = np.abs(row.c @ evaluation(row.c.shape[1]).T - value)[known]
-        if np.any(gap > (SUBSTITUTE_GAP * part.scale + row.r[known])[:, None]):
+        finite = np.isfinite(row.r)
+        gap = np.abs(row.c @ evaluation(row.c.shape[1]).T - value)[finite]
+        if np.any(gap > (SUBSTITUTE_GAP * part.scale + row.r[finite])[:, None]):
 
             def margin_at(q: Array, u: Array, k: int = k, part: Part = part) -> float:
                 point = MotionPoint(system, q, u, np.zeros(2))

@@ -171,8 +171,8 @@ def _tube(
     p = {i: Model(coefficients, 0 * width) for i, coefficients in zip(block, c, strict=True)}
     core = dict(zip(block, polynomial_balls(c, 0 * c[:, :, 0]), strict=True))
     image_rates = _rates(system, block, cells, known | core, u)
-    moved = [integral(f, width, start[i]) for i, f in zip(block, image_rates, strict=True)]
-    images = models(moved, len(width))
+    integrals = [integral(f, width, start[i]) for i, f in zip(block, image_rates, strict=True)]
+    images = models(integrals, len(width))
     gaps = [(image - p[i]).size for i, image in zip(block, images, strict=True)]
     error = np.max(gaps, axis=0)
     for most in TUBE_RADII:
@@ -314,11 +314,11 @@ def _reference(
     smallest = np.inf
     for _ in range(MOST_SWEEPS):
         new = _sweep(system, guess, inputs, width, flow, start)
-        moved = float(np.max(np.abs(new - guess)))
-        if not moved < smallest:
+        change = float(np.max(np.abs(new - guess)))
+        if not change < smallest:
             break
-        guess, smallest = new, moved
-        if moved < SWEEP_TOLERANCE:
+        guess, smallest = new, change
+        if change < SWEEP_TOLERANCE:
             break
     return guess
 

@@ -202,6 +202,6 @@ def decide(proofs: list[Proof]) -> list[Claim]:
             if each.margin_at is not None and np.isfinite(when):
                 most, why = each.margin_at(*motion.at(when)), SUBSTITUTE_REASON
                 least = 0.0 if least >= 0 else -np.inf
-            given = each.part, each.tolerance, least, most, when, each.required, why
-            verdicts[id(each)] = motion.claim(*given)
+            fields = each.part, each.tolerance, least, most, when, each.required, why
+            verdicts[id(each)] = motion.claim(*fields)
     return [verdicts.get(id(each), each) for each in proofs]  # type: ignore[arg-type]

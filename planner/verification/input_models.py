@@ -243,15 +243,15 @@ def _inverse_by_links(system: TriangularSystem, branch: tuple[float, ...]) -> St
         points = np.stack([ball.points.c for ball in z], axis=-1)
         c = form.q(points, signs).transpose(2, 0, 1) @ interpolation().T
         guess = polynomial_balls(c, 0 * c[:, :, 0])
-        known = {0: z[0], size - 1: z[-1]}
+        states = {0: z[0], size - 1: z[-1]}
         for i in range(size - 2, 0, -1):
-            gap = value.entry(i, [{**known, i: guess[i]}], {}) - z[i]
+            gap = value.entry(i, [{**states, i: guess[i]}], {}) - z[i]
 
             def steep(x: Ball, i: int = i) -> Ball:
-                return slope.entry(i, [{**known, i: x}], {})
+                return slope.entry(i, [{**states, i: x}], {})
 
-            known[i], _ = root(guess[i], gap, steep, np.sign(steep(guess[i]).c))
-        return [known[i] for i in range(size)]
+            states[i], _ = root(guess[i], gap, steep, np.sign(steep(guess[i]).c))
+        return [states[i] for i in range(size)]
 
     return state
 

@@ -104,7 +104,7 @@ def _points(system: TriangularSystem) -> Expression:
 def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple[Model, Cells]:
     """A lower bound of the squared distance, as a model that is close to it where it may be least,
     and its cells."""
-    kept: list[tuple[Cells, list[Model]]] = []
+    proofs: list[tuple[Cells, list[Model]]] = []
     best = np.inf
     for step in range(MOST_HALVINGS + 1):
         deadline.check_stopped()
@@ -115,13 +115,13 @@ def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple
         one = (low >= 0) | (high <= -length) | ((high <= 0) & (low >= -length))
         last = step == MOST_HALVINGS or len(low) > MOST_CELLS
         settled = one | far | last | ~np.isfinite(along.r)
-        kept.append((cells.select(settled), [x.select(settled) for x in values]))
+        proofs.append((cells.select(settled), [x.select(settled) for x in values]))
         if np.all(settled):
             break
         values = [Model(*halves(x.c[~settled], x.r[~settled])) for x in values]
         cells = cells.select(~settled).halves()
-    square, along, twice = (join_models([m[k] for _, m in kept]) for k in range(3))
-    return lower_model(square, along, twice, length), join_cells([c for c, _ in kept])
+    square, along, twice = (join_models([m[k] for _, m in proofs]) for k in range(3))
+    return lower_model(square, along, twice, length), join_cells([c for c, _ in proofs])
 
 
 def lower_model(square: Model, along: Model, twice: Model, length: float) -> Model:

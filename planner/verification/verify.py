@@ -214,8 +214,8 @@ def examine(
             key=lambda v: np.nan_to_num(-v.scaled, nan=-np.inf),
         )
         if problem.system.has_user_coordinates:
-            reached, wanted = problem.system.user(end), problem.user_goal
-            error = np.asarray(reached - np.where(np.isnan(wanted), reached, wanted))
+            reached, target = problem.system.user(end), problem.user_goal
+            error = np.asarray(reached - np.where(np.isnan(target), reached, target))
         error_deg = np.rad2deg(error[_angular(plan)])
     check = Check(
         ok=not violations,

@@ -70,8 +70,8 @@ class Course:
         for i in range(2):
             # The commands of a compensated plan already allow for the shift.
             when = times if self.is_predicted else times - shift[i]
-            kept = when <= self.end - shift[i]
-            when, angle = when[kept], angles[kept, i]
+            is_early = when <= self.end - shift[i]
+            when, angle = when[is_early], angles[is_early, i]
             if run_up is not None:
                 before = run_up.t + self.start - shift[i]
                 way = np.concatenate([[0.0], np.cumsum(run_up.u[:, i] * np.diff(run_up.t))])

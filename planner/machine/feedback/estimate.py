@@ -136,9 +136,9 @@ class StateEstimate:
     def read(self, measured: Array) -> None:
         """Update the estimate with a reading (N, S), NaN where it is lost."""
         seen, lost = measured[1:], np.isnan(measured[1:])
-        moved = self._way * (seen - self._last_reading) > self._half[1:] + EXACT_READING_SPREAD
+        is_pushed = self._way * (seen - self._last_reading) > self._half[1:] + EXACT_READING_SPREAD
         self._last_reading = np.where(lost, self._last_reading, seen)
-        self._is_pushed |= moved
+        self._is_pushed |= is_pushed
         surprise = np.where(lost, 0.0, seen - (self.pose.axis - self._way * self.lost_motion))
         late = ~self._is_pushed & (self._way * surprise < 0)
         self._filter(surprise, self._is_pushed & ~lost, late)
@@ -161,15 +161,15 @@ class StateEstimate:
         spread = np.einsum("ajs,ajs->js", along, row)
         noise = self._noise + self._settling
         fits = np.abs(surprise) <= FITTING_SPREADS * np.sqrt(spread + noise)
-        known = pushed & fits
-        gain = along / np.where(known, spread + noise, spread)
+        exact = pushed & fits
+        gain = along / np.where(exact, spread + noise, spread)
         step = np.where(pushed | late, gain * surprise, 0.0)
         step[1:] = np.where(pushed & ~fits, 0.0, step[1:])
         step[0] = np.where(pushed & ~fits, surprise, step[0])
         self.pose = Pose(self.pose.q, self.pose.axis + step[0], self.pose.side)
         self.lost_motion = np.maximum(self.lost_motion + step[1], 0.0)
         self.rate_error = self.rate_error + step[2]
-        self._cov -= np.where(known, gain[:, None] * along[None], 0.0)
+        self._cov -= np.where(exact, gain[:, None] * along[None], 0.0)
 
 
 class History:
@@ -202,8 +202,8 @@ class History:
         """Commands of `count` ticks from `first` on, (count, 2, S); zero after the last one."""
         none = np.zeros_like(self._travel[0])
         first -= self._first
-        known = self._values[first : first + count]
-        return np.stack(known + [none] * (count - len(known)))
+        values = self._values[first : first + count]
+        return np.stack(values + [none] * (count - len(values)))
 
     def forget(self, time: float) -> None:
         """Drop the ticks before a time, s, which are no longer needed."""

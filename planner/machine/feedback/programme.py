@@ -141,8 +141,8 @@ class TrackingProgramme:
         kinds: list[list[Rows]] = [[], [], []]
         for j, i in enumerate(range(k, k + H)):
             if i >= count:
-                for rows, wanted in zip(kinds, self._kinds, strict=True):
-                    rows.append(_free_rows(wanted, n, 2 * H))
+                for rows, is_kind in zip(kinds, self._kinds, strict=True):
+                    rows.append(_free_rows(is_kind, n, 2 * H))
                 continue
             M, T = -law.gain[i] @ Z, -law.gain[i] @ Y
             T[:, 2 * j : 2 * j + 2] += law.root[i]
@@ -190,8 +190,8 @@ class TrackingProgramme:
             columns = slice(j, j + 2)
             now = values[columns] + step.T[columns] @ c
             if np.any(step.T[columns, columns]):
-                wanted = np.clip(now, step.low[columns], step.high[columns])
-                c[columns] = np.linalg.solve(step.T[columns, columns], wanted - now)
+                start = np.clip(now, step.low[columns], step.high[columns])
+                c[columns] = np.linalg.solve(step.T[columns, columns], start - now)
         return c
 
 

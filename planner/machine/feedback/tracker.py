@@ -72,8 +72,8 @@ class Tracker:
     def __init__(self, options: FeedbackTable | None = None, **changes: Any) -> None:
         if options is not None:
             expect(FeedbackTable, options, "give keys by name, as in planner.Tracker(run_up=False)")
-        given = {} if options is None else options.model_dump(exclude_unset=True)
-        self.options = parse(FeedbackTable, {**given, **changes}, "feedback")
+        settings = {} if options is None else options.model_dump(exclude_unset=True)
+        self.options = parse(FeedbackTable, {**settings, **changes}, "feedback")
         self._designs: OrderedDict[tuple[int, Machine], tuple[Plan, TrackerDesign]] = OrderedDict()
 
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> TrackerControl:
@@ -177,17 +177,17 @@ class TrackerControl:
         it: the course pushes it by `more`, or keeps away by −`more` if that is negative. A
         deviation of the lost motion counts only as far as it changes the following push, `then`.
         """
-        ref, known = self._ref, self._estimate
+        ref, state = self._ref, self._estimate
         off, way = pose.q - ref.q[k][:, None], ref.way[k][:, None]
         more, then = ref.push[k][:, None], ref.next_push[k][:, None]
         stays = way * (pose.q[2:] - ref.joints[k][:, None]) - np.maximum(more, 0)
         pushed = (
-            way * (pose.axis[1:] - ref.q[k][2:, None]) - known.lost_motion[1:] + np.minimum(more, 0)
+            way * (pose.axis[1:] - ref.q[k][2:, None]) - state.lost_motion[1:] + np.minimum(more, 0)
         )
         off[2:] = way * np.maximum(stays, pushed)
-        lost = known.lost_motion[1:] - ref.lost_motion - np.minimum(then, 0) / 2
+        lost = state.lost_motion[1:] - ref.lost_motion - np.minimum(then, 0) / 2
         lost = np.minimum(lost, np.maximum(then, 0) / 2)
-        return np.concatenate([off, self._answer.corrections[0], known.rate_error[1:], lost])
+        return np.concatenate([off, self._answer.corrections[0], state.rate_error[1:], lost])
 
     def _crossing(self, k: int, commands: Array, pose: Pose) -> Array:
         """Commands to add so that a reversing motor crosses its play, (M, 2, S).

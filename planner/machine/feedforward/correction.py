@@ -173,8 +173,8 @@ class Correction:
         """Whether the remaining errors are small compared with those that spreads cause."""
         missed = np.max(np.abs(runs.pins))
         largest = np.max(np.abs(runs.errors))
-        kept = np.min(runs.margins, initial=0.0) >= 0
-        return bool(kept and missed <= np.rad2deg(PIN_SLACK_RAD) and largest <= GOOD_DEG)
+        is_safe = np.min(runs.margins, initial=0.0) >= 0
+        return bool(is_safe and missed <= np.rad2deg(PIN_SLACK_RAD) and largest <= GOOD_DEG)
 
     def _candidates(
         self, now: Runs, damping: float, power: int, probe: float
@@ -271,18 +271,18 @@ class Correction:
             Increase of the cost, degrees, correction and motion; None if no step reduces the miss.
         """
         missed = float(np.max(np.abs(now.pins)))
-        tried = self.values[:, :, None] + np.concatenate([p * steps for p in PARTS], axis=2)
-        runs = self._variants.run(tried, is_sent=True)
-        kept = np.min(runs.margins, axis=1, initial=0.0)
-        kept = kept >= min(-SAFE, float(np.min(now.margins, initial=0.0)))
-        misses = np.where(kept, np.abs(runs.pins).max(axis=1), np.inf)
+        trials = self.values[:, :, None] + np.concatenate([p * steps for p in PARTS], axis=2)
+        runs = self._variants.run(trials, is_sent=True)
+        margins = np.min(runs.margins, axis=1, initial=0.0)
+        margins = margins >= min(-SAFE, float(np.min(now.margins, initial=0.0)))
+        misses = np.where(margins, np.abs(runs.pins).max(axis=1), np.inf)
         if np.min(misses) >= missed:
             return None
         enough = max(gain * missed, float(np.min(misses)))
         price = np.abs(runs.errors).max(axis=1) + PIN_PRICE * misses
         k = int(np.argmin(np.where(misses <= enough, price, np.inf)))
         worse = float(price[k] - np.abs(now.errors).max() - PIN_PRICE * missed)
-        return worse, tried[:, :, k], runs[k]
+        return worse, trials[:, :, k], runs[k]
 
     def _knot_steps(self, missed: float) -> Array:
         """Steps that turn one motor by a constant angle from a knot on, (m, 2, S), rad.

@@ -48,7 +48,7 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
             f" 'manipulator'); a {system.kind} has no mechanism between motors and motion to"
             " compensate"
         )
-    tried: list[tuple[tuple[bool, bool, float], Correction, CommandShape, Plan, float]] = []
+    attempts: list[tuple[tuple[bool, bool, float], Correction, CommandShape, Plan, float]] = []
     was_cut_short, plain_E_deg = False, predict(plan, machine).error_deg
     plain = options.model_copy(update={"take_up": False})
     ways = [(options, most_away) for most_away in MOST_AWAYS_DEG] + [(plain, MOST_AWAYS_DEG[0])]
@@ -69,10 +69,10 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
             # If it does not help, report the plan compensated as requested.
             in_vain = done is plain and not is_better
             rank = (in_vain or not correction.keeps_all, in_vain, error_deg)
-            tried.append((rank, correction, shape, candidate, error_deg))
+            attempts.append((rank, correction, shape, candidate, error_deg))
             if was_cut_short or is_better or not shape.clock.holds:
                 break
-    _, correction, shape, candidate, error_deg = min(tried, key=lambda each: each[0])
+    _, correction, shape, candidate, error_deg = min(attempts, key=lambda each: each[0])
     notes = {
         "E_deg": error_deg,
         "plain_E_deg": plain_E_deg,
@@ -110,11 +110,11 @@ def plan_with_commands(
     Raises:
         TimeUpError: If it takes too long.
     """
-    wanted = compensation.plan
-    system = wanted.problem.system
-    still = np.repeat(wanted.q(0.0)[None], len(commands.t), axis=0)
+    plan = compensation.plan
+    system = plan.problem.system
+    still = np.repeat(plan.q(0.0)[None], len(commands.t), axis=0)
     out = replace(
-        wanted,
+        plan,
         trajectory=commands.trajectory(system, still),
         verified=False,
         certificate=None,

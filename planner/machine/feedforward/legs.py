@@ -152,11 +152,11 @@ def reversals(plan: Plan) -> tuple[float, list[float]]:
     """Direction of the drive's first motion (0 for none), and the times at which it reverses, s."""
     times, angles = turn_angles(plan, plan.duration / 500)
     drive = angles[:, 0]
-    moved = np.flatnonzero(np.abs(drive) > LEAST_TURN_RAD)
-    if not len(moved):
+    turns = np.flatnonzero(np.abs(drive) > LEAST_TURN_RAD)
+    if not len(turns):
         return float(np.sign(drive[np.argmax(np.abs(drive))])), []
-    first = way = float(np.sign(drive[moved[0]]))
-    far, out = int(moved[0]), []
+    first = way = float(np.sign(drive[turns[0]]))
+    far, out = int(turns[0]), []
     for k in range(far, len(drive)):
         if way * (drive[k] - drive[far]) >= 0:
             far = k

@@ -81,8 +81,8 @@ class Variants:
         rows = np.linspace(self._begin, clock.t[-1], ROWS)
         self._times = np.unique(np.round(np.concatenate([marks, rows]), 9))
         self._is_in_plan = self._times >= self._begin - 1e-9
-        wanted = plan.trajectory.q(clock(self._times))
-        self._reference = wanted[self._is_in_plan, 1:]
+        target = plan.trajectory.q(clock(self._times))
+        self._reference = target[self._is_in_plan, 1:]
 
     def _place_knots(self) -> Array:
         """Place knots evenly over the plan, and more densely in the holds."""

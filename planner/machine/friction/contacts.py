@@ -59,8 +59,8 @@ MOST_CAPACITY_NM = 1e5
 
 def lateral_friction(draws: Draws) -> Array:
     """ε of each machine, (1, S or 1); 0 where the capacity is unlimited."""
-    known = draws["friction_capacity_nm"] < MOST_CAPACITY_NM
-    return np.asarray(np.where(known, draws["lateral_friction"], 0.0))
+    is_finite = draws["friction_capacity_nm"] < MOST_CAPACITY_NM
+    return np.asarray(np.where(is_finite, draws["lateral_friction"], 0.0))
 
 
 def friction_capacity(draws: Draws) -> Array:

@@ -121,25 +121,25 @@ def fit(
     return BestFit(x, spread, np.array(residual))
 
 
-def step_with_zeros(models: Sequence[LogModel], parameters: Parameters, known: BestFit) -> BestFit:
+def step_with_zeros(models: Sequence[LogModel], parameters: Parameters, best: BestFit) -> BestFit:
     """Extend a fit by the zeros of encoders, in one linear step.
 
     Args:
         models: The logs, for these parameters.
         parameters: The parameters, of which the zeros of encoders come last.
-        known: The fit without zeros.
+        best: The fit without zeros.
 
     Returns:
         Parameters after the step and their uncertainty, with the residual before it.
     """
     problem, count = _LeastSquares(models, parameters), len(parameters.rows)
     z = np.zeros(problem.size)
-    z[: len(known.x)] = known.x
+    z[: len(best.x)] = best.x
     z = problem.with_settled_offsets(z)
     _, hessian, gradient = problem.normal_equations(z)
     z -= np.linalg.solve(hessian, gradient.sum(axis=0) + z)
     spread = np.sqrt(np.diag(np.linalg.inv(hessian)))
-    return BestFit(z[:count], spread[:count], known.residual)
+    return BestFit(z[:count], spread[:count], best.residual)
 
 
 def _share(tell: Tell, start: int, starts: int, count: int) -> None:
@@ -208,17 +208,17 @@ class _LeastSquares:
         """Residuals of a log, (m,), and their derivatives by some entries of z, (m, columns)."""
         count = len(columns)
         step = HALF_STEP * np.eye(count)
-        moved = np.concatenate([np.zeros((1, count)), step, -step])
+        steps = np.concatenate([np.zeros((1, count)), step, -step])
         limits = self.low[columns] - z[columns], self.high[columns] - z[columns]
-        moved = np.clip(moved, *limits)
-        machines = x + moved[:, : self.machine]
-        starts = offsets + OFFSET_RAD * moved[:, self.machine :]
+        steps = np.clip(steps, *limits)
+        machines = x + steps[:, : self.machine]
+        starts = offsets + OFFSET_RAD * steps[:, self.machine :]
         stride = max(1, round(1 / RATE_HZ / model.log.interval_s))
         weight = np.sqrt(min(1.0, INDEPENDENT_HZ * stride * model.log.interval_s))
         rows = slice(model.known, None, stride)
         gap = (model.angles(machines, starts)[:, rows] - model.log.theta[rows]) / model.noise
         values = weight * gap.reshape(len(gap), -1)
-        width = np.diag(moved[1 : 1 + count] - moved[1 + count :])
+        width = np.diag(steps[1 : 1 + count] - steps[1 + count :])
         return values[0], ((values[1 : 1 + count] - values[1 + count :]) / width[:, None]).T
 
     def normal_equations(self, z: Array) -> tuple[int, Array, Array]:

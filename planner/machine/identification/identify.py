@@ -158,14 +158,14 @@ class Identification:
     @property
     def _zeros(self) -> Array:
         """Encoder readings at joint angles of zero, (n,), rad."""
-        known = {each.parameter.key: np.deg2rad(each.value) for each in self.estimates}
-        return np.array([known.get(f"zero{i}", 0.0) for i in range(1, self.problem.system.size)])
+        values = {each.parameter.key: np.deg2rad(each.value) for each in self.estimates}
+        return np.array([values.get(f"zero{i}", 0.0) for i in range(1, self.problem.system.size)])
 
     def error(self, log: Log, machine: Machine | None = None) -> PredictionError:
         """Error of the prediction once the arm's state is known; arguments as for `predict`."""
         gap = np.abs(self.predict(log, machine).theta_deg - log.theta_deg)
-        known = int(np.flatnonzero(gap.any(axis=1))[0]) if gap.any() else 0
-        rms = np.sqrt(np.mean(gap[known:] ** 2, axis=0))
+        first = int(np.flatnonzero(gap.any(axis=1))[0]) if gap.any() else 0
+        rms = np.sqrt(np.mean(gap[first:] ** 2, axis=0))
         return PredictionError(tuple(gap.max(axis=0).tolist()), tuple(rms.tolist()))
 
     @cached_property

@@ -103,15 +103,15 @@ def known_row(log: Log, has_inertia: bool = False) -> int:
     Raises:
         InputError: If a joint does not move.
     """
-    moved = np.abs(log.theta - log.theta[0]) > np.deg2rad(KNOWN_DEG)
-    still = np.flatnonzero(~moved.any(axis=0))
+    has_moved = np.abs(log.theta - log.theta[0]) > np.deg2rad(KNOWN_DEG)
+    still = np.flatnonzero(~has_moved.any(axis=0))
     if still.size:
         names = ", ".join(f"theta{i + 1}" for i in still)
         raise InputError(
             f"{log.source}: {names} moves by less than {KNOWN_DEG:g} degree; a log must move every"
             " joint (planner.excitation(problem) is a motion that does)"
         )
-    row = int(moved.argmax(axis=0).max())
+    row = int(has_moved.argmax(axis=0).max())
     if has_inertia:
         risen = log.theta - np.minimum.accumulate(log.theta) > np.deg2rad(KNOWN_DEG)
         fallen = np.maximum.accumulate(log.theta) - log.theta > np.deg2rad(KNOWN_DEG)

@@ -92,8 +92,8 @@ class Best:
     def take(self, candidate: Candidate) -> None:
         """Keep a candidate if it is the best of its exactness."""
         exactness, solved = candidate.exactness, candidate.exactness is Exactness.SOLVED
-        known = self.candidates.get(exactness)
-        worse = known is not None and not candidate.rank > known.rank
+        rival = self.candidates.get(exactness)
+        worse = rival is not None and not candidate.rank > rival.rank
         if worse or (solved and not clears(candidate.task, candidate.solution)):
             return
         self.candidates[exactness] = candidate

@@ -170,8 +170,8 @@ def excess(
 def _dense(system: Any, curves: Array, thickness: float) -> Array:
     """Add samples to (C, K, M, N) until no link passes over a disc of `thickness` between two."""
     points = system.arm_points(curves[..., 1:])
-    moved = float(np.linalg.norm(np.diff(points, axis=2), axis=-1).max())
-    count = int(np.clip(np.ceil(moved / (LARGEST_STEP * thickness)), 1, MAX_PARTS))
+    length = float(np.linalg.norm(np.diff(points, axis=2), axis=-1).max())
+    count = int(np.clip(np.ceil(length / (LARGEST_STEP * thickness)), 1, MAX_PARTS))
     share = np.arange(count)[:, None] / count
     before, after = curves[:, :, :-1, None], curves[:, :, 1:, None]
     inner = (before + share * (after - before)).reshape(*curves.shape[:2], -1, curves.shape[-1])

@@ -83,11 +83,11 @@ def seeds(kind: str, count: int = 12, sides: int = 1) -> list[Seed]:
     - bump: q₁ goes out and back; q₂ makes its excursion while q₁ comes back.
     - wander: smooth random loops, from `count` fixed random seeds.
     """
-    known = _fixed_seeds()
-    known = known | {"straight": known["straight"][:sides]}
+    fixed = _fixed_seeds()
+    fixed = fixed | {"straight": fixed["straight"][:sides]}
     if kind not in ("auto", "wander"):
-        return [*known[kind]]
-    first = [] if kind == "wander" else [seed for kind in known.values() for seed in kind]
+        return [*fixed[kind]]
+    first = [] if kind == "wander" else [seed for kind in fixed.values() for seed in kind]
     return [*first, *(wander(k) for k in range(count))][:count]
 
 
@@ -205,9 +205,9 @@ def lines_through_waypoints(problem: Problem, knots: Array, travel: float, s: Ar
     """Straight lines from start to goal through the waypoints at s (S,), shape (S, N)."""
     goal = problem.likely.goal.copy()
     goal[0] = problem.start[0] + travel
-    known = np.array([problem.start, *(w.q for w in problem.waypoints), goal])
-    there = ~np.isnan(known)
-    lines = zip(there.T, known.T, strict=True)
+    points = np.array([problem.start, *(w.q for w in problem.waypoints), goal])
+    there = ~np.isnan(points)
+    lines = zip(there.T, points.T, strict=True)
     return np.stack([np.interp(s, knots[at], values[at]) for at, values in lines], axis=-1)
 
 
@@ -326,9 +326,9 @@ def rebalance(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
     factor = pace[:, None]
     if len(iterate.inputs) != len(pace):
         factor = np.append(pace, pace[-1])[:, None]
-    moved = replace(iterate, inputs=iterate.inputs * factor)
+    motion = replace(iterate, inputs=iterate.inputs * factor)
     fresh = task(job.problem, job.objective, form, mesh, job.demands, job.settings)
-    return fresh, moved
+    return fresh, motion
 
 
 def _orders(problem: Problem) -> list[tuple[Waypoint, ...]]:
@@ -354,9 +354,9 @@ def _steps(problem: Problem, order: tuple[Waypoint, ...]) -> Array:
 def _place_knots(knots: Array, needs: Array) -> Array:
     """Replace knots that are NaN: place them between their neighbours in proportion to `needs`."""
     covered = np.append(0.0, np.cumsum(needs))
-    known = ~np.isnan(knots)
-    out = np.interp(covered, covered[known], knots[known])
-    return np.where(known, knots, out)
+    is_fixed = ~np.isnan(knots)
+    out = np.interp(covered, covered[is_fixed], knots[is_fixed])
+    return np.where(is_fixed, knots, out)
 
 
 def _balanced_knots(job: Task, iterate: Iterate) -> Array:

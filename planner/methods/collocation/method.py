@@ -217,8 +217,8 @@ def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> 
     start = _resample(job, warm)
     same = warm.problem.start.tolist() == problem.start.tolist()
     same = same and np.array_equal(warm.problem.target, problem.target, equal_nan=True)
-    if same and (kept := _own_motion(job, start, options.accuracy)):
-        yield Candidate(*kept, "warm", "warm start")
+    if same and (motion := _own_motion(job, start, options.accuracy)):
+        yield Candidate(*motion, "warm", "warm start")
     yield Candidate(job, job.solve_near(start), "warm", "warm start")
 
 
@@ -239,8 +239,8 @@ def _resample(job: Task, warm: Plan) -> Iterate:
     states, last = warm.q(s * T), len(mesh.edges) - 1
     first, final = problem.start - states[0], problem.target - states[last]
     final[np.isnan(final)] = 0.0
-    moved = states + first + s[:, None] * (final - first)
-    nodes, points = moved[: last + 1], moved[last + 1 :]
+    path = states + first + s[:, None] * (final - first)
+    nodes, points = path[: last + 1], path[last + 1 :]
     return Iterate(
         duration=duration,
         nodes=nodes,

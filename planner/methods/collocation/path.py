@@ -347,19 +347,19 @@ def solve_timing(job: Task, start: Iterate) -> Solution:
     With its time scaled uniformly the path is a feasible start if it fits the duration. A path that
     does not fit is first made as fast as possible.
     """
-    needed, wanted = needed_duration(job.problem, job.mesh, start), job.problem.duration
-    if wanted is None:
+    needed, duration = needed_duration(job.problem, job.mesh, start), job.problem.duration
+    if duration is None:
         return job.solve(stretch_to(start, 1.1 * needed) if needed > 0 else start)
-    if needed > wanted:
+    if needed > duration:
         free = replace(job.problem, duration=None)
         quick = job.for_problem(free, fastest(free)).solve(stretch_to(start, 1.1 * needed))
-        if not quick.ok or quick.iterate.duration > wanted:
+        if not quick.ok or quick.iterate.duration > duration:
             return replace(quick, ok=False)
-        return job.solve(stretch_to(quick.iterate, wanted))
+        return job.solve(stretch_to(quick.iterate, duration))
     # The path of least effort is the same for every duration. With discs there are many such
     # paths, and a start that is not near the answer may find a shorter one.
     near = job.objective.kind == "effort" and not job.problem.divided
-    motion = stretch_to(start, wanted)
+    motion = stretch_to(start, duration)
     return job.solve_near(motion) if near else job.solve(motion)
 
 

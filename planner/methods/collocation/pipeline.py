@@ -205,7 +205,7 @@ class Pipeline:
         The branches of one goal together need only the usual number of paths, and no path is timed
         twice.
         """
-        motions, known = list[Solution](), list[SeedPath]()
+        motions, timed = list[Solution](), list[SeedPath]()
         for k in routes:
             problem = self.routes[k]
             job = collocation_task(problem, self.options, SEARCH_INTERVALS)
@@ -213,9 +213,9 @@ class Pipeline:
             log = [dict(entry) for entry in paths.search.log]
             progress.tell("timing the most promising paths")
             for path, path_job, start in paths.starts(job, motions):
-                if problem.free and any(same_path(path.solution.objective, one) for one in known):
+                if problem.free and any(same_path(path.solution.objective, one) for one in timed):
                     continue
-                known.append(path)
+                timed.append(path)
                 solution = solve_timing(path_job, start)
                 name = path.seed + _goal_words(problem)
                 motion = Candidate(path_job, solution, name, "guesses", k, final=False)
@@ -271,10 +271,10 @@ class Pipeline:
 
     def _slower_motions(self) -> Iterator[Candidate]:
         """The fastest motion, slowed to the given duration and optimised there, or only slowed."""
-        wanted, limits = self.routes[0].duration, self.routes[0].limits
+        target, limits = self.routes[0].duration, self.routes[0].limits
         if any(point.time_s is not None for point in self.routes[0].waypoints):
             return
-        assert wanted is not None
+        assert target is not None
         free = [replace(problem, duration=None) for problem in self.routes]
         kind = "time" if np.isfinite(limits.input).all() else "mixed"
         options = self.options.model_copy(update={"objective": kind, "criterion": "objective"})
@@ -288,26 +288,26 @@ class Pipeline:
             return
         self.last = fastest = self.fastest
         iterate = fastest.solution.iterate
-        if iterate.duration * LEAST_TIME_RATIO > wanted:
+        if iterate.duration * LEAST_TIME_RATIO > target:
             return
         problem = self.routes[fastest.route]
         goal = collocation_task(problem, self.options, SEARCH_INTERVALS).objective
         goal_job = fastest.task.for_problem(problem, goal)
-        slowed, origin = stretch_to(iterate, wanted), (fastest.start, "slowed down", fastest.route)
-        if iterate.duration <= wanted:
+        slowed, origin = stretch_to(iterate, target), (fastest.start, "slowed down", fastest.route)
+        if iterate.duration <= target:
             yield Candidate(goal_job, goal_job.judge(slowed), *origin)
         yield Candidate(goal_job, goal_job.solve(slowed), *origin)
 
     def _share_time(self, motion: Candidate) -> Generator[Candidate, None, Candidate]:
         """The motion with the best distribution of time among the parts between waypoints."""
         for _ in range(MOST_REBALANCINGS if motion.task.mesh.marks else 0):
-            moved = rebalance(motion.task, motion.solution.iterate)
-            if moved is None:
+            pair = rebalance(motion.task, motion.solution.iterate)
+            if pair is None:
                 break
-            solution = moved[0].solve(moved[1], near=True)
+            solution = pair[0].solve(pair[1], near=True)
             if not solution.ok or solution.objective >= motion.solution.objective:
                 break
-            motion = replace(motion, task=moved[0], solution=solution)
+            motion = replace(motion, task=pair[0], solution=solution)
         motion = replace(motion, final=True)
         yield motion
         return motion

@@ -51,19 +51,19 @@ def no_goal(problem: Problem) -> NoPlanError:
 def too_short(problem: Problem, fastest: Candidate, options: CollocationOptions) -> NoPlanError:
     """The refusal of a duration below the fastest found, with what that motion breaks if it is
     shortened to the given duration."""
-    found, wanted = fastest.solution.iterate.duration, problem.duration
+    fastest_s, given = fastest.solution.iterate.duration, problem.duration
     proof = why_too_short(problem)
-    why = f"{proof}. The" if proof else f"goal.duration = {wanted:g} s is too short: the"
+    why = f"{proof}. The" if proof else f"goal.duration = {given:g} s is too short: the"
     plan, violations = iterate_plan(problem, fastest, options)
     return (InfeasibleError if proof else NotConvergedError)(
-        f"{problem.source}: {why} fastest motion found takes {found:.4g} s. Shortened to"
-        f" {wanted:g} s it breaks:",
+        f"{problem.source}: {why} fastest motion found takes {fastest_s:.4g} s. Shortened to"
+        f" {given:g} s it breaks:",
         plan=plan,
         violations=violations,
         changes=[
             *motion_changes(problem, options),
-            duration_change(found),
-            duration_change(LONGER_DURATION * found),
+            duration_change(fastest_s),
+            duration_change(LONGER_DURATION * fastest_s),
         ],
         advice="wider limits on the inputs",
     )

@@ -105,15 +105,15 @@ class RoutePaths:
             for one in self.search.distinct[:MAX_COARSE_PATHS]:
                 yield one, job, transfer(self.free, one.solution.iterate, job)
             return
-        wanted, limited = job.problem.duration, bool(np.isfinite(job.problem.limits.input).all())
-        slow = [each for each in self.refined if each.duration(job) <= (wanted or 0.0)]
+        duration, limited = job.problem.duration, bool(np.isfinite(job.problem.limits.input).all())
+        slow = [each for each in self.refined if each.duration(job) <= (duration or 0.0)]
         slow.sort(key=lambda each: (not each.origin.clear, each.solution.objective))
         for path in slow[:MAX_PATHS]:
             yield _start_at_own_speed(path, job)
-        if wanted and motions:
+        if duration and motions:
             return
         seconds = RefinedPath.clock_s if limited else RefinedPath.duration
-        most = wanted / LEAST_TIME_RATIO if wanted else math.inf
+        most = duration / LEAST_TIME_RATIO if duration else math.inf
         fast = [(seconds(each, job), each) for each in self.refined if each not in slow]
         fast.sort(key=lambda each: (not each[1].origin.clear, each[0]))
         for needed, path in fast[:MAX_PATHS]:

@@ -263,11 +263,11 @@ class _Fatrop:
         bounds = _draw_in(data.lower, data.upper), _draw_in(data.row_lower, data.row_upper)
         weighted = data.parameters.copy()
         weighted[:TERMS] *= self._weight
-        given = (start, weighted, *bounds[0], *bounds[1])
+        inputs = (start, weighted, *bounds[0], *bounds[1])
         vector = np.empty(len(start))
         with self._lock:
             buffer, evaluate = self._memory(data)
-            for k, values in enumerate(given):
+            for k, values in enumerate(inputs):
                 buffer.set_arg(k, values.data)
             buffer.set_res(0, vector.data)
             evaluate()

@@ -94,8 +94,8 @@ class Task:
     @property
     def bounds(self) -> Bounds:
         """Bounds from the problem's numbers."""
-        given = self.mesh, self.objective, self.demands, self.inset
-        return bounds(self.problem, self.requirements, self.nlp, *given)
+        numbers = self.mesh, self.objective, self.demands, self.inset
+        return bounds(self.problem, self.requirements, self.nlp, *numbers)
 
     def solve(self, start: Iterate, near: bool = False) -> Solution:
         """Solve from a start, which may be near the answer.
@@ -140,12 +140,12 @@ class Task:
     def motion(self, iterate: Iterate) -> Array:
         """The true motion under the iterate's input, see `resimulate`."""
         nlp = self.nlp
-        states = resimulate(nlp.moved, self.mesh, iterate, nlp.start(self.problem))
+        states = resimulate(nlp.model, self.mesh, iterate, nlp.start(self.problem))
         return states[..., : nlp.system.size]
 
     def motion_apart(self, iterate: Iterate) -> Array:
         """The true motion in each interval from the iterate's own node, shape (K, M, N)."""
-        states = resimulated_apart(self.nlp.moved, self.mesh, iterate)
+        states = resimulated_apart(self.nlp.model, self.mesh, iterate)
         return states[..., : self.nlp.system.size]
 
     def on_mesh(self, mesh: Mesh) -> Task:
@@ -155,8 +155,8 @@ class Task:
 
     def for_problem(self, problem: Problem, objective: Objective) -> Task:
         """The same mesh and tightened limits for another problem of the same system."""
-        given = self.nlp.form, self.mesh, self.demands, self.settings
-        return replace(task(problem, objective, *given), inset=self.inset)
+        parts = self.nlp.form, self.mesh, self.demands, self.settings
+        return replace(task(problem, objective, *parts), inset=self.inset)
 
     def with_inner_rows(self) -> Task:
         """The same task with limits kept at the collocation points too."""
@@ -180,15 +180,15 @@ def task(
     """
     requirements = kept_between_nodes(problem)
     at_edges = [each for each in (*problem.final, problem.on_the_way) if each.parts]
-    kept, final = (tuple(each.template for each in group) for group in (requirements, at_edges))
+    rows, final = (tuple(each.template for each in group) for group in (requirements, at_edges))
     units = Units() if form.augmented else natural_units(problem, objective, demands.timeless)
     free = problem.duration is None
-    form = replace(form, free_duration=free, kept=kept, final=final, units=units)
+    form = replace(form, free_duration=free, kept=rows, final=final, units=units)
     built, began = transcription.cache_info().misses, time.perf_counter()
     nlp = transcription(problem.system, form)
-    wanted = replace(settings, solver=names(nlp, settings)[0])
-    new = transcription.cache_info().misses > built or wanted not in nlp.solvers
-    solver_answer(lambda: backend(nlp, wanted), lambda _: None)  # `solve` says what it raises
+    first = replace(settings, solver=names(nlp, settings)[0])
+    new = transcription.cache_info().misses > built or first not in nlp.solvers
+    solver_answer(lambda: backend(nlp, first), lambda _: None)  # `solve` says what it raises
     seconds = time.perf_counter() - began if new else 0.0
     none = np.zeros((form.intervals, sum(len(requirement.parts) for requirement in requirements)))
     return Task(problem, requirements, objective, nlp, mesh, demands, settings, none, seconds)
@@ -222,9 +222,9 @@ def transfer(old: Task, iterate: Iterate, new: Task) -> Iterate:
 def iterate_of_inputs(job: Task, duration: float, inputs: Array) -> Iterate:
     """The iterate of the motion from the start under inputs in the shape of `Iterate.inputs`."""
     nlp, tau = job.nlp, job.nlp.form.scheme.points * STEPS
-    shape = nlp.form.intervals, nlp.form.degree, nlp.moved.size
+    shape = nlp.form.intervals, nlp.form.degree, nlp.model.size
     still = Iterate(duration, np.empty(0), np.empty(shape), inputs)
-    states = resimulate(nlp.moved, job.mesh, still, nlp.start(job.problem))
+    states = resimulate(nlp.model, job.mesh, still, nlp.start(job.problem))
     before = np.minimum(tau.astype(int), STEPS - 1)
     share = (tau - before)[:, None]
     points = (1 - share) * states[:, before] + share * states[:, before + 1]

@@ -129,8 +129,8 @@ def band_of(problem: Problem, start: Array, goal: Array, edge: float) -> Band:
         floor = max(floor, float(system.K[0] * np.cos(problem.limits.joint[1]) ** 3))
     widest = Band(sign, floor, 1.0, system.K)
     nearest = float(np.min(1 - ends / widest.cap(np.array([start[2], goal[2]]))))
-    wanted = min(1 - (1 - edge) ** 1.5 if two else edge, nearest / 2)
-    return Band(sign, floor, 1 - wanted, system.K)
+    share = min(1 - (1 - edge) ** 1.5 if two else edge, nearest / 2)
+    return Band(sign, floor, 1 - share, system.K)
 
 
 @dataclass(frozen=True)

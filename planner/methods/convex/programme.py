@@ -187,19 +187,19 @@ def solve_quadratic(
 def _optimum(
     G: Array, h: Array, y: Array, multipliers: Array, engine: str, time_s: float = 0.0
 ) -> Optimum:
-    kept = np.maximum(multipliers, 0.0)
-    pull = G.T @ kept
-    bound = float(-(pull @ pull) / 2 - h @ kept)
+    duals = np.maximum(multipliers, 0.0)
+    pull = G.T @ duals
+    bound = float(-(pull @ pull) / 2 - h @ duals)
     excess = float(np.max(G @ y - h, initial=-np.inf))
-    return Optimum(y, kept, excess, float(y @ y / 2), bound, engine, time_s)
+    return Optimum(y, duals, excess, float(y @ y / 2), bound, engine, time_s)
 
 
 def _farkas(G: Array, h: Array, raw: Array, radius: float) -> Farkas | None:
-    kept = np.maximum(raw, 0.0)
-    if not np.any(kept > 0) or not np.all(np.isfinite(kept)):
+    duals = np.maximum(raw, 0.0)
+    if not np.any(duals > 0) or not np.all(np.isfinite(duals)):
         return None
-    kept /= kept.sum()
-    return Farkas(kept, float(np.linalg.norm(G.T @ kept)), float(h @ kept), radius)
+    duals /= duals.sum()
+    return Farkas(duals, float(np.linalg.norm(G.T @ duals)), float(h @ duals), radius)
 
 
 def _by_active_set(G: Array, h: Array, radius: float) -> Optimum | Farkas | None:

@@ -128,7 +128,7 @@ def plan_desensitised(
 def desensitised_task(problem: Problem, options: DesensitisedOptions) -> Task:
     """The task of the system augmented by its response to the errors."""
     spread = spreads(problem.system, options)
-    moved = Augmented(
+    model = Augmented(
         problem.system,
         tuple(spread.items()),
         options.passive,
@@ -142,7 +142,7 @@ def desensitised_task(problem: Problem, options: DesensitisedOptions) -> Task:
         scheme_kind="legendre",
         input=input_kind(problem, NAME, options, auto="constant"),
         inner=True,
-        augmented=moved,
+        augmented=model,
     )
     rest = rests(options.rest, problem.limits.input_rate)
     demands = InputDemands(rest, effort=options.effort_limit or np.inf)
@@ -289,17 +289,17 @@ def excursion_guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
 
 
 def _sizes(job: Task, solution: Solution) -> dict[str, Any]:
-    moved, iterate = job.nlp.form.augmented, solution.iterate
-    assert moved is not None
-    passive, total = moved.sizes_deg(iterate.nodes[-1])
+    model, iterate = job.nlp.form.augmented, solution.iterate
+    assert model is not None
+    passive, total = model.sizes_deg(iterate.nodes[-1])
     spent = effort(job.curve(iterate))
     sizes = {"passive_deg": passive, "total_deg": total, "effort": spent}
     return sizes | {"iterations": solution.iterations}
 
 
 def _plan(job: Task, solution: Solution, options: DesensitisedOptions) -> Plan:
-    moved = job.nlp.form.augmented
-    assert moved is not None
+    model = job.nlp.form.augmented
+    assert model is not None
     return Plan(
         problem=job.problem,
         method=NAME,
@@ -309,7 +309,7 @@ def _plan(job: Task, solution: Solution, options: DesensitisedOptions) -> Plan:
         objective_name=job.objective.name,
         iterations=solution.iterations,
         notes={
-            "spread": dict(moved.spread),
+            "spread": dict(model.spread),
             **chosen_goal(job.problem, solution.iterate),
             **_sizes(job, solution),
         },
@@ -321,24 +321,24 @@ def _refuse_no_room(job: Task) -> None:
 
     At the start the spread is a given constant, so no path can help.
     """
-    problem, moved = job.problem, job.nlp.form.augmented
-    if moved is None or not moved.backoff:
+    problem, model = job.problem, job.nlp.form.augmented
+    if model is None or not model.backoff:
         return
-    W = moved.response(job.nlp.start(problem))
+    W = model.response(job.nlp.start(problem))
     for requirement in filter(backs_off, problem.requirements):
         for part, row, q in _functions(requirement, problem.system):
             there = ca.Function("there", [q], [row, ca.jacobian(row, q)])
             value, slope = (np.asarray(entry, dtype=float) for entry in there(problem.start))
             room = min(part.high - float(value.item()), float(value.item()) - part.low)
-            needed = moved.backoff * float(np.linalg.norm(slope @ W))
+            needed = model.backoff * float(np.linalg.norm(slope @ W))
             if needed > room:
                 name = requirement.limit_name(part)
                 raise InfeasibleError(
-                    f"{problem.source}: method.desensitised.backoff = {moved.backoff:g} needs a"
+                    f"{problem.source}: method.desensitised.backoff = {model.backoff:g} needs a"
                     f" distance of {format_value(needed, part.unit)} from the limit on {name},"
                     f" but the start has only {format_value(room, part.unit)}",
                     advice="method.desensitised.backoff ="
-                    f" {moved.backoff * room / needed * 0.99:.3g} or less, or a wider limit on"
+                    f" {model.backoff * room / needed * 0.99:.3g} or less, or a wider limit on"
                     f" {name}",
                 )
 
@@ -363,28 +363,28 @@ def _not_converged(
 
 def _violations(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
     """Violations of an iterate: those of `verify`, then of the effort and of backed-off limits."""
-    problem, moved, spent = job.problem, job.nlp.form.augmented, effort(plan.trajectory)
-    assert moved is not None
+    problem, model, spent = job.problem, job.nlp.form.augmented, effort(plan.trajectory)
+    assert model is not None
     out = list(verify(plan).violations)
     if spent > job.demands.effort:
         out.append(
             Violation("effort", None, spent, job.demands.effort, "", spent / job.demands.effort)
         )
-    if not moved.backoff:
+    if not model.backoff:
         return out
-    x = ca.SX.sym("x", moved.size)
+    x = ca.SX.sym("x", model.size)
     for requirement in problem.requirements:
         if not backs_off(requirement):
             continue
         for part, value, q in _functions(requirement, problem.system):
-            reach = ca.Function("reach", [x], [ca.vertcat(*moved.sides(q, value, [x]))])
+            reach = ca.Function("reach", [x], [ca.vertcat(*model.sides(q, value, [x]))])
             below, above = np.asarray(reach(nodes.T))
             excesses = np.maximum(above - part.high, part.low - below)
             k = int(np.argmax(excesses))
             if excesses[k] > ACCEPTED_RESIDUAL:
                 upper = above[k] - part.high == excesses[k]
                 extreme, limit = (above[k], part.high) if upper else (below[k], part.low)
-                label = f"{part.label} with {moved.backoff:g} standard deviations of back-off"
+                label = f"{part.label} with {model.backoff:g} standard deviations of back-off"
                 time_s, excess = float(job.mesh.edges[k] * plan.duration), float(excesses[k])
                 out.append(Violation(label, time_s, float(extreme), limit, part.unit, excess))
     return out

@@ -288,18 +288,18 @@ def choose_swing(
         return law(*numbers(x)).curves
 
     best: BestCandidate | None = None
-    tried = 0
+    count = 0
     for travels in _swing_travels(problem):
         grid, steps = (a[:, free] for a in _swings(travels, given))
         other = search_candidates(problem, make, grid, steps, options.criterion)
-        tried += other.tried
+        count += other.tried
         if best is None or other.cost < best.cost:
             best = other
         if best.inside:
             break
     assert best is not None
     travel, amplitude = numbers(best.x[None])[:, 0].tolist()
-    return travel, amplitude, {**best.notes, "auto_motions_tried": tried}
+    return travel, amplitude, {**best.notes, "auto_motions_tried": count}
 
 
 def _swing_travels(problem: Problem) -> Iterator[Array]:

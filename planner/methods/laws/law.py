@@ -121,7 +121,7 @@ class Motion:
         )
 
 
-def solve_conditions(rows: Array, wanted: Array) -> tuple[Array, Array]:
+def solve_conditions(rows: Array, values: Array) -> tuple[Array, Array]:
     """The least coefficients (C, k) with rows (C, m, k) times them = wanted (C, m).
 
     Returns:
@@ -139,7 +139,7 @@ def solve_conditions(rows: Array, wanted: Array) -> tuple[Array, Array]:
         orthogonal, triangular = np.linalg.qr(np.swapaxes(matrix, 1, 2))
         lower, out = np.swapaxes(triangular, 1, 2), np.zeros((*matrix.shape[::2], 1))
         for _ in range(2):  # the second time for what rounding left
-            rest = (wanted[..., None] - rows @ out) * scale
+            rest = (values[..., None] - rows @ out) * scale
             out = out + orthogonal @ np.linalg.solve(lower, rest)
     out[~good], condition[~good] = np.nan, np.nan
     return out[..., 0], np.broadcast_to(condition, len(out))
@@ -232,9 +232,9 @@ def _refuse_outside(plan: Plan) -> NoReturn:
         if crossings
         else "; z2 keeps its sign, yet no real angle exists there"
     )
-    tried = plan.notes.get("auto_motions_tried")
+    count = plan.notes.get("auto_motions_tried")
     which = (
-        f"the {plan.method} plan" if tried is None else f"the best {plan.method} plan of {tried}"
+        f"the {plan.method} plan" if count is None else f"the best {plan.method} plan of {count}"
     )
     travel = plan.problem.travel_key
     point = " or constraint point" if "points" in plan.options else ""

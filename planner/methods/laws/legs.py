@@ -71,8 +71,8 @@ def steer(start: Array, goal: Array, legs: Sequence[Leg], points: Sequence[Point
     goals = np.atleast_2d(goal)
     rows, drift = _conditions(start, legs, points, blocks)
     values = [np.broadcast_to(p.value, len(goals))[:, None] for p in points]
-    wanted = np.concatenate([goals[:, 1:], *values], axis=1)
-    coefficients, condition = solve_conditions(rows, wanted - drift)
+    targets = np.concatenate([goals[:, 1:], *values], axis=1)
+    coefficients, condition = solve_conditions(rows, targets - drift)
     v, v2, first = [], [], 0
     for leg, block in zip(legs, blocks, strict=True):
         v2.append(block.T @ coefficients[:, first : first + leg.terms].T)

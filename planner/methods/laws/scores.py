@@ -263,11 +263,11 @@ def search_candidates(
         TimeUpError: If time is up.
     """
     ends = end_margin(problem), end_slack(problem)
-    tried = 0
+    count = 0
 
     def costs(x: Array, samples: int | Array) -> Array:
-        nonlocal tried
-        tried += len(x)
+        nonlocal count
+        count += len(x)
         return score_candidates(problem, make, x, samples).cost(criterion, *ends)
 
     first = np.argsort(costs(grid, _SCAN), kind="stable")[: max(starts, 1)]
@@ -279,7 +279,7 @@ def search_candidates(
         x, cost = evolve(partial(costs, samples=samples), x, part * step, rounds, spread)
         best = np.argmin(cost, keepdims=True)
         x, step = x[best], step[best]
-    return BestCandidate(x[0], float(costs(x[:1], _FINE)[0]), tried)
+    return BestCandidate(x[0], float(costs(x[:1], _FINE)[0]), count)
 
 
 def _sample_places(problem: Problem, curves: Curves) -> Array:

@@ -183,15 +183,15 @@ def _shares(problem: Problem, options: SinusoidStepsOptions, periods: int) -> Ar
 
 def _pattern(problem: Problem, options: SinusoidStepsOptions, periods: int) -> Array:
     """Amplitudes of the periods relative to the common one."""
-    given = options.amplitude
-    if not isinstance(given, list):
+    amplitude = options.amplitude
+    if not isinstance(amplitude, list):
         return np.ones(periods)
-    if len(given) != periods:
+    if len(amplitude) != periods:
         raise InputError(
-            f"{problem.source}: method.sinusoid_steps.amplitude has {len(given)} values; give one,"
-            f" or one for each of {periods} periods"
+            f"{problem.source}: method.sinusoid_steps.amplitude has {len(amplitude)} values; give"
+            f" one, or one for each of {periods} periods"
         )
-    return np.array(given)
+    return np.array(amplitude)
 
 
 _PHASE = 2.4

@@ -61,13 +61,13 @@ def read_bag(path: str | Path, columns: Mapping[str, str]) -> NumberTable:
 
 
 def _table(source: str, reader: Any, columns: Mapping[str, str]) -> NumberTable:
-    known = {each.topic: str(each.msgtype) for each in reader.connections}
+    types = {each.topic: str(each.msgtype) for each in reader.connections}
     if not columns:
-        topics = ", ".join(f"{topic} ({kind})" for topic, kind in known.items())
+        topics = ", ".join(f"{topic} ({kind})" for topic, kind in types.items())
         raise InputError(
             f"{source}: map columns to topics, as in columns={EXAMPLE}; its topics: {topics}"
         )
-    places = {name: _find_topic(source, name, list(known)) for name in columns.values()}
+    places = {name: _find_topic(source, name, list(types)) for name in columns.values()}
     named = ((parse_name(ours) or ("", ""), theirs) for ours, theirs in columns.items())
     clock = next((places[theirs][0] for (name, _), theirs in named if name == "theta1"), None)
     last: dict[str, str] = {}

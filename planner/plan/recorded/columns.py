@@ -115,8 +115,8 @@ def _refuse_missing(
     table: NumberTable, places: Mapping[str, tuple[int, float]], unfit: Mapping[str, str]
 ) -> None:
     joints = sum(name.startswith("theta") for name in {**places, **unfit})
-    wanted = ["t", "u1", "u2", *(f"theta{i + 1}" for i in range(max(2, joints)))]
-    missing = [name for name in wanted if name not in places]
+    names = ["t", "u1", "u2", *(f"theta{i + 1}" for i in range(max(2, joints)))]
+    missing = [name for name in names if name not in places]
     for name in missing:
         if name in unfit:
             units = UNITS[name.rstrip("123456789")]

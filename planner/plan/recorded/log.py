@@ -80,10 +80,10 @@ class Log:
 
     def __post_init__(self) -> None:
         rows = np.shape(self.t)[:1]
-        wanted = {"t": rows, "u": (*rows, 2), "theta": (*rows, *np.shape(self.theta)[1:2])}
+        shapes = {"t": rows, "u": (*rows, 2), "theta": (*rows, *np.shape(self.theta)[1:2])}
         if self.motors is not None:
-            wanted["motors"] = (*rows, 2)
-        for name, shape in wanted.items():
+            shapes["motors"] = (*rows, 2)
+        for name, shape in shapes.items():
             value = np.asarray(getattr(self, name))
             if value.shape != shape or len(shape) != 1 + (name != "t"):
                 raise InputError(
@@ -115,11 +115,11 @@ class Log:
         """
         last = self.theta_deg[-POSE_READINGS:]
         half = len(last) // 2
-        moved = np.abs(np.median(last[-half:], axis=0) - np.median(last[:half], axis=0))
+        change = np.abs(np.median(last[-half:], axis=0) - np.median(last[:half], axis=0))
         spread = np.max(np.abs(last - np.median(last, axis=0)), axis=0)
-        joint = int(np.argmax(np.maximum(moved / MOST_POSE_DRIFT_DEG, spread / MOST_POSE_OFF_DEG)))
-        if moved[joint] > MOST_POSE_DRIFT_DEG:
-            rate = moved[joint] / (half * self.interval_s)
+        joint = int(np.argmax(np.maximum(change / MOST_POSE_DRIFT_DEG, spread / MOST_POSE_OFF_DEG)))
+        if change[joint] > MOST_POSE_DRIFT_DEG:
+            rate = change[joint] / (half * self.interval_s)
             raise InputError(
                 f"{self.source}: the arm does not rest at the end: in the last {len(last)} readings"
                 f" theta{joint + 1} moves at {rate:.2g} deg/s; record until it stands still"

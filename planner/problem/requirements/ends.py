@@ -38,8 +38,8 @@ class Goal(Demand):
     @property
     def parts(self) -> tuple[Part, ...]:
         """One part per given coordinate: its error."""
-        given = [(i, c) for i, c in enumerate(self.coordinates) if i not in self.free]
-        return tuple(Part(f"goal {c.name}", c.unit, -np.inf, 0.0, 1.0, i) for i, c in given)
+        pairs = [(i, c) for i, c in enumerate(self.coordinates) if i not in self.free]
+        return tuple(Part(f"goal {c.name}", c.unit, -np.inf, 0.0, 1.0, i) for i, c in pairs)
 
 
 @dataclass(frozen=True)

@@ -56,9 +56,9 @@ class Waypoint(Demand):
     @cached_property
     def beside_q(self) -> tuple[int, ...]:
         """Indices of given user coordinates that are not triangular, if not all are given."""
-        given = np.flatnonzero(~np.isnan(self.user)).tolist()
-        some = len(given) < len(self.user)
-        return tuple(i for i in given if some and i not in self.system.shared)
+        indices = np.flatnonzero(~np.isnan(self.user)).tolist()
+        some = len(indices) < len(self.user)
+        return tuple(i for i in indices if some and i not in self.system.shared)
 
     def distance(self, q: Array) -> Array:
         """Largest error of a given user coordinate, shape (…,), at q (…, N)."""

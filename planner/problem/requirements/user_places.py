@@ -52,8 +52,8 @@ class UserGoal(_UserPart):
     @property
     def parts(self) -> tuple[Part, ...]:
         """One part per coordinate, with equal lower and upper limits."""
-        given = zip(self.coordinates, self.indices, self.targets, strict=True)
-        return tuple(Part(f"goal {c.name}", c.unit, value, value, 1.0, i) for c, i, value in given)
+        terms = zip(self.coordinates, self.indices, self.targets, strict=True)
+        return tuple(Part(f"goal {c.name}", c.unit, value, value, 1.0, i) for c, i, value in terms)
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:

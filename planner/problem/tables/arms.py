@@ -181,12 +181,12 @@ class ArmFile(ProblemFile):
     @model_validator(mode="after")
     def _lengths(self) -> ArmFile:
         n = self.system.joints
-        given: list[tuple[str, Sequence[float | str]]] = [
+        values: list[tuple[str, Sequence[float | str]]] = [
             ("start", self.start.theta_deg),
             ("goal", self._goal_deg),
             *((f"waypoints[{k}]", w.theta_deg) for k, w in enumerate(self.waypoints)),
         ]
-        for name, angles in given:
+        for name, angles in values:
             if len(angles) != n:
                 raise ValueError(
                     f"{name}.theta_deg has {len(angles)} angles but system.joints = {n}"

@@ -176,17 +176,17 @@ class OwnFile(NamedFile):
         every, path = self.names, self.path_index
         rest = [name for i, name in enumerate(every) if i != path]
         limited = rest if not self.built.has_user_coordinates else every
-        wanted: dict[str, tuple[Mapping[str, Any], list[str]]] = {
+        tables: dict[str, tuple[Mapping[str, Any], list[str]]] = {
             "start.q": (self.start.q, every),
             "goal.q": (self.goal.q, rest),
         }
-        for key, (given, names) in {**wanted, "limits.q": (self.limits.q, limited)}.items():
+        for key, (given, names) in {**tables, "limits.q": (self.limits.q, limited)}.items():
             for name in given:
                 if name not in names:
                     raise ValueError(
                         f"{key} has no coordinate '{name}'; {allowed_hint(name, names)}"
                     )
-        for key, (given, names) in wanted.items():
+        for key, (given, names) in tables.items():
             missing = [name for name in names if name not in given]
             if missing:
                 raise ValueError(f"{key} lacks {', '.join(missing)}")
@@ -226,8 +226,8 @@ class OwnFile(NamedFile):
 
     def user_goal(self) -> Array:
         """The goal in user coordinates, shape (N,), NaN if free."""
-        given = {name: value for name, value in self.goal.q.items() if value != "free"}
-        w = np.array([given.get(name, np.nan) for name in self.names], dtype=float)
+        values = {name: value for name, value in self.goal.q.items() if value != "free"}
+        w = np.array([values.get(name, np.nan) for name in self.names], dtype=float)
         if (path := self.path_index) is not None and self.goal.travel != "free":
             w[path] = self.start.q[self.names[path]] + self.goal.travel
         return w

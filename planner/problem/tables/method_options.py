@@ -341,8 +341,8 @@ class CollocationOptions(Table):
         """Drop options of earlier versions, which had no effect in the end."""
         if not isinstance(table, dict):
             return table
-        kept = {key: value for key, value in table.items() if key != "variations"}
-        return kept | ({"start": "auto"} if kept.get("start") in ("polynomial", "convex") else {})
+        rest = {key: value for key, value in table.items() if key != "variations"}
+        return rest | ({"start": "auto"} if rest.get("start") in ("polynomial", "convex") else {})
 
 
 class ConvexOptions(Table):

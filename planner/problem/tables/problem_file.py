@@ -353,14 +353,14 @@ class NamedFile(ProblemFile):
         units = {c.name: c.unit for c in coordinates}
         states = []
         for number, point in enumerate(self.waypoints):
-            given: dict[str, float] = {}
+            values: dict[str, float] = {}
             for key, value in point.q.items():
                 where = f"waypoints[{number}].q"
                 for name, each in self._meant(where, key, value, units).items():
-                    if name in given:
+                    if name in values:
                         raise ValueError(f"{where} gives '{name}' twice; leave out '{key}'")
-                    given[name] = each
-            states.append(np.array([given.get(name, np.nan) for name in units]))
+                    values[name] = each
+            states.append(np.array([values.get(name, np.nan) for name in units]))
         return states
 
     def _meant(

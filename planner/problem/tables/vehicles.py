@@ -113,10 +113,10 @@ class VehicleFile(NamedFile):
         degrees = []
         for name in [c.name for c in self.build_system().coordinates[1:-1]]:
             word = name.rstrip("0123456789")
-            given = getattr(table, f"{word}_deg", None)
-            if isinstance(given, list):
-                given = given[int(name.removeprefix(word)) - 1]
-            degrees.append(missing if given is None else float(np.deg2rad(given)))
+            angles = getattr(table, f"{word}_deg", None)
+            if isinstance(angles, list):
+                angles = angles[int(name.removeprefix(word)) - 1]
+            degrees.append(missing if angles is None else float(np.deg2rad(angles)))
         return degrees
 
     def start_state(self) -> Array:
@@ -291,10 +291,11 @@ class TrailersFile(VehicleFile):
     def _lengths(self) -> TrailersFile:
         n = len(self.system.trailer_lengths_m)
         for name, table in (("start", self.start), ("goal", self.goal), ("limits", self.limits)):
-            given = table.hitch_deg
-            if isinstance(given, list) and len(given) != n:
+            angles = table.hitch_deg
+            if isinstance(angles, list) and len(angles) != n:
                 raise ValueError(
-                    f"{name}.hitch_deg has {len(given)} values but system.trailer_lengths_m has {n}"
+                    f"{name}.hitch_deg has {len(angles)} values but system.trailer_lengths_m"
+                    f" has {n}"
                 )
         return self
 

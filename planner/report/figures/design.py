@@ -189,10 +189,10 @@ def _map(ax: Any, study: DesignStudy, figure: DesignFigure) -> None:
     places = [(columns.index(x), lines.index(y)) for x, y in zip(across, up, strict=True)]
     for (i, j), row in zip(places, rows, strict=True):
         shade[j, i] = _value(study, figure, row)[0]
-    known = shade[np.isfinite(shade)]
-    if known.size and known.min() > 0 and known.max() > LOG_RATIO * known.min():
-        shade, known = np.log(shade), np.log(known)
-    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    finite = shade[np.isfinite(shade)]
+    if finite.size and finite.min() > 0 and finite.max() > LOG_RATIO * finite.min():
+        shade, finite = np.log(shade), np.log(finite)
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     room = max(high - low, 1e-9)
     ax.grid(False)
     ax.imshow(

@@ -203,19 +203,19 @@ def plot_errors(
         InputError: If no plan was replayed.
     """
     expect(Mapping, errors, "give errors by label, as in {'mine': replay.index_E_deg}")
-    known = {k: np.asarray(e, dtype=float) for k, e in errors.items() if e is not None}
-    if not known:
+    arrays = {k: np.asarray(e, dtype=float) for k, e in errors.items() if e is not None}
+    if not arrays:
         raise InputError("no plan was replayed, so there are no errors to draw")
     colour = colours(list(errors))
     figure, axes, ours = grid(1, 1, axes, size=(6.4, 4.0))
     ax = axes[0, 0]
-    for label, error in known.items():
+    for label, error in arrays.items():
         _distribution(ax, label, np.sort(error), colour[label], label in refused)
     ax.set_ylim(0, 1.02)
     ax.set_xlabel("error index E (deg): largest joint error during the motion, eq. (29)")
-    _scale(ax.xaxis, needs_log_axis(error_range(list(known.values()))))
+    _scale(ax.xaxis, needs_log_axis(error_range(list(arrays.values()))))
     ax.set_ylabel("share of machines")
-    count = max(len(e) for e in known.values())
+    count = max(len(e) for e in arrays.values())
     ax.set_title(f"Error on {count} emulated machines", fontsize=11)
     legend(figure, ax, ax.get_legend_handles_labels()[0], ours=ours, abreast=1)
     return figure, ax

@@ -117,8 +117,8 @@ def identification_figure(result: Identification) -> Figure:
             ax.plot(log.t, log.theta_deg[:, i] - before.theta_deg[:, i], **looks, alpha=0.3)
             left = log.theta_deg[:, i] - best.theta_deg[:, i]
             ax.plot(log.t, left, **looks, label=symbol(f"theta{i + 1}"))
-        kept = " (kept out of the fit)" if log is result.kept_out else ""
-        ax.set_title(f"{log.source}{kept}", fontsize=9, loc="left")
+        note = " (kept out of the fit)" if log is result.kept_out else ""
+        ax.set_title(f"{log.source}{note}", fontsize=9, loc="left")
         ax.set_ylabel("read minus predicted (deg)", fontsize=8)
         ax.grid(**GRID_STYLE)
     every[0].legend(fontsize=8, title="pale: the preset", ncols=3)

@@ -269,10 +269,10 @@ def plot_budget(budget: Budget, *, axes: Any = None) -> tuple[Figure, Any]:
     _bars(left, places + 0.2, [c.alone_deg for c in costs], _reach(costs, "alone"), 1, "alone")
     left.set_xlabel("error index E (deg)")
     for k, kind in enumerate(("between", "switch")):
-        known = [getattr(c, kind) or Index(np.nan, np.nan, np.nan, np.nan) for c in costs]
-        half = np.array([i.total_half for i in known])
+        indices = [getattr(c, kind) or Index(np.nan, np.nan, np.nan, np.nan) for c in costs]
+        half = np.array([i.total_half for i in indices])
         label = "between machines" if kind == "between" else "on or off"
-        values = [i.total for i in known]
+        values = [i.total for i in indices]
         _bars(right, places + (k - 0.5) * 0.4, values, np.stack([half, half]), 2 + k, label)
     right.set_xlabel("total Sobol index: share of the variance of E")
     right.set_xlim(left=min(0.0, right.get_xlim()[0]), right=min(1.2, right.get_xlim()[1]))

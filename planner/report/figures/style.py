@@ -158,8 +158,8 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
 
 def find_covered(labels: Iterable[str]) -> set[str]:
     """Labels of plans whose compensated plan is also present; both have the same path."""
-    known = {label for label in labels if not label.endswith(FEEDBACK)}
-    return {plain_label(label) for label in known if plain_label(label) != label} & known
+    plain = {label for label in labels if not label.endswith(FEEDBACK)}
+    return {plain_label(label) for label in plain if plain_label(label) != label} & plain
 
 
 def colours(labels: Sequence[str]) -> dict[str, str]:

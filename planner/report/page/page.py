@@ -225,14 +225,14 @@ on the same machine. p: sign test, corrected for all pairs.</p></details>"""
 
 def _worst(rows: Sequence[Mapping[str, Any]]) -> str:
     """Commands that replay each plan's worst machine alone, folded."""
-    known = [
+    finite = [
         f"# {row['label']}: machine {row['worst']}\n{row['worst_command']}"
         for row in rows
         if row.get("worst_command")
     ]
-    if not known:
+    if not finite:
         return ""
-    lines = html.escape("\n\n".join(known))
+    lines = html.escape("\n\n".join(finite))
     return (
         "<details><summary>The worst machine of each plan, alone</summary>"
         f'<pre class="wrapped" tabindex="0">{lines}</pre></details>'

@@ -74,9 +74,9 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
 def _opening(comparison: Comparison) -> list[str]:
     """Labels of plans in the order in which the page prefers to show their motion."""
     take = comparison.recommended
-    wanted = [] if take is None else [take.label]
-    wanted += ["collocation", *(row.label for row in comparison.rows if row.solved)]
-    return list(dict.fromkeys([*wanted, *(row.label for row in comparison.rows)]))
+    labels = [] if take is None else [take.label]
+    labels += ["collocation", *(row.label for row in comparison.rows if row.solved)]
+    return list(dict.fromkeys([*labels, *(row.label for row in comparison.rows)]))
 
 
 def _plan(drawn: Curve, replay: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -155,13 +155,13 @@ def _median_machine(drawn: Sequence[Curve], replays: Mapping[str, Any], i: int) 
 def _spreads(
     comparison: Comparison, drawn: Sequence[Curve], replays: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    known = [(k, one.label) for k, one in enumerate(drawn) if one.label in replays]
-    if not known:
+    pairs = [(k, one.label) for k, one in enumerate(drawn) if one.label in replays]
+    if not pairs:
         return []
-    errors = {k: np.sort(np.asarray(replays[label]["E_deg"], dtype=float)) for k, label in known}
+    errors = {k: np.sort(np.asarray(replays[label]["E_deg"], dtype=float)) for k, label in pairs}
     low, high = error_range(list(errors.values()))
     series = [{"plan": k, "values": to_screen_digits(values)} for k, values in errors.items()]
-    rows = {k: comparison[label] for k, label in known if np.isfinite(comparison[label].effort)}
+    rows = {k: comparison[label] for k, label in pairs if np.isfinite(comparison[label].effort)}
     points = [
         {"plan": k, "x": row.effort, "y": row.E_median_deg, "high": row.E_p95_deg}
         for k, row in rows.items()

@@ -42,10 +42,10 @@ def question(problem: Problem) -> str:
 def answer(comparison: Comparison, row: Row) -> str:
     """The answer for one row, one sentence of HTML: solved or not, effort, error."""
     if not row.solved:
-        tried = "; replayed for study" if np.isfinite(row.E_median_deg) else ""
+        note = "; replayed for study" if np.isfinite(row.E_median_deg) else ""
         advice = comparison.advice.get(row.label, "")
         more = f" Try: {html.escape(advice)}." if advice else ""
-        return f"refused: {html.escape(row.why)}{tried}.{more}"
+        return f"refused: {html.escape(row.why)}{note}.{more}"
     text = f"{'takes' if row.feedback else 'solved with'} effort {number(row.effort, 4)}"
     text += f" {effort_unit(comparison.problem.system)}"
     if np.isfinite(row.E_median_deg):

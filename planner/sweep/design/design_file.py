@@ -227,8 +227,8 @@ class StudyInput:
         force = design.values.get("contact_force_n", self.table.contact_force_n)
         if force is not None:
             # Keep the relative spread of the problem's machine.
-            known = Machine.from_table(self.base.machine).effects.get("friction_capacity_nm")
-            spread = known.spread[0] / known.value[0] if known is not None else 0.0
+            capacity = Machine.from_table(self.base.machine).effects.get("friction_capacity_nm")
+            spread = capacity.spread[0] / capacity.value[0] if capacity is not None else 0.0
             torque = force * design.gear.r1
             out["machine.friction_capacity_nm"] = {"value": torque, "spread": spread * torque}
         return out

@@ -73,8 +73,8 @@ class ChainEnds:
     @classmethod
     def of(cls, problem: Problem, share: float = 1.0) -> ChainEnds:
         """The ends of a problem with a share of its limits, widened to contain start and goal."""
-        given = np.fmax(np.abs(problem.start), np.abs(problem.target))
-        limit = np.fmax(share * problem.limits.joint, given)
+        ends = np.fmax(np.abs(problem.start), np.abs(problem.target))
+        limit = np.fmax(share * problem.limits.joint, ends)
         return cls(problem.start, problem.target, limit)
 
 
@@ -168,9 +168,9 @@ class _Nearest:
     ) -> tuple[PieceChain | None, int]:
         lower, upper = self._bounds(ends)
         x = self._pack(chain.q, chain.u)
-        given = {"x0": np.clip(x, lower, upper), "p": x, "lbx": lower, "ubx": upper}
-        given |= {"lbg": gap.ravel(), "ubg": gap.ravel()}
-        answer = solver_answer(lambda: self._solver(**given), lambda _: {})
+        inputs = {"x0": np.clip(x, lower, upper), "p": x, "lbx": lower, "ubx": upper}
+        inputs |= {"lbg": gap.ravel(), "ubg": gap.ravel()}
+        answer = solver_answer(lambda: self._solver(**inputs), lambda _: {})
         if not answer:
             return None, ITERATIONS
         iterations = int(self._solver.stats()["iter_count"])
@@ -189,8 +189,8 @@ class _Nearest:
         upper = np.repeat(ends.limit[None], self._count + 1, axis=0)
         lower = -upper
         lower[0] = upper[0] = ends.start
-        known = ~np.isnan(ends.goal)
-        lower[-1, known] = upper[-1, known] = ends.goal[known]
+        is_fixed = ~np.isnan(ends.goal)
+        lower[-1, is_fixed] = upper[-1, is_fixed] = ends.goal[is_fixed]
         free = np.full((self._count, 2), np.inf)
         return self._pack(lower, -free), self._pack(upper, free)
 

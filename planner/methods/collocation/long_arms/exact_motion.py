@@ -69,10 +69,10 @@ def exact_motion(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, S
             return None
         chain = motion
         path_job, path = follow(job, chain, DEGREE)
-        wanted = _duration(path_job, path)
-        if wanted is None:
+        duration = _duration(path_job, path)
+        if duration is None:
             return None
-        solution = path_job.judge(stretch_to(path, wanted))
+        solution = path_job.judge(stretch_to(path, duration))
         if solution.ok and inspect(path_job, solution).fine(accuracy):
             return path_job, solution
     return None
@@ -80,10 +80,10 @@ def exact_motion(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, S
 
 def _duration(job: Task, path: Iterate) -> float | None:
     """The given duration, or the least that the limits allow; None if the given is too short."""
-    wanted, needed = job.problem.duration, needed_duration(job.problem, job.mesh, path)
-    if wanted is None:
+    given, needed = job.problem.duration, needed_duration(job.problem, job.mesh, path)
+    if given is None:
         return needed or path.duration
-    return wanted if needed <= wanted * (1 + 1e-9) else None
+    return given if needed <= given * (1 + 1e-9) else None
 
 
 def chain_of(job: Task, solution: Solution) -> PieceChain:
@@ -105,23 +105,23 @@ def follow(job: Task, chain: PieceChain, degree: int = 0) -> tuple[Task, Iterate
     Each interval has at least `degree` collocation points.
     """
     seconds = np.max(np.abs(chain.u) / job.problem.limits.input_scale, axis=1)
-    kept = seconds > 1e-9 * np.sum(seconds)
-    seconds = seconds[kept]
-    nodes = np.vstack([chain.q[:-1][kept], chain.q[-1:]])
+    moving = seconds > 1e-9 * np.sum(seconds)
+    seconds = seconds[moving]
+    nodes = np.vstack([chain.q[:-1][moving], chain.q[-1:]])
     edges = np.append(0.0, np.cumsum(seconds))
     path_job = _with_constant_inputs(job, degree).on_mesh(Mesh(edges / edges[-1]))
-    return path_job, _iterate(path_job, nodes, chain.u[kept] / seconds[:, None], float(edges[-1]))
+    return path_job, _iterate(path_job, nodes, chain.u[moving] / seconds[:, None], float(edges[-1]))
 
 
 def _with_constant_inputs(job: Task, degree: int) -> Task:
     """The job with constant inputs in each interval, like the path, if inputs may jump."""
     form = job.nlp.form
-    wanted = replace(form, degree=max(form.degree, degree))
+    new = replace(form, degree=max(form.degree, degree))
     if has_only_limits(job):
-        wanted = replace(wanted, input="constant")
-    if wanted == form:
+        new = replace(new, input="constant")
+    if new == form:
         return job
-    return task(job.problem, job.objective, wanted, job.mesh, job.demands, job.settings)
+    return task(job.problem, job.objective, new, job.mesh, job.demands, job.settings)
 
 
 def _iterate(job: Task, nodes: Array, rates: Array, duration: float) -> Iterate:

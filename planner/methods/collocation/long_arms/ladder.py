@@ -191,10 +191,10 @@ def lift(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> 
         gap: Largest gap to leave, rad; limits may be exceeded by a quarter of it. Stretches with
             more are halved.
     """
-    known = np.append(0.0, np.cumsum(np.sum(np.abs(path.u), axis=1)))
-    edges = np.linspace(0.0, known[-1], 1 + max(1, int(np.ceil(known[-1] / LONGEST_STRETCH))))
+    length = np.append(0.0, np.cumsum(np.sum(np.abs(path.u), axis=1)))
+    edges = np.linspace(0.0, length[-1], 1 + max(1, int(np.ceil(length[-1] / LONGEST_STRETCH))))
     for _ in range(HALVINGS):
-        chain, stretch = _lifted_chain(system, path, known, ends, edges)
+        chain, stretch = _lifted_chain(system, path, length, ends, edges)
         missed = np.max(np.abs(chain.gap), axis=1)
         excess = np.max(np.abs(chain.q[1:] - chain.gap) - ends.limit, axis=1)
         wide = np.zeros(len(edges) - 1, dtype=bool)
@@ -206,13 +206,13 @@ def lift(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> 
 
 
 def _lifted_chain(
-    system: Manipulator, path: PieceChain, known: Array, ends: ChainEnds, edges: Array
+    system: Manipulator, path: PieceChain, length: Array, ends: ChainEnds, edges: Array
 ) -> tuple[PieceChain, Index]:
     """The chain for stretches between the path lengths `edges`, and the stretch of each piece.
 
-    `known` are the path lengths at the path's own nodes.
+    `length` are the path lengths at the path's own nodes.
     """
-    places, moves = _stretches(system.shorter(), path, known, edges)
+    places, moves = _stretches(system.shorter(), path, length, edges)
     u, before = _drives(system, moves, ends)
     q = np.insert(places, 1, before, axis=1)
     last = np.insert(places[-1], 1, ends.goal[1])
@@ -220,12 +220,12 @@ def _lifted_chain(
 
 
 def _stretches(
-    short: Manipulator, path: PieceChain, known: Array, edges: Array
+    short: Manipulator, path: PieceChain, length: Array, edges: Array
 ) -> tuple[Array, Array]:
     """Coordinates between the stretches, (S+1, n), and drive and turn in each, (S, 2)."""
     sums = np.vstack([np.zeros(2), np.cumsum(path.u, axis=0)])
-    values = np.stack([np.interp(edges, known, column) for column in sums.T], axis=-1)
-    piece = np.clip(np.searchsorted(known, edges[:-1], side="right") - 1, 0, len(path.u) - 1)
+    values = np.stack([np.interp(edges, length, column) for column in sums.T], axis=-1)
+    piece = np.clip(np.searchsorted(length, edges[:-1], side="right") - 1, 0, len(path.u) - 1)
     places = ends_of(short, path.q[piece], values[:-1] - sums[piece])
     return np.vstack([places, path.q[-1]]), np.diff(values, axis=0)
 

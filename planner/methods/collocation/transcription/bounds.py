@@ -129,9 +129,9 @@ def bounds(
     numbers: list[float] = []
     for requirement in (*requirements, *problem.final):
         numbers += requirement.row_field_values
-    known = [] if problem.duration is None else [problem.duration / units.time_s]
+    duration = [] if problem.duration is None else [problem.duration / units.time_s]
     weights = units.weights(objective.weights)
-    parameters = np.concatenate([weights, numbers, known, mesh.widths])
+    parameters = np.concatenate([weights, numbers, duration, mesh.widths])
     sides = lower / of_unknowns, upper / of_unknowns, row_lower.ravel(), row_upper.ravel()
     return Bounds(*sides, parameters, mesh.widths, of_unknowns)
 
@@ -198,8 +198,8 @@ def _fix(
     fixed += [(places.nodes[k, :N], point.q) for k, point in stops]
     fixed += [(places.inputs[[0, -1]].ravel(), np.zeros(4))] if demands.rest else []
     for where, values in fixed:
-        known = ~np.isnan(values)
-        lower[where[known]] = upper[where[known]] = values[known]
+        is_fixed = ~np.isnan(values)
+        lower[where[is_fixed]] = upper[where[is_fixed]] = values[is_fixed]
 
 
 def _at_nodes(inset: Array) -> Array:

@@ -126,16 +126,16 @@ class _RowList:
 
 def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     """The symbols of one interval of a transcription."""
-    moved = form.augmented or system
-    x, rows = _Symbols(moved, form, order.lifted), _RowList()
-    points, rates, defects, inside = _collocation(moved, form, order, x)
-    after = _motion(moved, form, x, rates, rows)
+    model = form.augmented or system
+    x, rows = _Symbols(model, form, order.lifted), _RowList()
+    points, rates, defects, inside = _collocation(model, form, order, x)
+    after = _motion(model, form, x, rates, rows)
     for i, residuals in defects.items():
         rows.add("defect", i, form.scheme.points, residuals)
     columns = [ca.vertcat(*column) for column in points]
     _limit_rows(system, form, x, columns, after, rows)
     if form.augmented and form.augmented.backoff:
-        _backed_off_rows(form, form.augmented, [*columns, after[: moved.size]], rows)
+        _backed_off_rows(form, form.augmented, [*columns, after[: model.size]], rows)
     cost = _cost(system, form, x, columns)
     return Stage(
         state=x.state,
@@ -178,12 +178,12 @@ def _collocation(
         r = ca.SX.sym(f"r{i}", form.degree)
         meant = [rate(q, u) for q, u in zip(columns, inputs, strict=True)]
         inside.append((r, ca.vertcat(*meant)))
-        moved = x.X[i] + x.seconds * (ca.DM(s.integration) @ r)
+        value = x.X[i] + x.seconds * (ca.DM(s.integration) @ r)
         rates[i] = ca.vertsplit(r)
         if i in order.lifted:
-            defects[i] = [points[j][i] - moved[j] for j in places]
+            defects[i] = [points[j][i] - value[j] for j in places]
         else:
-            inside.append((ca.vertcat(*(points[j][i] for j in places)), moved))
+            inside.append((ca.vertcat(*(points[j][i] for j in places)), value))
     return points, rates, defects, inside
 
 
@@ -267,14 +267,14 @@ def _limit_rows(
             part += 1
 
 
-def _backed_off_rows(form: Form, moved: Augmented, places: list[Any], rows: _RowList) -> None:
+def _backed_off_rows(form: Form, model: Augmented, places: list[Any], rows: _RowList) -> None:
     """Rows of limits on coordinates with back-off to both sides, at points and the right edge."""
-    system, q = moved.system, ca.SX.sym("q", moved.system.size)
+    system, q = model.system, ca.SX.sym("q", model.system.size)
     tau, part = np.repeat(np.append(form.scheme.points, 1.0), 2), 0
     for blank in form.kept:
         limits = blank.rows(MotionPoint(system, q)) if backs_off(blank) else []
         for k, row in enumerate(limits, part):
-            rows.add("kept", k, tau, moved.sides(q, row, places))
+            rows.add("kept", k, tau, model.sides(q, row, places))
         part += len(blank.parts)
 
 

@@ -172,7 +172,7 @@ class Transcription:
 
     Attributes:
         system: The system.
-        moved: The transcribed system: the system itself or an `Augmented` one.
+        model: The transcribed system: the system itself or an `Augmented` one.
         form: Its form.
         layout: Positions of the unknowns.
         labels: Meaning of the rows of one interval.
@@ -182,7 +182,7 @@ class Transcription:
     """
 
     system: TriangularSystem
-    moved: MovingSystem
+    model: MovingSystem
     form: Form
     layout: Layout
     labels: tuple[Rows, ...]
@@ -192,7 +192,7 @@ class Transcription:
 
     def start(self, problem: Problem) -> Array:
         """The state at the start; the states beyond the system's coordinates begin at zero."""
-        return np.append(problem.start, np.zeros(self.moved.size - self.system.size))
+        return np.append(problem.start, np.zeros(self.model.size - self.system.size))
 
     def outcome(self, vector: Array, parameters: Array) -> tuple[float, Array, Iterate]:
         """Evaluate the programme at unknowns in natural units.
@@ -202,13 +202,13 @@ class Transcription:
             the problem's, with the collocation values that follow from them.
         """
         at, units = self.layout, self.form.units
-        known = units.time_s * parameters[self.form.parameters - 1]
+        duration = units.time_s * parameters[self.form.parameters - 1]
         values = self.program.outcome(vector, parameters)
         end = 1 + at.intervals * self.height
         rows, points = values[1:end], values[end:]
         vector = vector * at.units(units)
         iterate = Iterate(
-            duration=float(vector[at.durations[0]] if self.form.free_duration else known),
+            duration=float(vector[at.durations[0]] if self.form.free_duration else duration),
             nodes=vector[at.nodes],
             points=points.reshape(at.intervals, self.form.degree, -1),
             inputs=vector[at.inputs],
@@ -223,14 +223,14 @@ def transcription(system: TriangularSystem, form: Form) -> Transcription:
     Raises:
         TimeUpError: If time is up before it is built.
     """
-    moved = form.augmented or system
-    dependencies = order(moved)
-    places = layout(form, moved.size, dependencies.lifted)
+    model = form.augmented or system
+    dependencies = order(model)
+    places = layout(form, model.size, dependencies.lifted)
     symbols = stage(system, form, dependencies)
     functions = interval_functions(symbols)
     return Transcription(
         system=system,
-        moved=moved,
+        model=model,
         form=form,
         layout=places,
         labels=symbols.labels,

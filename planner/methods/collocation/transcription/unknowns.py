@@ -159,9 +159,9 @@ def resimulate(system: MovingSystem, mesh: Mesh, iterate: Iterate, start: Array)
     The shape is (K, STEPS + 1, N); an interval's last sample is the next one's first.
     """
     K = len(mesh.widths)
-    given = start, mesh.widths * iterate.duration, *iterate.input_ends()
+    inputs = start, mesh.widths * iterate.duration, *iterate.input_ends()
     states = np.empty((K, STEPS + 1, system.size))
-    states[:, 1:] = _runner(system, K, through=True)(*given).reshape(K, STEPS, system.size)
+    states[:, 1:] = _runner(system, K, through=True)(*inputs).reshape(K, STEPS, system.size)
     states[0, 0], states[1:, 0] = start, states[:-1, -1]
     return states
 
@@ -169,8 +169,8 @@ def resimulate(system: MovingSystem, mesh: Mesh, iterate: Iterate, start: Array)
 def resimulated_apart(system: MovingSystem, mesh: Mesh, iterate: Iterate) -> Array:
     """Integrate an iterate's input in each interval from its own node, (K, STEPS + 1, N)."""
     K, nodes = len(mesh.widths), iterate.nodes[:-1]
-    given = nodes, mesh.widths * iterate.duration, *iterate.input_ends()
-    samples = _runner(system, K, through=False)(*given).reshape(K, STEPS, system.size)
+    inputs = nodes, mesh.widths * iterate.duration, *iterate.input_ends()
+    samples = _runner(system, K, through=False)(*inputs).reshape(K, STEPS, system.size)
     return np.concatenate([nodes[:, None], samples], axis=1)
 
 

@@ -1,13 +1,16 @@
-"""Search the joint space of an arm among discs on a grid for a path from start to goal.
+"""The joint space of an arm among discs: find a way from start to goal, or prove that none exists.
 
 If joint i turns by an angle a, each point of the links moves by at most a times the length of the
-arm from that joint to its tip. So a cell of the grid is free if the clearance at its centre exceeds
-this bound for half its width, and blocked if links reach into a disc by more than the bound. All
-other cells are mixed and are divided. If blocked cells separate start and goal, this proves that no
-motion exists. If free cells connect them, the path through them is a first guess.
+arm from that joint to its tip. This bound decides whether a segment between two poses is clear of
+all discs: it is halved until the clearance in the middle of each part exceeds the bound.
 
-Source: Zhu and Latombe, New heuristic algorithms for efficient hierarchical path planning (IEEE
-Transactions on Robotics and Automation 7, 1991), for the three kinds of cells.
+For the proof the joint space is a grid. A cell is free if the clearance at its centre exceeds the
+bound for half its width, and blocked if links reach into a disc by more than the bound. All other
+cells are mixed and are divided. If blocked cells separate start and goal, no motion exists.
+
+Sources: Kuffner and LaValle, RRT-Connect (IEEE International Conference on Robotics and Automation,
+2000), for the search; Zhu and Latombe, New heuristic algorithms for efficient hierarchical path
+planning (IEEE Transactions on Robotics and Automation 7, 1991), for the three kinds of cells.
 """
 
 from __future__ import annotations
@@ -25,11 +28,8 @@ from planner.support.arrays import Array
 FREE, MIXED, BLOCKED = 0, 1, 2
 
 COARSEST, MOST_CELLS = 8, 2**20
-"""Cells per joint of the first grid, and all cells of the finest grid: 1024 per joint for two
-joints, 64 for three, 32 for four."""
-
-MOST_WAY_CELLS = 2**18
-"""Cells of the finest grid on which a path is searched; the shortest path then takes a second."""
+"""Cells per joint of the first grid, for at most six joints; and all cells of the finest grid: 1024
+per joint for two joints, 64 for three, 32 for four."""
 
 TOLERANCE = 1e-6
 """Extra depth for a blocked cell, as a share of the arm's length; larger than the tolerance of
@@ -38,13 +38,12 @@ verification."""
 WIDEST_RAD = 1.5
 """Angle up to which a path is searched if a joint has no limit."""
 
-MIXED_COST, TOUCHING_COST = 100.0, 10000.0
-"""Cost of a step into a mixed cell, and into a cell whose centre lies in a disc; a free cell costs
-1. They are finite because start and goal may lie in such cells."""
+STEP_RAD, MOST_SAMPLES, SHORTCUTS = 0.35, 3000, 60
+"""Longest branch of a tree; number of poses drawn before a search ends (those that have an answer
+need 1 to 1,200); and number of shortcuts that are tried."""
 
-SAMPLE_SHARE, MOST_SAMPLES = 0.5, 2000
-"""Largest motion of the links between two samples of a straight segment, in radii of the smallest
-disc; and the maximum number of samples."""
+MOST_PARTS = 20_000
+"""Largest number of parts of a segment; one that needs more touches a disc."""
 
 
 def clearance(problem: Problem, theta: Array) -> Array:
@@ -60,7 +59,8 @@ def clearance(problem: Problem, theta: Array) -> Array:
 @lru_cache(maxsize=8)
 def is_blocked(problem: Problem) -> bool:
     """Whether discs and joint limits provably separate the goal from the start."""
-    if not has_free_space(problem) or not np.isfinite(problem.limits.joint[1:]).all():
+    fits = problem.obstacles and COARSEST ** (problem.system.size - 1) <= MOST_CELLS
+    if not fits or not np.isfinite(problem.limits.joint[1:]).all():
         return False
     start = problem.start[1:]
     for grid in _grids(problem):
@@ -83,20 +83,75 @@ def why_blocked(problem: Problem) -> str | None:
     )
 
 
-def find_way(problem: Problem) -> Array | None:
+def find_way(problem: Problem, seed: int = 0) -> Array | None:
     """Find a short path from start to goal clear of all discs; corners (M, n) in radians.
 
-    The path ignores the kinematics. None if there is no grid, or no path on it.
+    Two trees of poses grow from start and goal towards poses drawn at random, until they meet. The
+    path ignores the kinematics. None if there are no discs, or no path is found.
     """
-    if not has_free_space(problem):
+    if not problem.obstacles:
         return None
-    *_, grid = (g for g in _grids(problem) if g.cells.size <= MOST_WAY_CELLS)
-    return _shorten(problem, grid.shortest(problem, problem.start[1:], problem.likely.goal[1:]))
+    start, goal, rng = problem.start[1:], problem.likely.goal[1:], np.random.default_rng(seed)
+    box, trees = _box(problem), ([(start, -1)], [(goal, -1)])
+    for _ in range(MOST_SAMPLES):
+        tree, other = trees
+        new = _grow(problem, tree, rng.uniform(-box, box))
+        while new is not None and (met := _grow(problem, other, new)) is not None:
+            if met is new:
+                one, rest = _branch(tree), _branch(other)
+                way = [*one, *rest[-2::-1]] if one[0] is start else [*rest, *one[-2::-1]]
+                return _shortened(problem, way, rng)
+        trees = other, tree
+    return None
 
 
-def has_free_space(problem: Problem) -> bool:
-    """Whether the problem has discs, and an arm with few enough joints for a grid."""
-    return bool(problem.obstacles) and COARSEST ** (problem.system.size - 1) <= MOST_WAY_CELLS
+Tree = list[tuple[Array, int]]
+"""Poses, each with the number of the pose that it was reached from."""
+
+
+def _grow(problem: Problem, tree: Tree, towards: Array) -> Array | None:
+    """Add the pose one step from the nearest one towards another; None if a disc is in the way."""
+    poses = np.array([pose for pose, _ in tree])
+    k = int(np.argmin(np.linalg.norm(poses - towards, axis=1)))
+    step = towards - poses[k]
+    length = float(np.linalg.norm(step))
+    new = towards if length <= STEP_RAD else poses[k] + step * (STEP_RAD / length)
+    if not is_clear(problem, poses[k], new):
+        return None
+    tree.append((new, k))
+    return new
+
+
+def _branch(tree: Tree) -> list[Array]:
+    """The poses from the root to the last one."""
+    out, k = list[Array](), len(tree) - 1
+    while k >= 0:
+        pose, k = tree[k]
+        out.append(pose)
+    return out[::-1]
+
+
+def _shortened(problem: Problem, way: list[Array], rng: np.random.Generator) -> Array:
+    """Replace parts of a path by straight segments where these are clear."""
+    for _ in range(SHORTCUTS):
+        one, other = sorted(rng.integers(len(way), size=2))
+        if other - one > 1 and is_clear(problem, way[one], way[other]):
+            way = way[: one + 1] + way[other:]
+    return np.array(way)
+
+
+def is_clear(problem: Problem, one: Array, other: Array) -> bool:
+    """Whether links clear all discs on the straight segment between two poses (n,)."""
+    beyond, ends = _beyond(problem), np.stack([one, other])[None]
+    while len(ends):
+        least = clearance(problem, ends.mean(axis=1))
+        if np.any(least <= 0) or len(ends) > MOST_PARTS:
+            return False
+        ends = ends[np.abs(ends[:, 1] - ends[:, 0]) @ beyond / 2 > least]
+        middle = ends.mean(axis=1)
+        halves = np.stack([ends[:, 0], middle]), np.stack([middle, ends[:, 1]])
+        ends = np.concatenate(halves, axis=1).swapaxes(0, 1)
+    return True
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,39 +208,10 @@ class Grid:
         part = parts[self.index(start)]
         return bool(part and (parts[goal] == part).any())
 
-    def shortest(self, problem: Problem, start: Array, goal: Array) -> Array:
-        """The cheapest path through the centres of cells that are not blocked, shape (M, n)."""
-        from scipy.sparse import csr_array
-        from scipy.sparse.csgraph import dijkstra
-
-        inside = clearance(problem, self.centres(np.moveaxis(np.indices(self.cells.shape), 0, -1)))
-        cost = np.where(self.cells == MIXED, MIXED_COST, 1.0)
-        cost[inside <= 0] = TOUCHING_COST
-        number = np.arange(self.cells.size).reshape(self.cells.shape)
-        edges = []
-        for axis, width in enumerate(self.widths):
-            before, after = (
-                np.take(number, np.arange(k, self.cells.shape[axis] - 1 + k), axis).ravel()
-                for k in (0, 1)
-            )
-            weight = np.maximum(cost.flat[before], cost.flat[after]) * width
-            edges.append((before, after, weight))
-        rows, columns, weights = (np.concatenate(each) for each in zip(*edges, strict=True))
-        graph = csr_array((weights, (rows, columns)), shape=(number.size, number.size))
-        first, last = number[self.index(start)], number[self.index(goal)]
-        _, origin = dijkstra(graph, directed=False, indices=first, return_predecessors=True)
-        way = [last]
-        while way[-1] != first:
-            way.append(origin[way[-1]])
-        places = self.centres(np.stack(np.unravel_index(way[::-1], self.cells.shape), axis=-1))
-        return np.vstack([start, places, goal])
-
 
 def _grids(problem: Problem) -> Iterator[Grid]:
     """Yield finer and finer grids; only the mixed cells of the one before are tested again."""
-    ends = np.fmax(np.abs(problem.start[1:]), np.nan_to_num(np.abs(problem.goal[1:])))
-    limit = problem.limits.joint[1:]
-    limit = np.where(np.isfinite(limit), limit, np.fmax(WIDEST_RAD, ends))
+    limit = _box(problem)
     size = len(limit)
     beyond = _beyond(problem)
     cells = np.full((COARSEST,) * size, MIXED, dtype=np.int8)
@@ -201,27 +227,13 @@ def _grids(problem: Problem) -> Iterator[Grid]:
             cells = np.repeat(cells, 2, axis)
 
 
+def _box(problem: Problem) -> Array:
+    """Largest angle of each joint, shape (n,), rad."""
+    ends = np.fmax(np.abs(problem.start[1:]), np.nan_to_num(np.abs(problem.likely.goal[1:])))
+    limit = problem.limits.joint[1:]
+    return np.where(np.isfinite(limit), limit, np.fmax(WIDEST_RAD, ends))
+
+
 def _beyond(problem: Problem) -> Array:
     """Length of the arm from each joint to its tip, shape (n,), m."""
     return np.cumsum(problem.system.link_lengths[::-1])[::-1]  # type: ignore[attr-defined]
-
-
-def _shorten(problem: Problem, way: Array) -> Array:
-    """Replace detours of the path by straight segments if these have as much clearance."""
-    room, corners, i = clearance(problem, way), [0], 0
-    while i < len(way) - 1:
-        for j in range(len(way) - 1, i, -1):
-            least = min(float(room[i : j + 1].min()), 0.5 * float(room[1:-1].max()))
-            if j == i + 1 or clearance_between(problem, way[i], way[j]) >= least:
-                break
-        corners.append(j)
-        i = j
-    return np.asarray(way[corners])
-
-
-def clearance_between(problem: Problem, one: Array, other: Array) -> float:
-    """Least clearance on the straight segment between two configurations (n,), by sampling."""
-    reach = float(np.abs(other - one) @ _beyond(problem))
-    thinnest = min(disc.radius + disc.clearance for disc in problem.obstacles)
-    count = 2 + int(min(reach / (SAMPLE_SHARE * thinnest), MOST_SAMPLES))
-    return float(clearance(problem, np.linspace(one, other, count)).min())

@@ -31,12 +31,10 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.methods.collocation.task import Task, task
-from planner.methods.collocation.thin_discs import thicknesses
 from planner.methods.collocation.transcription.form import Mesh, through, uniform
 from planner.methods.collocation.transcription.transcription import Transcription
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.plan.trajectory import StateTrajectory
-from planner.problem.free_space import find_way
 from planner.problem.problem import Problem
 from planner.problem.reach import expected_goals
 from planner.problem.requirements.places import Waypoint
@@ -59,20 +57,11 @@ class Seed:
         name: For reports.
         path: Excursion of q₁ over s in [0, 1], in its unit for distances near one.
         driven: Excursion of q₂.
-        way: Joint angles that the guess passes instead of a straight line, shape (M, n).
     """
 
     name: str
     path: Excursion
     driven: Excursion
-    way: Array | None = None
-
-
-def way_between_discs(problem: Problem) -> Seed | None:
-    """A first guess along a path through the free joint space; None without discs."""
-    thick, *_ = thicknesses(problem)
-    way = None if problem.waypoints else find_way(thick)
-    return None if way is None else Seed("way between discs", np.zeros_like, np.zeros_like, way)
 
 
 def seeds(kind: str, count: int = 12, sides: int = 1) -> list[Seed]:
@@ -148,8 +137,6 @@ def _states(
     travel = likely_travel(problem)
     if about is not None:
         q = about.q(s * about.duration)
-    elif seed.way is not None:
-        q = _states_along(problem, seed.way, s)
     else:
         q = lines_through_waypoints(problem, mesh.knots, travel, s)
     q[:, 0] += max(1.0, abs(travel) / 2) * seed.path(s)
@@ -158,19 +145,6 @@ def _states(
     if problem.system.coordinates[1].unit == "rad":
         limit[1] = min(limit[1], LARGEST_GUESS_RAD)
     return np.clip(q, -limit, limit)
-
-
-def _states_along(problem: Problem, way: Array, s: Array) -> Array:
-    """States along a way at constant speed, with the path coordinate that fits its slopes best."""
-    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
-    theta = _interpolate(s * length[-1], length, way)
-    q = np.concatenate([np.full((len(s), 1), problem.start[0]), theta], axis=1)
-    slopes, moves = problem.system.slopes(q)[:-1], np.diff(q[:, 2:], axis=0)
-    steps = np.sum(slopes * moves, axis=1) / np.maximum(np.sum(slopes**2, axis=1), 1e-12)
-    q[1:, 0] += np.cumsum(steps)
-    if problem.travel is not None:
-        q[:, 0] += s * (problem.start[0] + problem.travel - q[-1, 0])
-    return q
 
 
 def sides(problem: Problem) -> int:

@@ -37,8 +37,8 @@ from planner.methods.collocation.guesses import (
     rebalance,
     seeds,
     sides,
-    way_between_discs,
 )
+from planner.methods.collocation.legs import motion_by_legs
 from planner.methods.collocation.long_arms.exact_motion import exact_motion
 from planner.methods.collocation.long_arms.ladder import find_arm_path, time_arm_path
 from planner.methods.collocation.path import (
@@ -209,7 +209,10 @@ class Pipeline:
         for k in routes:
             problem = self.routes[k]
             job = collocation_task(problem, self.options, SEARCH_INTERVALS)
-            paths = yield from self._find_paths(k, job)
+            if by_legs := self._leg_motion(k, job):
+                yield by_legs
+                motions.append(by_legs.solution)
+            paths = yield from self._find_paths(k, job, 2 if by_legs else 1)
             log = [dict(entry) for entry in paths.search.log]
             progress.tell("timing the most promising paths")
             for path, path_job, start in paths.starts(job, motions):
@@ -235,23 +238,34 @@ class Pipeline:
                 self.last = next((Candidate(paths.free, one) for one in failed if one), self.last)
             self.log += [entry | {"start": entry["start"] + _goal_words(problem)} for entry in log]
 
-    def _find_paths(self, k: int, job: Task) -> Generator[Candidate, None, RoutePaths]:
-        """Find the paths of a route, and refine the most promising."""
+    def _find_paths(self, k: int, job: Task, part: int) -> Generator[Candidate, None, RoutePaths]:
+        """Find the paths of a route from one `part`th of the guesses; refine the most promising."""
         if k in self.paths:
             return self.paths[k]
         problem, options = self.routes[k], self.options
         enough = options.starts if options.start in ("auto", "wander") else 1
         enough = -(-enough // len(self.routes)) if problem.free else enough
-        guesses = seeds(options.start, options.attempts, sides(problem))
+        guesses = seeds(options.start, options.attempts // part, sides(problem))
         simple = self._free and not problem.divided
-        if not simple and self._free and (way := way_between_discs(problem)):
-            guesses.insert(0 if problem.system.size == 3 else len(guesses), way)
         for result in search(job, guesses, enough, simple):
             if result.latest:
                 yield Candidate(*result.latest, result.log[-1]["start"], "guesses", k, final=False)
         mesh_given = bool(job.mesh.marks) or options.intervals != "auto"
         self.paths[k] = RoutePaths.of(job, result, mesh_given)
         return self.paths[k]
+
+    def _leg_motion(self, k: int, job: Task) -> Candidate | None:
+        """The motion between discs that is found leg by leg, refined; it need not be the best."""
+        problem, options = job.problem, self.options
+        if not (self._free and problem.obstacles and not problem.waypoints):
+            return None
+        found = motion_by_legs(job, seeds("auto", options.attempts))
+        if found is None:
+            return None
+        motion = Candidate(*found, "legs between discs", "legs", k)
+        self.pathless = False
+        self._log_motion(motion)
+        return polish(motion, options.accuracy, options.refinements)
 
     def _ladder_motions(self) -> Iterator[Candidate]:
         """The motion along a path found by the ladder; first the path itself as a motion."""

@@ -17,6 +17,7 @@ from planner.methods.collocation.long_arms.exact_motion import (
     has_only_limits,
 )
 from planner.methods.collocation.task import Task, transfer
+from planner.methods.collocation.thin_discs import beside
 from planner.methods.collocation.transcription.form import Mesh
 from planner.support import progress
 from planner.support.deadline import TimeUpError, time_share
@@ -101,7 +102,7 @@ def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Insp
         progress.tell("refining the mesh")
         finer = _add_build_time(now.task, now.task.on_mesh(_finer_mesh(now, accuracy)))
         start = transfer(now.task, now.solution.iterate, finer)
-        solution = finer.solve(start, near=True)
+        solution = beside(finer, start, finer.solve(start, near=True))
         if not solution.ok:
             return
         before, now = now.solution.objective, inspect(finer, solution)
@@ -129,7 +130,8 @@ def _tighter_motions(now: Inspection) -> Iterator[tuple[int, Inspection]]:
             excess, share = rounds * now.excess, SIDE_SHARE if rounds == 1 else 1.0
             more = np.maximum(excess, share * np.max(excess, axis=0))
             tighter = replace(now.task, inset=now.task.inset + more)
-        solution = tighter.solve_near(now.solution.iterate)
+        start = now.solution.iterate
+        solution = beside(tighter, start, tighter.solve_near(start))
         now = inspect(tighter, solution) if solution.ok else replace(now, task=tighter)
         yield rounds, now
         if not solution.ok:

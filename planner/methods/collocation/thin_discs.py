@@ -2,7 +2,8 @@
 
 So paths are first found with thickened discs, which then shrink: a path that clears a thick disc
 also clears a thin one at the same place. If a path would pass over a thinner disc, the previous
-path is kept.
+path is kept. A motion that clears all discs is solved again with discs that grow in each interval
+up to a share of their distance from the links, so that the answer is on the same side.
 """
 
 from __future__ import annotations
@@ -12,7 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.methods.collocation.between_nodes import clears
+from planner.methods.collocation.task import Solution, Task
+from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.problem import Problem
+from planner.problem.requirements.places import Obstacle
+from planner.support.arrays import Array
 from planner.systems.triangular_system import PlanarArm
 
 LEAST_THICKNESS = 0.025
@@ -21,6 +27,9 @@ much between two nodes of a search's mesh in a motion of about three radians."""
 
 SHRINKING = 4.0
 """Factor by which discs get thinner at each step."""
+
+KEPT = 0.5
+"""Share of the distance between links and discs that a motion keeps when it is solved again."""
 
 NEAREST_SHARE = 0.9
 """Share of the links' distance at start and goal by which a disc may grow."""
@@ -49,3 +58,26 @@ def _thicken(problem: Problem, thickness: float) -> Problem:
         more = min(thickness - disc.radius - disc.clearance, room)
         discs.append(replace(disc, radius=disc.radius + max(0.0, more)))
     return replace(problem, obstacles=tuple(discs))
+
+
+def beside(task: Task, start: Iterate, solution: Solution) -> Solution:
+    """The solution; if links pass over a disc but not at its start, one on the start's side."""
+    if not solution.ok or clears(task, solution) or not clears(task, task.judge(start)):
+        return solution
+    grown = replace(task, inset=np.maximum(task.inset, growth(task, start)))
+    other = grown.solve(start, near=True)
+    return other if other.ok and clears(task, other) else solution
+
+
+def growth(task: Task, start: Iterate) -> Array:
+    """Amounts by which discs grow in each interval, (K, R), in the unit of their rows."""
+    system, curves, out = task.problem.system, task.motion_apart(start), []
+    for required in task.requirements:
+        amounts = np.zeros((len(curves), len(required.parts)))
+        if isinstance(required, Obstacle) and isinstance(system, PlanarArm):
+            room = required.clearances(system.arm_points(curves[..., 1:])).min(axis=1)
+            most = LEAST_THICKNESS * float(np.sum(system.link_lengths))
+            room = np.clip(KEPT * (room - required.clearance), 0.0, most)
+            amounts = room + room**2 / (2 * required.thickness)
+        out.append(amounts)
+    return np.concatenate(out, axis=1)

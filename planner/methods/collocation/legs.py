@@ -1,0 +1,139 @@
+"""Motions among discs, found leg by leg.
+
+A way through the free joint space leads from corner to corner with room around them (`find_way`),
+but it ignores the kinematics. From each corner to the next a path is found from the usual first
+guesses; the first that clears all discs is enough. The legs are joined, shortened and timed. So
+that links pass over no thin disc meanwhile, discs grow in each interval of the mesh up to a share
+of their distance from the links, and an interval in which links pass over one is halved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.methods.collocation.between_nodes import clears, inspect
+from planner.methods.collocation.guesses import Seed
+from planner.methods.collocation.path import needed_duration, path_task, search
+from planner.methods.collocation.task import Solution, Task, stretch_to, transfer
+from planner.methods.collocation.thin_discs import growth
+from planner.methods.collocation.transcription.form import Mesh, fastest
+from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.problem.free_space import find_way
+from planner.support import progress
+from planner.support.arrays import Array
+
+WAYS, MOST_WAYS, LEG_SEEDS = 8, 4, 6
+"""Number of ways to find, and of the shortest of them to try until one leads to a motion; largest
+number of first guesses for a leg, of which nearly always the first one serves."""
+
+ROUNDS, GAIN = 10, 0.01
+"""Largest number of solves of a motion, and least gain that justifies another."""
+
+
+def motion_by_legs(job: Task, seeds: Sequence[Seed]) -> tuple[Task, Solution] | None:
+    """A motion that clears all discs, with its job on a mesh of its own.
+
+    None if the straight line clears them, or if none is found.
+    """
+    found = (find_way(job.problem, seed) for seed in range(WAYS))
+    ways = sorted((way for way in found if way is not None), key=_length)
+    for way in ways[:MOST_WAYS]:
+        if len(way) < 3:
+            return None
+        progress.tell(f"passing the discs in {len(way) - 1} legs")
+        if not (legs := _find_legs(job, seeds, way[1:])):
+            continue
+        if (path := _solve_clear(*_join(job, legs))) and (motion := _time(job, *path)):
+            return motion
+    return None
+
+
+def _length(way: Array) -> float:
+    return float(np.sum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
+
+
+def _time(job: Task, free: Task, path: Solution) -> tuple[Task, Solution] | None:
+    """The motion along a path; one that does not fit is first made as fast as possible."""
+    own, start, wanted = job.on_mesh(free.mesh), path.iterate, job.problem.duration
+    needed = 1.1 * needed_duration(job.problem, own.mesh, start)
+    if wanted and needed > wanted:
+        hasty = replace(job.problem, duration=None)
+        quick = _solve_clear(own.for_problem(hasty, fastest(hasty)), stretch_to(start, needed))
+        if quick is None or quick[1].iterate.duration > wanted:
+            return None
+        own, start = job.on_mesh(quick[0].mesh), quick[1].iterate
+    start = stretch_to(start, wanted or needed)
+    motion = _solve_clear(own, start) or (own, own.judge(start))
+    return motion if motion[1].ok else None
+
+
+def _find_legs(job: Task, seeds: Sequence[Seed], corners: Array) -> list[tuple[Task, Solution]]:
+    """A path to each corner in turn, with its task; or none."""
+    problem, legs, here = job.problem, list[tuple[Task, Solution]](), job.problem.start
+    for k, corner in enumerate(corners):
+        goal, travel = np.append(np.nan, corner), None
+        if problem.travel is not None and k == len(corners) - 1:
+            travel = problem.start[0] + problem.travel - here[0]
+        part = replace(problem.likely, start=here, goal=goal, user_goal=goal, travel=travel)
+        own = job.for_problem(part, job.objective)
+        few = seeds[:LEG_SEEDS]
+        paths = (each.distinct[0] for each in search(own, few, len(few)) if each.clear)
+        if (path := next(paths, None)) is None:
+            return []
+        legs.append((path_task(own), path.solution))
+        here = path.solution.iterate.nodes[-1, : problem.system.size]
+    return legs
+
+
+def _join(job: Task, legs: Sequence[tuple[Task, Solution]]) -> tuple[Task, Iterate]:
+    """The legs as one path of constant speed, with its task."""
+    lengths = np.sqrt([path.objective for _, path in legs])
+    shares = lengths / np.sum(lengths)
+    widths = np.concatenate([w * leg.mesh.widths for w, (leg, _) in zip(shares, legs, strict=True)])
+    free = path_task(job.on_mesh(_mesh(widths)))
+    paths = [path.iterate for _, path in legs]
+    inputs = [path.inputs / share for path, share in zip(paths, shares, strict=True)]
+    if len(inputs[0]) > len(paths[0].points):  # at the edges; one edge belongs to two legs
+        inputs[1:] = [each[1:] for each in inputs[1:]]
+    return free, Iterate(
+        duration=paths[0].duration,
+        nodes=np.concatenate([paths[0].nodes[:1], *(path.nodes[1:] for path in paths)]),
+        points=np.concatenate([path.points for path in paths]),
+        inputs=np.concatenate(inputs),
+    )
+
+
+def _mesh(widths: Array) -> Mesh:
+    edges = np.append(0.0, np.cumsum(widths))
+    return Mesh(edges / edges[-1])
+
+
+def _solve_clear(job: Task, start: Iterate) -> tuple[Task, Solution] | None:
+    """Solve from a start that clears all discs, so that the answer clears them on the same side."""
+    known: tuple[Task, Solution] | None = None
+    for _ in range(ROUNDS):
+        solution = replace(job, inset=growth(job, start)).solve(start, near=True)
+        if not solution.ok:
+            break
+        if clears(job, solution):
+            before = known[1].objective if known else np.inf
+            known, start = (job, job.judge(solution.iterate)), solution.iterate
+            if solution.objective > (1 - GAIN) * before:
+                break
+        else:
+            passed = inspect(job, solution).excess.any(axis=1)
+            finer = job.on_mesh(_halved(job.mesh, np.asarray(passed)))
+            job, start = finer, transfer(job, start, finer)
+    if known and (last := known[0].solve(known[1].iterate, near=True)).ok:
+        return (known[0], last) if clears(known[0], last) else known
+    return known
+
+
+def _halved(mesh: Mesh, passed: NDArray[np.bool_]) -> Mesh:
+    """The mesh with these intervals (K,) and their neighbours halved."""
+    near = np.convolve(passed, np.ones(3), mode="same") > 0
+    return _mesh(np.repeat(mesh.widths / (1 + near), 1 + near))

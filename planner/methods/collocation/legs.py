@@ -30,8 +30,9 @@ WAYS, MOST_WAYS, LEG_SEEDS = 8, 4, 6
 """Number of ways to find, and of the shortest of them to try until one leads to a motion; largest
 number of first guesses for a leg, of which nearly always the first one serves."""
 
-ROUNDS, GAIN = 10, 0.01
-"""Largest number of solves of a motion, and least gain that justifies another."""
+ROUNDS, ITERATIONS, GAIN = 10, 200, 0.01
+"""Largest number of solves of a motion, of iterations of each, and least gain that justifies
+another solve. Solves of joined legs take 20 to 200 iterations; longer ones end elsewhere."""
 
 
 def motion_by_legs(job: Task, seeds: Sequence[Seed]) -> tuple[Task, Solution] | None:
@@ -39,8 +40,10 @@ def motion_by_legs(job: Task, seeds: Sequence[Seed]) -> tuple[Task, Solution] | 
 
     None if the straight line clears them, or if none is found.
     """
-    found = (find_way(job.problem, seed) for seed in range(WAYS))
-    ways = sorted((way for way in found if way is not None), key=_length)
+    ways = list[Array]()
+    while len(ways) < WAYS and (way := find_way(job.problem, len(ways))) is not None:
+        ways.append(way)
+    ways.sort(key=_length)
     for way in ways[:MOST_WAYS]:
         if len(way) < 3:
             return None
@@ -114,6 +117,8 @@ def _mesh(widths: Array) -> Mesh:
 
 def _solve_clear(job: Task, start: Iterate) -> tuple[Task, Solution] | None:
     """Solve from a start that clears all discs, so that the answer clears them on the same side."""
+    most = min(ITERATIONS, job.settings.max_iterations)
+    job = replace(job, settings=replace(job.settings, max_iterations=most))
     known: tuple[Task, Solution] | None = None
     for _ in range(ROUNDS):
         solution = replace(job, inset=growth(job, start)).solve(start, near=True)

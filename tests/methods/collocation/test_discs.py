@@ -98,6 +98,43 @@ def test_a_tip_that_both_elbows_are_kept_from_is_proven_so() -> None:
     assert not is_blocked(problem.changed({"obstacles": [{**disc, "centre_m": [0.69, 0.28]}]}))
 
 
+def test_no_way_around_is_refused_with_the_disc_named() -> None:
+    """The post beside the first link is too thin for the proof."""
+    problem = two_joints(centre_m=[0.358, 0.0324], radius_m=0.0005)
+    assert not is_blocked(problem)
+    assert find_way(problem) is None
+    with pytest.raises(planner.NotConvergedError) as caught:
+        planner.solve(problem, "collocation", attempts=1, intervals=20)
+    assert "without the obstacles there is a plan" in caught.value.reason
+    assert caught.value.violations[0].label == "clearance of link 1 from obstacle 1"
+    assert caught.value.advice == "leave out [[obstacles]] 1 (tried)"
+
+
+@pytest.mark.parametrize(
+    ("ends", "count", "radius", "most"),
+    [
+        (((2.5, 0.8), (2.9, 0.95)), 6, 0.02, 1.1),
+        pytest.param(((2.0, 1.6), (2.5, 1.75)), 6, 0.01, 1.4, marks=pytest.mark.campaign),
+        pytest.param(((2.6, 0.6), (2.6, 1.3)), 8, 0.01, 1.0, marks=pytest.mark.campaign),
+        pytest.param(((1.8, 1.9), (2.3, 2.0)), 6, 0.001, 1.7, marks=pytest.mark.campaign),
+        pytest.param(((2.8, 0.4), (2.5, 0.7)), 4, 0.005, 1.6, marks=pytest.mark.campaign),
+    ],
+)
+def test_a_wall_of_small_discs_is_passed(ends: Any, count: int, radius: float, most: float) -> None:
+    discs = [{"centre_m": c, "radius_m": radius} for c in np.linspace(*ends, count).tolist()]
+    plan = planner.solve(POST.changed({"obstacles": discs}), attempts=2)
+    assert plan.verified
+    assert plan.notes["stage"] == "legs"
+    assert plan.objective <= most
+
+
+def test_a_thin_post_beside_a_link_of_two_joints() -> None:
+    """It is 5 mm beside the second link at the start; the arm folds back to pass it."""
+    plan = planner.solve(two_joints(centre_m=[0.575, 0.087], radius_m=0.003), attempts=2)
+    assert plan.verified
+    assert plan.objective <= 1.7
+
+
 def test_what_can_be_passed_is_not_proven_blocked() -> None:
     assert not is_blocked(two_joints(centre_m=[0.55, -0.15], radius_m=0.05))
     assert not is_blocked(POST)

@@ -112,17 +112,6 @@ def test_a_certificate_sees_a_disc_that_is_a_hair_too_large(around: planner.Plan
         assert planner.certify(replace(around, problem=problem))[label].status == status
 
 
-def test_no_way_around_is_refused_with_the_disc_named(obstacle: planner.Problem) -> None:
-    wall = [{"centre_m": [2.9, y], "radius_m": 0.1} for y in (0.35, -0.3)]
-    changed = obstacle.changed({"obstacles": wall})
-    with pytest.raises(planner.NotConvergedError) as caught:
-        planner.solve(changed, "collocation", attempts=1, intervals=20)
-    assert "without the obstacles there is a plan" in caught.value.reason
-    assert caught.value.violations[0].label == "clearance of link 3 from obstacle 1"
-    assert caught.value.advice is not None
-    assert caught.value.advice == "leave out [[obstacles]] 1 (tried)"
-
-
 @pytest.fixture(scope="module")
 def by_way() -> planner.Plan:
     return planner.solve(planner.load_problem(PROBLEMS / "waypoint.toml"), "collocation")

@@ -2,9 +2,9 @@
 
 Read the files in this order: `pipeline` (the search), `best` (its candidates), `method` (the plan
 of the best of them), then the stages: `guesses` (first guesses), `path` (shortest paths and
-their timing; with thin discs `thin_discs`), `route_paths` (selects the paths to time), `refine`
+their timing), `route_paths` (selects the paths to time), `refine`
 (finer mesh, limits between nodes). `task` is the problem on a transcription, solved by one of
 `solvers`; `between_nodes` checks an iterate between the nodes; `refusals` words the refusals. The
-folder `transcription` makes the nonlinear programme; `long_arms` finds paths for arms where all
-guesses fail.
+folder `transcription` makes the nonlinear programme; `discs` finds paths among obstacles,
+`long_arms` paths for arms where all guesses fail.
 """

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from planner.methods.collocation.between_nodes import clears, inspect
+from planner.methods.collocation.discs.thin_discs import thicknesses
 from planner.methods.collocation.guesses import Excursion, Seed, guess, sides, wander
 from planner.methods.collocation.solvers import strategy
 from planner.methods.collocation.task import (
@@ -24,7 +25,6 @@ from planner.methods.collocation.task import (
     task,
     transfer,
 )
-from planner.methods.collocation.thin_discs import thicknesses
 from planner.methods.collocation.transcription.form import (
     Mesh,
     fastest,

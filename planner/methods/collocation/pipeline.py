@@ -7,7 +7,7 @@ The systems are driftless, so a path and its speed can be found separately. The 
 - *Straight line*: the whole problem is solved directly from a straight line, where that may do.
 - *Paths*: paths of least effort are found from many first guesses (`guesses`, `path`). The
   shortest few (`route_paths`) are then solved with the duration, the limits and the objective of
-  the problem (`solve_timing`).
+  the problem (`solve_timing`). Among discs a motion found leg by leg comes first (`discs.legs`).
 - *Slower motions*: if none of the paths fits into the given duration, the fastest motion is found
   by a search with a free duration; it tells how much is missing, or is slowed down.
 - *Ladder*: with a free duration, a path of a long arm is built from that of a shorter one.
@@ -31,6 +31,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.methods.collocation.best import Best, Candidate, Exactness
 from planner.methods.collocation.between_nodes import clears
+from planner.methods.collocation.discs.legs import motion_by_legs
 from planner.methods.collocation.guesses import (
     guess,
     mesh_through,
@@ -38,7 +39,6 @@ from planner.methods.collocation.guesses import (
     seeds,
     sides,
 )
-from planner.methods.collocation.legs import motion_by_legs
 from planner.methods.collocation.long_arms.exact_motion import exact_motion
 from planner.methods.collocation.long_arms.ladder import find_arm_path, time_arm_path
 from planner.methods.collocation.path import (
@@ -238,7 +238,9 @@ class Pipeline:
                 self.last = next((Candidate(paths.free, one) for one in failed if one), self.last)
             self.log += [entry | {"start": entry["start"] + _goal_words(problem)} for entry in log]
 
-    def _find_paths(self, k: int, job: Task, part: int) -> Generator[Candidate, None, RoutePaths]:
+    def _find_paths(
+        self, k: int, job: Task, part: int = 1
+    ) -> Generator[Candidate, None, RoutePaths]:
         """Find the paths of a route from one `part`th of the guesses; refine the most promising."""
         if k in self.paths:
             return self.paths[k]

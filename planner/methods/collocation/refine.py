@@ -11,13 +11,13 @@ import numpy as np
 
 from planner.methods.collocation.best import Candidate, Exactness
 from planner.methods.collocation.between_nodes import INTERPOLANT, SAVING, Inspection, inspect
+from planner.methods.collocation.discs.thin_discs import beside
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
     exact_motion,
     has_only_limits,
 )
 from planner.methods.collocation.task import Task, transfer
-from planner.methods.collocation.thin_discs import beside
 from planner.methods.collocation.transcription.form import Mesh
 from planner.support import progress
 from planner.support.deadline import TimeUpError, time_share

@@ -12,10 +12,10 @@ import pytest
 
 import planner
 from planner.methods.collocation.between_nodes import clears
+from planner.methods.collocation.discs.thin_discs import thicknesses
 from planner.methods.collocation.guesses import guess, seeds
 from planner.methods.collocation.path import path_task
 from planner.methods.collocation.pipeline import collocation_task
-from planner.methods.collocation.thin_discs import thicknesses
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.free_space import find_way, is_blocked
 from planner.problem.tables.method_options import CollocationOptions

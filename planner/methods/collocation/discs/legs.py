@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.methods.collocation.between_nodes import clears, inspect
+from planner.methods.collocation.discs.thin_discs import growth
 from planner.methods.collocation.guesses import Seed
 from planner.methods.collocation.path import needed_duration, path_task, search
 from planner.methods.collocation.task import Solution, Task, stretch_to, transfer
-from planner.methods.collocation.thin_discs import growth
 from planner.methods.collocation.transcription.form import Mesh, fastest
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.free_space import find_way

@@ -20,6 +20,8 @@ from planner import METHODS
 from planner.machine import compiled
 
 HOME = Path(planner.__file__).parent
+if HOME.parent != Path(__file__).parents[1]:
+    sys.exit(f"{__file__} would write into {HOME}: put its own checkout on PYTHONPATH")
 sys.path.append(str(Path(__file__).parents[1] / "docs"))
 import pages  # noqa: E402
 

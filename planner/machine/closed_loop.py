@@ -69,7 +69,7 @@ def encoder_readings(system: TriangularSystem, draws: Draws, q: Array) -> Array:
         q: True coordinates, (N, S) or (N, R, S).
 
     Returns:
-        q with the angles after the first coordinate rounded to their encoders' resolution.
+        q as the encoders read it; the first coordinate has none.
     """
     out = q.copy()
     steps = np.deg2rad(draws["encoder_resolution_deg"])

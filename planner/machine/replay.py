@@ -174,7 +174,7 @@ class Replay(Recording):
 
     @property
     def measured(self) -> Array:
-        """Encoder readings, shape (M, R, N): `q` with the angles rounded to their resolution."""
+        """Coordinates as the encoders read them, shape (M, R, N)."""
         draws = self.draws.part(slice(len(self.q)))
         return encoder_readings(self.plan.problem.system, draws, self.q.T).T
 

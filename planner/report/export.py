@@ -63,7 +63,8 @@ class Format:
         content: Builds the whole file (text or bytes), or a folder's files by name.
         reader: The Python function that reads it, or "".
         options: Names of the `ExportOptions` it has.
-        is_command: Whether motors are to execute it directly.
+        is_command: Whether a machine or robot executes it directly, so that `export` warns of a
+            plan that does not start at rest.
         sample_and_hold: Whether motors hold each row until the next.
         command_columns: Names of the columns for the motors, in a table with named columns.
     """

@@ -163,8 +163,7 @@ class PlanCurves:
         number: Its index among the drawn plans.
         plan: The plan.
         t: Times (m,), seconds from the plan's beginning.
-        machine: The machine compared, for figures of its effects; None for that of the plan's
-            problem, as in `replay`.
+        machine: The machine whose effects figures show; None for the machine of the plan's problem.
     """
 
     number: int
@@ -200,7 +199,8 @@ class PlanFigure:
         panels: Builds its panels for plans of one problem.
         title: Title.
         caption: Explanation on the page.
-        executable: Whether it shows only executable plans.
+        executable: Whether folders and pages draw it only for executable plans; the explorer draws
+            it for all, so its panels must accept NaN.
         columns: Whether a picture has one column per plan.
         fits: Tells which systems have it.
     """

@@ -54,18 +54,20 @@ def call_within(seconds: float, call: Callable[[], Value]) -> Value | None:
     return out[0] if out else None
 
 
-class IpoptCall:
-    """CasADi's IPOPT for one program, called like CasADi's own solver object.
+class NlpCall:
+    """A solver of CasADi for one program, called like CasADi's own solver object.
 
     The remaining time is checked after each iteration. It is not an option of the solver, so a
     solver can be kept and used again.
     """
 
-    def __init__(self, name: str, problem: dict[str, Any], options: dict[str, Any]) -> None:
+    def __init__(
+        self, solver: str, name: str, problem: dict[str, Any], options: dict[str, Any]
+    ) -> None:
         sizes = {key: int(problem[key].numel()) for key in problem if key != "f"}
         self._watch = _IterationWatch(sizes)  # CasADi holds no reference to it
         watched = {**options, "iteration_callback": self._watch}
-        self._solver = ca.nlpsol(name, "ipopt", problem, watched)
+        self._solver = ca.nlpsol(name, solver, problem, watched)
 
     def __call__(self, **given: Any) -> dict[str, Any]:
         """Solve, and return CasADi's result.

@@ -8,10 +8,11 @@ import pytest
 
 import planner
 from planner import InputError
+from planner.problem.tables import vehicles
 from planner.problem.tables.kinds import FILES, json_schema
 
 ROOT = Path(__file__).parents[2]
-VEHICLES = ("unicycle", "car", "trailers")
+VEHICLES = tuple(vehicles.FILES)
 
 
 def shipped(kind: str) -> planner.Problem:

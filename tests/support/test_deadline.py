@@ -16,16 +16,17 @@ from planner import InputError
 from planner.support import deadline
 from planner.support.deadline import TimeUpError, time_limit, time_share
 from planner.support.interrupts import hold_signals
-from planner.support.solver_calls import IpoptCall, call_within
+from planner.support.solver_calls import NlpCall, call_within
 
 
-def rosenbrock(size: int, iterations: int) -> IpoptCall:
+def rosenbrock(size: int, iterations: int) -> NlpCall:
     """Which IPOPT solves in less than a hundred iterations; it may go on after that."""
     x = ca.MX.sym("x", size)
     f = 100 * ca.sumsqr(x[1:] - x[:-1] ** 2) + ca.sumsqr(1 - x[:-1])
     endless = {"max_iter": iterations, "tol": 1e-300, "acceptable_iter": 0}
     quiet = {"print_level": 0, "sb": "yes", "hessian_approximation": "limited-memory"}
-    return IpoptCall("long", {"x": x, "f": f}, {"print_time": False, "ipopt": {**quiet, **endless}})
+    options = {"print_time": False, "ipopt": {**quiet, **endless}}
+    return NlpCall("ipopt", "long", {"x": x, "f": f}, options)
 
 
 def test_a_time_limit_does_not_cut_a_verification_short_but_a_stop_does() -> None:

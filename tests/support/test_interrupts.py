@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from planner.machine.feedback.programme import Solver
 from planner.methods.convex.programme import Optimum, solve_quadratic
 from planner.support.interrupts import hold_signals, mute_lines, osqp_result
-from planner.support.solver_calls import IpoptCall
+from planner.support.solver_calls import NlpCall
 
 
 def long_solve() -> None:
@@ -29,7 +29,7 @@ def long_solve() -> None:
     endless = {"max_iter": 10**6, "tol": 1e-30, "acceptable_iter": 0}
     quiet = {"print_level": 0, "sb": "yes", "hessian_approximation": "limited-memory"}
     options = {"print_time": False, "ipopt": {**quiet, **endless}}
-    IpoptCall("long", {"x": x, "f": f}, options)(x0=np.full(4000, -1.3))
+    NlpCall("ipopt", "long", {"x": x, "f": f}, options)(x0=np.full(4000, -1.3))
 
 
 def press_ctrl_c(after_s: float) -> None:

@@ -238,7 +238,7 @@ def test_a_case_that_kills_its_process_is_a_row(
         "        return run(request)\n"
         "    case.run_case = deadly\n"
     )
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     outcome = run_sweep(tables, db, workers=1)
     assert outcome.statuses == {"bug": 1, "infeasible": 9}
     assert column(db, "status")[4] == "bug"
@@ -250,7 +250,7 @@ def test_processes_that_cannot_start_are_told_and_make_no_rows(
     tables: Tables, db: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "sitecustomize.py").write_text("import sys; sys.modules['casadi'] = None")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     says = "no worker process can start with .* status 1 .*casadi"
     with pytest.raises(planner.InputError, match=says):
         run_sweep(tables, db, workers=1)
@@ -330,7 +330,7 @@ def test_workers_run_this_package_among_any_others(
     for module in (beside / "queue.py", beside / "json.py", other / "planner/__init__.py"):
         module.write_text("raise ImportError('this is not the one')")
     monkeypatch.setattr("planner.sweep.pools.ROOT", beside)
-    monkeypatch.setenv("PYTHONPATH", str(other))
+    monkeypatch.setenv("PYTHONPATH", str(other), prepend=os.pathsep)
     assert run_sweep(tables, db, workers=1).statuses == {"infeasible": 10}
 
 

@@ -28,7 +28,7 @@ from planner.systems.manipulator import Manipulator, gravity_torques
 
 LEAST_INSTANTS = 100
 """Least number of sample times; the torque is smooth, and its maxima are flat. A plan with more
-pieces than this, such as a compensated one, is sampled only at their ends."""
+pieces than this, such as a compensated one, is sampled only where a piece ends."""
 
 BLOCK = 64
 """Instants per block, so that the arrays of a thousand machines fit into the processor's cache."""

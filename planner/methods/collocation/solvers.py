@@ -18,7 +18,7 @@ from planner.methods.collocation.transcription.form import TERMS
 from planner.methods.collocation.transcription.transcription import Program, Transcription
 from planner.problem.tables.method_options import SolverName
 from planner.support.arrays import Array
-from planner.support.solver_calls import IpoptCall, call_within
+from planner.support.solver_calls import NlpCall, call_within
 
 NEAR_DISTANCE = 1e-4
 """Initial distance to the bounds if the start is near the answer."""
@@ -95,9 +95,9 @@ class Strategy:
 
     Attributes:
         order: Solvers to try in turn, unless the settings name one.
-        weight: Factor of the objective for Fatrop. Its bound multipliers all begin at one, and with
-            a small objective it takes a third of the iterations from a straight line to correct
-            them. Far from the answer a large objective slows down the convergence of the rows.
+        weight: Factor of the objective for Fatrop. Fatrop starts with all bound multipliers at one.
+            If the objective is small, a third of its iterations only correct them. Far from the
+            answer a large objective makes the rows converge slowly.
         barrier: Initial barrier for Fatrop before that factor; None for its default, 0.1.
         ipopt: Options of IPOPT for its initial barrier: fixed or adaptive.
         iterations: Largest number of iterations.
@@ -336,7 +336,8 @@ def _nlpsol(
     """CasADi's solver with our derivatives instead of its own.
 
     CasADi finds them by the names under which its solver asks for them (for IPOPT nlp_jac_g and
-    nlp_hess_l). It silently ignores other names, so check that a wrong derivative has an effect.
+    nlp_hess_l; for another solver, those of the `create_function` calls in its source in CasADi).
+    It silently ignores other names, so check that a wrong derivative has an effect.
     """
     program = nlp.program
     known: dict[str, Any] = {
@@ -353,5 +354,5 @@ def _nlpsol(
     }
     options = {**common, **options}
     if name == "ipopt":
-        return IpoptCall("collocation", program.problem, options)
+        return NlpCall("ipopt", "collocation", program.problem, options)
     return ca.nlpsol("collocation", name, program.problem, options)

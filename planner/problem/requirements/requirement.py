@@ -117,16 +117,19 @@ Breach = tuple[Demand, Part, Violation]
 class Requirement(Demand):
     """A condition that holds at all times, or (with `final`) only at the end.
 
-    The fields of a class hold the data of one problem. Strings and integers define its structure,
-    that is its parts and rows. Floats and tuples of floats are its numbers.
+    The fields of an object hold the data of one problem. Problems that differ only in floats (or
+    tuples of floats) share compiled rows; a different string or integer compiles new ones.
 
     Attributes:
         reads: Arguments of its rows, a subset of "q", "u" and "du".
-        row_fields: Names of the floats that the rows read; the other floats are only bounds.
-        speed_power: Power of the speed with which its values grow: 0 for coordinates, 1 for inputs,
-            2 for their rates and products. If it is not 0, a slow enough motion satisfies it.
+        row_fields: Names of the float fields that its rows read. A float that only `parts` use,
+            as `low` or `high`, is not named.
+        speed_power: Power of the speed with which its `values` grow: 0 for coordinates, 1 for
+            inputs, 2 for their rates and products. If it is not 0, a slow enough motion satisfies
+            it. Rows that replace the values may grow with another power.
         divides: Whether paths can pass it on different sides, so that several optima exist.
-        smooth: Whether its values are differentiable everywhere; if not, its parts have no high.
+        smooth: Whether its values are differentiable wherever they come near a limit; if not, its
+            parts have no high.
         final: Whether it applies only at the end; then it reads "q" and is smooth.
         key: Its key in the `[limits]` table, for a kind that applies to all systems.
         table: Type and description of that key's value, optionally an example for `planner new`.

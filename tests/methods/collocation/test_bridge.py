@@ -19,7 +19,7 @@ from planner.methods.collocation.long_arms.bridges import (
     make_exact,
 )
 from planner.methods.collocation.long_arms.bridges import ends_of as ends
-from planner.support.solver_calls import IpoptCall
+from planner.support.solver_calls import NlpCall
 
 LIMIT_DEG = 80.0
 
@@ -90,7 +90,7 @@ def test_a_gap_is_closed_within_the_limits(raises: bool, monkeypatch: pytest.Mon
     goal[0] = np.nan
     limit = np.array([np.inf, *np.full(3, np.deg2rad(LIMIT_DEG))])
     if raises:
-        monkeypatch.setattr(IpoptCall, "__call__", fail)
+        monkeypatch.setattr(NlpCall, "__call__", fail)
     found, share = close_gaps(HARD.system, whole, ChainEnds(HARD.start, goal, limit))
     if raises:
         assert (found, share) == (None, 0)

@@ -18,7 +18,7 @@ from planner.errors import solver_answer
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
 from planner.support.calculus import runge_kutta
-from planner.support.solver_calls import IpoptCall
+from planner.support.solver_calls import NlpCall
 from planner.systems.triangular_system import TriangularSystem
 
 Index = NDArray[np.int64]
@@ -161,7 +161,7 @@ class _Nearest:
 
     def __init__(self, system: TriangularSystem, count: int) -> None:
         self._size, self._count = system.size, count
-        self._solver = IpoptCall("nearest", *chain_programme(system, count))
+        self._solver = NlpCall("ipopt", "nearest", *chain_programme(system, count))
 
     def __call__(
         self, chain: PieceChain, gap: Array, ends: ChainEnds

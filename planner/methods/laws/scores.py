@@ -1,5 +1,4 @@
-"""The choice of a law's free numbers: a scan, then ever finer scans about the best of it; for
-several numbers an evolution strategy.
+"""The choice of a law's free numbers: a scan, then an evolution strategy from the best of it.
 
 Scores rate trajectories in the chart, many candidates at once: their samples need few calls of the
 chart, which makes scans cheap.
@@ -194,7 +193,7 @@ _SCAN, _SEARCH, _FINE = 60, 100, 6000
 
 _POPULATION = 24
 
-_STAGES = ((6, 1.0, 1e-4), (60, 0.3, 1e-5), (40, 0.02, 1e-6))
+_STAGES = ((6, 1.0, 1e-4), (60, 0.3, 1e-5), (40, 0.02, 1e-7))
 """Of the search, from several starts, from the best of them, and with samples crowded at its peaks:
 most rounds, first steps over those given, and the spread of costs at which it ends."""
 
@@ -250,7 +249,7 @@ def search_candidates(
     criterion: Criterion = "peak",
     starts: int = 3,
 ) -> BestCandidate:
-    """Find the free numbers of least cost: a scan, then a search from its best.
+    """Find the free numbers of least cost: a scan, then linear programmes from its best.
 
     Args:
         problem: Supplies limits and the chart's branch.
@@ -277,8 +276,7 @@ def search_candidates(
     for stage, (rounds, part, spread) in enumerate(_STAGES if starts and grid.shape[1] else ()):
         if stage == 2:
             samples = _sample_places(problem, make(x))
-        search = zoom if grid.shape[1] == 1 else evolve
-        x, cost = search(partial(costs, samples=samples), x, part * step, rounds, spread)
+        x, cost = evolve(partial(costs, samples=samples), x, part * step, rounds, spread)
         best = np.argmin(cost, keepdims=True)
         x, step = x[best], step[best]
     return BestCandidate(x[0], float(costs(x[:1], _FINE)[0]), count)
@@ -299,25 +297,6 @@ def _sample_places(problem: Problem, curves: Curves) -> Array:
     centres = fine[np.append(peaks, lows) % len(fine)]
     gaps = np.interp(centres, usual[1:], np.diff(usual))[:, None] * np.linspace(-1, 1, 9)
     return np.unique(np.clip([*usual, *(centres[:, None] + gaps).ravel()], 0, 1))
-
-
-def zoom(
-    cost: Callable[[Array], Array], x: Array, steps: Array, rounds: int, spread: float
-) -> tuple[Array, Array]:
-    """As `evolve`, for one free number: scans about the best, each six times finer."""
-    places, least = np.linspace(-2, 2, 13), np.full(len(x), np.inf)
-    for _ in range(rounds):
-        points = x + steps * places
-        costs = cost(points.reshape(-1, 1)).reshape(points.shape)
-        best = np.argmin(costs, axis=1)[:, None]
-        x = np.take_along_axis(points, best, 1)
-        near = np.take_along_axis(costs, np.clip(best + np.arange(-1, 2), 0, len(places) - 1), 1)
-        least = np.min(near, axis=1)
-        if np.max(np.ptp(near, axis=1)) < spread:
-            break
-        inner = (best > 0) & (best < len(places) - 1)
-        steps = np.where(inner, steps / 6, steps)
-    return x, least
 
 
 def evolve(

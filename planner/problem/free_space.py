@@ -100,7 +100,7 @@ def find_way(problem: Problem, seed: int = 0) -> Array | None:
             if met is new:
                 one, rest = _branch(tree), _branch(other)
                 way = [*one, *rest[-2::-1]] if one[0] is start else [*rest, *one[-2::-1]]
-                return _shortened(problem, way, rng)
+                return _shorten(problem, way, rng)
         trees = other, tree
     return None
 
@@ -131,7 +131,7 @@ def _branch(tree: Tree) -> list[Array]:
     return out[::-1]
 
 
-def _shortened(problem: Problem, way: list[Array], rng: np.random.Generator) -> Array:
+def _shorten(problem: Problem, way: list[Array], rng: np.random.Generator) -> Array:
     """Replace parts of a path by straight segments where these are clear."""
     for _ in range(SHORTCUTS):
         one, other = sorted(rng.integers(len(way), size=2))

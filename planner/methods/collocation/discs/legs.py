@@ -60,7 +60,7 @@ def _length(way: Array) -> float:
 
 
 def _time(job: Task, free: Task, path: Solution) -> tuple[Task, Solution] | None:
-    """The motion along a path; one that does not fit is first made as fast as possible."""
+    """Time a path. If it does not fit into the duration, first make it as fast as possible."""
     own, start, wanted = job.on_mesh(free.mesh), path.iterate, job.problem.duration
     needed = 1.1 * needed_duration(job.problem, own.mesh, start)
     if wanted and needed > wanted:
@@ -75,7 +75,7 @@ def _time(job: Task, free: Task, path: Solution) -> tuple[Task, Solution] | None
 
 
 def _find_legs(job: Task, seeds: Sequence[Seed], corners: Array) -> list[tuple[Task, Solution]]:
-    """A path to each corner in turn, with its task; or none."""
+    """Find a path to each corner in turn, with its task; an empty list if one is not found."""
     problem, legs, here = job.problem, list[tuple[Task, Solution]](), job.problem.start
     for k, corner in enumerate(corners):
         goal, travel = np.append(np.nan, corner), None
@@ -93,7 +93,7 @@ def _find_legs(job: Task, seeds: Sequence[Seed], corners: Array) -> list[tuple[T
 
 
 def _join(job: Task, legs: Sequence[tuple[Task, Solution]]) -> tuple[Task, Iterate]:
-    """The legs as one path of constant speed, with its task."""
+    """Join the legs to one path of constant speed; return its task too."""
     lengths = np.sqrt([path.objective for _, path in legs])
     shares = lengths / np.sum(lengths)
     widths = np.concatenate([w * leg.mesh.widths for w, (leg, _) in zip(shares, legs, strict=True)])
@@ -116,29 +116,29 @@ def _mesh(widths: Array) -> Mesh:
 
 
 def _solve_clear(job: Task, start: Iterate) -> tuple[Task, Solution] | None:
-    """Solve from a start that clears all discs, so that the answer clears them on the same side."""
+    """Solve from a start that clears all discs; links stay on the same side of each."""
     most = min(ITERATIONS, job.settings.max_iterations)
     job = replace(job, settings=replace(job.settings, max_iterations=most))
-    known: tuple[Task, Solution] | None = None
+    best: tuple[Task, Solution] | None = None
     for _ in range(ROUNDS):
         solution = replace(job, inset=growth(job, start)).solve(start, near=True)
         if not solution.ok:
             break
         if clears(job, solution):
-            before = known[1].objective if known else np.inf
-            known, start = (job, job.judge(solution.iterate)), solution.iterate
+            before = best[1].objective if best else np.inf
+            best, start = (job, job.judge(solution.iterate)), solution.iterate
             if solution.objective > (1 - GAIN) * before:
                 break
         else:
             passed = inspect(job, solution).excess.any(axis=1)
-            finer = job.on_mesh(_halved(job.mesh, np.asarray(passed)))
+            finer = job.on_mesh(_halve(job.mesh, np.asarray(passed)))
             job, start = finer, transfer(job, start, finer)
-    if known and (last := known[0].solve(known[1].iterate, near=True)).ok:
-        return (known[0], last) if clears(known[0], last) else known
-    return known
+    if best and (last := best[0].solve(best[1].iterate, near=True)).ok:
+        return (best[0], last) if clears(best[0], last) else best
+    return best
 
 
-def _halved(mesh: Mesh, passed: NDArray[np.bool_]) -> Mesh:
-    """The mesh with these intervals (K,) and their neighbours halved."""
+def _halve(mesh: Mesh, passed: NDArray[np.bool_]) -> Mesh:
+    """Halve these intervals (K,) and their neighbours."""
     near = np.convolve(passed, np.ones(3), mode="same") > 0
     return _mesh(np.repeat(mesh.widths / (1 + near), 1 + near))

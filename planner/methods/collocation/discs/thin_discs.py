@@ -60,17 +60,19 @@ def _thicken(problem: Problem, thickness: float) -> Problem:
     return replace(problem, obstacles=tuple(discs))
 
 
-def beside(task: Task, start: Iterate, solution: Solution) -> Solution:
-    """The solution; if links pass over a disc but not at its start, one on the start's side."""
+def keep_side(task: Task, start: Iterate, solution: Solution) -> Solution:
+    """Return the solution; if links pass over a disc, but not in the start, return another one in
+    which they stay on the start's side."""
     if not solution.ok or clears(task, solution) or not clears(task, task.judge(start)):
         return solution
     grown = replace(task, inset=np.maximum(task.inset, growth(task, start)))
-    other = grown.solve(start, near=True)
-    return other if other.ok and clears(task, other) else solution
+    kept = grown.solve(start, near=True)
+    return kept if kept.ok and clears(task, kept) else solution
 
 
 def growth(task: Task, start: Iterate) -> Array:
-    """Amounts by which discs grow in each interval, (K, R), in the unit of their rows."""
+    """Amounts by which discs grow in each interval, (K, R), in the unit of their rows: up to `KEPT`
+    of their distance from the links."""
     system, curves, out = task.problem.system, task.motion_apart(start), []
     for required in task.requirements:
         amounts = np.zeros((len(curves), len(required.parts)))

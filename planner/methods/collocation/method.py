@@ -23,7 +23,7 @@ from planner.methods.collocation.long_arms.exact_motion import (
     exact_motion,
     has_only_limits,
 )
-from planner.methods.collocation.pipeline import SEARCH_INTERVALS, Pipeline, collocation_task
+from planner.methods.collocation.pipeline import Pipeline, collocation_task, search_intervals
 from planner.methods.collocation.refine import polish
 from planner.methods.collocation.refusals import NAME, iterate_plan, no_goal, refusal
 from planner.methods.collocation.task import Solution, Task
@@ -210,7 +210,7 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
 def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> Iterator[Candidate]:
     """The plan's own motion, if the problem has the same ends, and the optimum near the plan."""
     is_compatible = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
-    mesh = Mesh(warm.t / warm.duration) if is_compatible else SEARCH_INTERVALS
+    mesh = Mesh(warm.t / warm.duration) if is_compatible else search_intervals(problem)
     job = collocation_task(problem, options, mesh)
     if is_compatible and warm.notes.get("limits_inside", False):
         job = job.with_inner_rows()

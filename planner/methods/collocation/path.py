@@ -8,6 +8,7 @@ motion that is feasible after stretching its time.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 
 from planner.methods.collocation.between_nodes import clears, inspect
 from planner.methods.collocation.discs.thin_discs import thicknesses
-from planner.methods.collocation.guesses import Excursion, Seed, guess, sides, wander
+from planner.methods.collocation.guesses import Seed, guess, sides, wander
 from planner.methods.collocation.solvers import strategy
 from planner.methods.collocation.task import (
     Solution,
@@ -45,10 +46,11 @@ ALIKE, REPEATS, LEAST_PATHS = 5, 3, 9
 first direction and side); otherwise once the shortest has been found `REPEATS` times among at least
 `LEAST_PATHS`, when each direction and side has been tried twice."""
 
-SUFFIX, MOVES, MOVE = ", moved", 8, 0.3
-"""Guesses about the shortest path, tried if the seeds lead to different paths: suffix of their
-names, their number, and their size relative to a seed's. Each takes a fifth of a seed's time. Most
-lead back to the same path, some to a shorter one."""
+SUFFIX, MOST_FAILURES = ", moved", 16
+"""Random loops about the shortest path are tried if the seeds lead to different paths: suffix of
+their names, and how many in a row must fail to find a shorter path before the search ends. Of 34
+pairs of four joints within 45 degrees, 26 % ended more than 1 % above the shortest path known with
+8 small loops in all; 9 % did with this rule, in 2.2 times the time of the search."""
 
 SURE_ONE_WAY = 4
 """Up to this number of coordinates (those of an arm with three joints) a motion whose drive never
@@ -107,7 +109,8 @@ def search(
     With `simple`, a single path whose drive never reverses is enough, and so is a path that is
     found repeatedly. The search also ends if two thirds of the seeds in a row are infeasible. A
     path whose links pass through a disc between two nodes may become clear when it is timed, but
-    counts as half. If the seeds lead to different paths, guesses about the shortest one follow.
+    counts as half. If the seeds lead to different paths, they are followed by random loops about
+    the shortest one.
 
     Yields:
         The same search object, before the first seed and after each guess.
@@ -127,21 +130,20 @@ def search(
                 return
         if state.clear >= enough or len(state.solved) >= 2 * enough:
             break
-    for number in range(MOVES if simple and len(state.solved) >= LEAST_PATHS else 0):
-        best, seed = state.distinct[0], wander(number)
-        name = f"{best.seed.removesuffix(SUFFIX)}{SUFFIX}"
-        seed = Seed(name, _scale(seed.path), _scale(seed.driven))
+    if not simple or len(state.solved) < LEAST_PATHS:
+        return
+    loops, failures = map(wander, itertools.count()), 0
+    while failures < MOST_FAILURES:
+        best, loop = state.distinct[0], next(loops)
+        seed = replace(loop, name=f"{best.seed.removesuffix(SUFFIX)}{SUFFIX}")
         _try(job, widths, state, seed, free.curve(best.solution.iterate))
+        failures = failures + 1 if same_path(state.distinct[0].solution.objective, best) else 0
         yield state
 
 
 def is_sure(problem: Problem) -> bool:
     """Whether a motion whose drive never reverses ends the search, see `SURE_ONE_WAY`."""
     return problem.system.size <= SURE_ONE_WAY
-
-
-def _scale(excursion: Excursion) -> Excursion:
-    return lambda s: MOVE * excursion(s)
 
 
 def _try(

@@ -152,7 +152,7 @@ class Masses:
     moments: Array = field(metadata={"rows": (1, 1)})
 
     def part(self, chosen: NDArray[np.intp]) -> Masses:
-        """The parameters of some samples."""
+        """Return the parameters of the chosen samples."""
         return Masses(**{f.name: getattr(self, f.name)[:, chosen] for f in fields(self)})
 
 
@@ -289,7 +289,7 @@ class StageLaws:
     half_gap: Array
 
     def part(self, chosen: NDArray[np.intp]) -> StageLaws:
-        """The laws of some samples."""
+        """Return the laws of the chosen samples."""
         values: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
         arrays = {k: v[..., chosen] for k, v in values.items() if isinstance(v, np.ndarray)}
         return StageLaws(**{**values, **arrays})

@@ -163,7 +163,7 @@ def places(table: dict[str, Size], m: int) -> dict[str, slice]:
 
 
 class _KernelModel(ctypes.Structure):
-    """`Model` of layout.h."""
+    """The C structure `Model` of layout.h."""
 
     _fields_ = [
         *((name, ctypes.c_int64) for name in COUNTS),
@@ -174,7 +174,7 @@ class _KernelModel(ctypes.Structure):
 
 
 class _KernelCommands(ctypes.Structure):
-    """`Commands` of layout.h."""
+    """The C structure `Commands` of layout.h."""
 
     _fields_ = [("value", ctypes.c_void_p), *((name, ctypes.c_int64) for name in STRIDES)]
 

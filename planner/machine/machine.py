@@ -49,7 +49,7 @@ class Quantity:
 
     @property
     def varies(self) -> bool:
-        """Whether it differs between samples."""
+        """Whether the effect differs between samples."""
         return any(s > 0 for s in self.spread)
 
     def to_setting(self) -> Any:

@@ -268,7 +268,7 @@ class Statistic:
     percent: int
 
     def of(self, run: Replay) -> float:
-        """The value for a replay."""
+        """Return this statistic of a replay, in degrees."""
         errors = run.index_E_deg if self.error == "E" else run.terminal_E_deg
         return float(np.percentile(errors, self.percent))
 

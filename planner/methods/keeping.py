@@ -33,7 +33,7 @@ Keeps = Callable[[Problem, Demand, Part], Keeping]
 
 
 def nothing(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """For a method that guarantees nothing."""
+    """Say that no demand is guaranteed; each is only checked afterwards."""
     return "judged"
 
 
@@ -96,7 +96,7 @@ def law(rates: Rates) -> Keeps:
 
 
 def smooth(travel: float | None) -> tuple[Keeping, Keeping]:
-    """For sinusoids over one period."""
+    """Say how sinusoids over one period meet both demands."""
     return "kept", "kept"
 
 

@@ -58,7 +58,7 @@ class Statement:
 
     @property
     def target_text(self) -> str:
-        """The target in words."""
+        """The range that the paper requires, in words."""
         return f"{'at most ' if self.bound else ''}{self.target:g} {self.unit}"
 
 

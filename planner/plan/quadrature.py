@@ -200,7 +200,7 @@ class IntegratedMotion:
         return float(np.max(_share_of_peak(np.abs(other.u[1:-1] - u), self.u)))
 
     def q_at_time(self, t: float) -> Array:
-        """q (N,) at one time."""
+        """Return the coordinates (N,) at the time t, s."""
         begins = self.cells.time(np.arange(len(self.cells.piece)), np.array(-1.0))
         cell = np.maximum(np.searchsorted(begins, [t], side="right") - 1, 0)
         x = np.clip(2 * (t - begins[cell]) / self.cells.width[cell] - 1, -1.0, 1.0)

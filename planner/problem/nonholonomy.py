@@ -183,7 +183,7 @@ takes eight times as long."""
 
 @dataclass(frozen=True)
 class Probe:
-    """Result at one configuration; `finding` is None if the kinematics are infinite there."""
+    """Controllability at one configuration; `finding` is None where the kinematics are infinite."""
 
     name: str
     finding: Controllability | None

@@ -222,7 +222,7 @@ def mp4(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
         if job.returncode or not target.exists():
             log.seek(0)
             reason = log.read().decode(errors="replace").strip().splitlines()
-            raise InputError(f"ffmpeg ({program}) failed: {reason[-1] if reason else 'no word'}")
+            raise InputError(f"ffmpeg ({program}) failed: {reason[-1] if reason else 'no message'}")
         return target.read_bytes()
 
 

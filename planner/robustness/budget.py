@@ -202,7 +202,7 @@ class _InformedFeedback:
     machine: Machine
 
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Controller:
-        """Start the feedback; `machine` is ignored."""
+        """Start the feedback with its own machine; the argument `machine` is ignored."""
         return self.feedback.start(plan, self.machine, numbers)
 
 

@@ -74,7 +74,7 @@ class MachineEntry:
 
     @property
     def name(self) -> str:
-        """The name: effect and element."""
+        """Name of the parameter: the effect and its element."""
         return f"{self.effect} {self.element}".strip()
 
     @property

@@ -205,7 +205,7 @@ def sensitivities(
         expect_plan(plan)
     executable = {k: plan for k, plan in plans.items() if plan is not None and plan.executable}
     if not executable:
-        raise InputError("there is no executable plan to compute sensitivities of")
+        raise InputError("no plan can be executed, so there are no sensitivities to compute")
     if len({plan.problem.system for plan in executable.values()}) > 1:
         raise InputError("the plans are of several systems; compare plans of one")
     return Sensitivities({k: sensitivity(plan) for k, plan in executable.items()}, spread)

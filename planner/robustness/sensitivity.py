@@ -313,7 +313,9 @@ def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
     coordinates = plan.problem.system.coordinates
     joints = [i for i, c in enumerate(coordinates) if i > 0 and c.unit == "rad"]
     if not joints:
-        raise InputError(f"a {plan.problem.system.kind} has no angles after its path coordinate")
+        raise InputError(
+            f"a {plan.problem.system.kind} has no joint angles, which these figures need"
+        )
     error = sampled_end(plan, period_s) - plan.q(plan.duration)
     deviation, length = _chord_deviation(plan, joints)
     matrix = _initial_errors(plan)

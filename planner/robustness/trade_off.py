@@ -226,7 +226,7 @@ def _sweep(
 def _attempt(
     problem: Problem, options: DesensitisedOptions, along: Axis, limit: float, near: Plan | None
 ) -> TradeOffPoint | None:
-    """Return the point found from the plan `near`, or without one; None if there is none."""
+    """Look for a point, starting from the plan `near` if it is given; None if that fails."""
     problem, options = along.task_at(problem, options, float(limit))
     if near is None:
         options = options.model_copy(update={"starts": min(options.starts, 2)})

@@ -229,9 +229,7 @@ class PointStore:
             same = data["format"] == FORMAT and data["key"] == self.key
             points = data["points"]
         except (ValueError, KeyError, TypeError):
-            raise InputError(
-                f"{index} is not the index of a trade-off; name another folder"
-            ) from None
+            raise InputError(f"{index} is not a file of a trade-off; name another folder") from None
         if not same or not isinstance(points, dict):
             raise InputError(
                 f"{index.parent} holds another trade-off (problem, options, points, samples or seed"

@@ -72,7 +72,7 @@ class SignalListener:
             otherwise(what)
 
     def check(self) -> None:
-        """Raise an exception that Python dropped."""
+        """Raise the exception of a signal that arrived in code that swallowed it."""
         if self._is_dropped:
             self._is_dropped = False
             raise self.exception
@@ -259,7 +259,7 @@ class _LineFilter:
         return len(text)
 
     def end(self) -> None:
-        """Pass on an unfinished line."""
+        """Write the last line if it has no newline."""
         if self._begun:
             self._stream.write(self._begun)
 

@@ -135,7 +135,7 @@ def case_at(sweep: Sweep, position: int) -> Case:
 
 
 def _description(request: Request, spec: Spec) -> str:
-    """Return the complete description; for tables that make no valid problem, the request."""
+    """Describe a case with all defaults; return the request if its tables are no valid problem."""
     samples, seed = request["samples"], request["seed"]
     try:
         file = parse_file(request["tables"], "")

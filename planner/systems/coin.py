@@ -101,7 +101,7 @@ class Coin(TriangularSystem):
     # -- the chart -----------------------------------------------------------------------------
 
     def branch(self, q: Array) -> Array:
-        """Ones: there is one branch."""
+        """Return ones, since the chart has only one branch."""
         return np.ones(self.size)
 
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
@@ -117,7 +117,7 @@ class Coin(TriangularSystem):
         return [np.where(np.isnan(slope), np.nan, 1.0)] if i == 1 else []
 
     def chart_margins(self, q: Array, branch: Array) -> Array:
-        """Ones, shape (…, 1)."""
+        """Return ones, shape (…, 1): the chart has no boundary."""
         return np.ones((*q.shape[:-1], 1))
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:

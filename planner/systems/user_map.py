@@ -52,11 +52,11 @@ class UserMap:
         self._check_shared()
 
     def there(self, q: Any) -> list[Any]:
-        """w as CasADi expressions in q."""
+        """The user coordinates w as CasADi expressions in q."""
         return self._parse("expressions", self.own, q)
 
     def back(self, w: Any) -> list[Any]:
-        """q as CasADi expressions in w."""
+        """The coordinates q as CasADi expressions in w."""
         return self._parse("inverse", self.coordinates, w)
 
     def _parse(self, key: str, names: Sequence[Coordinate], x: Any) -> list[Any]:

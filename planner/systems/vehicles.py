@@ -99,7 +99,7 @@ class _Train(TangentSystem):
 
     @property
     def limited(self) -> tuple[int, ...]:
-        """All angles."""
+        """Indices of all angles, which have limits."""
         return tuple(range(1, self.size - 1))
 
     # -- symbolic form -------------------------------------------------------------------------

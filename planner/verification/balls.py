@@ -131,7 +131,7 @@ class Ball:
 
     @classmethod
     def join(cls, points: Points, ellipses: Ellipses) -> Ball:
-        """The ball of both."""
+        """Return the balls of the points, followed by those of the ellipses."""
         left = points.c, np.zeros_like(points.c), points.r
         return cls(*map(np.hstack, zip(left, ellipses, strict=True)))
 
@@ -140,7 +140,7 @@ class Ball:
 
     @cached_property
     def points(self) -> Points:
-        """The columns of the points."""
+        """The balls' columns as points, without the ellipses' terms."""
         return Points(self.c[:, :SEGMENT], self.r[:, :SEGMENT])
 
     @cached_property
@@ -261,7 +261,7 @@ def sine_cosine(p: Ball) -> tuple[Ball, Ball]:
 
 
 def reciprocal(p: Ball) -> Ball:
-    """1/p where |c| > δ: rest = d²/(c² (c + d))."""
+    """Enclose 1/p where |c| > δ; its remainder is d²/(c² (c + d))."""
     value, gap = 1 / p.c, np.abs(p.c) - p.reach
     rest = np.where(gap > 0, (p.reach * value) ** 2 / gap, np.inf)
     return _compose(p, value, -value * value, rest)

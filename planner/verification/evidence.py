@@ -65,7 +65,7 @@ class EnclosedMotion:
 
     @property
     def end_s(self) -> float:
-        """End in its own time, s."""
+        """End of the enclosed path, in its own time (before it is retimed), s."""
         return float(self.enclosure.cells.breaks[-1])
 
     @property

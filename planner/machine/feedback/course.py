@@ -169,7 +169,7 @@ class Timing:
 
     @property
     def period(self) -> float:
-        """Time between two readings, s."""
+        """Time between two encoder readings, s."""
         return self.tick * self.ticks
 
     @property

@@ -189,7 +189,7 @@ class History:
 
     @property
     def last(self) -> Array:
-        """The command of the last tick, (2, S); zero at first."""
+        """The command at the latest tick, (2, S), rad/s; zero before the first."""
         return self._values[-1] if self._values else np.zeros_like(self._travel[0])
 
     def append(self, values: Array) -> None:

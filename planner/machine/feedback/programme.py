@@ -284,7 +284,7 @@ class Solver:
         return ProgrammeResult(None, status in INFEASIBLE_STATUSES)
 
     def _result(self, T: Array, low: Array, high: Array, guess: Array) -> Any:
-        """The result object of OSQP."""
+        """Solve with OSQP, and return its result."""
         if self._loaded is None:
             self._set_up()
         if T is not self._loaded:

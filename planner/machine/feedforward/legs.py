@@ -92,11 +92,11 @@ class MotorLeg:
 
     @property
     def uneven_rad(self) -> float:
-        """The largest of the misses."""
+        """The largest angle by which the leg misses, rad."""
         return float(np.max(self.misses, initial=0.0))
 
     def seconds(self, tick: float) -> float:
-        """Duration of the leg, s."""
+        """Return the duration of the leg, s, at this tick."""
         return tick * (len(self.angles) - 1)
 
 
@@ -305,7 +305,7 @@ def return_leg(
 
 
 def _seconds(plan: Plan, machine: Machine, motor: int, angle: Array) -> Array:
-    """Time of a motor from rest to rest, s, for a cubic: with T that time, its peak speed is
+    """Duration T, s, of a motor's cubic motion from rest to rest; its peak speed is
     3/2 · angle/T and its peak acceleration 6 · angle/T²."""
     speed, rate = input_scale(plan, machine)[motor], plan.problem.limits.input_rate[motor]
     return np.asarray(np.maximum(1.5 * np.abs(angle) / speed, np.sqrt(6 * np.abs(angle) / rate)))

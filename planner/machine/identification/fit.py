@@ -235,7 +235,7 @@ class _LeastSquares:
         return blocks, hessian, gradient
 
     def bootstrap(self, z: Array, random: np.random.Generator) -> Array:
-        """Standard deviation of the parameters, (P,)."""
+        """Estimate the parameters' standard deviations, (P,), by the bootstrap."""
         blocks, hessian, gradient = self.normal_equations(z)
         counts = random.multinomial(blocks, np.full(blocks, 1 / blocks), size=REPLICATES)
         priors = random.normal(size=(REPLICATES, self.size))

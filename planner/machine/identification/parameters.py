@@ -279,7 +279,7 @@ class Parameters:
         }
 
     def draws(self, x: Array) -> Draws:
-        """Single machines x (S, P)."""
+        """Return the machines with the parameters x (S, P), one sample each."""
         count = len(x)
         base = {k: np.repeat(v, count, axis=1) for k, v in self._base.values.items()}
         values = {**base, **self.effects(x)}

@@ -244,7 +244,7 @@ class Pipeline:
     def _find_paths(
         self, k: int, job: Task, part: int = 1
     ) -> Generator[Candidate, None, RoutePaths]:
-        """Find the paths of a route from one `part`th of the guesses; refine the most promising."""
+        """Find the paths of a route from 1/`part` of the guesses; refine the most promising."""
         if k in self.paths:
             return self.paths[k]
         problem, options = self.routes[k], self.options

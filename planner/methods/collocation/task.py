@@ -93,7 +93,7 @@ class Task:
 
     @property
     def bounds(self) -> Bounds:
-        """Bounds from the problem's numbers."""
+        """Bounds of the unknowns and rows of the programme, from the problem's numbers."""
         numbers = self.mesh, self.objective, self.demands, self.inset
         return bounds(self.problem, self.requirements, self.nlp, *numbers)
 

@@ -45,11 +45,11 @@ class Touch:
     at: Array
 
     def only(self, keep: NDArray[np.bool_]) -> Touch:
-        """Only the cuts in the mask."""
+        """Return the cuts that the mask selects."""
         return Touch(self.tau[keep], self.at[keep])
 
     def plus(self, other: Touch) -> Touch:
-        """These cuts followed by the others."""
+        """Return these cuts followed by those of `other`."""
         return Touch(np.append(self.tau, other.tau), np.append(self.at, other.at))
 
 
@@ -88,7 +88,7 @@ class ClassOptimum:
 
     @property
     def gap(self) -> float:
-        """(value − bound) / |value|."""
+        """The proven gap: (value − bound) / |value|."""
         return (self.value - self.bound) / max(abs(self.value), 1e-300)
 
 

@@ -279,7 +279,7 @@ def choose_swing(
     free = [problem.travel is None, given is None]
 
     def numbers(x: Array) -> Array:
-        """Travels and amplitudes, (2, C)."""
+        """Return travels and amplitudes, (2, C), given ones included."""
         out = np.tile([[problem.travel or 0.0], [given or 0.0]], len(x))
         out[free] = x.T
         return out

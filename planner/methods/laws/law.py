@@ -109,7 +109,7 @@ class Motion:
 
     @property
     def curves(self) -> tuple[Bernstein, Bernstein]:
-        """z and v."""
+        """The motion as curves of z and v over time."""
         return self.z, self.v
 
     @property

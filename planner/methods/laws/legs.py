@@ -21,7 +21,7 @@ from planner.support.calculus.bernstein import Bernstein, basis, elevate, integr
 
 @dataclass(frozen=True)
 class Leg:
-    """One leg.
+    """One leg of a motion: constant v₁, and a polynomial v₂ whose coefficients are sought.
 
     Attributes:
         duration: Seconds.

@@ -164,7 +164,7 @@ class _PointFamily:
         return reach, tuple(Point(t, v) for t, v in zip(self.times, values, strict=True))
 
     def make(self, x: Array) -> Curves:
-        """Of free numbers x (C, d)."""
+        """Return the motions with the free numbers x (C, d)."""
         return _motion(self.ends, *self.read(x)).curves
 
     def candidates(self, known: tuple[Array, tuple[Point, ...]] | None) -> tuple[Array, Array]:

@@ -219,7 +219,7 @@ class BestCandidate:
 
     @property
     def notes(self) -> dict[str, Any]:
-        """For a plan."""
+        """The counts that a plan notes."""
         return {"auto_motions_tried": self.tried, "auto_found_inside": self.inside}
 
 

@@ -41,7 +41,7 @@ class Waypoint(Demand):
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """Leave these waypoints out."""
+        """Advise to leave out the waypoints that are missed."""
         return _omission("waypoints", breaches)
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:

@@ -158,7 +158,7 @@ class OwnFile(NamedFile):
 
     @cached_property
     def built(self) -> TriangularSystem:
-        """The system."""
+        """Build the system."""
         return self.build_system()
 
     @property

@@ -85,7 +85,7 @@ def bound_deg(value: float | Sequence[float] | None, size: int) -> Array:
 
 
 class BaseLimits(Table):
-    """Methods of every kind's limits."""
+    """What the limits of every kind of system have in common."""
 
     @abstractmethod
     def inputs(self) -> Array:

@@ -135,7 +135,7 @@ def _tables(design: TrackerDesign, system: TriangularSystem, real: str) -> str:
 
 
 def _arrays(design: TrackerDesign) -> dict[str, Array]:
-    """The tables of numbers, by name."""
+    """The controller's tables of numbers, by name."""
     ref, law, clock = design.ref, design.law, design.ref.timing
     count = len(ref.feed)
     arrays = {

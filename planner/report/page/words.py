@@ -1,4 +1,4 @@
-"""Text of the page on a comparison: the question, the answer, names and numbers."""
+"""Write the sentences of a comparison's page: the question, the answer, names, numbers."""
 
 from __future__ import annotations
 

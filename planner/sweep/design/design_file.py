@@ -64,7 +64,7 @@ VARIABLES = [field.alias or name for name, field in VariablesTable.model_fields.
 
 
 class PairTable(Table):
-    """One task."""
+    """One task of a design study: start and goal."""
 
     start_deg: list[AngleDeg] = Field(description="Joint angles at the start, degrees.")
     goal_deg: list[AngleDeg] = Field(description="Joint angles at the goal, degrees.")

@@ -303,7 +303,7 @@ class Piece:
 
 @lru_cache(maxsize=16)
 def piece(system: TriangularSystem) -> Piece:
-    """The functions for a system."""
+    """Build the functions of one piece of constant inputs, with derivatives, for a system."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     end = q
     for _ in range(STEPS):

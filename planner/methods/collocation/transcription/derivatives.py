@@ -137,5 +137,5 @@ class ChainRule:
         return ca.densify(ca.vertcat(*out))
 
     def substitute(self, outputs: list[Any]) -> list[Any]:
-        """Expressions with v substituted."""
+        """Return the expressions with values substituted for the symbols v."""
         return list(ca.substitute_inplace(ca.vertsplit(self.v), ca.vertsplit(self.F), outputs)[1])

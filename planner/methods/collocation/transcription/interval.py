@@ -201,7 +201,7 @@ def _motion(
     rates: dict[int, list[Any]],
     rows: _RowList,
 ) -> Any:
-    """The state at the right edge."""
+    """Add the rows of the motion in an interval; return the state at its right edge."""
     weights, end = ca.DM(form.scheme.quadrature), np.ones(1)
     after = []
     for i in range(system.size):

@@ -167,7 +167,7 @@ def resimulate(system: MovingSystem, mesh: Mesh, iterate: Iterate, start: Array)
 
 
 def resimulated_apart(system: MovingSystem, mesh: Mesh, iterate: Iterate) -> Array:
-    """Integrate an iterate's input in each interval from its own node, (K, STEPS + 1, N)."""
+    """Integrate each interval's input from the node at its left edge, (K, STEPS + 1, N)."""
     K, nodes = len(mesh.widths), iterate.nodes[:-1]
     inputs = nodes, mesh.widths * iterate.duration, *iterate.input_ends()
     samples = _runner(system, K, through=False)(*inputs).reshape(K, STEPS, system.size)

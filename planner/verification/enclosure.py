@@ -292,7 +292,7 @@ def _on_ellipses(
 
 @lru_cache(maxsize=32)
 def _jacobian(system: TriangularSystem) -> tuple[Expression, Array, Array, Pointwise]:
-    """Return ∂q̇/∂q as nonzero entries on balls (with rows and columns) and as a matrix at points."""
+    """Return ∂q̇/∂q as entries on balls, with rows and columns, and as a matrix at points."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     matrix: Any = ca.jacobian(ca.vertcat(*system.rates_expr(q, u)), q)
     row, column = (np.array(x, dtype=int) for x in matrix.sparsity().get_triplet())

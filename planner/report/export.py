@@ -356,16 +356,8 @@ def time_slopes(plan: Plan, function: Callable[[Array], Array], t: Array) -> Arr
 
 
 def moving_inputs(plan: Plan, time: float) -> list[str]:
-    """Describe the inputs that are not zero at a time; an undefined input counts as moving.
-
-    A compensated plan holds each command for a tick. Starting from rest with a limited rate, its
-    first command may differ from zero by what the rate allows in one tick.
-    """
+    """Describe the inputs that are not zero at a time; an undefined input counts as moving."""
     u, peaks = np.abs(plan.u(time)), np.maximum(peak_inputs(plan.trajectory), 1e-12)
-    rate = plan.problem.limits.input_rate
-    if plan.compensates:
-        first = rate * (plan.t[1] - plan.t[0]) * (1 + REST_SHARE)
-        u = np.where(np.isfinite(rate) & (u <= first), 0.0, u)
     return [
         f"|{each.name}| = {u[i]:.4g} {each.unit}"
         for i, each in enumerate(plan.problem.system.inputs)

@@ -160,9 +160,9 @@ class CommandShape:
         place = np.zeros(angle.shape[1:])
         step, room, grain = rate * tick, 8 * rate, grain[:, None]
         rounded = bool(np.any(grain))
-        out = np.empty((len(angle) - 1, *place.shape))
+        out = np.zeros((len(angle) - 1, *place.shape))
         speed = np.zeros_like(place)
-        for k, now in enumerate(angle[:-1]):
+        for k, now in enumerate(angle[1:-1], 1):  # the first command is zero: motors start at rest
             behind = now - place
             far = np.abs(behind)  # limit the speed so that the motor can stop in time
             catch = np.minimum(far / tick, _stopping_speed(far, step, room))

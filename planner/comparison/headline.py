@@ -19,6 +19,12 @@ LEAST_SHARE = 1.05
 LEAST_SWING_DEG = 5.0
 """Swings of joint 1 smaller than this need no warning, in degrees."""
 
+MOST_BEYOND_PERCENT = 1.0
+"""Plans that break a limit on a greater share of the machines are taken only if all do."""
+
+LEAST_RUN_UP_S = 0.5
+"""Shorter extra motions of a controller need no warning, s."""
+
 
 def compare_pairs(
     rows: Sequence[Row], which: Literal["E", "end"], threshold_deg: float
@@ -41,8 +47,9 @@ def compare_pairs(
 def recommend(rows: Sequence[Row], threshold_deg: float) -> Row | None:
     """Return the plan to take without feedback; None if no method has a verified plan.
 
-    The best plan is that with the smallest median E. Among the plans that the paired test does not
-    find worse than the best, take the one with the least effort. Without E, effort alone decides.
+    Plans that break a limit on more than `MOST_BEYOND_PERCENT` of the machines come last. The best
+    plan is that with the smallest median E. Among the plans that the paired test does not find
+    worse than the best, take the one with the least effort. Without E, effort alone decides.
 
     Args:
         rows: The rows of a comparison.
@@ -52,11 +59,16 @@ def recommend(rows: Sequence[Row], threshold_deg: float) -> Row | None:
     if not solved:
         return None
     finite = [row for row in solved if np.isfinite(row.E_median_deg)]
+    finite = [row for row in finite if not _breaks_limits(row)] or finite
     if finite:
         best = min(finite, key=lambda row: row.E_median_deg)
         worse = _worse_than(best, rows, threshold_deg)
         solved = [row for row in finite if row.label not in worse]
     return min(solved, key=lambda row: row.effort if np.isfinite(row.effort) else np.inf)
+
+
+def _breaks_limits(row: Row) -> bool:
+    return row.beyond_limits > MOST_BEYOND_PERCENT
 
 
 def _worse_than(row: Row, rows: Sequence[Row], threshold_deg: float) -> set[str]:
@@ -121,6 +133,8 @@ def _rival(row: Row, solved: list[Row]) -> Row | None:
 def _against(row: Row, rival: Row, worse: bool) -> str:
     """Compare with the next best plan of the same kind: result of the test and costs, in words."""
     name = f"{rival.label} (E {_degrees(rival.E_median_deg)})"
+    if _breaks_limits(rival) and not _breaks_limits(row):
+        return f" {name} breaks a limit on {number(rival.beyond_limits)} % of the machines."
     if worse:
         costs = _costs(row, rival)
         return f" Next best of its kind is {name}." + f" Compared with it: {costs}." * bool(costs)
@@ -222,11 +236,15 @@ def _caution(row: Row) -> str:
 
 
 def _follow_up(rows: Sequence[Row], row: Row) -> str:
-    """Return the error of the plan with feedback, if it was replayed so; else ""."""
+    """Return the error of the plan with feedback, and a warning of a run-up; "" if not replayed."""
     closed = [each for each in rows if each.label == row.label + FEEDBACK]
     if not closed or not np.isfinite(closed[0].E_median_deg):
         return ""
-    return f" With feedback E is {_degrees(closed[0].E_median_deg)}."
+    words = f" With feedback E is {_degrees(closed[0].E_median_deg)}."
+    more = closed[0].duration_s - row.duration_s
+    if more > LEAST_RUN_UP_S:
+        words += f" The controller moves the arm for {more:.1f} s more, also before the plan starts."
+    return words
 
 
 def _degrees(value: float) -> str:

@@ -124,6 +124,16 @@ def test_of_plans_that_the_test_cannot_tell_apart_the_cheapest_is_taken(
     assert f"{COMPENSATED} against the others" in " ".join(table.split())
 
 
+def test_a_plan_that_breaks_limits_on_many_machines_comes_after_one_that_does_not(
+    compensated: planner.Comparison,
+) -> None:
+    plain, better = compensated.rows
+    nearer = replace(better, label="polynomial compensated", E_median_deg=0.1, beyond_limits=3.9)
+    result = replace(compensated, rows=(plain, better, nearer))
+    assert result.recommended is better
+    assert f"{nearer.label} (E 0.1 deg) breaks a limit on 3.9 % of the machines." in result.headline
+
+
 def test_a_worse_plan_is_told_apart_on_few_machines_too(compensated: planner.Comparison) -> None:
     """Two machines can show nothing to a test; that both agree decides."""
     plain, better = compensated.rows

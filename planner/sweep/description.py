@@ -130,7 +130,7 @@ def base_problem(
         known: The problem itself, if the caller has it.
 
     Raises:
-        InputError: If the problem file is missing or invalid.
+        InputError: If the problem file is missing or invalid, or a change is.
     """
     if known is not None:
         return known.changed(changes)
@@ -141,7 +141,13 @@ def base_problem(
                 f"{source}: 'problem' = {problem!r}: there is no file {path}; the name is"
                 f" relative to the folder of {source}"
             )
-        return load_problem(path, changes)
+        try:
+            return load_problem(path, changes)
+        except InputError as error:
+            load_problem(path)  # which explains what is wrong in the file itself
+            hint = any(isinstance(value, list) for value in changes.values())
+            advice = "; a list of values to vary belongs under [grid]" if hint else ""
+            raise InputError(f"{source} [set]: {error}{advice}") from None
     return Problem.from_dict(problem, f"{source} [problem]").changed(changes)
 
 

@@ -168,12 +168,16 @@ class SweepFile(Table):
         for key in data.keys() - keys:
             if place := _place_of(key):
                 raise ValueError(f"'{key}' is outside of all tables: put it under {place}")
+        for key in changes if isinstance(changes := data.get("set"), dict) else ():
+            if "." not in key and (place := _place_of(key)) and "[set]" not in place:
+                raise ValueError(f"'set.{key}' belongs under {place}; [set] has dotted keys")
         grid = data.get("grid")
         for key, value in grid.items() if isinstance(grid, dict) else ():
             if isinstance(value, dict) and value.keys() & Distribution.model_fields.keys():
                 raise ValueError(f"'grid.{key}' is drawn at random: put it under [sample]")
             if key in SampleTable.model_fields:
-                raise ValueError(f"'grid.{key}' belongs under [sample]; [grid] has dotted keys")
+                place = _place_of(key)
+                raise ValueError(f"'grid.{key}' belongs under {place}; [grid] has dotted keys")
         return data
 
 
@@ -185,10 +189,9 @@ def _is_axis(value: Any) -> bool:
 
 def _place_of(key: str) -> str:
     """Return the table of a sweep file where a key outside of all tables belongs; or ""."""
-    if key in SampleTable.model_fields:
-        return "[sample]"
-    if key in ReplayTable.model_fields:
-        return "[replay]"
+    tables = {"[sample]": SampleTable, "[replay]": ReplayTable}
+    if places := [name for name, table in tables.items() if key in table.model_fields]:
+        return " or ".join(places)
     if "." in key or key in ProblemFile.model_fields or key in ("system", "start", "goal"):
         return "[set] (the same in every case), [grid] (lists, ranges) or [sample] (draws)"
     return ""

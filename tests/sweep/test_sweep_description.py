@@ -135,6 +135,8 @@ SAMPLE = {"count": 4, "goal.travel": {"uniform": [0.8, 0.82]}}
         ({"goal": {"travel": EVEN}}, "'goal' is outside of all tables: put it under"),
         ({"grid": {"goal.travel": EVEN}}, "'grid.goal.travel' is drawn at random: put it under"),
         ({"grid": {"count": 20}}, "'grid.count' belongs under \\[sample\\]"),
+        ({"grid": {"seed": 1}}, "'grid.seed' belongs under \\[sample\\] or \\[replay\\]"),
+        ({"set": {"samples": 100}}, "'set.samples' belongs under \\[replay\\]"),
         ({"sample": {"count": 4, "goal.travel": 0.8}}, "a single value: put it under \\[set\\]"),
         ({"sample": {"count": 4, "goal.travel": [0.8, 0.9]}}, "put it under \\[grid\\]"),
         ({"sample": {"count": 4, "goal.travel": {**ENDS, "count": 3}}}, "under \\[grid\\]"),
@@ -146,6 +148,22 @@ def test_bad_descriptions_are_named(tables: Tables, changes: Tables, says: str) 
     with pytest.raises(planner.InputError, match=says) as info:
         Sweep.from_dict({**tables, **changes})
     assert "\n" not in str(info.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("goal.durration", "20.0", "did you mean 'duration'"),
+        ("goal.duration", "[10, 20]", "values to vary belongs under \\[grid\\]"),
+    ],
+)
+def test_a_wrong_change_names_the_sweep_file(
+    written: Callable[[str], Path], key: str, value: str, says: str
+) -> None:
+    path = written(GOOD.replace('"goal.duration" = 20', f'"{key}" = {value}'))
+    with pytest.raises(planner.InputError, match=says) as info:
+        Sweep.load(path)
+    assert str(info.value).startswith(f"{path} [set]: ")
 
 
 @pytest.mark.parametrize(

@@ -251,8 +251,8 @@ def _times(series: panels.Series, drawn: Sequence[Curve]) -> Array:
 
 def _frame(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
     """Draw everything in a panel over time except its curves."""
-    for plan in (curve.plan for curve in drawn):
-        shade_holds(ax, plan)
+    for number in {series.plan for series in panel.series}:
+        shade_holds(ax, drawn[number].plan)
     unit = escape_math(panel.unit)
     ax.set_ylabel(symbol(panel.title) + (f" ({unit})" if unit else ""))
     if panel.band:

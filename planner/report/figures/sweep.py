@@ -28,7 +28,7 @@ def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
     colour = colours(list(counts))
     rows = [("effort", "effort of the solved cases")]
     if any(record["E_median_deg"] is not None for record in records):
-        rows.append(("E_median_deg", "E of the solved cases, median over machines (deg)"))
+        rows.append(("E_median_deg", "median E of the solved cases (deg)"))
     figure, axes, _ = grid(1, 1 + len(rows), size=(4.6, max(2.8, 0.5 * len(counts) + 1.4)))
     ax = axes[0, 0]
     for k, (label, (solved, total)) in enumerate(counts.items()):
@@ -62,7 +62,7 @@ _PAPER = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
 """Background of the counts, so that they are readable on every colour."""
 
 
-POINT = "point of the sweep"
+POINT = "point (in the order of the sweep)"
 
 
 def _places(keys: Sequence[str], records: Sequence[Record]) -> tuple[list[float], str]:

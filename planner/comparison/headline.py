@@ -243,7 +243,7 @@ def _follow_up(rows: Sequence[Row], row: Row) -> str:
     words = f" With feedback E is {_degrees(closed[0].E_median_deg)}."
     more = closed[0].duration_s - row.duration_s
     if more > LEAST_RUN_UP_S:
-        words += f" The controller moves the arm for {more:.1f} s more, also before the plan starts."
+        words += f" The controller moves the arm {more:.1f} s longer, also before the plan starts."
     return words
 
 

@@ -94,7 +94,7 @@ def compensate_plan(
         raise refusal(compensated, check, where, "; or ".join([*attempt, *changes]))
     ways = "; or ".join(changes)
     errors = compensated.notes["compensation"]
-    if not errors["E_deg"] < errors["plain_E_deg"] and errors["plain_E_deg"] > 0:
+    if errors["E_deg"] != 0 and not errors["E_deg"] < errors["plain_E_deg"]:
         warnings.warn(
             f"{problem.source}: on the nominal machine the compensated plan leaves the path by"
             f" {errors['E_deg']:.3g} deg, the uncompensated one by"

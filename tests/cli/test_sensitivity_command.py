@@ -95,7 +95,7 @@ def test_what_cannot_stand_side_by_side(run: Callable[..., Any], tmp_path: Path)
     for words, says in (
         (["--methods", "collocation compensated"], "leave out the word compensated"),
         (["--methods", "collocation", "--pareto", "effort"], "contradict each other"),
-        (["--methods", "polynomial:points=[[5.0,0.5]]"], "no executable plan"),
+        (["--methods", "polynomial:points=[[5.0,0.5]]"], "no plan can be executed"),
     ):
         result = run("sensitivity", PAPER, *words)
         assert (result.status, says in result.err) == (2, True), result.err

@@ -69,7 +69,7 @@ def sweep(
 
     Each finished case is saved at once; after an interruption the same command runs the rest. A
     refused case is a result too and is saved with its reason. Ends with status 0, or 1 if a case
-    met a bug.
+    hit a bug.
 
     \b
     Examples:
@@ -160,7 +160,7 @@ def design(
     inequality.
 
     Each finished case is saved at once: the same command continues an interrupted run.
-    Ends with status 0, with 3 if no design solves a task, or 1 if a case met a bug.
+    Ends with status 0, with 3 if no design solves a task, or 1 if a case hit a bug.
 
     \b
     Examples:

@@ -1,6 +1,6 @@
 """Simulate a plan on S machines, open loop or under a controller.
 
-The samples advance in blocks, and each block in stretches of time. Only the errors and the
+The machines are simulated in blocks, and each block in stretches of time. Only the errors and the
 requested motions are kept, so that memory grows neither with the samples nor with the duration.
 """
 

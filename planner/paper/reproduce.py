@@ -98,7 +98,7 @@ def figures(cases: Cases) -> dict[str, Figure]:
 
 
 def _turned_contacts() -> Figure:
-    """Draw the speed of a joint behind three turned contacts, for several friction ratios."""
+    """Plot a joint's speed that passes three rotated contacts, for several friction ratios."""
     figure, axes, _ = grid(1, 1, size=(6.4, 4.0))
     ax, degrees = axes[0, 0], np.linspace(0, 60, 241)
     ax.plot(degrees, np.cos(np.deg2rad(degrees)) ** 3, "k--", label="eq. (6): $\\cos^3\\theta$")

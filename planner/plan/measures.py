@@ -181,7 +181,8 @@ def turns(trajectory: Trajectory) -> Array:
 def slowing_factor(requirements: Sequence[Requirement], trajectory: Trajectory) -> float:
     """Factor by which to slow a motion to meet the requirements on speed; NaN if undefined.
 
-    A driftless path does not depend on its timing, so inputs scale with 1/T and rates with 1/T².
+    A driftless system's path does not depend on timing: inputs scale with 1/T, their rates with
+    1/T².
     """
     speed_limits = [requirement for requirement in requirements if requirement.speed_power]
     formulas = [requirement for requirement in speed_limits if not requirement.is_direct]

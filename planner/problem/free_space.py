@@ -47,7 +47,7 @@ MOST_PARTS = 20_000
 
 
 def clearance(problem: Problem, theta: Array) -> Array:
-    """Least distance between links and discs less the required one, shape (…), at θ (…, n), m."""
+    """Least distance between links and discs minus the required one, shape (…), at θ (…, n), m."""
     points = problem.system.arm_points(theta)  # type: ignore[attr-defined]
     every = (disc.clearances(points).min(axis=-1) - disc.clearance for disc in problem.obstacles)
     least = next(every)
@@ -169,7 +169,7 @@ class Grid:
     cells: NDArray[np.int8]
 
     def centres(self, index: NDArray[np.int64]) -> Array:
-        """Angles at the centres of cells (…, n)."""
+        """Angles at the cells' centres, shape (…, n)."""
         return np.asarray(self.low + (index + 0.5) * self.widths)
 
     def index(self, theta: Array) -> tuple[int, ...]:

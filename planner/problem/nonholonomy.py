@@ -183,7 +183,7 @@ takes eight times as long."""
 
 @dataclass(frozen=True)
 class Probe:
-    """Controllability at one configuration; `finding` is None where the kinematics are infinite."""
+    """Controllability at one configuration; `finding` is None if the kinematics are singular."""
 
     name: str
     finding: Controllability | None

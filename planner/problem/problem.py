@@ -435,7 +435,7 @@ class Problem:
 
     @property
     def target(self) -> Array:
-        """q(T), shape (N,): the goal, with the first coordinate from the travel (NaN if free)."""
+        """q(T), shape (N,): the goal; the travel sets the first coordinate (NaN if free)."""
         out = self.goal.copy()
         if self.travel is not None:
             out[0] = self.start[0] + self.travel

@@ -1,11 +1,11 @@
 """Write one plan as a file for another program.
 
-For ROS 2, the motion of both motors becomes a message trajectory_msgs/JointTrajectory.
+For ROS 2, the motion of both motors becomes a trajectory_msgs/JointTrajectory message.
 
 The message definition (ROS 2 `common_interfaces`, trajectory_msgs/msg/JointTrajectory.msg and
 JointTrajectoryPoint.msg) requires as many positions, velocities and accelerations as joint names,
 and points in increasing order of `time_from_start`. The joint trajectory controller of ros2_control
-also refuses a last point that moves.
+also rejects a last point with a velocity.
 """
 
 from __future__ import annotations

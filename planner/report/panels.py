@@ -514,7 +514,7 @@ def _screen_value(value: Any) -> Any:
 
 
 def to_screen_digits(values: Array) -> list[Any]:
-    """Round numbers to the significant digits of a screen; None for numbers that are not finite."""
+    """Round numbers for display; None for numbers that are not finite."""
     values = np.asarray(values, dtype=float)
     finite, size = np.isfinite(values), np.abs(values)
     visible = finite & (size >= ROUNDING)

@@ -226,7 +226,7 @@ def _sweep(
 def _attempt(
     problem: Problem, options: DesensitisedOptions, along: Axis, limit: float, near: Plan | None
 ) -> TradeOffPoint | None:
-    """Look for a point, starting from the plan `near` if it is given; None if that fails."""
+    """Look for a point, starting from the plan `near` if given; None if none is found."""
     problem, options = along.task_at(problem, options, float(limit))
     if near is None:
         options = options.model_copy(update={"starts": min(options.starts, 2)})

@@ -326,7 +326,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def toml_value(text: str) -> Any:
-    """Parse one TOML value; a plain word may go without quotes.
+    """Parse one TOML value; a plain word may be unquoted.
 
     Raises:
         ValueError: If the text is neither a value nor a word.

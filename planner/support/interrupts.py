@@ -146,7 +146,7 @@ def hold_signals() -> Iterator[None]:
 
 @contextmanager
 def hear_signals(last: bool = False) -> Iterator[None]:
-    """Make `signal_listener` the handler of the signals in a block.
+    """Handle signals with `signal_listener` inside a block.
 
     Ignored signals stay ignored: a shell script starts its background jobs with Ctrl-C ignored,
     because Ctrl-C is meant for the foreground job.

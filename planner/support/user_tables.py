@@ -132,7 +132,7 @@ def _contains(data: Any, part: Any) -> bool:
 
 
 def _has_faulty_entry(path: Path, errors: Sequence[Any], above: Collection[Path]) -> bool:
-    """Whether an entry of the list at `path` has the error, so the list itself is not reported."""
+    """Whether the error lies in an entry of the list at `path`, not in the list itself."""
     return path in above and all(e["type"] != "value_error" for e in errors)
 
 

@@ -122,7 +122,7 @@ class Store:
         self.db.execute("PRAGMA synchronous = NORMAL")
 
     def _enable_write_ahead(self) -> None:
-        """Turn on write-ahead logging; retry, because SQLite does not wait for others here."""
+        """Turn on write-ahead logging; retry, because SQLite does not wait for other locks here."""
         end = time.monotonic() + LOCK_WAIT_S
         while True:
             try:

@@ -117,7 +117,7 @@ class Coin(TriangularSystem):
         return [np.where(np.isnan(slope), np.nan, 1.0)] if i == 1 else []
 
     def chart_margins(self, q: Array, branch: Array) -> Array:
-        """Return ones, shape (…, 1): the chart has no boundary."""
+        """Return ones, shape (…, 1): no point lies outside the chart."""
         return np.ones((*q.shape[:-1], 1))
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:

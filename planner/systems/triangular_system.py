@@ -353,7 +353,7 @@ def positive(name: str, values: Sequence[float]) -> Array:
     """Return the values as an array after checking that all are positive and finite.
 
     Raises:
-        InputError: If a value is not, or there are none; names them.
+        InputError: If there are no values, or bad ones, which it names.
     """
     try:
         array = np.asarray(values, dtype=float)

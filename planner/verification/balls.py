@@ -261,7 +261,7 @@ def sine_cosine(p: Ball) -> tuple[Ball, Ball]:
 
 
 def reciprocal(p: Ball) -> Ball:
-    """Enclose 1/p where |c| > δ; its remainder is d²/(c² (c + d))."""
+    """Enclose 1/(c + d) for |d| ≤ δ < |c|; its remainder is d²/(c² (c + d))."""
     value, gap = 1 / p.c, np.abs(p.c) - p.reach
     rest = np.where(gap > 0, (p.reach * value) ** 2 / gap, np.inf)
     return _compose(p, value, -value * value, rest)

@@ -305,8 +305,8 @@ def return_leg(
 
 
 def _seconds(plan: Plan, machine: Machine, motor: int, angle: Array) -> Array:
-    """Duration T, s, of a motor's cubic motion from rest to rest; its peak speed is
-    3/2 · angle/T and its peak acceleration 6 · angle/T²."""
+    """Rest-to-rest time T, s, of a motor along a cubic: its peak speed is 3/2 · angle/T, its
+    peak acceleration 6 · angle/T²."""
     speed, rate = input_scale(plan, machine)[motor], plan.problem.limits.input_rate[motor]
     return np.asarray(np.maximum(1.5 * np.abs(angle) / speed, np.sqrt(6 * np.abs(angle) / rate)))
 

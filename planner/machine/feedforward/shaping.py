@@ -2,7 +2,7 @@
 
 The computation uses the motors' angles as functions of time. The wanted angle of a motor is
 
-    the plan's angle at its clock, or that of a leg while the clock is held,
+    the plan's angle at the plan's time, or a leg's angle while that time is paused,
     plus the correction,
     advanced in time by the lag of hold, delay, servo and viscous friction,
     plus half of the gearhead's backlash in the direction of its motion.

@@ -275,7 +275,7 @@ def routes(problem: Problem) -> list[Problem]:
 
 
 def mesh_through(problem: Problem, intervals: int) -> Mesh:
-    """A mesh of about `intervals` intervals, even between the waypoints, with an edge at each.
+    """A mesh of about `intervals` intervals: evenly spaced between waypoints, an edge at each.
 
     A waypoint's edge is at its time; without a time it is placed in proportion to distance.
     """

@@ -244,7 +244,7 @@ class Pipeline:
     def _find_paths(
         self, k: int, job: Task, part: int = 1
     ) -> Generator[Candidate, None, RoutePaths]:
-        """Find the paths of a route from 1/`part` of the guesses; refine the most promising."""
+        """Search a route's paths from 1/`part` of the guesses; refine the most promising paths."""
         if k in self.paths:
             return self.paths[k]
         problem, options = self.routes[k], self.options

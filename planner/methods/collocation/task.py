@@ -232,7 +232,7 @@ def iterate_of_inputs(job: Task, duration: float, inputs: Array) -> Iterate:
 
 
 def stretch_to(iterate: Iterate, duration: float) -> Iterate:
-    """The same path in another duration; it stays a motion, since the systems are driftless."""
+    """The same path in another duration; it remains a motion, since the systems are driftless."""
     factor = iterate.duration / duration
     return replace(iterate, duration=duration, inputs=iterate.inputs * factor)
 

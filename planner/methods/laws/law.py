@@ -153,7 +153,7 @@ def finish(
     notes: Mapping[str, Any],
     began: float,
 ) -> Plan:
-    """The plan of a law's motion.
+    """Make a plan of a law's motion.
 
     Args:
         problem: The problem; a free duration is fitted to the input limits.

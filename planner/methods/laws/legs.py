@@ -114,7 +114,7 @@ def _propagate(start: Array, legs: Sequence[Leg], v2: Sequence[Array]) -> list[A
 def _conditions(
     start: Array, legs: Sequence[Leg], points: Sequence[Point], blocks: Sequence[Array]
 ) -> tuple[Array, Array]:
-    """The affine map coefficients → (z₂(T) … z_N(T), z₂ at the points): (C, m, k), and (C, m).
+    """Matrix (C, m, k) and offset (C, m) from coefficients to z₂(T) … z_N(T) and z₂ at the points.
 
     All columns are propagated together: the first is the drift from `start`, each other one the
     response to a single coefficient.

@@ -288,7 +288,7 @@ _TABLE_TYPES = {"system": Table, "start": Table, "goal": GoalTable, "limits": Ba
 
 
 def _file_faults(kind: str, file: Any) -> Iterator[str]:
-    """Yield reasons why a class cannot read the problem files of a kind."""
+    """Yield reasons why a class cannot read the problem files of a kind of system."""
     if not isinstance(file, type) or not issubclass(file, ProblemFile):
         yield f"{line(repr(file))} is not a subclass of ProblemFile"
         return

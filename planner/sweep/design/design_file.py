@@ -189,9 +189,9 @@ class StudyInput:
         base: The problem that all designs share.
         designs: The mechanisms, including those that cannot be built.
         tasks: The tasks by number of joints.
-        methods: The methods as written; with `compensated`, the last one is compensated.
-        figures: The figures that compare the designs.
-        front_by: The figures to trade off.
+        methods: The methods as in the file; `compensated` applies only to the last.
+        figures: The criteria that compare the designs.
+        front_by: The criteria to trade off.
     """
 
     title: str

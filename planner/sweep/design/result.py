@@ -45,8 +45,8 @@ class DesignStudy:
     Attributes:
         input: The contents of the design file.
         rows: The designs in the order of the file; the base mechanism, if included, is first.
-        figures: The figures that compare the designs.
-        front_by: The figures to trade off.
+        figures: The criteria that compare the designs.
+        front_by: The criteria to trade off.
         recommended: The row of the recommended design; None if no design solves a task.
         reason: The reason for the recommendation, in sentences.
         bugs: Number of cases that ended with an unexpected error, a bug of this program.

@@ -70,7 +70,7 @@ MOST_SOLVED_INTERVALS = 300
 
 
 def find_arm_path(job: Task) -> tuple[PieceChain, int] | None:
-    """A path within the joint limits, and the number of joints of the arm with which it began.
+    """Find a path within the joint limits; also return the joints of the arm the search began with.
 
     Limits of z2, discs and waypoints are ignored. None if the system is not an arm or no path is
     found.

@@ -1,6 +1,6 @@
 """The installed package: its name on the index, its version, and how to add an extra.
 
-`import_function` imports a function on use, for results that call code in higher rooms.
+`import_function` imports a function on use, for results that call code of packages above.
 """
 
 from __future__ import annotations

@@ -421,6 +421,7 @@ def _tasks(table: TasksTable | None, base: Problem, joints: int, source: str) ->
             if len(angles) != joints:
                 raise InputError(
                     f"{source}: task {k + 1}: {name} has {len(angles)} angles, and a design has"
-                    f" {joints} joints; draw tasks with count, or make a study for each number"
+                    f" {joints} joints; draw tasks with 'count', or make one study for each number"
+                    " of joints"
                 )
     return tuple(pairs)

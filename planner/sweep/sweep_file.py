@@ -168,16 +168,16 @@ class SweepFile(Table):
         for key in data.keys() - keys:
             if place := _place_of(key):
                 raise ValueError(f"'{key}' is outside of all tables: put it under {place}")
-        for key in changes if isinstance(changes := data.get("set"), dict) else ():
-            if "." not in key and (place := _place_of(key)) and "[set]" not in place:
-                raise ValueError(f"'set.{key}' belongs under {place}; [set] has dotted keys")
+        for name in ("set", "grid"):
+            for key in table if isinstance(table := data.get(name), dict) else ():
+                if "." not in key and (place := _place_of(key)) and f"[{name}]" not in place:
+                    raise ValueError(
+                        f"'{name}.{key}' belongs under {place}; [{name}] has dotted keys"
+                    )
         grid = data.get("grid")
         for key, value in grid.items() if isinstance(grid, dict) else ():
             if isinstance(value, dict) and value.keys() & Distribution.model_fields.keys():
                 raise ValueError(f"'grid.{key}' is drawn at random: put it under [sample]")
-            if key in SampleTable.model_fields:
-                place = _place_of(key)
-                raise ValueError(f"'grid.{key}' belongs under {place}; [grid] has dotted keys")
         return data
 
 

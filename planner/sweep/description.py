@@ -82,7 +82,7 @@ class Sweep:
             tables["problem"] = problem.to_dict()
         table = parse(SweepFile, _flatten_blocks(plain(tables)), source)
         known = problem if isinstance(problem, Problem) else None
-        base = base_problem(table.problem, table.changes, source, known, "[grid]")
+        base = base_problem(table.problem, table.changes, source, known)
         methods = parse_specs(base, table.methods)
         sweep_points = points(table, source)
         check_keys(base, table, sweep_points, [m.method for m in methods], source)
@@ -119,11 +119,7 @@ def _flatten_blocks(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def base_problem(
-    problem: str | dict[str, Any],
-    changes: Mapping[str, Any],
-    source: str,
-    known: Problem | None,
-    axes: str,
+    problem: str | dict[str, Any], changes: Mapping[str, Any], source: str, known: Problem | None
 ) -> Problem:
     """Return the problem that a sweep or design file names.
 
@@ -132,7 +128,6 @@ def base_problem(
         changes: Dotted keys to change.
         source: The sweep or design file, or a name for messages.
         known: The problem itself, if the caller has it.
-        axes: The table of the file for values to vary, for messages.
 
     Raises:
         InputError: If the problem file is missing or invalid, or a change is.
@@ -151,7 +146,7 @@ def base_problem(
         except InputError as error:
             load_problem(path)  # which explains what is wrong in the file itself
             hint = any(isinstance(value, list) for value in changes.values())
-            advice = f"; a list of values to vary belongs under {axes}" if hint else ""
+            advice = "; a list of values to vary belongs under [grid]" if hint else ""
             raise InputError(f"{source} [set]: {error}{advice}") from None
     return Problem.from_dict(problem, f"{source} [problem]").changed(changes)
 

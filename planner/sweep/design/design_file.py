@@ -267,7 +267,7 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
     if known is not None:
         data["problem"] = known.to_dict()
     table = parse(DesignFile, plain(data), origin)
-    base = base_problem(table.problem, table.changes, origin, known, "[variables]")
+    base = base_problem(table.problem, table.changes, origin, known)
     system = _check_arm(base, origin)
     specs = parse_specs(base, table.methods)
     if any(spec.compensated for spec in specs):

@@ -171,7 +171,7 @@ def _ranges(travels: Array, good: Array, inside: Callable[[Array], Array]) -> Ra
     outer = np.concatenate([np.maximum(starts - 1, 0), np.minimum(ends + 1, len(travels) - 1)])
     inner = np.concatenate([starts, ends])
     edge, beyond = travels[inner], np.where(good[outer], travels[inner], travels[outer])
-    for _ in range(12):  # the last travel inside, in a quarter of the way at a time
+    for _ in range(8):  # the last travel inside, in a quarter of the way at a time
         nodes = edge[:, None] + (beyond - edge)[:, None] * np.arange(5) / 4
         first = np.argmin(np.pad(inside(nodes[:, 1:4]), ((0, 0), (0, 1))), axis=1)
         rows = np.arange(len(nodes))

@@ -192,6 +192,7 @@ _SCAN, _SEARCH, _FINE = 60, 100, 6000
 """Samples of a candidate of the scan, of one while searching, and of the one found."""
 
 _POPULATION = 24
+"""Candidates of a round; with few, the time goes to calls and not to candidates."""
 
 _STAGES = ((6, 1.0, 1e-4), (60, 0.3, 1e-5), (40, 0.02, 1e-7))
 """Of the search, from several starts, from the best of them, and with samples crowded at its peaks:
@@ -249,7 +250,9 @@ def search_candidates(
     criterion: Criterion = "peak",
     starts: int = 3,
 ) -> BestCandidate:
-    """Find the free numbers of least cost: a scan, then linear programmes from its best.
+    """Find the free numbers of least cost: a scan, then a search from its best candidates.
+
+    One number is searched by `zoom`, several by `evolve`.
 
     Args:
         problem: Supplies limits and the chart's branch.
@@ -276,7 +279,8 @@ def search_candidates(
     for stage, (rounds, part, spread) in enumerate(_STAGES if starts and grid.shape[1] else ()):
         if stage == 2:
             samples = _sample_places(problem, make(x))
-        x, cost = evolve(partial(costs, samples=samples), x, part * step, rounds, spread)
+        search = zoom if grid.shape[1] == 1 else evolve
+        x, cost = search(partial(costs, samples=samples), x, part * step, rounds, spread)
         best = np.argmin(cost, keepdims=True)
         x, step = x[best], step[best]
     return BestCandidate(x[0], float(costs(x[:1], _FINE)[0]), count)
@@ -297,6 +301,26 @@ def _sample_places(problem: Problem, curves: Curves) -> Array:
     centres = fine[np.append(peaks, lows) % len(fine)]
     gaps = np.interp(centres, usual[1:], np.diff(usual))[:, None] * np.linspace(-1, 1, 9)
     return np.unique(np.clip([*usual, *(centres[:, None] + gaps).ravel()], 0, 1))
+
+
+def zoom(
+    cost: Callable[[Array], Array], x: Array, steps: Array, rounds: int, spread: float
+) -> tuple[Array, Array]:
+    """Least cost over one number: a grid about each start, refined about its best point.
+
+    Arguments and results are as for `evolve`, with d = 1.
+    """
+    places = np.linspace(-1, 1, _POPULATION + 1)
+    for _ in range(rounds):
+        points = x + steps * places
+        costs = cost(points.reshape(-1, 1)).reshape(points.shape)
+        best = np.argmin(costs, axis=1)[:, None]
+        x, least = (np.take_along_axis(a, best, axis=1) for a in (points, costs))
+        inner = (best > 0) & (best < _POPULATION)
+        if inner.all() and np.max(np.ptp(costs, axis=1)) < spread:
+            break
+        steps = steps * np.where(inner, 2 / _POPULATION, 2.0)
+    return x, least[:, 0]
 
 
 def evolve(

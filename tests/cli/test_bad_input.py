@@ -78,7 +78,7 @@ NO_PLAN: list[Case] = [
     (START, "[1, 0, 1]", "the start has theta2 = 0", "singular", "collocation"),
     (START, "[-1, 1, 1]", "theta1 changes sign", "collocation"),
     (TRAVEL, "travel = 0.7", "leaves the domain of the chained-form chart at t", "z2 = 0 at t ="),
-    (GOAL, "[30, 0.5, 30]", "does not promise to keep", "joint theta1 reaches 90", "collocation"),
+    (GOAL, "[30, 8, 30]", "does not promise to keep", "joint theta3 reaches 114", "collocation"),
 ]
 
 

@@ -179,7 +179,7 @@ def _ranges(travels: Array, good: Array, inside: Callable[[Array], Array]) -> Ra
     return edge.reshape(2, -1).T.tolist()  # type: ignore[no-any-return]
 
 
-_OFFSETS = np.geomspace(0.01, 1.0, 20)
+_OFFSETS = np.geomspace(0.01, 4.0, 26)
 """Offsets to scan, with both signs, relative to the largest travel tried without a window."""
 
 

@@ -316,9 +316,9 @@ def zoom(
         costs = cost(points.reshape(-1, 1)).reshape(points.shape)
         best = np.argmin(costs, axis=1)[:, None]
         x, least = (np.take_along_axis(a, best, axis=1) for a in (points, costs))
-        inner = (best > 0) & (best < _POPULATION)
-        if inner.all() and np.max(np.ptp(costs, axis=1)) < spread:
+        if np.max(np.ptp(costs, axis=1)) < spread:
             break
+        inner = (best > 0) & (best < _POPULATION)
         steps = steps * np.where(inner, 2 / _POPULATION, 2.0)
     return x, least[:, 0]
 

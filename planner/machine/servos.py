@@ -10,8 +10,8 @@ becomes active, and exact in all others. The bias acts while a plan runs; afterw
 stands still.
 
 The file also integrates over a step from values at its points. Held commands have two, the ends
-(trapezoidal rule, order 2: at 1 ms its error is far below every effect); continuous commands have
-the middle too (Simpson's rule, order 4).
+(trapezoidal rule, order 2: at 1 to 3 ms its error is far below every effect); continuous commands
+have the middle too (Simpson's rule, order 4).
 """
 
 from __future__ import annotations

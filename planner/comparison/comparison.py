@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -89,22 +90,22 @@ class Comparison:
         """Columns of the table; see `planner.comparison.rows`."""
         return columns(self.problem.system)
 
-    @property
+    @cached_property
     def differences(self) -> tuple[Difference, ...]:
         """Differences of E for every pair of replayed plans; see `planner.support.statistics`."""
         return compare_pairs(self.rows, "E", self.threshold_deg)
 
-    @property
+    @cached_property
     def end_differences(self) -> tuple[Difference, ...]:
         """Differences of the largest joint error at the end, for the same pairs."""
         return compare_pairs(self.rows, "end", self.threshold_deg)
 
-    @property
+    @cached_property
     def headline(self) -> str:
         """Which plan to take, why, and what it costs, in a few sentences."""
         return headline(self.rows, self.threshold_deg, self.machine.fidelity)
 
-    @property
+    @cached_property
     def recommended(self) -> Row | None:
         """The row of the plan to take without feedback; None if no method has a verified plan."""
         return recommend(self.rows, self.threshold_deg)

@@ -1,4 +1,4 @@
-"""Methods of other packages: errors name the package, since they are no bugs of `planner`."""
+"""Wrap the methods of other packages, so that errors name the package and not `planner`."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from planner.verification.verify import verify
 
 @dataclass(frozen=True)
 class ForeignPlans:
-    """Plans with a function of another package, and checks that the result is a complete plan."""
+    """Callable that plans with another package's function and checks the plan that it returns."""
 
     provider: Provider
     function: Callable[..., Any]
 
     def __call__(self, problem: Problem, options: Any, *near: Plan) -> Plan:
-        """A plan of the problem, not verified.
+        """Return the function's plan of the problem, marked as not verified.
 
         Raises:
             MethodError: If the function fails or does not return a plan of this problem.
@@ -37,7 +37,10 @@ class ForeignPlans:
         return plan
 
     def _sound(self, problem: Problem, answer: Any) -> Plan:
-        """The returned plan, if all of it is valid."""
+        """Return the plan if it is complete and belongs to the problem, else raise a `MethodError`.
+
+        A compensated plan is replaced by its original.
+        """
         if not isinstance(answer, Plan):
             raise self.provider.error(f"returned {line(repr(answer), 60)}, which is not a plan")
         plan = answer.compensates or answer
@@ -54,13 +57,13 @@ class ForeignPlans:
 
 @dataclass(frozen=True)
 class ForeignKeeps:
-    """The answers of another package's method to which requirements it keeps."""
+    """Callable that asks another package's method which requirements it keeps."""
 
     provider: Provider
     keeps: Keeps
 
     def __call__(self, problem: Problem, demand: Demand, part: Part) -> Keeping:
-        """The answer for one part of a demand.
+        """Return "kept", "judged" or "never" for one part of a demand.
 
         Raises:
             MethodError: If the function fails or returns anything else.

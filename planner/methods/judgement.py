@@ -25,9 +25,11 @@ from planner.verification.verify import Check, verify
 def judge_plan(plan: Plan) -> tuple[Plan, Check]:
     """Verify the plan of a method; return it with the result of the verification.
 
+    A plan with the status "singular" is returned even if it breaks requirements.
+
     Raises:
-        TimeLimitError: If it breaks a requirement, and there was no time to refine it.
-        VerificationError: If it breaks a requirement otherwise.
+        TimeLimitError: If the plan breaks a requirement because there was no time to refine it.
+        VerificationError: If the plan breaks a requirement for any other reason.
     """
     tell("verifying")
     if plan.status == "singular":
@@ -52,10 +54,10 @@ def judge_plan(plan: Plan) -> tuple[Plan, Check]:
 
 
 def judge_slowed(plan: Plan, factor: float, **changes: Any) -> Plan:
-    """Verify the same path with `factor` times the duration, and with changes of the plan's fields.
+    """Slow a plan down to `factor` times its duration, set the fields in `changes`, and verify it.
 
     Raises:
-        NoPlanError: As `judge_plan`.
+        NoPlanError: If the slowed plan breaks a requirement, see `judge_plan`.
     """
     trajectory = plan.trajectory.slowed(factor)
     objective = objective_of(trajectory, plan.objective_name)
@@ -64,7 +66,10 @@ def judge_slowed(plan: Plan, factor: float, **changes: Any) -> Plan:
 
 
 def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
-    """Changes to try, and further advice in words; no changes if the plan itself is inaccurate."""
+    """Return changes that the caller may try, and further advice in words (or None).
+
+    There are none if a violation has no limit (NaN): then the plan itself is inaccurate.
+    """
     if any(np.isnan(v.limit) for v in check.violations):
         return [], None
     violated = [plan.problem.asking(v.label) for v in check.violations]
@@ -94,7 +99,15 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
 def refusal(
     plan: Plan, check: Check, where: str, advice: str | None, changes: Sequence[Change] = ()
 ) -> VerificationError:
-    """The refusal of a plan that breaks requirements."""
+    """Return the error to raise for a plan that breaks requirements.
+
+    Args:
+        plan: The plan.
+        check: The result of its verification.
+        where: Words to add to the message after the number of broken requirements.
+        advice: Advice in words, or None.
+        changes: Changes of the problem that may help.
+    """
     name = plan.method if plan.compensation is None else f"compensated {plan.method}"
     error = VerificationError(
         f"{plan.problem.source}: the {name} plan breaks"

@@ -1,4 +1,6 @@
-"""Which requirements each method satisfies, and which only verification checks: known in advance.
+"""Tell, before any search, which requirements each method is sure to satisfy.
+
+A method gives one of three answers for each part of each requirement:
 
 kept     every motion that the method finds satisfies it
 judged   the method ignores it or uses it only to compare a few motions; verification checks it
@@ -26,31 +28,32 @@ from planner.systems.manipulator import Manipulator
 Keeping = Literal["kept", "judged", "never"]
 
 GOALS = Goal | TipGoal | UserGoal
-"""Demands that define the end of a motion."""
+"""Types of demands that define the end of a motion."""
 
 Keeps = Callable[[Problem, Demand, Part], Keeping]
 """A method's answer for one part of one demand of a problem."""
 
 
 def nothing(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """Say that no demand is guaranteed; each is only checked afterwards."""
+    """Return "judged": no demand is guaranteed; each is only checked afterwards."""
     return "judged"
 
 
 def collocation(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """Every demand is a constraint or a bound of the nonlinear programme."""
+    """Return "kept": every demand is a constraint or a bound of the nonlinear programme."""
     return "kept"
 
 
 def desensitised(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """As collocation, except that the new search around an earlier path ignores the waypoints."""
+    """Return "kept", but "never" for waypoints, which the mesh of the desensitised search lacks."""
     return "never" if isinstance(demand, Waypoint) else "kept"
 
 
 def in_chart(problem: Problem, demand: Demand) -> Keeping:
-    """For a method in the chart and a demand that is not a limit: start, goal, waypoint, duration.
+    """Answer for a method in the chained-form chart, for a start, goal, waypoint or duration.
 
-    Such a method needs all of z at the goal, since goals with free joints form no simple set in z.
+    Such a method needs all chained coordinates z at the goal. A goal with free joints allows a set
+    of z that is not simple, so it is refused.
     """
     if isinstance(demand, Waypoint):
         return "judged"
@@ -58,10 +61,11 @@ def in_chart(problem: Problem, demand: Demand) -> Keeping:
 
 
 def convex(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """The path keeps limits that are convex in the chart; its timing keeps those on the speed.
+    """Answer for the convex method: the path keeps some limits, the timing all on the speed.
 
     On a one-way path of the arm θ₂ … θₙ are monotonic, so they stay between start and goal. The
-    limit of θ₁ is a limit of z₂ alone only for two joints.
+    path also keeps the margin of z₂, and for two joints the limit of θ₁, which is then a limit of
+    z₂ alone.
     """
     if not isinstance(demand, Requirement) or demand.final or demand.speed_power:
         return in_chart(problem, demand)
@@ -73,13 +77,15 @@ def convex(problem: Problem, demand: Demand, part: Part) -> Keeping:
 
 Rates = Callable[[float | None], tuple[Keeping, Keeping]]
 """Maps the travel (None if free) to one answer each for u₁ and u₂: "kept" if the input is
-continuous, "never" if it always jumps."""
+continuous, "never" if it always jumps, "judged" if it may jump."""
 
 
 def law(rates: Rates) -> Keeps:
-    """A closed form reaches the goal within the chart if the goal gives every joint.
+    """Return the function `keeps` of a closed-form law, from its answers for jumps of the inputs.
 
-    A free duration becomes long enough to satisfy every limit that depends on the speed.
+    The law reaches the goal within the chart if the goal gives every joint. A free duration becomes
+    long enough for every limit that depends on the speed. Limits on input rates (du) also depend on
+    whether the inputs jump.
     """
 
     def keeps(problem: Problem, demand: Demand, part: Part) -> Keeping:
@@ -96,22 +102,22 @@ def law(rates: Rates) -> Keeps:
 
 
 def smooth(travel: float | None) -> tuple[Keeping, Keeping]:
-    """Say how sinusoids over one period meet both demands."""
+    """Return "kept" for both inputs: sinusoids over one period do not jump."""
     return "kept", "kept"
 
 
 def one_leg(travel: float | None) -> tuple[Keeping, Keeping]:
-    """For constant v₁ and smooth v₂. With travel zero v₁ changes its sign during the motion."""
+    """Answer for constant v₁ and smooth v₂; with travel zero v₁ jumps to the opposite sign."""
     return ("never", "judged") if travel == 0 else ("kept", "kept")
 
 
 def slots(travel: float | None) -> tuple[Keeping, Keeping]:
-    """For v₂ constant on each slot: it jumps between slots, except for straight motions."""
+    """Answer for v₂ constant on each slot: it jumps between slots, except in straight motions."""
     return one_leg(travel)[0], "judged"
 
 
 def steps(travel: float | None) -> tuple[Keeping, Keeping]:
-    """For constant v, then sinusoids: v₁ jumps from its constant to zero, v₂ between periods."""
+    """Answer for constant v, then sinusoids: v₁ jumps to zero once, v₂ jumps between periods."""
     return "kept" if travel == 0 else "judged" if travel is None else "never", "judged"
 
 
@@ -129,7 +135,7 @@ def refuse_unkept(problem: Problem, name: str, keeps: Keeps) -> None:
     """Refuse, before any search, a problem with a demand that a method never satisfies.
 
     Raises:
-        NoPlanError: If there is one.
+        NoPlanError: If the problem has such a demand.
     """
     parts = [(each, part) for each in problem.demands for part in each.parts]
     never = [(each, part.label) for each, part in parts if keeps(problem, each, part) == "never"]

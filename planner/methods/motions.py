@@ -1,8 +1,8 @@
 """Motions of an arm without a given goal: `excitation` for identification, and `homing`.
 
 `excitation` gives `planner.identify` the most information in little time: the drive reverses in a
-square wave while θ₁ follows two sines, so that every play is crossed many times, at many angles of
-the contacts, slowly and fast.
+square wave while θ₁ follows two sines, so that every joint crosses its backlash many times, at many
+angles of the contacts, slowly and fast.
 
 `homing` leaves an arm in a known state. A joint that was pushed forward rests with its axis ahead
 by its lost motion w. So the drive turns back, then forward until every passive encoder has risen:
@@ -37,7 +37,7 @@ KNOT_S = 0.02
 """Time between the knots of the inputs, s: two periods of the usual controller."""
 
 SHARE = 0.9
-"""Fraction of a limit that is used, so that the machine, with its errors, keeps it too."""
+"""Fraction of a limit that a motion uses, so that the machine with its errors keeps it too."""
 
 USUAL_RATE = 4.0
 """Largest acceleration of a motor, rad/s², if no limit is lower: 0.1 s from rest to full speed."""
@@ -68,8 +68,8 @@ def excitation(problem: Problem) -> Plan:
     Raises:
         InputError: If the system is not an arm with friction disks, or the motion ends in an
             obstacle.
-        VerificationError: If no motion of a useful size keeps the limits; with the violations of
-            the largest.
+        VerificationError: If no motion of a useful size keeps the limits; it has the violations of
+            the largest motion tried.
     """
     system = _arm(problem, "an excitation")
     t = KNOT_S * np.arange(round(LENGTH_S / KNOT_S) + 1, dtype=np.float64)
@@ -176,7 +176,10 @@ def homing(problem: Problem) -> Plan:
 
 
 def _turn(motor: int, angle: float, speed: float, ramp_s: float) -> Array:
-    """Inputs at the knots of a turn from rest to rest and a short rest, without the first knot."""
+    """Return the inputs (K, 2) at the knots of one motor's turn from rest to rest plus a rest.
+
+    The first knot is left out: it is the last knot of the previous turn.
+    """
     ramp = max(1, int(np.ceil(ramp_s / KNOT_S - 1e-9)))
     whole = max(2 * ramp, int(np.ceil(abs(angle) / speed / KNOT_S)) + ramp)
     shape = np.minimum(1.0, np.minimum(np.arange(1, whole + 1), np.arange(whole, 0, -1) - 1) / ramp)
@@ -186,7 +189,7 @@ def _turn(motor: int, angle: float, speed: float, ramp_s: float) -> Array:
 
 
 MOTIONS: dict[str, Callable[[Problem], Plan]] = {"excitation": excitation, "homing": homing}
-"""The motions by name; a motion's plan has the name as its method."""
+"""The motions by name; the plan of a motion has this name as its method."""
 
 # -- both -----------------------------------------------------------------------------------------
 
@@ -232,11 +235,20 @@ def _motion(
     q: Array,
     notes: dict[str, Any],
 ) -> Plan:
-    """The verified plan with inputs u (K+1, 2), linear between times t (K+1,), and q (K+1, n+1).
+    """Return the verified plan of a motion with its own end as the goal.
+
+    Args:
+        problem: The problem; its goal, waypoints, compensation and margin of z₂ are dropped.
+        system: Its arm.
+        name: The plan's method.
+        t: Times of the knots, shape (K+1,).
+        u: Inputs at the knots, shape (K+1, 2), linear between them.
+        q: Coordinates at the knots, shape (K+1, n+1).
+        notes: Notes of the plan.
 
     Raises:
-        InputError: If its end is not allowed as a goal.
-        VerificationError: If it breaks a limit or touches something.
+        InputError: If the end of the motion is not allowed as a goal.
+        VerificationError: If the motion breaks a limit or touches something.
     """
     third = system.rates(q, u) * np.diff(t, append=t[-1] + KNOT_S)[:, None] / 3
     trajectory = StateTrajectory(

@@ -1,4 +1,4 @@
-"""Measures, other than the objective, by which a path may be chosen.
+"""Measures, other than the objective, by which a search may rank its motions.
 
 Methods do not know the emulated machine, so `planner.solve` registers here how to rate plans on it.
 """

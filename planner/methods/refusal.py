@@ -1,4 +1,4 @@
-"""Refusals of methods: changes of the problem that may help, as data.
+"""Changes of the problem that a method may suggest when it refuses, and trials of them.
 
 A method that finds no plan names changes but tries none, since it must not call other methods. Its
 caller uses `advise`, which tries the changes in turn and describes one that works.
@@ -64,13 +64,16 @@ def duration_change(seconds: float) -> Change:
 
 
 def travel_changes(problem: Problem, without: str = "") -> list[Change]:
-    """A free travel, if the travel is given and does not follow from the rest of the goal."""
+    """Return the change to a free travel, or nothing if it is free or has no key in the file.
+
+    It has no key if the goal's coordinates determine it.
+    """
     has_key = problem.travel is not None and problem.has_travel_key
     return [Change(problem.travel_change(None), without=without)][:has_key]
 
 
 def reach_changes(problem: Problem, reach: Reach) -> list[Change]:
-    """The nearest tip position within reach, if no joint angles meet the goal."""
+    """Return the change to the nearest reachable tip pose, or nothing if the goal is reachable."""
     tip, keys = problem.tip, dict[str, Any]()
     if tip is None or reach.branches or reach.blocked:
         return []
@@ -82,7 +85,10 @@ def reach_changes(problem: Problem, reach: Reach) -> list[Change]:
 
 
 def duration_changes(problem: Problem) -> list[Change]:
-    """A free duration, a free travel, and both, as far as they are given."""
+    """Return changes to a free duration, a free travel, and both, without what is free already.
+
+    The duration stays if a waypoint has a time or no limit depends on the speed.
+    """
     free = travel_changes(problem)
     timed = any(point.time_s is not None for point in problem.waypoints)
     if (
@@ -96,7 +102,7 @@ def duration_changes(problem: Problem) -> list[Change]:
 
 
 def path_changes(problem: Problem) -> list[Change]:
-    """The problem with each path requirement removed in turn, except the travel."""
+    """Return one change for each requirement on the path, except the travel, that removes it."""
     limits, out = problem.to_dict().get("limits", {}), dict[str, Change]()
     for demand in reversed(problem.demands):
         if removal := demand.removal(limits):
@@ -112,11 +118,11 @@ def round_up(value: float) -> str:
 
 
 Attempt = Callable[[Change], Plan]
-"""Plans with a change; may raise a refusal."""
+"""Function that plans the problem with a change; it may raise a refusal."""
 
 MOST_TIMES_REFUSAL, LEAST_S, MOST_S = 3.0, 10.0, 60.0
-"""Time for all tries together: this multiple of the refusal's time, but at least `LEAST_S` and at
-most `MOST_S` seconds."""
+"""Time for all tries together: `MOST_TIMES_REFUSAL` times the time until the refusal, but at least
+`LEAST_S` and at most `MOST_S` seconds."""
 
 TRY_SHARE = 0.5
 """Fraction of the remaining time for one try. The first changes help most often, but a try that is
@@ -129,7 +135,7 @@ class TriedChanges:
 
     Attributes:
         change: The first change that led to a verified plan, or None.
-        plan: That plan.
+        plan: The plan that it led to, or None.
         vain: Changes that did not lead to a plan.
         left: Changes that were not tried for lack of time.
     """
@@ -172,8 +178,8 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
     Args:
         error: The refusal, whose message is changed.
         problem: The original problem.
-        attempt: Plans with a change.
-        seconds: Time that the refusal took.
+        attempt: Plans the problem with a change.
+        seconds: Time that the method took until its refusal.
 
     Returns:
         A plan of the original problem, if a try happened to find one.
@@ -203,7 +209,7 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
 
 
 def changed_words(plan: Plan, violations: Sequence[Violation]) -> str:
-    """Changes of the problem, in words, that make this its plan, given its present violations."""
+    """Say in words which changes of the problem would allow a plan that has these violations."""
     problem, parts = plan.problem, []
     demands = [(*asked, v) for v in violations if (asked := problem.asking(v.label))]
     for kind in dict.fromkeys(type(demand) for demand in reversed(problem.demands)):

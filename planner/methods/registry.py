@@ -41,8 +41,8 @@ class Method:
         plan: Function from problem and options to a plan that is not verified yet.
         keeps: Function that says, before any search, which parts of the demands it keeps.
         replan: Like `plan`, but starts from a plan of a neighbouring problem; or None.
-        refines: The method whose plan it starts from, or None. If that finds no plan, this does not
-            either, so `check` does not try it.
+        refines: The method whose plan it starts from, or None. If that method finds no plan, this
+            one finds none either, so `check` does not try it.
         finds_time: Whether it reports a duration that is too short and finds a longer one.
     """
 
@@ -57,7 +57,7 @@ class Method:
 
 
 def _function(module: str, name: str) -> Callable[..., Plan]:
-    """A function whose module (with its imports, such as OSQP) is imported on the first call."""
+    """Return a function that imports its module (and with it, say, OSQP) on the first call."""
 
     def call(*given: Any) -> Plan:
         plan: Plan = getattr(import_module(f"planner.methods.{module}"), name)(*given)
@@ -133,11 +133,11 @@ METHODS = {method.name: method for method in _ALL}
 """Methods by name; those of plugins are added when the first problem is read."""
 
 ALL = "all"
-"""Used in place of method names: every method."""
+"""Stands for every method where names of methods are given."""
 
 
 def all_methods() -> dict[str, Method]:
-    """`METHODS` with those of plugins.
+    """Load the plugins, and return `METHODS`, which then includes their methods.
 
     Raises:
         InputError: If a plugin fails.
@@ -222,10 +222,10 @@ def _faults(method: Any) -> Iterator[str]:
 
 
 def find_method(name: str) -> Method:
-    """The registry's entry of that name.
+    """Return the registry's entry of that name.
 
     Raises:
-        InputError: If there is none (with the nearest name), or if a plugin fails.
+        InputError: If there is no such method (the message names the nearest), or a plugin fails.
     """
     if not isinstance(name, str) or (name not in METHODS and name not in all_methods()):
         raise InputError(
@@ -235,7 +235,7 @@ def find_method(name: str) -> Method:
 
 
 def merged_options(problem: Problem, method: Method, options: dict[str, Any]) -> Any:
-    """The method's option table: the problem's, overridden by keywords."""
+    """Return the method's table of options: that of the problem, overridden by keywords."""
     table = getattr(problem.methods, method.name, None)  # None if registered after the problem
     if table is not None and not options:
         return table

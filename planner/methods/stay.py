@@ -17,12 +17,12 @@ from planner.support.calculus.bernstein import Bernstein
 from planner.verification.verify import GOAL_TOLERANCE, verify
 
 SHORTEST_S = 1e-3
-"""Duration of a plan that stays if the duration is free, s; in natural units it is also the least
-duration of collocation."""
+"""Duration of a plan that stays at the start if the duration is free, s. Collocation uses the same
+number, in its natural unit of time, as the least duration."""
 
 SAME_PLACE = GOAL_TOLERANCE / 20 * (1 + 1e-6)
 """Largest distance of a goal from the start, in radians or metres, at which both count as equal:
-the judge could not distinguish them."""
+verification could not distinguish them."""
 
 
 def plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
@@ -34,8 +34,8 @@ def plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
         options: Its options.
 
     Returns:
-        A plan with zero inputs over the given or, if it is free, the least duration. None if the
-        goal is elsewhere, or staying breaks a requirement, such as a waypoint elsewhere.
+        A plan with zero inputs over the given duration, or over `SHORTEST_S` if it is free. None if
+        the goal is elsewhere, or staying breaks a requirement, such as a waypoint elsewhere.
     """
     away = np.abs(problem.target - problem.start)
     if np.any(away > SAME_PLACE):  # NaN for a coordinate that the goal leaves free

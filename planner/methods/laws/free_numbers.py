@@ -1,8 +1,9 @@
 """Choose the free numbers of laws: the travel, the offset of the first of two legs, the amplitude.
 
-A free travel is scanned, and the best travel whose motion stays in the domain is refined. If there
-is none, a law of legs goes out and back: its travel is zero, in two legs, and the offset is the
-travel of the first. For sinusoids the amplitude of z₁ and the travel are chosen.
+A free travel (change of q₁) is scanned, and the best travel whose motion stays in the chart's
+domain is refined. If there is none, a law of legs goes out and back: its travel is zero, and the
+offset is the travel of the first of its two legs. For sinusoids the amplitude of z₁ and the travel
+are chosen.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ Law = Callable[[Problem, Options], Plan]
 
 
 def one_way_or_back(plan: Law[Options]) -> Law[Options]:
-    """A law of legs that goes out and back if its travel is free and it has no one-way path.
+    """Wrap a law of legs: if its travel is free and it has no one-way path, it goes out and back.
 
     Args:
         plan: The law. With a free travel it searches a one-way path; with travel zero it has two
@@ -92,13 +93,14 @@ def travel_of(
     """The problem's travel if it is given, else one that stays inside the chart's domain.
 
     Args:
-        problem: Supplies the window of travels, and the limits that scale peaks and are kept where
-            some travel inside the domain keeps them.
-        law: From travels (C,) to their motions.
-        options: Supply the rule and the criterion of what is best.
+        problem: Supplies the travel if given, the window of travels to scan, and the limits. They
+            scale the peak inputs, and are kept if some travel inside the domain keeps them.
+        law: Maps travels (C,) to their motions.
+        options: Say whether to take the middle of the widest range of travels, or the best travel
+            by a criterion.
 
     Returns:
-        The travel, and the ranges that it was chosen from.
+        The travel, and the ranges from which it was chosen (none if it is given).
 
     Raises:
         SingularError: If the law leaves the domain for every travel tried.
@@ -134,7 +136,7 @@ def travel_of(
 
 
 def _curves_of(law: Callable[[Array], Motion]) -> Make:
-    """Curves of a law with one free number, as a search makes its candidates."""
+    """Turn a law with one free number into the function that a search calls with (C, 1)."""
     return lambda x: law(x[:, 0]).curves
 
 
@@ -184,15 +186,16 @@ _OFFSETS = np.geomspace(0.01, 4.0, 26)
 
 
 def given_reach(ends: Ends, options: LegOptions, name: str) -> float | None:
-    """The travel, or with travel zero that of the first of two legs (step 4); None if it is free.
+    """Return the given travel, or with travel zero the given offset; None if it is to be chosen.
 
-    The paper writes offset = Σzᵢ/n; z has n+1 coordinates, so we divide by n+1. The sum adds metres
-    to angles and slopes, so this value has no special meaning; "auto" tries it among others.
+    The offset is the travel of the first of two legs (step 4 of the paper). The paper writes
+    offset = Σzᵢ/n; z has n+1 coordinates, so we divide by n+1. The sum adds metres to angles and
+    slopes, so this value has no special meaning; "auto" tries it among others.
 
     Args:
         ends: Start and goal.
-        options: Supply the rule.
-        name: Of the method.
+        options: Supply the offset, or the rule for it.
+        name: Name of the method, for the error.
 
     Raises:
         InputError: If the offset is zero.
@@ -212,7 +215,7 @@ def given_reach(ends: Ends, options: LegOptions, name: str) -> float | None:
 
 
 def candidate_reaches(ends: Ends, count: int) -> tuple[Array, Array]:
-    """Travels, or with travel zero offsets, to scan, and the sizes of first steps from them."""
+    """Return travels to scan (offsets if the travel is zero), and the sizes of first steps."""
     if ends.problem.travel is None:
         travels = candidate_travels(ends.problem, count)
         return travels, np.full(len(travels), np.ptp(travels) / len(travels))
@@ -224,15 +227,15 @@ def candidate_reaches(ends: Ends, count: int) -> tuple[Array, Array]:
 def choose_reach(
     ends: Ends, options: LegOptions, name: str, law: Callable[[Array], Motion]
 ) -> tuple[float, dict[str, Any]]:
-    """The given reach of `given_reach`, or the best; and notes for the plan.
+    """Return the given travel or offset, or else the best; and notes for the plan.
 
     Args:
-        ends, options, name: As there.
-        law: From reaches (C,) to their motions.
+        ends, options, name: See `given_reach`.
+        law: Maps travels or offsets (C,) to their motions.
 
     Raises:
-        InputError: As there.
-        SingularError: As `travel_of`.
+        InputError: If the given offset is zero.
+        SingularError: If the travel is free and the law leaves the domain for every travel tried.
     """
     ranges: Ranges = []
     reach, notes = given_reach(ends, options, name), {}
@@ -260,12 +263,13 @@ def choose_swing(
 ) -> tuple[float, float, dict[str, Any]]:
     """Travel and amplitude: as given, or the best by the criterion if free.
 
-    The amplitude is a₁/ω or α/ω, in the unit of z₁; if steps have their own amplitudes, it is a
-    common factor. If no choice stays inside the domain, the one that leaves it least is returned.
+    The amplitude is a₁/ω or α/ω, in the unit of z₁; if the options give one amplitude for each
+    period, it is a common factor on them. If no choice stays inside the domain, the one that leaves
+    it least is returned.
 
     Args:
         problem: Supplies travel and limits.
-        law: From travels (C,) and amplitudes (C,) to their motions.
+        law: Maps travels (C,) and amplitudes (C,) to their motions.
         options: Supply the amplitude and the criterion.
 
     Returns:
@@ -279,7 +283,7 @@ def choose_swing(
     free = [problem.travel is None, given is None]
 
     def numbers(x: Array) -> Array:
-        """Return travels and amplitudes, (2, C), given ones included."""
+        """Return travels and amplitudes, (2, C), from the free numbers x (C, d)."""
         out = np.tile([[problem.travel or 0.0], [given or 0.0]], len(x))
         out[free] = x.T
         return out
@@ -303,7 +307,7 @@ def choose_swing(
 
 
 def _swing_travels(problem: Problem) -> Iterator[Array]:
-    """The given travel, or the travels to scan; then more if no motion is found with these.
+    """Yield the given travel, or travels to scan, then a wider set to use if these have no motion.
 
     A sinusoid reverses within its period, so the window of one-way motions is a good first guess
     but not a limit.
@@ -319,7 +323,7 @@ def _swing_travels(problem: Problem) -> Iterator[Array]:
 
 
 def _swings(travels: Array, given: float | None) -> tuple[Array, Array]:
-    """Candidates (C, 2), travel and amplitude, and the sizes of first steps from them."""
+    """Return candidates (C, 2) of travel and amplitude, and sizes (C, 2) of first steps."""
     sizes = _SIZES * np.where(travels == 0, 1.0, np.abs(travels))[:, None]
     amplitudes = np.concatenate([-sizes, sizes], axis=1)
     if given is not None:

@@ -1,9 +1,11 @@
-"""What all laws of the chained form share: their ends, their motions, timing, refusal, the Plan.
+"""Common parts of the laws: rules that steer the chained form by inputs in closed form.
 
-It also has the first checks of every method that plans in the chart, and their refusals.
+The file has start and goal in chained coordinates, the motion that a law returns, and the steps
+from a motion to a plan: timing and refusal. Every method that plans in the chart, that is in
+chained coordinates z with inputs v, starts with the checks in `chart_ends`.
 
-A law makes many motions at once, of C candidates that differ in a few numbers: results then have an
-axis of the candidates before that of the coordinates.
+A law can make many motions at once, for C candidates that differ in a few numbers. Arrays then have
+an axis for the candidates before the axis of the coordinates.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from planner.systems.chained_form import chained_form
 
 @dataclass(frozen=True)
 class Ends:
-    """Start and goal in chained coordinates, checked once for every travel a law may try.
+    """Start and goal in chained coordinates, for any travel (change of q₁); checked only once.
 
     Attributes:
         problem: The problem.
@@ -42,21 +44,24 @@ class Ends:
 
     @classmethod
     def of(cls, problem: Problem) -> Ends:
-        """The ends of a problem.
+        """Check the start and goal of a problem and convert them.
 
         Raises:
-            SingularError: See `chart_ends`.
+            SingularError: If they do not lie in one branch of the chart, see `chart_ends`.
         """
         return cls(problem, *chart_ends(problem, 0.0))
 
     def goal(self, travel: float | Array) -> Array:
-        """z(T), shape (…, N), of travels (…): no other chained coordinate depends on q₁."""
+        """Return z(T), shape (…, N), for travels (…); only its first coordinate depends on them."""
         goal = np.tile(self._goal, (*np.shape(travel), 1))
         goal[..., 0] = self.start[0] + travel
         return goal
 
     def goal_of(self, reach: float | Array) -> Array:
-        """z(T) of a law of legs: after a travel, or out and back where the travel is zero."""
+        """Return z(T) of a law of legs for its reach.
+
+        The reach is the travel or, if the problem's travel is zero, the travel of the leg out.
+        """
         return self.goal(0.0 * reach if self.problem.travel == 0 else reach)
 
     def trajectory(self, motion: Motion) -> ChainedTrajectory:
@@ -76,11 +81,11 @@ class Motion:
     Attributes:
         z: Bernstein with values (N,) or (C, N).
         v: Bernstein with values (2,) or (C, 2).
-        coefficients: Of v₂, in the law's own basis, shape (k,) or (C, k).
-        condition: Condition number of the scaled linear system, shape () or (C,); NaN of
-            candidates whose conditions are dependent, which are NaN throughout.
-        residual: Largest |zᵢ(T) − goalᵢ|, each over the largest |zᵢ| on the way (or 1 if that is
-            less), shape () or (C,).
+        coefficients: Coefficients of v₂ in the law's own basis, shape (k,) or (C, k).
+        condition: Condition number of the scaled linear system, shape () or (C,). If the conditions
+            of a candidate are linearly dependent, this and its other values are NaN.
+        residual: Largest |zᵢ(T) − goalᵢ|, each divided by the largest |zᵢ| on the way (or by 1 if
+            that is less), shape () or (C,).
     """
 
     z: Bernstein
@@ -93,7 +98,7 @@ class Motion:
     def of(
         cls, z: Bernstein, v: Bernstein, coefficients: Array, condition: Array, goal: Array
     ) -> Motion:
-        """C candidates; the single motion where the goal is one, (N,), and not (C, N).
+        """Build C candidates for a goal (C, N), or a single motion for a goal (N,).
 
         Raises:
             numpy.linalg.LinAlgError: If the conditions of a single motion are dependent.
@@ -109,7 +114,7 @@ class Motion:
 
     @property
     def curves(self) -> tuple[Bernstein, Bernstein]:
-        """The motion as curves of z and v over time."""
+        """The curves of z and v over time."""
         return self.z, self.v
 
     @property
@@ -122,11 +127,15 @@ class Motion:
 
 
 def solve_conditions(rows: Array, values: Array) -> tuple[Array, Array]:
-    """The least coefficients (C, k) with rows (C, m, k) times them = wanted (C, m).
+    """Solve rows · coefficients = values for the coefficients of least norm, for C candidates.
+
+    Args:
+        rows: Matrices, shape (C, m, k), m ≤ k.
+        values: Right-hand sides, shape (C, m).
 
     Returns:
-        The coefficients, and the condition numbers (C,) of the systems with rows of length one;
-        both NaN where the rows are dependent.
+        The coefficients (C, k), and the condition numbers (C,) of the matrices with rows scaled to
+        unit length; both are NaN where the rows are linearly dependent.
     """
     with np.errstate(all="ignore"):
         scale = 1 / np.linalg.norm(rows, axis=-1, keepdims=True)
@@ -153,7 +162,7 @@ def finish(
     notes: Mapping[str, Any],
     began: float,
 ) -> Plan:
-    """Make a plan of a law's motion.
+    """Make a plan from a law's motion.
 
     Args:
         problem: The problem; a free duration is fitted to the input limits.
@@ -184,7 +193,7 @@ def finish(
 
 
 def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
-    """z(0) and z(T), shape (N,) each, of a problem that methods in the chart can solve.
+    """Check that the chart covers start and goal; return z(0) and z(T), shape (N,) each.
 
     Raises:
         SingularError: If the start or goal lies on a singularity of the chart, or the goal lies on
@@ -200,10 +209,10 @@ def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
 
 
 def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
-    """If the duration is free, scale the time of a path to the fastest within the input limits.
+    """Return the trajectory; if the duration is free, as fast as all limits on the speed allow.
 
     Raises:
-        InputError: If the duration is free and no input has a limit.
+        InputError: If the duration is free and no limit depends on the speed.
     """
     if problem.duration is not None:
         return trajectory
@@ -222,7 +231,7 @@ def _refuse_outside(plan: Plan) -> NoReturn:
     """Refuse a plan that leaves the chart's domain.
 
     Raises:
-        SingularError: With the times at which it leaves and re-enters.
+        SingularError: Always; it has the times at which the plan leaves and re-enters the domain.
     """
     report = plan.domain
     exits = ", ".join(f"{t:.4f}" for t in report.exits_s) or f"{report.time_s:.4f}"

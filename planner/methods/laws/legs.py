@@ -36,14 +36,17 @@ class Leg:
 
 @dataclass(frozen=True)
 class Point:
-    """A constraint point: z₂(time_s) = value (eq. 28); of C candidates one value or (C,)."""
+    """A constraint point z₂(time_s) = value (eq. 28); value is a number, or (C,) for candidates."""
 
     time_s: float
     value: float | Array
 
 
 def even_legs(ends: Ends, reach: float | Array, count: int, terms: int) -> list[Leg]:
-    """`count` equal legs over the travel; with travel zero, `count` out by `reach` and back."""
+    """Return `count` equal legs over the travel; with travel zero, `count` out and `count` back.
+
+    The reach is the travel or, with travel zero, the total travel of the legs out.
+    """
     if ends.problem.travel != 0:
         return [Leg(ends.duration / count, reach / count, terms)] * count
     out = Leg(ends.duration / 2 / count, reach / count, terms)
@@ -60,12 +63,12 @@ def steer(start: Array, goal: Array, legs: Sequence[Leg], points: Sequence[Point
         start: z(0), shape (N,).
         goal: z(T), shape (N,), or (C, N) of C candidates; the first entry is the sum of the legs'
             travels.
-        legs: In order.
+        legs: The legs in order.
         points: Conditions on z₂ at times within the legs.
 
     Raises:
         numpy.linalg.LinAlgError: If the conditions of a single motion are dependent (two points at
-            one time, or a leg without travel alone). Candidates are NaN there.
+            one time, or only one leg, without travel). Such candidates are NaN instead.
     """
     blocks = [_basis(leg.terms) / leg.duration for leg in legs]
     goals = np.atleast_2d(goal)
@@ -114,7 +117,7 @@ def _propagate(start: Array, legs: Sequence[Leg], v2: Sequence[Array]) -> list[A
 def _conditions(
     start: Array, legs: Sequence[Leg], points: Sequence[Point], blocks: Sequence[Array]
 ) -> tuple[Array, Array]:
-    """Matrix (C, m, k) and offset (C, m) from coefficients to z₂(T) … z_N(T) and z₂ at the points.
+    """Return A (C, m, k), b (C, m): A · coefficients + b is z₂(T) … z_N(T), then z₂ at the points.
 
     All columns are propagated together: the first is the drift from `start`, each other one the
     response to a single coefficient.
@@ -135,7 +138,7 @@ def _conditions(
 
 
 def _z2_at(z: Sequence[Array], legs: Sequence[Leg], time: float) -> Array:
-    """z₂ of every column at one time."""
+    """Return z₂ at one time, for every column of z."""
     ends = np.cumsum([leg.duration for leg in legs])
     k = min(int(np.searchsorted(ends, time)), len(legs) - 1)
     x = 1 - (ends[k] - time) / legs[k].duration

@@ -1,7 +1,7 @@
 """The piecewise constant (multirate) law: v₁ constant, v₂ constant on each of m slots.
 
-Monaco and Normand-Cyrot's multirate control, which the paper names beside its polynomials; with
-m = N−1 slots z(T) fixes v₂ through the matrix of theory.md §4.
+This is Monaco and Normand-Cyrot's multirate control, which the paper names beside its polynomials.
+With m = N−1 slots the goal z(T) determines v₂, by the linear system of theory.md §4.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ NAME = "piecewise"
 def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
     """Steer with v₁ constant and v₂ constant on each of equally long slots.
 
-    With travel zero there are two legs, out and back, of that number of slots each. In this case,
-    and with more slots than needed, v₂ has the least ∫v₂².
+    With travel zero there are two legs, out and back, each with all these slots. In this case, and
+    with more slots than needed, the solution with the least ∫v₂² is taken.
 
     Raises:
-        SingularError: If start or goal are not in one branch of the chart, or the path leaves its
-            domain (unless `options.allow_singular`), with the times.
-        InputError: If there are fewer slots than conditions.
+        SingularError: If start and goal are not in one branch of the chart, or the path leaves the
+            chart's domain (unless `options.allow_singular`); the error has the times.
+        InputError: If there are fewer slots than coordinates to bring to the goal.
     """
     began = time.perf_counter()
     ends, slots = Ends.of(problem), _slots(problem, options)

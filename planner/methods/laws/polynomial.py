@@ -1,9 +1,9 @@
 """The paper's polynomial law (section 4.2, eqs 25–28), for any n and any constraint points.
 
 The program also does the paper's step 5, which is manual there: it chooses constraint points and
-travel. A point at a given time adds one coefficient to v₂, and its value determines it; with
-another time the family of motions is the same. So k points are k free numbers, their values at k
-fixed times, and the search is over these and the travel.
+travel. Each point adds one coefficient to v₂, which the value at the point determines; the time of
+the point does not change the family of motions. So k points are k free numbers, the values of z₂ at
+k fixed times, and the search is over these numbers and the travel.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ NAME = "polynomial"
 def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
     """Steer with v₁ constant and v₂ a polynomial, through given or chosen constraint points.
 
-    With travel zero the motion has two legs (step 4 of the paper). The paper does not give
-    z₂ … z_N at the turn; we choose those with the least ∫v₂².
+    With travel zero the motion has two legs (step 4 of the paper). The paper does not say what
+    z₂ … z_N are at the turn; we choose the values with the least ∫v₂².
 
     Raises:
-        SingularError: If start or goal are not in one branch of the chart, or the path leaves its
-            domain (unless `options.allow_singular`), with the times; or if it does so for every
-            choice of points and travel tried.
+        SingularError: If start and goal are not in one branch of the chart, or the path leaves the
+            chart's domain (unless `options.allow_singular`), for every choice of points and travel
+            tried; the error has the times. Also if the points do not determine the polynomial.
         InputError: If a constraint point lies outside the motion or contradicts another.
     """
     began = time.perf_counter()
@@ -99,7 +99,7 @@ def _motion(ends: Ends, reach: float | Array, points: tuple[Point, ...]) -> Moti
 MOST_POINTS = 2
 
 _REACHES = (60, 30, 15)
-"""Travels scanned with 0, 1 and 2 points."""
+"""Number of travels scanned with 0, 1 and 2 points."""
 
 _DEVIATIONS = (np.zeros(1), np.linspace(-1.5, 1.5, 13), np.linspace(-1.5, 1.5, 7))
 """Values scanned at each point: deviations from the z₂ of the law without points, relative to the
@@ -145,7 +145,10 @@ def choose_points(
 
 
 class _PointFamily:
-    """All motions with a given number of points: free numbers (reach where free, values)."""
+    """All motions with a given number of constraint points at fixed times.
+
+    Their free numbers are the reach (unless it is given), then z₂ at each point.
+    """
 
     def __init__(self, ends: Ends, given: float | None, count: int) -> None:
         self.ends, self.given, self.count = ends, given, count
@@ -155,7 +158,7 @@ class _PointFamily:
         self.times = self._best_times()
 
     def read(self, x: Array) -> tuple[Array, tuple[Point, ...]]:
-        """Reaches (…) and points of free numbers x (…, d)."""
+        """Return the reaches (…) and the points that free numbers x (…, d) stand for."""
         values = np.moveaxis(x, -1, 0)
         if self.given is None:
             reach, values = values[0], values[1:]
@@ -168,7 +171,11 @@ class _PointFamily:
         return _motion(self.ends, *self.read(x)).curves
 
     def candidates(self, known: tuple[Array, tuple[Point, ...]] | None) -> tuple[Array, Array]:
-        """Candidates (C, d) and steps: z₂ of the plain law, or of a known motion, and off it."""
+        """Return candidates (C, d) to scan, and sizes (C, d) of the first steps from them.
+
+        Each scanned reach gets the values of z₂ of the motion without points, and deviations from
+        them. A known motion is the only candidate, with its reach and its values of z₂.
+        """
         reaches, deviations, widths = self.reaches, _DEVIATIONS[self.count], self.widths
         if known is not None:
             reaches, deviations, widths = known[0], np.zeros(1), widths[:1]
@@ -187,7 +194,7 @@ class _PointFamily:
         return values.reshape(shape), steps.reshape(shape)
 
     def _best_times(self) -> tuple[float, ...]:
-        """Times at which the points' conditions are as independent of the others as possible."""
+        """Return the times of the points with the least condition number of the linear system."""
         shares = (_SHARES * self.ends.duration).tolist()
 
         def condition(times: tuple[float, ...]) -> float:

@@ -1,7 +1,7 @@
-"""The choice of a law's free numbers: a scan, then an evolution strategy from the best of it.
+"""Choose a law's free numbers: a scan, then an evolution strategy from its best candidates.
 
-Scores rate trajectories in the chart, many candidates at once: their samples need few calls of the
-chart, which makes scans cheap.
+Candidates are rated by scores of samples in the chart. Many candidates are sampled at once, so that
+a scan needs few calls of the chart and is cheap.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from planner.support.calculus.chebyshev import apply, points
 from planner.systems.chained_form import chained_form
 
 _CLOSE = 0.1
-"""A motion is too close to the domain's edge if its margin is less than this fraction of the ends'.
-There θ₁ bounces off zero and the inputs are quotients of small numbers."""
+"""A motion is too close to the edge of the chart's domain if its margin is less than this fraction
+of the margin at start and goal. Near the edge θ₁ bounces off zero and the inputs are quotients of
+small numbers."""
 
 SLACK = 1e-6
 """Least distance of a chosen motion from each limit, as a share of the limit, unless start or goal
@@ -83,7 +84,7 @@ class Scores:
 
 
 Curves = tuple[Bernstein, Bernstein]
-"""z and v of C candidates on the same breaks, values (C, N) and (C, 2); NaN where there is none."""
+"""z (C, N) and v (C, 2) of C candidates on the same breaks; NaN for one that has no motion."""
 
 
 def score(problem: Problem, curves: Curves, samples: int | Array = 400) -> Scores:
@@ -92,8 +93,8 @@ def score(problem: Problem, curves: Curves, samples: int | Array = 400) -> Score
     Args:
         problem: Supplies limits; where an input has none, its peak counts in its own unit.
         curves: The candidates.
-        samples: About how many of each, crowded to the ends of its pieces; or the places on every
-            piece, 0 … 1.
+        samples: Approximate number of samples of each candidate, denser at the ends of its pieces;
+            or their places on every piece, from 0 to 1.
     """
     form, branch = chained_form(problem.system), problem.branch
     places = _places(curves, samples) if isinstance(samples, int) else samples
@@ -119,16 +120,16 @@ def _places(curves: Curves, samples: int) -> Array:
 
 
 def _sample(curve: Bernstein, places: Array) -> Array:
-    """Values (C, P, S, D) of curves with values (C, D) at S places on each piece.
+    """Return the values (C, P, S, D) of curves with values (C, D), at S places on each of P pieces.
 
-    The ends belong to both neighbours, each with its own one-sided value.
+    An end between two pieces is sampled on both, since the curve may jump there.
     """
     weights = np.ascontiguousarray(basis(curve.degree, places).T)
     return np.moveaxis(apply(weights, curve.c), 2, 0).swapaxes(1, 2)
 
 
 def _dips(values: Array, places: Array) -> Array:
-    """Least value (C,) of values (C, P, S) between their samples, at places (S,) of each piece.
+    """Estimate the least value (C,) between samples (C, P, S), at places (S,) of each piece.
 
     A dip can be narrower than the distance of samples, so a parabola through the three samples
     around each local minimum is used, except beside a margin of −∞.
@@ -151,14 +152,14 @@ def end_margin(problem: Problem) -> float:
 
 
 def end_slack(problem: Problem) -> float:
-    """The slack to limits that a choice leaves: that of start and goal, at most `SLACK`."""
+    """Return the slack to limits that a choice must leave: that of the ends, at most `SLACK`."""
     ends = np.stack([problem.start, np.nan_to_num(problem.goal)])
     z = chained_form(problem.system).z(ends)
     return float(np.clip(np.min(list(_rooms(problem, z, ends)), initial=SLACK), 0.0, SLACK))
 
 
 def _room(problem: Problem, z: Array, q: Array) -> Array:
-    """The least of `_rooms` (…); infinite where the problem has no such limit."""
+    """Return the least slack (…) of those in `_rooms`; infinite if no coordinate has a limit."""
     room = np.full(q.shape[:-1], np.inf)
     for each in _rooms(problem, z, q):
         room = np.minimum(room, each)
@@ -166,7 +167,7 @@ def _room(problem: Problem, z: Array, q: Array) -> Array:
 
 
 def _rooms(problem: Problem, z: Array, q: Array) -> Iterator[Array]:
-    """Slack (…) to each limit on coordinates, relative to it, at z and q (…, N)."""
+    """Yield the slack (…) to each limit on coordinates, relative to that limit, at z, q (…, N)."""
     point = replace(MotionPoint.of(problem.system, q), z=np.moveaxis(z, -1, 0))
     for requirement in problem.requirements:
         if requirement.reads == {"q"} and requirement.smooth:
@@ -183,20 +184,21 @@ def _bound(x: Array) -> Array:
 
 
 Make = Callable[[Array], Curves]
-"""A law: from free numbers (C, d) of C candidates to their curves."""
+"""Applies a law: maps free numbers (C, d) of C candidates to their curves."""
 
 CALL_S = 0.1
-"""Longest call of the chart between checks of the time, s."""
+"""Longest time for one call of the chart, s; between calls the time limit is checked."""
 
 _SCAN, _SEARCH, _FINE = 60, 100, 6000
-"""Samples of a candidate of the scan, of one while searching, and of the one found."""
+"""Samples of each candidate in the scan, in the search, and of the candidate found."""
 
 _POPULATION = 24
 """Candidates of a round; with few, the time goes to calls and not to candidates."""
 
 _STAGES = ((6, 1.0, 1e-4), (60, 0.3, 1e-5), (40, 0.02, 1e-7))
-"""Of the search, from several starts, from the best of them, and with samples crowded at its peaks:
-most rounds, first steps over those given, and the spread of costs at which it ends."""
+"""Stages of the search: from several starts, from the best of them, and again with samples crowded
+at its peaks. Each stage has a largest number of rounds, a factor on the given first steps, and the
+spread of costs at which it ends."""
 
 
 @dataclass(frozen=True)
@@ -225,7 +227,7 @@ class BestCandidate:
 
 
 def score_candidates(problem: Problem, make: Make, x: Array, samples: int | Array = 200) -> Scores:
-    """Score candidates with free numbers x (C, d) by samples as of `score`, some at a time.
+    """Score candidates with free numbers x (C, d) in batches; for `samples` see `score`.
 
     Raises:
         TimeUpError: If time is up.
@@ -250,15 +252,15 @@ def search_candidates(
     criterion: Criterion = "peak",
     starts: int = 3,
 ) -> BestCandidate:
-    """Find the free numbers of least cost: a scan, then a search from its best candidates.
+    """Find the free numbers of least cost: scan a grid, then search from its best candidates.
 
-    One number is searched by `zoom`, several by `evolve`.
+    `zoom` searches one number, `evolve` several.
 
     Args:
         problem: Supplies limits and the chart's branch.
         make: The law.
         grid: Candidates to scan, shape (C, d).
-        steps: Sizes of the first steps from each, shape (d,) or (C, d).
+        steps: Sizes of the first steps from each candidate, shape (d,) or (C, d).
         criterion: The quantity to optimise; domain and limits come first.
         starts: Number of the best candidates to refine; 0 to scan only.
 
@@ -287,7 +289,7 @@ def search_candidates(
 
 
 def _sample_places(problem: Problem, curves: Curves) -> Array:
-    """Places to sample a candidate at: more beside its peaks and where it is closest to limits."""
+    """Return places at which to sample a candidate, denser at its peaks and near its limits."""
     fine, usual = _places(curves, _FINE), _places(curves, _SEARCH)
     z, v = (_sample(curve, fine)[0] for curve in curves)
     q, u = chained_form(problem.system).both(z, v, problem.branch)
@@ -326,14 +328,15 @@ def zoom(
 def evolve(
     cost: Callable[[Array], Array], x: Array, steps: Array, rounds: int, spread: float
 ) -> tuple[Array, Array]:
-    """Least cost by CMA-ES (Hansen, "The CMA Evolution Strategy: A Tutorial", 2016).
+    """Minimise a cost by CMA-ES (Hansen, "The CMA Evolution Strategy: A Tutorial", 2016).
 
     Args:
-        cost: From points (M, d) to costs (M,).
-        x: S starts, shape (S, d), each of a search of its own.
-        steps: Standard deviations of their first steps, shape (S, d).
-        rounds: How many at most.
-        spread: Of costs in a round, at which a search ends.
+        cost: Maps points (M, d) to costs (M,).
+        x: Starts of S independent searches, shape (S, d).
+        steps: Standard deviations of the first steps, shape (S, d).
+        rounds: Largest number of rounds.
+        spread: The searches end when the better half of the costs of a round differs by less than
+            this, in each search.
 
     Returns:
         The best point of each search, (S, d), and its cost, (S,).

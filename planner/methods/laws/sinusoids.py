@@ -1,16 +1,16 @@
-"""Sinusoids all at once: one period of v₁ = a₀ + a₁ sin ωt, v₂ = Σ bⱼ cos jωt, ω = 2π/T.
+"""Two laws with sinusoidal inputs: one steers all coordinates at once, one step by step.
 
-Tilbury, Murray and Sastry, "Trajectory generation for the N-trailer problem using Goursat normal
-form", IEEE Trans. Automatic Control 40(5), 1995. z(T) is affine in b: one linear solve (theory.md
-§4). It needs no second leg when z₁(0) = z₁(T).
+All at once: one period of v₁ = a₀ + a₁ sin ωt, v₂ = Σ bⱼ cos jωt, with ω = 2π/T. z(T) is affine in
+b, so b follows from one linear solve (theory.md §4). No second leg is needed when z₁(0) = z₁(T).
+Source: Tilbury, Murray and Sastry, "Trajectory generation for the N-trailer problem using Goursat
+normal form", IEEE Trans. Automatic Control 40(5), 1995.
 
-Sinusoids step by step (Murray and Sastry, IEEE Trans. Automatic Control 38(5), 1993, §III).
+Step by step: first z₁ and z₂ go to their goals with constant v. Then, for each k = 1 … N−2, one
+period of v₁ = α sin ωt, v₂ = β cos kωt moves z_{k+2} by (2π/ω)(α/2ω)ᵏ β/k!, which brings it to its
+goal, and returns z₁ … z_{k+1} to theirs. Source: Murray and Sastry, IEEE Trans. Automatic Control
+38(5), 1993, §III.
 
-First z₁ and z₂ go to their goals with constant v; then one period each of v₁ = α sin ωt,
-v₂ = β cos kωt, for k = 1 … N−2, moves z_{k+2} to its goal by (2π/ω)(α/2ω)ᵏ β/k! and returns
-z₁ … z_{k+1} to theirs.
-
-Motions of the chained form under sinusoids are computed to rounding error: the pieces of time are
+Motions of the chained form under sinusoids are computed to rounding error: time is cut into pieces
 so short that the interpolation error of the highest harmonic is below rounding.
 """
 
@@ -70,12 +70,12 @@ def plan_sinusoid(problem: Problem, options: SinusoidOptions) -> Plan:
 
 
 def sinusoids(start: Array, goal: Array, amplitude: float | Array, duration: float) -> Motion:
-    """Steer z from start to goal by one period.
+    """Steer z from start to goal by one period of sinusoids.
 
     Args:
         start: z(0), shape (N,).
         goal: z(T), shape (N,), or (C, N) of C candidates.
-        amplitude: a₁/ω, not zero; of candidates (C,).
+        amplitude: a₁/ω, not zero; shape (C,) for candidates.
         duration: T, seconds.
 
     Returns:
@@ -106,13 +106,14 @@ SINUSOID_STEPS = "sinusoid_steps"
 
 
 def plan_sinusoid_steps(problem: Problem, options: SinusoidStepsOptions) -> Plan:
-    """Steer z₁ and z₂ first, then one further coordinate a period.
+    """Steer z₁ and z₂ first, then one further coordinate in each period of sinusoids.
 
     Raises:
         SingularError: If start or goal are not in one branch of the chart, or the path leaves its
             domain (unless `options.allow_singular`), with the times; or if it does so for every
             amplitude and travel tried.
-        InputError: If the lists of amplitudes or shares do not have one entry a step.
+        InputError: If the list of amplitudes does not have one entry for each period, or that of
+            shares one for the first leg and each period.
     """
     began = time.perf_counter()
     ends = Ends.of(problem)
@@ -135,7 +136,7 @@ def plan_sinusoid_steps(problem: Problem, options: SinusoidStepsOptions) -> Plan
 
 
 def steps(start: Array, goal: Array, amplitudes: Array, durations: Array) -> Motion:
-    """Steer z from start to goal step by step.
+    """Steer z from start to goal step by step, as at the top of the file.
 
     Args:
         start: z(0), shape (N,).
@@ -182,7 +183,7 @@ def _shares(problem: Problem, options: SinusoidStepsOptions, periods: int) -> Ar
 
 
 def _pattern(problem: Problem, options: SinusoidStepsOptions, periods: int) -> Array:
-    """Amplitudes of the periods relative to the common one."""
+    """Return the factors (N−2,) on the common amplitude that give the amplitude of each period."""
     amplitude = options.amplitude
     if not isinstance(amplitude, list):
         return np.ones(periods)
@@ -200,16 +201,16 @@ has a relative error of 2 (h/2)¹⁵/15! = 7e-16."""
 
 
 def period(start: float, end: float, harmonics: int) -> Grid:
-    """Equal pieces over one period, fine enough for functions of that many harmonics."""
+    """Return a grid of equal pieces over one period, fine enough for that many harmonics."""
     pieces = max(4, int(np.ceil(2 * pi * harmonics / _PHASE)))
     return Grid(np.linspace(start, end, pieces + 1))
 
 
 def propagate(grid: Grid, start: Array, v1: Array, v2: Array) -> Array:
-    """Values of z at the grid's points.
+    """Integrate the chained form; return the values of z at the grid's points.
 
     Args:
-        grid: Pieces and points.
+        grid: P pieces of time with DEGREE+1 points each.
         start: z at the first break, shape (N, …, C).
         v1: Values of v₁ of C candidates, shape (P, DEGREE+1, C).
         v2: Values of v₂, shape (P, DEGREE+1, …, C).

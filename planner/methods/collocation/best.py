@@ -1,4 +1,4 @@
-"""Candidates for a plan, and the best of them that a search holds."""
+"""Candidates for a plan, and a store of the best that a search has found so far."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ class Candidate:
         solution: The solution.
         start: Name of the first guess.
         stage: Name of the stage that found it.
-        route: Number of its order of waypoints or branch of the goal.
+        route: Index of the variant of the problem (order of waypoints, branch of the goal).
         final: Whether it is an answer of its stage, not an intermediate result.
-        checked: Its exactness, unless it failed.
+        checked: Its exactness if the solution is ok.
         notes: Facts of its refinement, JSON-ready.
     """
 
@@ -72,6 +72,9 @@ class Candidate:
 class Best:
     """The best candidates that a search holds at any time.
 
+    Args:
+        accuracy: Required accuracy of exact motions, see `exact_motion`.
+
     Attributes:
         candidates: The best candidate of each exactness, if there is one.
     """
@@ -90,7 +93,11 @@ class Best:
         return bool(self.motions)
 
     def take(self, candidate: Candidate) -> None:
-        """Keep a candidate if it is the best of its exactness."""
+        """Keep a candidate if it is the best of its exactness.
+
+        A candidate that is only solved must also clear all discs between the nodes. It is made
+        exact at once if little time is left.
+        """
         exactness, solved = candidate.exactness, candidate.exactness is Exactness.SOLVED
         rival = self.candidates.get(exactness)
         worse = rival is not None and not candidate.rank > rival.rank
@@ -104,7 +111,7 @@ class Best:
                 self.make_exact()
 
     def make_exact(self) -> None:
-        """Make the best solution exact, if that needs no solver; it takes about a second."""
+        """Make the best solution exact, in about 1 s, if its task limits only joints and inputs."""
         best = self.candidates.get(Exactness.SOLVED)
         if best is None or not has_only_limits(best.task):
             return

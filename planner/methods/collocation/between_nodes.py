@@ -1,4 +1,4 @@
-"""Inspect an iterate between its nodes: its distance from the true motion, and broken limits.
+"""Check an iterate between its nodes: how far it is from the true motion, and broken limits.
 
 The file also estimates how much of the objective finer intervals would save.
 """
@@ -19,7 +19,7 @@ from planner.support.arrays import Array
 from planner.support.calculus.bernstein import basis
 
 INTERPOLANT = 10.0
-"""Factor on the allowed difference of the interpolant during the motion, relative to its end."""
+"""Allowed difference of the interpolant from the true motion, as a multiple of that at the end."""
 
 DRAWN_IN_SLACK = 1e-7
 """Additional distance, relative to a limit, by which a broken limit is tightened."""
@@ -48,8 +48,8 @@ class Inspection:
         solution: The solution.
         curves: Samples of the iterate's interpolant and of the true motion under its input, at the
             same times, shape (2, K, M, N).
-        end_error: Difference of the two at the end, the largest over the coordinates.
-        largest_error: Largest difference at any time.
+        end_error: Largest difference of a coordinate between the two curves at the end.
+        largest_error: The same at any time.
     """
 
     task: Task
@@ -60,7 +60,7 @@ class Inspection:
 
     @cached_property
     def excess(self) -> Array:
-        """Excess of either curve over the requirements, see `excess`."""
+        """Excess of the worse curve over each part of the requirements, (K, R), see `excess`."""
         return excess(self.task, self.solution.iterate, self.curves)
 
     @cached_property
@@ -119,9 +119,10 @@ def _basis(kind: Kind, degree: int) -> Array:
 
 
 def clears(task: Task, solution: Solution) -> bool:
-    """Whether no link passes through a disc between two points at which it must clear the disc.
+    """Whether links clear all discs between the points of the mesh too.
 
-    A link that enters less than half the radius counts as clear, since refinement can move it out.
+    A link that enters a disc by less than half its radius counts as clear, since refinement can
+    move it out.
     """
     requirements = [requirement for requirement in task.requirements if requirement.divides]
     if not requirements:
@@ -135,7 +136,9 @@ def clears(task: Task, solution: Solution) -> bool:
 def excess(
     task: Task, iterate: Iterate, curves: Array, requirements: list[Requirement] | None = None
 ) -> Array:
-    """Excess of each interval over each part of the requirements, slightly enlarged, (K, R).
+    """Return by how much curves exceed each part of the requirements in each interval, (K, R).
+
+    The excess is zero where a limit holds, and else slightly enlarged, see `limit_excess`.
 
     Args:
         task: The task.
@@ -168,7 +171,7 @@ def excess(
 
 
 def _dense(system: Any, curves: Array, thickness: float) -> Array:
-    """Add samples to (C, K, M, N) until no link passes over a disc of `thickness` between two."""
+    """Add samples to curves (C, K, M, N) so that no link can skip a disc of `thickness`."""
     points = system.arm_points(curves[..., 1:])
     length = float(np.linalg.norm(np.diff(points, axis=2), axis=-1).max())
     count = int(np.clip(np.ceil(length / (LARGEST_STEP * thickness)), 1, MAX_PARTS))
@@ -179,7 +182,7 @@ def _dense(system: Any, curves: Array, thickness: float) -> Array:
 
 
 def limit_excess(curves: Array, limit: Array, scale: Array) -> Array:
-    """Excess of curves over a limit in each interval (K, …), enlarged by just over a tenth; or 0.
+    """Return the excess over a limit in each interval (K, …), enlarged by just over a tenth, or 0.
 
     The samples have the shape (C, K, M, …). A parabola through three of them rises above the
     highest by at most a quarter of the step to a neighbour; in most cases this bound is enough.
@@ -194,10 +197,10 @@ def limit_excess(curves: Array, limit: Array, scale: Array) -> Array:
 
 
 def peaks(values: Array) -> Array:
-    """Bounds of the greatest value in each interval (K, …) of samples (K, M, …).
+    """Bound the greatest value in each interval, (K, …), from samples (K, M, …).
 
-    They are the peaks of the parabolas through three samples, plus the possible difference of a
-    cubic. A peak may lie anywhere between the three, since near an interval's end there is no
+    The bounds are the peaks of the parabolas through three samples, plus the possible difference
+    of a cubic. A peak may lie anywhere between the three, since near an interval's end there is no
     sample beyond it.
     """
     inner = values[:, 1:-1]
@@ -210,7 +213,7 @@ def peaks(values: Array) -> Array:
 
 
 def _jumps(bend: Array) -> Array:
-    """Differences of second differences (K, M, …) from their neighbours."""
+    """Return by how much second differences (K, M, …) differ from a neighbour, at most."""
     steps = np.abs(np.diff(bend, axis=1))
     none = np.zeros_like(bend[:, :1])
     left, right = (np.concatenate(both, axis=1) for both in ([none, steps], [steps, none]))

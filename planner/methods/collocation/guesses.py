@@ -6,10 +6,10 @@ corrects that. Excursions are needed where a straight line has zero slopes, as a
 the path coordinate must reverse.
 
 The rates of an arm depend on θ₁ only through cos θ₁. So a motion that crosses θ₁ = 0 and comes back
-can be mirrored to stay on one side at the same effort, and its corners then be shortened: the best
-motion crosses θ₁ = 0 at most once, and only if its ends lie on different sides. Guesses are
-mirrored likewise (`_on_one_side`). The first direction of the drive, and whether θ₁ crosses early
-or late, remain to be tried: all four combinations in turn, since each may be the best.
+can be mirrored to stay on one side at the same effort, and the corners that arise can be cut. So
+the best motion crosses θ₁ = 0 at most once, and only if its ends lie on different sides. Guesses
+are mirrored likewise (`_on_one_side`). The first direction of the drive, and whether θ₁ crosses
+early or late, remain to be tried: all four combinations in turn, since each may be the best.
 
 For a goal that leaves joints free, guesses end at several poses in turn; the solver determines the
 end of the motion.
@@ -55,8 +55,9 @@ class Seed:
 
     Attributes:
         name: For reports.
-        path: Excursion of q₁ over s in [0, 1], in its unit for distances near one.
-        driven: Excursion of q₂.
+        path: Excursion of q₁ as a function of s in [0, 1]; `guess` scales it by half the travel if
+            that exceeds one.
+        driven: Excursion of q₂ as a function of s.
     """
 
     name: str
@@ -67,7 +68,7 @@ class Seed:
 def seeds(kind: str, count: int = 12, sides: int = 1) -> list[Seed]:
     """Seeds of one kind, or for "auto" all of them in the order in which they are tried.
 
-    - straight: a line with a slight excursion of q₂, to both sides if there are two.
+    - straight: a line with a slight excursion of q₂; if `sides` is 2, one seed for each side.
     - reverse: q₁ first leaves the line, then returns late; q₂ goes out and back.
     - bump: q₁ goes out and back; q₂ makes its excursion while q₁ comes back.
     - wander: smooth random loops, from `count` fixed random seeds.
@@ -119,8 +120,10 @@ def guess(
 
 
 def likely_travel(problem: Problem) -> float:
-    """The given travel, or the one that best fits the other coordinates' moves at the slopes in the
-    middle."""
+    """Return the given travel, or an estimate from the slopes dqᵢ/dq₁ halfway to the goal.
+
+    The estimate is the travel that best fits the moves of q₃ … q_N (least squares).
+    """
     if problem.travel is not None:
         return problem.travel
     goal = problem.likely.goal
@@ -161,10 +164,10 @@ def _has_mirror(problem: Problem) -> bool:
 
 
 def _on_one_side(problem: Problem, line: Array, excursion: Array) -> Array:
-    """θ₁ of an arm along a guess, with no more crossings of zero than its ends require.
+    """Return θ₁ of an arm along a guess, with no more crossings of zero than its ends require.
 
-    A positive excursion leads away from zero. For other systems it is the sum of line and
-    excursion.
+    A positive excursion leads away from zero. For systems and problems without this mirror symmetry
+    the result is the sum of line and excursion.
     """
     if not _has_mirror(problem):
         return line + excursion
@@ -228,7 +231,7 @@ def wander(number: int) -> Seed:
 
 
 def sign_of(value: float) -> str:
-    """The sign in the names of seeds."""
+    """Return "+" or "-", for the name of a seed."""
     return "+" if value > 0 else "-"
 
 
@@ -288,7 +291,7 @@ def mesh_through(problem: Problem, intervals: int) -> Mesh:
 
 
 def rebalance(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
-    """The task and iterate with new times of the parts; None if the times have settled."""
+    """Redistribute the time among the parts between waypoints; None if the times have settled."""
     old = job.mesh.knots
     new = _balanced_knots(job, iterate)
     if np.max(np.abs(new - old)) < 0.002:

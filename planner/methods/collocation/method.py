@@ -53,8 +53,8 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
     Raises:
         InputError: If the options contradict each other or the problem.
         TimeLimitError: If time is up before a motion is found.
-        InfeasibleError: If the duration is shorter than any motion can be; it gives the shortest
-            one found.
+        InfeasibleError: If the duration is shorter than any motion can be; the error gives the
+            shortest duration found.
         NotConvergedError: If no motion is found, or none as short as the duration.
     """
     return _plan_from(problem, options, None)
@@ -104,10 +104,10 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
 def _finish_best(
     best: Best, span: Span, problem: Problem, options: CollocationOptions
 ) -> Candidate:
-    """The best candidate when time is up, refined in the remaining time.
+    """Return the best candidate when time is up, refined in the time that is kept for this.
 
     Raises:
-        TimeLimitError: If there is none.
+        TimeLimitError: If no motion has been found.
     """
     with suppress(TimeUpError):
         best.make_exact()
@@ -141,7 +141,7 @@ def _plan(
     assert search is not None
     wall, trajectory = time.perf_counter() - began, job.curve(solution.iterate)
     value, name = solution.objective, job.objective.name
-    if job.objective.edge:  # of which the transcription knows a mean at its points alone
+    if job.objective.edge:  # whose mean the transcription takes only over its own points
         value = objective_of(trajectory, name) or value
     return Plan(
         problem=problem,
@@ -164,9 +164,9 @@ def _plan(
 
 
 def chosen_goal(problem: Problem, iterate: Iterate) -> dict[str, Any]:
-    """The end of a plan with a goal that leaves coordinates free, for the plan's notes.
+    """Return the end of a plan, for its notes, if the goal leaves coordinates free; else nothing.
 
-    It has all joints in degrees, or user coordinates by name in their units.
+    The end is given by all joints in degrees, or by user coordinates with their names and units.
     """
     if not problem.free:
         return {}
@@ -208,7 +208,7 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
 
 
 def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> Iterator[Candidate]:
-    """The plan's own motion, if the problem has the same ends, and the optimum near the plan."""
+    """Yield the plan's own motion, if the problem has the same ends, then the optimum near it."""
     is_compatible = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
     mesh = Mesh(warm.t / warm.duration) if is_compatible else search_intervals(problem)
     job = collocation_task(problem, options, mesh)
@@ -223,7 +223,7 @@ def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> 
 
 
 def _own_motion(job: Task, start: Iterate, accuracy: float) -> tuple[Task, Solution] | None:
-    """A plan's motion on the job's mesh, or else on a mesh of its own."""
+    """Return a plan's motion on the job's mesh, or else on its own mesh; None if limits break."""
     motion = job.judge(start)
     if motion.ok:
         return (job, motion) if clears(job, motion) else None
@@ -231,7 +231,7 @@ def _own_motion(job: Task, start: Iterate, accuracy: float) -> tuple[Task, Solut
 
 
 def _resample(job: Task, warm: Plan) -> Iterate:
-    """The plan's motion on the task's mesh, shifted linearly so that it ends at start and goal."""
+    """Sample a plan on the task's mesh, shifted linearly in time to run from start to goal."""
     problem, mesh, T = job.problem, job.mesh, warm.duration
     duration = problem.duration or T
     inside = mesh.at(job.nlp.form.scheme.points)

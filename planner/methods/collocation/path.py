@@ -42,9 +42,10 @@ from planner.support.arrays import Array
 INFEASIBLE = "Infeasible_Problem_Detected"
 
 ALIKE, REPEATS, LEAST_PATHS = 5, 3, 9
-"""A search ends after `ALIKE` paths if all are the same (the straight line's, and one for each
-first direction and side); otherwise once the shortest has been found `REPEATS` times among at least
-`LEAST_PATHS`, when each direction and side has been tried twice."""
+"""A search ends after `ALIKE` paths if all are the same; by then the straight line, and each first
+direction with each side, have been tried. Otherwise it ends once the shortest path has been found
+`REPEATS` times among at least `LEAST_PATHS`; by then each direction and side has been tried
+twice."""
 
 SUFFIX, MOST_FAILURES = ", moved", 16
 """Random loops about the shortest path are tried if the seeds lead to different paths: suffix of
@@ -77,8 +78,8 @@ class PathSearch:
         solved: Paths in the order in which they were found.
         failure: The last solution that failed, or None.
         log: One entry per seed, JSON-ready.
-        latest: The result of the last seed with its task: a failed path or, if there is no time for
-            a better one, the path as a motion of the job. None if there is neither.
+        latest: The result of the last seed with its task: a failed path, or the path as a motion of
+            the job, to be used if there is no time for a better one. None if there is neither.
         clear: Paths whose links pass through no disc.
     """
 
@@ -109,7 +110,7 @@ def search(
     With `simple`, a single path whose drive never reverses is enough, and so is a path that is
     found repeatedly. The search also ends if two thirds of the seeds in a row are infeasible. A
     path whose links pass through a disc between two nodes may become clear when it is timed, but
-    counts as half. If the seeds lead to different paths, they are followed by random loops about
+    counts only half. If the seeds lead to different paths, they are followed by random loops about
     the shortest one.
 
     Yields:
@@ -260,7 +261,7 @@ def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
 
 
 def halve_mesh(free: Task, path: Solution) -> tuple[Task, Solution]:
-    """A refined path on intervals half as wide, if it is not yet its true motion."""
+    """Solve a refined path on intervals half as wide if it still differs from its true motion."""
     count = len(free.mesh.widths)
     if inspect(free, path).end_error <= PATH_ERROR or count >= MOST_INTERVALS:
         return free, path
@@ -287,7 +288,7 @@ def _round_up(count: float) -> int:
 
 
 def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
-    """A refined path at such a speed that at every time one of its inputs is at its limit.
+    """Time a refined path so that at every time one of its inputs is at its limit.
 
     Its mesh is even in time; a path's mesh is even in length. Other limits on speed are ignored.
 
@@ -307,7 +308,7 @@ def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
 
 
 def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Array]:
-    """Times of the clock at the path's edges, (K+1,), s, and the divisors of the path's inputs."""
+    """Return the times of `clock` at the path's edges, (K+1,), s, and divisors of its inputs."""
     left, right = (end / problem.limits.input for end in path.input_ends())
     least = STANDSTILL_SHARE * float(np.max(np.abs([left, right])))
     first, middle, last = (

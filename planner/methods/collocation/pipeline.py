@@ -15,8 +15,8 @@ The systems are driftless, so a path and its speed can be found separately. The 
 After each stage its answers are refined, the best first: each gets a mesh on which it is the true
 motion, and limits are kept between the nodes (`refine`). If an intermediate result is better than
 all answers, it is refined too. The best accepted one is the answer of the search; without one the
-next stage follows. `Best` always holds the best candidates so far (`best`). If time is up, they are
-refined in its place, so that nothing is delivered that is worse than what was held.
+next stage follows. `Best` always holds the best candidates so far (`best`). If time is up, these
+are refined instead, so that the result is never worse than the best motion held.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ MOST_REBALANCINGS = 6
 """Largest number of redistributions of the duration among the parts between waypoints."""
 
 GAIN = 1e-3
-"""Another motion is refined too only if it saves at least this share of the objective."""
+"""A further motion is refined only if it saves at least this share of the objective."""
 
 
 class Pipeline:
@@ -79,7 +79,7 @@ class Pipeline:
     Attributes:
         routes: Variants of the problem, see `routes` of `guesses`.
         options: Options of the method.
-        best: Takes every candidate; None if they do not answer the problem.
+        best: Collects every candidate; None in a search for the fastest motion only.
         near: Candidates near an existing plan, the first stage.
         paths: Paths by route, found so far; they do not depend on the duration.
         log: One entry per start, JSON-ready.
@@ -104,7 +104,7 @@ class Pipeline:
         self._free = options.start == "auto"
 
     def run(self) -> list[Candidate]:
-        """The refined answers of the first stage that has any, among which to choose; or none."""
+        """Run the stages until one has refined answers; return all of these, or an empty list."""
         best = self.best or Best(0.0)  # which stays empty
         tried = set[Solution]()
         for stage in self._stages():
@@ -125,10 +125,11 @@ class Pipeline:
         return []
 
     def _refine(self, candidates: list[Candidate]) -> list[Candidate]:
-        """These candidates refined, if they are then accepted.
+        """Refine these candidates; return those that are then accepted.
 
-        Refinement seldom lowers an objective, so candidates that are worse than a refined one are
-        left out, unless machines choose among all.
+        All are accepted if the options give a start or no refinements. Refinement seldom lowers an
+        objective, so candidates that are worse than a refined one are left out, unless the
+        criterion is the error on a machine.
         """
         options, least, refined = self.options, math.inf, list[Candidate]()
         for candidate in sorted(candidates, key=lambda each: each.solution.objective):
@@ -172,10 +173,12 @@ class Pipeline:
         self.log.append({**entry, "objective": solution.objective})
 
     def _straight_motions(self) -> Iterator[Candidate]:
-        """Motions solved directly from the straight line, if they can be one-way in a given time.
+        """Yield motions solved directly from the straight line.
 
-        It is tried for all orders of waypoints or for none. If the goal leaves joints free, it is
-        tried for the branches that allow it; the others follow from paths.
+        With the start "auto", there are none if a route cannot be one-way. With a free duration
+        only motions without reversal count. If the goal is given, every order of waypoints must
+        have such a motion, or none is an answer. Afterwards paths are searched for the routes
+        without such a motion, or for all routes if the system is long (`is_sure`).
         """
         motions = list[Candidate]()
         for k, problem in enumerate(self.routes):
@@ -203,10 +206,9 @@ class Pipeline:
             yield from self._path_motions([k for k in range(len(self.routes)) if k not in straight])
 
     def _path_motions(self, routes: Sequence[int]) -> Iterator[Candidate]:
-        """Motions of these routes along the paths found from guesses.
+        """Yield motions of these routes along the paths found from guesses.
 
-        The branches of one goal together need only the usual number of paths, and no path is timed
-        twice.
+        The branches of one goal share the usual number of paths, and no path is timed twice.
         """
         motions, timed = list[Solution](), list[SeedPath]()
         for k in routes:
@@ -244,7 +246,7 @@ class Pipeline:
     def _find_paths(
         self, k: int, job: Task, part: int = 1
     ) -> Generator[Candidate, None, RoutePaths]:
-        """Search a route's paths from 1/`part` of the guesses; refine the most promising paths."""
+        """Search the paths of route `k` from 1/`part` of the guesses; refine the most promising."""
         if k in self.paths:
             return self.paths[k]
         problem, options = self.routes[k], self.options
@@ -319,7 +321,7 @@ class Pipeline:
         yield Candidate(goal_job, goal_job.solve(slowed), *origin)
 
     def _share_time(self, motion: Candidate) -> Generator[Candidate, None, Candidate]:
-        """The motion with the best distribution of time among the parts between waypoints."""
+        """Yield and return the motion with the best times of the parts between waypoints."""
         for _ in range(MOST_REBALANCINGS if motion.task.mesh.marks else 0):
             pair = rebalance(motion.task, motion.solution.iterate)
             if pair is None:
@@ -343,7 +345,7 @@ def _goal_words(problem: Problem) -> str:
 
 def _can_go_one_way(problem: Problem) -> bool:
     if problem.free:
-        return not problem.divided  # no window is known; a wrong guess fails quickly
+        return not problem.divided  # no window of travels is known; a wrong guess fails quickly
     window = travel_window(problem)
     if window is None or window.empty or problem.divided:
         return False
@@ -358,9 +360,13 @@ def search_intervals(problem: Problem) -> int:
 def collocation_task(
     problem: Problem, options: CollocationOptions, mesh: Mesh | int, direct: bool = False
 ) -> Task:
-    """The problem on a mesh, or on one of about `mesh` intervals; waypoints lie on edges.
+    """Make the task of a problem on a mesh with waypoints on edges.
 
-    With `direct` it is to be solved from a straight line in few iterations or not at all.
+    Args:
+        problem: The problem.
+        options: The options of the method.
+        mesh: The mesh, or its approximate number of intervals if the options do not give one.
+        direct: Whether to solve from a straight line, in few iterations or not at all.
     """
     goal = objective(problem, options)
     kind = input_kind(problem, "collocation", options, goal.smooth)
@@ -371,7 +377,7 @@ def collocation_task(
         scheme_kind=options.scheme,
         degree=options.degree,
         input=kind,
-        inner=problem.divided,  # or links pass through a disc between two edges
+        inner=problem.divided,  # else links could pass through a disc between two edges
         edge=goal.edge,
     )
     settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)

@@ -27,7 +27,7 @@ EVENNESS = 0.35
 """Least density of a refined mesh, relative to its greatest."""
 
 LARGEST_ERROR = 1e-4
-"""Largest difference at the end, rad, between a motion and its interpolant to accept it."""
+"""Largest accepted difference at the end, rad, of the true motion from the interpolant."""
 
 LARGEST_MESH = 2000
 TIGHTENING_TRIES = 6
@@ -48,7 +48,7 @@ def polish(candidate: Candidate, accuracy: float, refinements: int) -> Candidate
     Tightened limits move the motion, which may then need a finer mesh; so both steps are repeated
     until neither changes anything or the refinements are used up.
 
-    If time is up, the present result is made a motion by
+    If time is up, the present result is turned into an exact motion, if that is possible, by
     `planner.methods.collocation.long_arms.exact_motion`.
     """
     now, left = inspect(candidate.task, candidate.solution), refinements
@@ -93,7 +93,7 @@ def polish(candidate: Candidate, accuracy: float, refinements: int) -> Candidate
 
 
 def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Inspection]:
-    """The motion on finer and finer meshes until one is fine enough or has no solution."""
+    """Yield the motion on finer and finer meshes until one is fine enough or has no solution."""
     settled = False
     for _ in range(most):
         settled = settled or bool(np.sum(now.savings) <= SAVING)
@@ -111,7 +111,7 @@ def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Insp
 
 
 def _tighter_motions(now: Inspection) -> Iterator[tuple[int, Inspection]]:
-    """The motion with limits kept between the edges too, with the number of tightening rounds.
+    """Yield the motion with limits kept between the nodes too, and the number of tightenings.
 
     First the limits are kept at the collocation points. Then they are tightened by the remaining
     excess: at first only a little elsewhere, then everywhere equally. The motion may move by less
@@ -139,7 +139,7 @@ def _tighter_motions(now: Inspection) -> Iterator[tuple[int, Inspection]]:
 
 
 def _exact_path(now: Inspection, accuracy: float) -> Inspection | None:
-    """The path itself as a motion, if no solver reaches the optimum on a finer mesh from it."""
+    """Turn the path into an exact motion without optimising it; None if that is not possible."""
     if not has_only_limits(now.task):
         return None
     motion = exact_motion(now.task, chain_of(now.task, now.solution), accuracy)
@@ -157,8 +157,8 @@ def _finer_mesh(now: Inspection, accuracy: float) -> Mesh:
     The error of an interval is that of the true motion started at its left node. It decreases with
     the width to the power 2d - 1 at the nodes, summed over all, and d + 1 inside the interval. The
     errors at the nodes are weighted by their growth until the end: up to ten thousand when trailers
-    are pushed, and at least the growth of a random sum. The next solution may move where this one
-    rests, so no interval is much wider than the others.
+    are pushed, and at least the growth of a random sum. The solution on the new mesh may move where
+    the present one rests, so no interval is much wider than the others.
     """
     task, d, widths = now.task, now.task.nlp.form.degree, now.task.mesh.widths
     if now.fine(accuracy):
@@ -179,7 +179,7 @@ def _finer_mesh(now: Inspection, accuracy: float) -> Mesh:
 
 
 def _split_at_kinks(now: Inspection) -> Mesh:
-    """Split intervals with costly kinks; the cost of a kink decreases with the width cubed."""
+    """Split intervals at costly kinks of the inputs; a kink's cost falls with the width cubed."""
     edges, widths = now.task.mesh.edges, now.task.mesh.widths
     parts = np.ceil(np.maximum(1.0, (now.savings * len(widths) / SAVING) ** (1 / 3)))
     places = [

@@ -1,4 +1,4 @@
-"""Refusals of collocation: violations of the last motion by `verify`, and changes to try."""
+"""Refusals of collocation, with what the last motion violates and changes to try."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LONGER_DURATION = 1.05
 
 
 def no_goal(problem: Problem) -> NoPlanError:
-    """The refusal if no pose of the joints is found that meets a goal which leaves some free."""
+    """Return the refusal if a goal leaves joints free and no pose that meets it is found."""
     reach, tip = goal_reach(problem), problem.tip
     assert reach is not None
     why = f"puts {tip}" if tip else "keeps all limits"
@@ -49,8 +49,10 @@ def no_goal(problem: Problem) -> NoPlanError:
 
 
 def too_short(problem: Problem, fastest: Candidate, options: CollocationOptions) -> NoPlanError:
-    """The refusal of a duration below the fastest found, with what that motion breaks if it is
-    shortened to the given duration."""
+    """Return the refusal of a duration that is shorter than that of the fastest motion found.
+
+    Its violations are those of the fastest motion, shortened to the given duration.
+    """
     fastest_s, given = fastest.solution.iterate.duration, problem.duration
     proof = why_too_short(problem)
     why = f"{proof}. The" if proof else f"goal.duration = {given:g} s is too short: the"
@@ -70,7 +72,7 @@ def too_short(problem: Problem, fastest: Candidate, options: CollocationOptions)
 
 
 def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
-    """The refusal of a search: motions are too slow, or no path was found, or no motion.
+    """Return the refusal of a search that found only too slow motions, no path, or no motion.
 
     A path does not depend on the duration. So if none was found, only changes of the requirements
     that paths keep can help.
@@ -103,7 +105,7 @@ def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
 
 
 def motion_changes(problem: Problem, options: CollocationOptions) -> list[Change]:
-    """Changes that allow motion at the ends, unless the options require rest."""
+    """Return the change that allows motion at the ends, if the default of `rest` forbids it."""
     change = Change({f"method.{NAME}.rest": False})
     resting = options.rest == "auto" and rests("auto", problem.limits.input_rate)
     return [change] if resting else []
@@ -112,7 +114,7 @@ def motion_changes(problem: Problem, options: CollocationOptions) -> list[Change
 def iterate_plan(
     problem: Problem, candidate: Candidate, options: CollocationOptions
 ) -> tuple[Plan | None, list[Violation]]:
-    """A plan of the last iterate in the given duration, for study, and its violations.
+    """Make a plan of an iterate in the given duration, for study; return it and its violations.
 
     The violations refer to the original problem, not to the task's variant. The result is None and
     an empty list if the iterate's duration is not a number.

@@ -28,9 +28,9 @@ from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.support import progress
 
 MAX_PATHS, REFINED_INTERVALS = 2, 200
-"""Largest number of paths to time, and of intervals of all meshes for refining paths. Long paths
-take long to refine, and when the first failed, so did all others (6 of 6 among 22 random pairs of
-four joints within 40 degrees; the ladder then had the answer)."""
+"""Largest number of paths to time; largest total number of mesh intervals of the paths to refine.
+Long paths take long to refine, and when the first failed, so did all others (6 of 6 among 22 random
+pairs of four joints within 40 degrees; the ladder then had the answer)."""
 
 MAX_COARSE_PATHS = 6
 """Largest number of paths to time on a given mesh, where it is not known which is the fastest."""
@@ -42,18 +42,24 @@ found: timing shortens a path by a few hundredths."""
 
 @dataclass(frozen=True, eq=False)
 class RefinedPath:
-    """A path, with the task and the solution after its refinement."""
+    """A path after its refinement.
+
+    Attributes:
+        origin: The path as it was found from its seed.
+        free: The path task on the refined mesh.
+        solution: The refined path.
+    """
 
     origin: SeedPath
     free: Task
     solution: Solution
 
     def duration(self, job: Task) -> float:
-        """Duration with uniformly scaled time, s."""
+        """Return the duration, s, if time is scaled uniformly to keep the limits on speed."""
         return needed_duration(job.problem, self.free.mesh, self.solution.iterate)
 
     def clock_s(self, job: Task) -> float:
-        """Duration if at every time one input is at its limit, s."""
+        """Return the duration, s, if at every time one input is at its limit."""
         return float(clock_times(job.problem, self.free.mesh, self.solution.iterate)[0][-1])
 
 
@@ -74,7 +80,7 @@ class RoutePaths:
 
     @classmethod
     def of(cls, job: Task, paths: PathSearch, mesh_given: bool) -> RoutePaths:
-        """The paths of a search; the most promising are refined."""
+        """Take the paths of a search, and refine the most promising unless the mesh is given."""
         free, refined, spent = path_task(job), list[RefinedPath](), 0
         if mesh_given:
             return cls(free, paths, None)
@@ -91,11 +97,11 @@ class RoutePaths:
     def starts(
         self, job: Task, motions: Sequence[Solution]
     ) -> Iterator[tuple[SeedPath, Task, Iterate]]:
-        """The most promising paths, each as a motion to start from, on its own mesh.
+        """Yield the most promising paths, each with a task on its own mesh and a start for it.
 
-        If the duration is long enough for them, those of least effort come first, then the fastest.
-        In both groups paths that clear all discs come first. A path that takes longer than a motion
-        already found is not timed.
+        Paths that fit into the given duration come first, by effort, then the other paths, by their
+        duration. In both groups paths that clear all discs come first. A path that takes longer
+        than a motion already found is left out.
 
         Args:
             job: The task.
@@ -127,7 +133,7 @@ class RoutePaths:
 
 
 def _start_at_own_speed(path: RefinedPath, job: Task) -> tuple[SeedPath, Task, Iterate]:
-    """A path at its own speed and on its own mesh, as a start."""
+    """Return a path at its own speed and on its own mesh, as a start for the job."""
     free, solution = halve_mesh(path.free, path.solution)
     fine = on_mesh(job, free, free.mesh)
     return path.origin, fine, transfer(free, solution.iterate, fine)

@@ -37,8 +37,8 @@ FATROP_RELAXES = 1e-8
 """Distance by which Fatrop's iterates may exceed bounds, relative to the bound or to one."""
 
 PATIENCE_S, PATIENCE_EACH_S = 5.0, 0.05
-"""Limit on Fatrop's processor time, s: constant part and part per interval, over ten times its
-need."""
+"""Limit on Fatrop's processor time, s: a constant part and a part for each interval. Together they
+are over ten times what it needs."""
 
 SHORT_CHAIN = 5
 """Largest number of coordinates of a short chain. For longer ones Fatrop fails, since it eliminates
@@ -98,7 +98,8 @@ class Strategy:
         weight: Factor of the objective for Fatrop. Fatrop starts with all bound multipliers at one.
             If the objective is small, a third of its iterations only correct them. Far from the
             answer a large objective makes the rows converge slowly.
-        barrier: Initial barrier for Fatrop before that factor; None for its default, 0.1.
+        barrier: Initial barrier parameter of Fatrop, multiplied by `weight` if the start is near;
+            None for Fatrop's default, 0.1.
         ipopt: Options of IPOPT for its initial barrier: fixed or adaptive.
         iterations: Largest number of iterations.
         reference_s: Duration in the search for a path. A long one makes the effort small relative
@@ -247,8 +248,8 @@ class _Fatrop:
     def __call__(self, start: Array, data: Bounds) -> SolverAnswer:
         """Solve; return the start if Fatrop does not return in time.
 
-        Its search for a direction may never end. The data of such a call stay in use; the next call
-        gets new data and is not affected.
+        Fatrop's search for a direction may never end. Such a call goes on using its data, so the
+        next call gets new data.
         """
         answer = None
         try:
@@ -292,7 +293,7 @@ SOLVERS: dict[SolverName, Callable[[Transcription, Settings], Backend]] = {
 def backend(nlp: Transcription, settings: Settings) -> Backend:
     """The solver of the settings, cached for each transcription and settings."""
     if settings not in nlp.solvers:
-        assert settings.solver != "auto", "`names` says who that is"
+        assert settings.solver != "auto", "choose a solver of `names` first"
         nlp.solvers[settings] = SOLVERS[settings.solver](nlp, settings)
     solver: Backend = nlp.solvers[settings]
     return solver
@@ -310,7 +311,7 @@ def _relaxation(bound: Array) -> Array:
 
 
 def _values(program: Program) -> Any:
-    """The function that CasADi calls at the end for f and g; its gradients are not used."""
+    """Build the function that CasADi calls at the end for f and g; its gradients are not used."""
     x, p = program.problem["x"], program.problem["p"]
     scale, duals = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", program.problem["g"].numel())
     unread = [ca.MX.zeros(x.numel()), ca.MX.zeros(p.numel())]
@@ -333,11 +334,11 @@ def _stages(nlp: Transcription) -> dict[str, Any]:
 def _nlpsol(
     nlp: Transcription, name: str, functions: dict[str, Any], options: dict[str, Any]
 ) -> Any:
-    """CasADi's solver with our derivatives instead of its own.
+    """Build a CasADi solver with our derivatives instead of its own.
 
-    CasADi finds them by the names under which its solver asks for them (for IPOPT nlp_jac_g and
-    nlp_hess_l; for another solver, those of the `create_function` calls in its source in CasADi).
-    It silently ignores other names, so check that a wrong derivative has an effect.
+    CasADi finds the derivatives by the names under which its solver asks for them (for IPOPT
+    nlp_jac_g and nlp_hess_l; for another solver, those of the `create_function` calls in its source
+    in CasADi). It silently ignores other names, so check that a wrong derivative has an effect.
     """
     program = nlp.program
     known: dict[str, Any] = {

@@ -98,7 +98,7 @@ class Task:
         return bounds(self.problem, self.requirements, self.nlp, *numbers)
 
     def solve(self, start: Iterate, near: bool = False) -> Solution:
-        """Solve from a start, which may be near the answer.
+        """Solve from a start; `near` tells the solver that it is close to the answer.
 
         If the first solver fails, the next one allowed is tried.
         """
@@ -127,7 +127,7 @@ class Task:
         return solution if solution.ok else self.solve(start)
 
     def judge(self, iterate: Iterate) -> Solution:
-        """An iterate as a solution, without a solver; ok if it keeps the task's rows and bounds."""
+        """Rate an iterate without a solver; the solution is ok if it keeps all rows and bounds."""
         data = self.bounds
         vector = self.nlp.layout.pack(iterate, data.widths) / data.units
         answer = SolverAnswer(vector, True, "a motion, not the best", 0)
@@ -154,7 +154,7 @@ class Task:
         return task(self.problem, self.objective, form, mesh, self.demands, self.settings)
 
     def for_problem(self, problem: Problem, objective: Objective) -> Task:
-        """The same mesh and tightened limits for another problem of the same system."""
+        """Return the task of another problem, with the same system, mesh and tightened limits."""
         parts = self.nlp.form, self.mesh, self.demands, self.settings
         return replace(task(problem, objective, *parts), inset=self.inset)
 
@@ -188,7 +188,7 @@ def task(
     nlp = transcription(problem.system, form)
     first = replace(settings, solver=names(nlp, settings)[0])
     new = transcription.cache_info().misses > built or first not in nlp.solvers
-    solver_answer(lambda: backend(nlp, first), lambda _: None)  # `solve` says what it raises
+    solver_answer(lambda: backend(nlp, first), lambda _: None)  # `Task.solve` reports its errors
     seconds = time.perf_counter() - began if new else 0.0
     none = np.zeros((form.intervals, sum(len(requirement.parts) for requirement in requirements)))
     return Task(problem, requirements, objective, nlp, mesh, demands, settings, none, seconds)
@@ -208,7 +208,7 @@ def _check(nlp: Transcription, data: Bounds, answer: SolverAnswer, accepted: flo
 
 
 def transfer(old: Task, iterate: Iterate, new: Task) -> Iterate:
-    """An iterate of one task as a start for another that differs in mesh or input kind."""
+    """Convert an iterate of one task to a start for a task with another mesh or kind of input."""
     q, u = pieces(old.nlp.form, old.mesh, iterate)
     mesh, T = new.mesh, iterate.duration
     return Iterate(
@@ -220,7 +220,7 @@ def transfer(old: Task, iterate: Iterate, new: Task) -> Iterate:
 
 
 def iterate_of_inputs(job: Task, duration: float, inputs: Array) -> Iterate:
-    """The iterate of the motion from the start under inputs in the shape of `Iterate.inputs`."""
+    """Simulate given inputs (shaped as `Iterate.inputs`) from the start; return the iterate."""
     nlp, tau = job.nlp, job.nlp.form.scheme.points * STEPS
     shape = nlp.form.intervals, nlp.form.degree, nlp.model.size
     still = Iterate(duration, np.empty(0), np.empty(shape), inputs)

@@ -9,8 +9,9 @@ sin²θ₁ ≥ edge, and the floor is raised to the required margin; both keep t
 θ₁ does not matter, since the cap depends on cos²θ₁. For longer chains and other systems the band is
 only the margin of z₂.
 
-Between the nodes the band is proven, not sampled. On an interval, z₃ lies between the least and
-greatest of its Bernstein coefficients, and there a concave cap lies above its chord. So
+That a path stays in the band between the nodes is proven, not sampled. On an interval, z₃ lies
+between the least and greatest of its Bernstein coefficients, and there a concave cap lies above its
+chord. So
 
     p − cap(z₃) ≤ p − chord(z₃) ≤ greatest Bernstein coefficient of the polynomial p − chord(z₃)
 
@@ -42,7 +43,7 @@ COARSE = 0.02
 
 @dataclass(frozen=True)
 class Band:
-    """floor ≤ p ≤ cap(z₃), p = sign · z₂.
+    """The set floor ≤ p ≤ cap(z₃), where p = sign · z₂.
 
     Attributes:
         sign: ±1.
@@ -88,7 +89,7 @@ class Band:
         return float(self.cap_factor * 2 * self.K[0] * self.K[1] / np.sqrt(3))
 
     def cap(self, z3: Array) -> Array:
-        """Greatest p at z₃, any shape; z₃ is clipped to [0, K₃]."""
+        """Return the greatest p allowed at z₃ (any shape), which is clipped to [0, K₃]."""
         if len(self.K) == 1:
             return np.full(np.shape(z3), self.cap_factor * self.K[0])
         c2 = np.clip(z3 / self.K[1], 0.0, 1.0) ** (2 / 3)
@@ -159,7 +160,7 @@ def floor_excess(band: Band, z2: Array, tolerance: float, proof: bool) -> Excess
     Args:
         band: The band with the floor.
         z2: Bernstein coefficients (d+1, pieces) of z₂.
-        tolerance: Precision of the bound; coarser where the excess is larger.
+        tolerance: Precision of the proven bound; a large excess is bounded less precisely.
         proof: Whether to refine pieces that seem to keep the floor until that is proven or
             disproven.
     """
@@ -176,7 +177,15 @@ def cap_excess(band: Band, z2: Array, z3: Array, tolerance: float, proof: bool) 
 
 
 def _search(p: Array, z: Array, band: Band | None, tolerance: float, proof: bool) -> Excess:
-    """Branch and bound on all pieces at once, for p (d+1, pieces) and z (e+1, pieces)."""
+    """Bound p − cap(z) on all pieces at once by branch and bound; without a band, bound p.
+
+    Args:
+        p: Bernstein coefficients, shape (d+1, pieces).
+        z: Bernstein coefficients of z₃, shape (e+1, pieces).
+        band: The band with the cap, or None.
+        tolerance: See `floor_excess`.
+        proof: See `floor_excess`.
+    """
     pieces = p.shape[1]
     p = elevate(p, max(len(p), len(z)) - 1)
     best, where = np.full(pieces, -np.inf), np.zeros(pieces)

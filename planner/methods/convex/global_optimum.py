@@ -1,9 +1,10 @@
-"""Cutting planes at one travel: the global optimum of a class with its gap, or a certificate.
+"""Find the global optimum of a class of paths by cutting planes, or a certificate that it is empty.
 
-The relaxation keeps the floor and tangents of the cap at a growing list of points, so its optimum
-is a lower bound for every path of the class. When no piece leaves the band by more than a
-tolerance, all rows are tightened by twice the tolerance and the programme is solved again. A path
-that is proven to be inside the band gives an upper bound.
+Paths must stay in the band, the convex part of the chart's domain between a floor and a cap on ±z₂
+(`band`). The relaxation has rows for the floor and for tangents of the cap at a growing list of
+points, so its optimum is a lower bound for every path of the class. When no piece leaves the band
+by more than a tolerance, all rows are tightened by twice the tolerance and the programme is solved
+again. A path that is proven to be inside the band gives an upper bound.
 
 A free travel is found by a scan of the window, then a bounded search about the best travel.
 
@@ -26,7 +27,7 @@ from planner.support import deadline
 from planner.support.arrays import Array
 
 TOLERANCE = 1e-10
-"""Excess over the band, in z₂, below which cutting stops; it is the accuracy of the engines."""
+"""Excess over the band, in z₂, below which cutting stops; it is the accuracy of the solvers."""
 
 MOST_SLOPE = 1e6
 """Largest |y|, the root mean square of dz₂/dτ, of paths considered if z₂ has no bounds."""
@@ -34,7 +35,7 @@ MOST_SLOPE = 1e6
 
 @dataclass(frozen=True)
 class Touch:
-    """The meaning of rows: p(τ) ≥ floor, or p(τ) ≤ the cap's tangent at some z₃.
+    """Cuts, one for each row: p(τ) ≥ floor, or p(τ) ≤ the cap's tangent at some z₃, with p = ±z₂.
 
     Attributes:
         tau: Path fractions, shape (m,).
@@ -64,9 +65,9 @@ class ClassOptimum:
         frame: The class.
         final: The path and its objective, from the last programme; its rows are tightened.
         bound: Lower bound of the objective over the class, as the programme measures it.
-        touch: The active rows, beside those of the nodes.
+        touch: The active cuts, except those that are there from the start at the nodes.
         rounds: Number of programmes solved.
-        proven: Greatest possible excess over the band between the nodes; ≤ 0.
+        proven: Proven upper bound of the excess over the band between the nodes; ≤ 0.
     """
 
     frame: Frame
@@ -94,7 +95,7 @@ class ClassOptimum:
 
 @dataclass(frozen=True)
 class BoundAboveCeiling:
-    """The search ended early, since the optimum cannot be below `bound`."""
+    """Result of a search that ended early: the optimum is at least `bound`, above the ceiling."""
 
     bound: float
 
@@ -105,7 +106,7 @@ class EmptyClass:
 
     Attributes:
         frame: The class.
-        touch: The meaning of each row.
+        touch: The cut that each row of A and b states.
         A: Rows of unit length in the free coefficients, shape (m, size).
         b: Right-hand sides, shape (m,).
         proof: The multipliers and the values that they prove.
@@ -126,15 +127,19 @@ def optimum_by_cuts(
     max_rounds: int = 100,
     ceiling: float = np.inf,
 ) -> ClassOptimum | EmptyClass | BoundAboveCeiling:
-    """Solve one class at one travel.
+    """Find the optimum of one class at one travel.
 
     Args:
-        frame: The class and its ends.
+        frame: The class, its ends and the travel.
         band: The convex domain.
         programme: The objective, see `Programme`.
-        extra: First rows beside those of the nodes; rows of a neighbouring travel save rounds.
+        extra: Cuts to begin with, besides those at the nodes; those that are active at a
+            neighbouring travel save rounds.
         max_rounds: Largest number of programmes.
-        ceiling: Stop as soon as the bound exceeds this.
+        ceiling: Stop as soon as the lower bound exceeds this.
+
+    Returns:
+        The optimum, a certificate that the class is empty, or the bound above the ceiling.
 
     Raises:
         StalledError: If the rounds are used up, or the feasible set is too thin for a proof.
@@ -167,7 +172,7 @@ def optimum_by_cuts(
 
 
 def band_rows(frame: Frame, band: Band, touch: Touch) -> tuple[Array, Array]:
-    """Rows A y ≤ b for the given cuts, in their order."""
+    """Return rows A y ≤ b for the given cuts, in their order."""
     A, c = frame.z_rows(1, touch.tau)
     cap = ~np.isnan(touch.at)
     side = np.where(cap, band.sign, -band.sign)
@@ -182,7 +187,7 @@ def band_rows(frame: Frame, band: Band, touch: Touch) -> tuple[Array, Array]:
 
 
 def _at_nodes(frame: Frame, band: Band) -> Touch:
-    """Cuts at every inner node: the floor, then the cap's tangents along a straight z₃, if any."""
+    """Return cuts at all inner nodes: the floor, and the cap along a straight line in z₃."""
     nodes = frame.shape.breaks[1:-1]
     floor = nodes if np.isfinite(band.floor) else nodes[:0]
     touch = Touch(floor, np.full(len(floor), np.nan))
@@ -192,7 +197,10 @@ def _at_nodes(frame: Frame, band: Band) -> Touch:
 
 
 def _violations(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch, float]:
-    """Cuts where a path leaves the band, and a proven upper bound of its excess."""
+    """Return cuts where a path leaves the band, and a proven upper bound of its excess.
+
+    With `proof`, pieces that seem to be inside are refined until that is proven or disproven.
+    """
     _, z2, z3, *_ = frame.bernstein(y)
     low, high = floor_excess(band, z2, TOLERANCE, proof), cap_excess(band, z2, z3, TOLERANCE, proof)
     floor, cap = ((e.piece + e.local) / frame.shape.pieces for e in (low, high))
@@ -224,7 +232,7 @@ class BestTravel:
         best: The best optimum found, or None if no travel tried has a path.
         refusals: Certificates of the travels that have no path.
         tried: Number of travels tried.
-        kept: Travels that have a path, or for which none was ruled out.
+        kept: Travels that have a path, or that were left early without a proof that they have none.
     """
 
     best: ClassOptimum | None = None

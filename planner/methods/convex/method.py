@@ -1,4 +1,4 @@
-"""The best path in the chart, and its timing."""
+"""The convex method: find the best path in the chart, time it, and make the plan."""
 
 from __future__ import annotations
 
@@ -55,16 +55,16 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
 
     For n = 2 and 3 the chart's domain is convex: at a given travel the path is the global optimum
     of its class with a proven gap, or a certificate shows that the class is empty; with the travel
-    free it is the best of the travels tried. For longer chains and other systems the method takes
-    the optimum without the domain, if it stays inside; `plan.notes["optimality"]` says what is
-    proven. Input limits affect only the timing. v₁ is constant if that keeps them and no rest at
-    the ends is required. Otherwise the motion is the path's fastest one, slowed uniformly to the
-    given duration. The method ignores some other requirements, for which `verify` may refuse the
-    path: see `planner.methods.keeping`.
+    free it is the best of the travels tried. For longer chains and other systems the method
+    ignores the domain and accepts the optimum if it stays inside; `plan.notes["optimality"]` says
+    what is proven. Input limits affect only the timing. v₁ is constant if that keeps them and no
+    rest at the ends is required. Otherwise the motion is the path's fastest one, slowed uniformly
+    to the given duration. The method ignores some other requirements (see
+    `planner.methods.keeping`), so `verify` may refuse the path.
 
     Raises:
-        InfeasibleError: With `certificate`, if no path of the class meets travel, domain and z₂
-            margin; without, if no one-way motion meets travel and duration.
+        InfeasibleError: If no path of the class meets travel, domain and z₂ margin (the error then
+            has a `certificate`), or no one-way motion meets travel and duration.
         NotConvergedError: If no path was found, without a proof that there is none, or the best one
             takes longer than the duration within the input limits.
         SingularError: If start or goal are not in one branch of the chart.
@@ -120,7 +120,11 @@ def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None
 
 
 def _travels(problem: Problem, options: ConvexOptions) -> Array:
-    """The given travel, or the travels to scan, increasing."""
+    """Return the given travel, or the travels to scan, increasing.
+
+    Raises:
+        InfeasibleError: If no motion without reversal meets the given travel and duration.
+    """
     window, travel = travel_window(problem), problem.travel
     if window is not None and window.empty:
         raise _infeasible(problem, f"no motion without reversal exists: {window.reason}", [])
@@ -187,7 +191,7 @@ def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
 
 
 def _time_path(problem: Problem, path: ChainedTrajectory, asked: Rest) -> tuple[Trajectory, str]:
-    """The path within the input limits, in the problem's duration or as fast as they allow."""
+    """Time the path within the limits, in the given or least duration; also say how in words."""
     limits, duration = problem.limits, problem.duration
     peaks = peak_inputs(path)
     if np.any(np.isnan(peaks)):  # outside the domain somewhere, which verification reports
@@ -248,7 +252,7 @@ def _notes(problem: Problem, band: Band, search: BestTravel, best: ClassOptimum)
 
 
 def _no_path(problem: Problem, shape: Shape, band: Band, search: BestTravel) -> NoPlanError:
-    """The refusal if no path of the class was found in the domain, with a certificate if any."""
+    """Return the refusal if no path of the class was found, and its certificate if there is one."""
     changes = [*travel_changes(problem), BY_COLLOCATION]
     if not search.refusals:
         why = f"no quadratic program converged ({search.tried} tried), for {_class_words(shape)}"
@@ -287,7 +291,7 @@ def _no_path(problem: Problem, shape: Shape, band: Band, search: BestTravel) -> 
 
 
 def _certificate(refusal: EmptyClass) -> dict[str, Any]:
-    """Plain arrays: multipliers u >= 0 prove that A y <= b has no solution with |y| <= radius."""
+    """Return a certificate in plain arrays: u >= 0 proves that no |y| <= radius solves A y <= b."""
     return {
         "travel": refusal.frame.travel,
         "A": refusal.A,

@@ -1,4 +1,4 @@
-"""The class of paths, and z along them as affine functions of its free coefficients.
+"""A class of paths in the chart, along which z is affine in the free coefficients of the class.
 
 Over τ ∈ [0, 1], the fraction of the travel Δ, ω = dz₂/dτ is constant, or continuous and linear, on
 equal pieces. Its coefficients are whitened, so that ∫ω² dτ = |x|². With z₁ = z₁(0) + Δ τ the chain
@@ -25,7 +25,7 @@ from planner.support.calculus.bernstein import integral
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """One class of ω; build it with `input_shape`.
+    """A class of functions ω(τ); build it with `input_shape`.
 
     Attributes:
         pieces: Number of equal pieces.
@@ -43,7 +43,7 @@ class Shape:
         return np.linspace(0.0, 1.0, self.pieces + 1)
 
     def integral(self, order: int, tau: Array) -> Array:
-        """The `order`-fold integral of ω from 0, order ≥ 1, as a matrix (len(tau), m) on x."""
+        """Return the matrix (len(tau), m) from x to the `order`-fold integral of ω from 0."""
         power = order + self.degree
         ramps = np.maximum(tau[:, None] - self.breaks, 0.0) ** power / factorial(power)
         if self.degree == 0:
@@ -61,7 +61,7 @@ class Shape:
 
 @lru_cache(maxsize=32)
 def input_shape(pieces: int, degree: int) -> Shape:
-    """The class with that number of pieces, cached."""
+    """Return the class of ω with that many pieces of degree 0 or 1; it is cached."""
     if degree == 0:
         return Shape(pieces, 0, np.sqrt(pieces) * np.eye(pieces))
     diagonal = np.full(pieces + 1, 4.0)
@@ -73,7 +73,7 @@ def input_shape(pieces: int, degree: int) -> Shape:
 
 @lru_cache(maxsize=32)
 def end_basis(shape: Shape, orders: int) -> tuple[Array, Array, Array]:
-    """The end conditions, the integrals of orders 1 … `orders` at τ = 1, as E = RᵀQ₁ᵀ.
+    """Factor the end conditions E, the integrals of ω of orders 1 … `orders` at τ = 1, as RᵀQ₁ᵀ.
 
     Returns:
         Q₁ (m, orders), R (orders, orders) and the null space Q₂ (m, m − orders), orthonormal.
@@ -85,7 +85,7 @@ def end_basis(shape: Shape, orders: int) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """All paths of one shape between two ends at one travel, which must not be zero.
+    """All paths of one class between two ends at one travel, which must not be zero.
 
     Array indices of z start at 0: z₂ is z[1].
 
@@ -126,16 +126,16 @@ class Frame:
         return np.asarray(self.least + self._basis[2] @ y)
 
     def z_rows(self, i: int, tau: Array) -> tuple[Array, Array]:
-        """z[i] at τ (k,) as A y + c: A (k, size), c (k,); i ≥ 1."""
+        """Return A (k, size) and c (k,), with A y + c the values of z[i] at τ (k,); i ≥ 1."""
         rows = self.shape.integral(i, tau) * self.travel ** (i - 1)
         return rows @ self._basis[2], rows @ self.least + self._drift(i, tau)
 
     def coefficient_rows(self) -> tuple[Array, Array]:
-        """The plain coefficients of ω as A y + c; in both classes they contain its extremes."""
+        """Return A and c, with A y + c the plain coefficients of ω, which contain its extremes."""
         return self.shape.whiten @ self._basis[2], self.shape.whiten @ self.least
 
     def _drift(self, i: int, tau: Array) -> Array:
-        """z[i] at τ for the path with ω = 0."""
+        """Return z[i] at τ on the path with ω = 0."""
         terms = [self.start[i - k] * (self.travel * tau) ** k / factorial(k) for k in range(i)]
         return np.asarray(np.sum(terms, axis=0))
 
@@ -150,9 +150,9 @@ class Frame:
         return out
 
     def peak(self, y: Array) -> float:
-        """max |dz₂/dτ|."""
+        """Return the largest |dz₂/dτ| of a path."""
         return float(np.max(np.abs(self.shape.whiten @ self.x(y))))
 
     def at(self, travel: float) -> Frame:
-        """The same class and ends at another travel."""
+        """Return the paths of the same class and ends at another travel."""
         return Frame(self.shape, self.start, self.goal, travel)

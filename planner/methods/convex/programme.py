@@ -1,4 +1,4 @@
-"""The programme over linear rows A y ≤ b: its optimum with a bound, or a proof of infeasibility.
+"""Minimise over linear rows A y ≤ b; return the optimum with a bound, or prove infeasibility.
 
 There are two objectives, ½∫(dz₂/dz₁)² |dz₁| and max |dz₂/dτ|; both are reduced to min ½|y|². Two
 engines solve that: least-distance programming (Lawson and Hanson, *Solving Least Squares Problems*,
@@ -92,7 +92,7 @@ class Farkas:
 
 
 class StalledError(ArithmeticError):
-    """Neither a solution nor a certificate within tolerance."""
+    """Raised if neither a solution nor a certificate is found within tolerance."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class Programme:
     engine: Engine = "active set"
 
     def solve(self, frame: Frame, A: Array, b: Array, radius: float) -> Optimum | Farkas:
-        """The minimum over A y ≤ b, or a proof that no |y| ≤ radius is feasible.
+        """Find the minimum over A y ≤ b, or prove that no |y| ≤ radius is feasible.
 
         Raises:
             StalledError: If neither is found within tolerance.
@@ -125,7 +125,7 @@ class Programme:
 
 
 def _lowest_peak(frame: Frame, A: Array, b: Array, radius: float) -> Optimum | Farkas:
-    """min t subject to |ω| ≤ t, solved as min ½t² + ½ε|y − c|² with c the previous y.
+    """Minimise t subject to |ω| ≤ t: repeat min ½t² + ½ε|y − c|² with c the previous y.
 
     This proximal iteration ends exactly after finitely many steps (Rockafellar, *Monotone operators
     and the proximal point algorithm*, 1976), usually two.
@@ -159,7 +159,7 @@ def _lowest_peak(frame: Frame, A: Array, b: Array, radius: float) -> Optimum | F
 def solve_quadratic(
     A: Array, b: Array, radius: float, engine: Engine = "active set"
 ) -> Optimum | Farkas:
-    """The least ½|y|² over A y ≤ b, or a proof that no |y| ≤ radius is feasible.
+    """Minimise ½|y|² over A y ≤ b, or prove that no |y| ≤ radius is feasible.
 
     Args:
         A: Rows, shape (m, p); none may be zero.

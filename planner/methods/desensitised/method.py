@@ -70,10 +70,10 @@ def plan_desensitised(
 
     Motion and response are one collocation problem
     (`planner.methods.collocation.transcription.augmented`). It is solved from the plan of least
-    effort and from motions with another course of q₂, since optima are local; the best is returned
-    (`notes["start"]`, `notes["tried"]`). Unless `reversal` is on, φ reverses only where the plan of
-    least effort does, since the response does not include the backlash and shaft torsion that each
-    reversal costs.
+    effort and from motions with other courses of q₂, since optima are local. The best is returned;
+    `notes["start"]` names its start, `notes["tried"]` lists all. Unless `reversal` is on, φ
+    reverses only where the plan of least effort does, since the response does not include the
+    backlash and shaft torsion that each reversal costs.
 
     Args:
         problem: The problem.
@@ -84,7 +84,7 @@ def plan_desensitised(
     Raises:
         InputError: If a spread does not fit the system, options contradict each other, or the plan
             to start from is of another system.
-        InfeasibleError: If the start has no room to back off.
+        InfeasibleError: If the start is closer to a limit than the back-off requires.
         NotConvergedError: If no motion is found.
     """
     began = time.perf_counter()
@@ -126,7 +126,7 @@ def plan_desensitised(
 
 
 def desensitised_task(problem: Problem, options: DesensitisedOptions) -> Task:
-    """The task of the system augmented by its response to the errors."""
+    """Return the collocation task of the system augmented by its response to the errors."""
     spread = spreads(problem.system, options)
     model = Augmented(
         problem.system,
@@ -210,7 +210,7 @@ def _family(
 def _search(
     job: Task, options: DesensitisedOptions, easy: Plan, near: bool
 ) -> tuple[str, Solution, list[dict[str, Any]]]:
-    """The best solution of all starts with the name of its start, and a log of all starts."""
+    """Solve from every start; return the best start's name and solution, and a log of all."""
     log: list[dict[str, Any]] = []
     solutions: list[tuple[str, Solution]] = []
     for seed in excursions(options.reversal)[: 1 if near else options.starts]:
@@ -265,10 +265,10 @@ def excursions(reversal: bool) -> list[Seed]:
 
 
 def excursion_guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
-    """The unknowns along a seed, for a task with or without a fixed duration.
+    """Return the first guess that follows a seed, for a fixed or free duration.
 
-    The guess must obey the kinematics so that it has a response: the inputs are chosen, and states
-    and response follow by integration. An arm's drive depends on cos θ₁, so the easy plan's
+    Only a guess that obeys the kinematics has a response to errors. So the inputs are chosen, and
+    states and response follow by integration. An arm's drive depends on cos θ₁, so the easy plan's
     excursion of θ₁ has a mirror image on the other side. An excursion of q₂ is therefore added to
     the straight line; added to the easy plan, it would stay on that plan's side.
     """
@@ -362,7 +362,7 @@ def _not_converged(
 
 
 def _violations(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
-    """Violations of an iterate: those of `verify`, then of the effort and of backed-off limits."""
+    """Return what an iterate breaks: by `verify`, then the effort limit and backed-off limits."""
     problem, model, spent = job.problem, job.nlp.form.augmented, effort(plan.trajectory)
     assert model is not None
     out = list(verify(plan).violations)
@@ -391,7 +391,7 @@ def _violations(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
 
 
 def _functions(requirement: Requirement, system: TriangularSystem) -> list[tuple[Part, Any, Any]]:
-    """Parts of a requirement, each with its row as an expression of q, and with q."""
+    """Return the parts of a requirement, each with its row as an expression in q, and with q."""
     q = ca.SX.sym("q", system.size)
     pairs = zip(requirement.parts, requirement.rows(MotionPoint(system, q)), strict=True)
     return [(part, row, q) for part, row in pairs]

@@ -28,7 +28,7 @@ from planner.support.arrays import Array
 
 WAYS, MOST_WAYS, LEG_SEEDS = 8, 4, 6
 """Number of ways to find, and of the shortest of them to try until one leads to a motion; largest
-number of first guesses for a leg, of which nearly always the first one serves."""
+number of first guesses for a leg; nearly always the first one works."""
 
 ROUNDS, ITERATIONS, GAIN = 10, 200, 0.01
 """Largest number of solves of a motion, of iterations of each, and least gain that justifies
@@ -36,9 +36,9 @@ another solve. Solves of joined legs take 20 to 200 iterations; longer ones end 
 
 
 def motion_by_legs(job: Task, seeds: Sequence[Seed]) -> tuple[Task, Solution] | None:
-    """A motion that clears all discs, with its job on a mesh of its own.
+    """Find a motion that clears all discs; return it after its job on a mesh of its own.
 
-    None if the straight line clears them, or if none is found.
+    None if the straight line clears all discs already, or if no such motion is found.
     """
     ways = list[Array]()
     while len(ways) < WAYS and (way := find_way(job.problem, len(ways))) is not None:
@@ -93,14 +93,14 @@ def _find_legs(job: Task, seeds: Sequence[Seed], corners: Array) -> list[tuple[T
 
 
 def _join(job: Task, legs: Sequence[tuple[Task, Solution]]) -> tuple[Task, Iterate]:
-    """Join the legs to one path of constant speed; return its task too."""
+    """Join the legs to one path of constant speed; return its task and the path."""
     lengths = np.sqrt([path.objective for _, path in legs])
     shares = lengths / np.sum(lengths)
     widths = np.concatenate([w * leg.mesh.widths for w, (leg, _) in zip(shares, legs, strict=True)])
     free = path_task(job.on_mesh(_mesh(widths)))
     paths = [path.iterate for _, path in legs]
     inputs = [path.inputs / share for path, share in zip(paths, shares, strict=True)]
-    if len(inputs[0]) > len(paths[0].points):  # at the edges; one edge belongs to two legs
+    if len(inputs[0]) > len(paths[0].points):  # at edges, two of which coincide
         inputs[1:] = [each[1:] for each in inputs[1:]]
     return free, Iterate(
         duration=paths[0].duration,
@@ -116,7 +116,7 @@ def _mesh(widths: Array) -> Mesh:
 
 
 def _solve_clear(job: Task, start: Iterate) -> tuple[Task, Solution] | None:
-    """Solve from a start that clears all discs; links stay on the same side of each."""
+    """Solve from a start that clears all discs, keeping links on the same side of each."""
     most = min(ITERATIONS, job.settings.max_iterations)
     job = replace(job, settings=replace(job.settings, max_iterations=most))
     best: tuple[Task, Solution] | None = None
@@ -139,6 +139,6 @@ def _solve_clear(job: Task, start: Iterate) -> tuple[Task, Solution] | None:
 
 
 def _halve(mesh: Mesh, passed: NDArray[np.bool_]) -> Mesh:
-    """Halve these intervals (K,) and their neighbours."""
+    """Halve the intervals that `passed` (K,) marks, and their neighbours."""
     near = np.convolve(passed, np.ones(3), mode="same") > 0
     return _mesh(np.repeat(mesh.widths / (1 + near), 1 + near))

@@ -1,6 +1,6 @@
-"""Thin discs, which links could pass over between two nodes of the mesh.
+"""Avoid that links pass over thin discs between two nodes of the mesh.
 
-So paths are first found with thickened discs, which then shrink: a path that clears a thick disc
+Paths are first found with thickened discs, which then shrink: a path that clears a thick disc
 also clears a thin one at the same place. If a path would pass over a thinner disc, the previous
 path is kept. A motion that clears all discs is solved again with discs that grow in each interval
 up to a share of their distance from the links, so that the answer is on the same side.
@@ -61,8 +61,11 @@ def _thicken(problem: Problem, thickness: float) -> Problem:
 
 
 def keep_side(task: Task, start: Iterate, solution: Solution) -> Solution:
-    """Return the solution; if links pass over a disc, but not in the start, return another one in
-    which they stay on the start's side."""
+    """Return the solution, or one on the start's side of the discs if links passed over one.
+
+    If only the solution passes over a disc, but not the start, the task is solved again with grown
+    discs; if that fails, the first solution is returned.
+    """
     if not solution.ok or clears(task, solution) or not clears(task, task.judge(start)):
         return solution
     grown = replace(task, inset=np.maximum(task.inset, growth(task, start)))

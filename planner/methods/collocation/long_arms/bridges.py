@@ -1,7 +1,7 @@
 """Close the gaps of a path: each step finds the nearest path whose gaps are a little smaller.
 
-A path consists of pieces with constant inputs over a unit of time, integrated by a few Runge-Kutta
-steps.
+Such a path, or chain, consists of pieces with constant inputs over a unit of time, integrated by a
+few Runge-Kutta steps.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ QUICK_ITERATIONS = 25
 
 ITERATIONS = 40
 PATIENCE = 200
-"""Largest number of iterations of a continuation; another attempt is faster than a hard one."""
+"""Largest number of iterations to close the gaps; another chain is faster than a hard one."""
 
 RESIDUAL = 1e-6
 CORRECTIONS, PARTS = 2, 8
@@ -83,7 +83,8 @@ def cut_finer(
 ) -> PieceChain:
     """The chain cut so that no limited coordinate turns by more than `turn` in a piece.
 
-    Each piece is cut into at least `least` parts. The errors of the longer pieces become gaps.
+    Each piece is cut into at least `least` parts. The integration errors of the long pieces become
+    gaps between the short ones.
     """
     parts, piece, share = cuts(chain.q, limited, turn, least)
     before = ends_of(system, chain.q[:-1][piece], chain.u[piece] * share[:, None])
@@ -93,7 +94,7 @@ def cut_finer(
 
 
 def cuts(q: Array, limited: list[int], turn: float, least: int = 1) -> tuple[Index, Index, Array]:
-    """How to cut pieces between q (K+1, N) so that no limited coordinate turns by more than `turn`.
+    """Tell how to cut the K pieces of q (K+1, N) so that no limited coordinate exceeds `turn`.
 
     Returns:
         Number of parts of each piece, shape (K,); for each part its piece, and its start as a
@@ -135,7 +136,7 @@ def close_gaps(
 
 
 def make_exact(system: TriangularSystem, chain: PieceChain, ends: ChainEnds) -> PieceChain | None:
-    """The nearest chain that is a motion, more accurately than the Runge-Kutta steps of a piece."""
+    """Return the nearest chain that is a motion even when integrated finely; None without one."""
     for _ in range(CORRECTIONS):
         error = _fine_ends(system, chain) - ends_of(system, chain.q[:-1], chain.u)
         candidate, _ = _nearest(system, len(chain.u))(chain, error, ends)
@@ -201,7 +202,7 @@ def _nearest(system: TriangularSystem, count: int) -> _Nearest:
 
 
 def chain_programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The problem and the solver's options, with the derivatives."""
+    """Build the programme of `_Nearest`, and the solver's options with the derivatives."""
     size = system.size
     w, near = (ca.MX.sym(name, count * (size + 2) + size) for name in ("w", "near"))
     columns = ca.reshape(w[:-size], size + 2, count)
@@ -229,7 +230,7 @@ def chain_programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any
 
 
 def _jacobian(size: int, count: int, by_q: Any, by_u: Any) -> Any:
-    """Rows of piece k: minus its derivatives at (q_k, u_k), and one at q_(k+1)."""
+    """Jacobian of the gaps: in the rows of piece k, its negative slopes, and ones at q_(k+1)."""
     blocks = ca.vertcat(ca.reshape(by_q, size * size, count), ca.reshape(by_u, size * 2, count))
     entries = ca.vertcat(ca.vec(-blocks), ca.MX(ca.DM.ones(size * count)))
     k, column, row = np.meshgrid(
@@ -243,7 +244,7 @@ def _jacobian(size: int, count: int, by_q: Any, by_u: Any) -> Any:
 
 
 def _hessian(size: int, count: int, scale: Any, curved: Any) -> Any:
-    """Upper triangle: blocks of the pieces, and the distance's on the diagonal."""
+    """Upper triangle of the Hessian: a block for each piece, and the distance on the diagonal."""
     m = size + 2
     row, column = np.triu_indices(m)
     inside = (row + m * column).tolist()
@@ -288,11 +289,11 @@ STEPS = 3
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """CasADi functions of (q, u), u being the inputs' integrals over the piece.
+    """CasADi functions of (q, u), where u is the integral of the inputs over the piece.
 
     Attributes:
         end: End of the piece, N.
-        slopes: Jacobians of the end with respect to q (N × N) and u (N × 2), dense.
+        slopes: Two Jacobians of the end with respect to q (N × N) and u (N × 2), dense.
         curvature: Function of (q, u, λ): Hessian of λ · end with respect to (q, u), dense.
     """
 

@@ -37,23 +37,23 @@ COARSE_TURN = 0.3
 """Largest turn in a piece made from a solution whose mesh was too coarse, rad."""
 
 FREE_LIMIT_SHARE = 1e-4
-"""Share of the joint limits that is left free for the motion between the nodes."""
+"""Share of the joint limits that the nodes keep free for the motion between them."""
 
 
 def has_only_limits(job: Task) -> bool:
-    """Whether a task has no requirements on a path except limits on joints and inputs."""
+    """Whether a task limits only joints and inputs, and lets inputs jump, also at the ends."""
     may_jump = not (job.demands.rest or job.objective.smooth or job.problem.reads("du"))
     plain = all(requirement.is_direct for requirement in job.problem.requirements)
     return may_jump and plain and not (job.problem.waypoints or job.nlp.form.augmented)
 
 
 def exact_motion(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution] | None:
-    """The task on the path's own mesh, and the path as its solution; None if it is not one.
+    """Return the task on the path's own mesh, and the path as its solution; None if that fails.
 
     Args:
         job: The task, see `has_only_limits`.
         chain: The path; small gaps are closed.
-        accuracy: See `refine.polish`.
+        accuracy: Largest error at the end, as for `refine.polish`.
     """
     system = job.problem.system
     places = ChainEnds.of(job.problem, 1 - FREE_LIMIT_SHARE)
@@ -87,7 +87,7 @@ def _duration(job: Task, path: Iterate) -> float | None:
 
 
 def chain_of(job: Task, solution: Solution) -> PieceChain:
-    """A solution's path in pieces of constant input; their errors are small gaps."""
+    """Cut a solution's path into pieces of constant input, whose errors become small gaps."""
     iterate, limited = solution.iterate, list(job.problem.system.limited)
     parts, interval, share = cuts(iterate.nodes, limited, COARSE_TURN)
     width = job.mesh.widths[interval]
@@ -100,7 +100,7 @@ def chain_of(job: Task, solution: Solution) -> PieceChain:
 
 
 def follow(job: Task, chain: PieceChain, degree: int = 0) -> tuple[Task, Iterate]:
-    """The job on the path's mesh, and the path at the speed that the limits allow.
+    """Return the job on the path's mesh, and the path at the speed that the input limits allow.
 
     Each interval has at least `degree` collocation points.
     """
@@ -114,7 +114,7 @@ def follow(job: Task, chain: PieceChain, degree: int = 0) -> tuple[Task, Iterate
 
 
 def _with_constant_inputs(job: Task, degree: int) -> Task:
-    """The job with constant inputs in each interval, like the path, if inputs may jump."""
+    """Return the job with at least that degree, and with constant inputs if they may jump."""
     form = job.nlp.form
     new = replace(form, degree=max(form.degree, degree))
     if has_only_limits(job):

@@ -1,8 +1,9 @@
 """Paths of long arms from those of shorter arms: each step ("rung") adds a joint in front.
 
 The arm of the last few joints gets its path by the usual search. Then each further joint is made to
-drive those behind it, which always succeeds if the stretches are short enough. The path is then
-timed. A path that is too long for a solver, or that the solver cannot improve, is used as it is.
+drive those behind it. This always succeeds if the path is cut into short enough stretches. The path
+is then timed. A path that is too long for a solver, or that the solver cannot improve, is used as
+it is.
 
 One rung turns a path of the arm without its first joint into a path of the arm. With joint 1 at
 rest at θ₁ the drive moves φ and all joints after the second cosθ₁ times as fast as in the shorter
@@ -70,10 +71,10 @@ MOST_SOLVED_INTERVALS = 300
 
 
 def find_arm_path(job: Task) -> tuple[PieceChain, int] | None:
-    """Find a path within the joint limits; also return the joints of the arm the search began with.
+    """Find a path by way of shorter arms; return it and the joint count of the first of them.
 
-    Limits of z2, discs and waypoints are ignored. None if the system is not an arm or no path is
-    found.
+    None if the system is not an arm of at least three joints, if the task has more requirements
+    than limits on joints and inputs (see `has_only_limits`), or if no path is found.
     """
     system = job.problem.system
     if not isinstance(system, Manipulator) or system.n < 3 or not has_only_limits(job):
@@ -83,7 +84,10 @@ def find_arm_path(job: Task) -> tuple[PieceChain, int] | None:
 
 
 def time_arm_path(job: Task, chain: PieceChain) -> tuple[Task, Solution] | None:
-    """The best motion near a path, its duration free, on the path's mesh; None if none is found."""
+    """Return the best motion near a path, on the path's mesh, with its task.
+
+    None if the path has more than `MOST_SOLVED_INTERVALS`, or if no motion is found.
+    """
     progress.tell("timing that path")
     path_job, path = follow(job, chain)
     if len(path_job.mesh.widths) > MOST_SOLVED_INTERVALS:
@@ -105,7 +109,14 @@ def _solve_timing(job: Task, path: Iterate) -> Solution:
 
 
 def lift_shorter_path(job: Task) -> tuple[PieceChain, int] | None:
-    """The path, and the number of joints of the arm with which it began."""
+    """Find a path of the arm from one of the arm without its first joint.
+
+    The shorter arm's path is searched from guesses or else, in the same way, found from a path of a
+    still shorter arm.
+
+    Returns:
+        The path, and the number of joints of the arm whose path was searched; or None.
+    """
     problem = job.problem
     short = _shorter_arm_task(job)
     below = _search_path(short)
@@ -126,7 +137,7 @@ def lift_shorter_path(job: Task) -> tuple[PieceChain, int] | None:
 
 
 def _shorten(job: Task, path: PieceChain, ends: ChainEnds) -> PieceChain:
-    """The path, or the one of least effort near it if that needs less driving and turning."""
+    """Return the path of least effort near a path if that is shorter, else the path itself."""
     path_job, iterate = follow(job, path)
     if len(path_job.mesh.widths) > MAX_PIECES:
         return path
@@ -143,9 +154,9 @@ def _length(path: PieceChain) -> float:
 
 
 def _search_path(job: Task) -> tuple[PieceChain, int] | None:
-    """The shortest path found from a few guesses, as in `lift_shorter_path`.
+    """Return the shortest path found from a few guesses, and the arm's number of joints.
 
-    None also if it is a path only on its coarse mesh.
+    None if no path is found, or if the gaps that its coarse mesh hides cannot be closed.
     """
     guesses = strategy(job.nlp, job.settings).guesses
     settings = replace(job.settings, max_iterations=LADDER_ITERATIONS["guess"])
@@ -172,7 +183,7 @@ def _shorter_arm_task(job: Task) -> Task:
 
 
 OTHER_ANGLE = np.deg2rad(60.0)
-"""The second angle of joint 1, beside zero; near it the sum of drives and turns is least."""
+"""Angle of joint 1 for driving, besides zero; near it the sum of drives and turns is least."""
 
 LONGEST_STRETCH, HALVINGS = 0.8, 12
 """Largest sum of turn and drive in a stretch, rad, and largest number of its halvings."""
@@ -182,14 +193,14 @@ NEGLIGIBLE_RAD = 1e-9
 
 
 def lift(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> PieceChain:
-    """A path of all joints that moves joints 2 … n along a given path, with gaps.
+    """Return a path of all joints, with gaps, that moves joints 2 … n along a given path.
 
     Args:
         system: The arm, n ≥ 3.
         path: The path of `system.shorter()`.
         ends: Ends and limits of the arm.
-        gap: Largest gap to leave, rad; limits may be exceeded by a quarter of it. Stretches with
-            more are halved.
+        gap: Largest gap to leave, rad; limits may be exceeded by a quarter of it. Stretches that
+            leave or exceed more are halved.
     """
     length = np.append(0.0, np.cumsum(np.sum(np.abs(path.u), axis=1)))
     edges = np.linspace(0.0, length[-1], 1 + max(1, int(np.ceil(length[-1] / LONGEST_STRETCH))))
@@ -231,9 +242,9 @@ def _stretches(
 
 
 def _drives(system: Manipulator, moves: Array, ends: ChainEnds) -> tuple[Array, Array]:
-    """Turn, drive, turn and drive in each stretch, shape (S+1, 4, 2), and θ₁ before each of them.
+    """Return the inputs of a turn, drive, turn and drive in each stretch, shape (S+1, 4, 2).
 
-    The last entry is the turn to the goal.
+    The last entry is the turn to the goal. Also return θ₁ before each stretch, shape (S+1,).
     """
     angle, out = ends.start[1], np.zeros((len(moves) + 1, 4, 2))
     before = np.empty(len(moves) + 1)
@@ -265,7 +276,7 @@ def _angles_and_drives(
 
 
 def _pieces(system: Manipulator, q: Array, u: Array, last: Array) -> tuple[PieceChain, Index]:
-    """One piece for each turn and drive; its distance from the next coordinates is a gap."""
+    """Make one piece of each turn and drive, with gaps; also return the stretch of each piece."""
     before = [q]
     for part in range(u.shape[1] - 1):
         before.append(ends_of(system, before[-1], u[:, part]))

@@ -32,8 +32,8 @@ z₂)."""
 
 @dataclass(frozen=True)
 class Augmented:
-    """A system with the states x = (q, w), w being the varying entries of S, a clock and the
-    effort.
+    """A system with states x = (q, w), where w are the varying entries of S and, if needed, a clock
+    and the effort so far.
 
     Attributes:
         system: The system.
@@ -73,7 +73,7 @@ class Augmented:
         return self.path * ca.sumsqr(DEGREES * self._formulas.response.function(x)[1:, :])
 
     def sides(self, q: Any, value: Any, places: list[Any]) -> list[Any]:
-        """An expression in q (N) at the states `places`, minus and plus the back-off."""
+        """Return an expression in q (N) at each state of `places`, minus and plus its back-off."""
         both = ca.Function("value", [q], [value, ca.jacobian(value, q)])
         out = []
         for x in places:
@@ -107,7 +107,7 @@ class Augmented:
 
 @dataclass(frozen=True, eq=False)
 class _Expressions:
-    """The number of states x, and functions from (x, u) to ẋ and from x to W."""
+    """The number of states x, a function from (x, u) to ẋ, and one from x to the response W."""
 
     size: int
     rates: Any
@@ -136,7 +136,7 @@ def _expressions(model: Augmented) -> _Expressions:
 
 
 def _column(form: Linearisation, error: str) -> tuple[dict[int, Any], Any]:
-    """One error's column of S, and the symbols of its entries that vary."""
+    """Return an error's column of S, after the symbols of its varying entries by row."""
     N, b, start = form.q.numel(), form.forcing[error], form.initial[error]
     read = [[j for j in range(N) if form.A[i, j].nnz() > 0] for i in range(N)]
     reached = [bool(start[i]) or b[i].nnz() > 0 for i in range(N)]
@@ -159,7 +159,7 @@ MovingSystem = TriangularSystem | Augmented
 def backs_off(requirement: Requirement) -> bool:
     """Whether a requirement is backed off: limits on coordinates, but not obstacles.
 
-    Rows that depend on fields of the requirement (`numbers`) are not backed off, since their slope
-    is not a function of q alone.
+    Rows that depend on fields of the requirement (`row_fields`) are not backed off, since their
+    slope is not a function of q alone.
     """
     return requirement.reads == {"q"} and requirement.smooth and not requirement.row_fields

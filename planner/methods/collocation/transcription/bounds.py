@@ -62,7 +62,7 @@ class Bounds:
 
     @property
     def pattern(self) -> bytes:
-        """Pattern of finite and of equal bounds; the same for problems of one kind."""
+        """Bytes that encode which bounds are finite or equal; the same for problems of one kind."""
         pairs = ((self.lower, self.upper), (self.row_lower, self.row_upper))
         kinds = [
             (low == high) + 2 * np.isfinite(low) + 4 * np.isfinite(high) for low, high in pairs
@@ -120,7 +120,7 @@ def bounds(
         if reads[r] == {"q"}:
             edge = rows.tau == 0.0
             amounts[:, edge] = edges[:-1, [r]]
-            amounts[0, edge] = -np.inf  # the problem has been checked there
+            amounts[0, edge] = -np.inf  # the start has been checked with the problem
         elif demands.timeless:
             amounts[:] = -np.inf
         unit = units.time_s ** speeds[r]
@@ -144,7 +144,7 @@ def _limits(
     inside: Array,
     edges: Array,
 ) -> tuple[Array, Array]:
-    """Bounds of the unknowns; limits are tightened by `inside` (K, R) and `edges` (K+1, R)."""
+    """Return bounds of the unknowns, tightened inside intervals (K, R) and at edges (K+1, R)."""
     places = nlp.layout
     upper = np.full(places.size, np.inf)
     lower = -upper
@@ -203,6 +203,6 @@ def _fix(
 
 
 def _at_nodes(inset: Array) -> Array:
-    """Amounts (K, R) of intervals at the K+1 edges: the greater of the two neighbours."""
+    """Convert amounts (K, R) of intervals to edges (K+1, R): the greater of both neighbours."""
     ends = np.concatenate([inset[:1], inset, inset[-1:]])
     return np.asarray(np.maximum(ends[:-1], ends[1:]))

@@ -90,7 +90,7 @@ def _pattern(matrix: Any) -> Pattern:
 
 
 class ChainRule:
-    """Derivatives along a chain of definitions v = F(w, earlier v), as of the values inside.
+    """Differentiates functions L(w, v) by w, where v is defined step by step: v = F(w, earlier v).
 
     Let Z = dv/dw, and mu the total derivatives of a function L(w, v) by each v, including the
     effect on later ones. Then L has the Hessian (I; Z)' M (I; Z), where M is the Hessian of
@@ -120,7 +120,7 @@ class ChainRule:
         return ca.jacobian(value, self.w) + ca.jacobian(value, self.v) @ self.Z
 
     def second(self, of: Any) -> tuple[Any, Any]:
-        """Gradient and Hessian by w of one function."""
+        """Return the gradient and the Hessian by w of one function of w and v."""
         mu, count = ca.SX.sym("mu", self.v.numel()), self.w.numel()
         whole = of + ca.dot(mu, self.F)
         hessian = ca.hessian(whole, ca.vertcat(self.w, self.v))[0]

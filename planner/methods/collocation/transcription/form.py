@@ -1,10 +1,10 @@
 """The properties that distinguish transcriptions (scheme, form, mesh), and the objective.
 
 The objective is a weighted sum of duration, effort, smoothness and closeness to the domain's edge.
-A scheme has points, integration, quadrature and Bernstein form. On one interval, scaled to [0, 1],
-a coordinate is the polynomial of degree d through its value at 0 and at the d collocation points.
-Everything else is linear in those d + 1 values.
-
+A collocation scheme consists of points and of weights for integration, quadrature and conversion to
+Bernstein form. On one interval, scaled to [0, 1], a coordinate is the polynomial of degree d
+through its value at 0 and at the d collocation points. Everything else is linear in those d + 1
+values.
 
 Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.5.
 """
@@ -33,7 +33,7 @@ Kind = Literal["radau", "legendre"]
 
 @dataclass(frozen=True, eq=False)
 class Scheme:
-    """Weights of one scheme; build it with `scheme`.
+    """Points and weights of one collocation scheme; build it with `scheme`.
 
     Attributes:
         points: τ₁ … τ_d, shape (d,), in (0, 1].
@@ -85,8 +85,9 @@ def kept_between_nodes(problem: Problem) -> list[Requirement]:
 
 
 REFERENCE_S, REFERENCE_LIMITED_S = 15.0, 3.0
-"""Durations whose unit of time is the second: one given, and the longest of the times that limits
-and objective alone give a rad or m. Both are in the middle of those of ordinary problems."""
+"""Durations, s, for which the natural unit of time is one second: the given duration or, if it is
+free, the longest time that a limit or the objective alone implies for a move by 1 rad or 1 m. Both
+are typical of ordinary problems."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class Units:
 
     Attributes:
         time_s: Unit of time, s.
-        inputs: Units of the inputs, in their own units.
+        inputs: Natural units of the two inputs, in rad/s or m/s.
         objective: Unit of the objective.
     """
 
@@ -152,12 +153,12 @@ class Form:
         degree: Collocation points per interval.
         input: "constant" in each interval, or "linear" and continuous.
         free_duration: Whether the duration is an unknown; else it is a parameter.
-        kept: Requirements that have rows, without their numbers, see `kept_between_nodes`.
-        final: Requirements that have rows at right edges only, without their numbers: those at the
-            end and at waypoints.
+        kept: Requirements that have rows, as templates without numbers, see `kept_between_nodes`.
+        final: Requirements that have rows at right edges only, as templates without numbers: those
+            at the end and at waypoints.
         edge: Whether closeness to the edge of the chart's domain is a term of the objective.
-        inner: Whether requirements have rows at the collocation points too, not only at the mesh's
-            edges.
+        inner: Whether requirements on coordinates have rows at the collocation points too, not only
+            at the mesh's edges.
         augmented: The system with its response to errors, if that is transcribed; else None.
         units: Units of the unknowns, and of rows that depend on inputs.
     """
@@ -219,7 +220,7 @@ class Mesh:
         return np.asarray(self.edges[:-1, None] + self.widths[:, None] * tau)
 
     def snap(self, edges: Array) -> Mesh:
-        """Another partition with its nearest edges moved onto the marks of this one."""
+        """Return a mesh of these edges, the nearest of which are moved onto this mesh's marks."""
         edges = edges.copy()
         marks: list[int] = []
         for knot in self.knots[1:-1]:
@@ -259,13 +260,13 @@ without the effort the motion would leave the edge at infinite speed."""
 
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """A weighted sum.
+    """The objective, a weighted sum of six terms.
 
     Attributes:
         kind: "effort", "smooth", "edge", "time" or "mixed".
         name: In words.
         weights: Weights of T, of each ∫uᵢ² dt, of each ∫(duᵢ/dt)² dt, and of the mean closeness to
-            the domain's edge (see `edges`), shape (6,).
+            the domain's edge (`planner.plan.measures.closeness`), shape (6,).
     """
 
     kind: str

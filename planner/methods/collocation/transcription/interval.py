@@ -29,7 +29,7 @@ RowKind = Literal["motion", "carried", "defect", "kept", "final"]
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows of one meaning.
+    """A group of rows with one meaning.
 
     Attributes:
         kind: Their family. motion: the next state is the end of this interval; carried: the
@@ -52,8 +52,8 @@ class Stage:
     """The symbols of one interval.
 
     Attributes:
-        state: y at its left edge.
-        control: c.
+        state: The state y at its left edge, see `unknowns`.
+        control: The control c of the interval.
         width: Its share of the duration.
         weights: The interval's parameters, see `Form.parameters`.
         inside: Inputs, coordinates and their rates at the collocation points, as columns of
@@ -62,7 +62,7 @@ class Stage:
         cost: Its share of the objective; like all below it may depend on `inside`.
         end: Additional cost of the last state.
         after: The state at its right edge; the first rows are the next state minus this one.
-        rows: The rows that follow them.
+        rows: The rows that follow these first ones.
         points: Coordinates at the collocation points, N × d.
         labels: Meaning of all rows, including the first ones.
     """
@@ -159,9 +159,9 @@ def _collocation(
     """Values and rates at the collocation points, one coordinate after the other.
 
     Returns:
-        Values, first index the point; rates of each coordinate at the points; for each lifted
-        coordinate the differences of its values from its integrated rates, which must vanish; and
-        the symbols of inputs, rates and other values, each with its definition.
+        Values, whose first index is the point; rates of each coordinate at the points; for each
+        lifted coordinate, the differences of its values from its integrated rates, which must
+        vanish; and the symbols of inputs, rates and other values, each with its definition.
     """
     s, places = form.scheme, range(form.degree)
     inputs = [ca.SX.sym(f"u{j}", 2) for j in places]
@@ -188,7 +188,7 @@ def _collocation(
 
 
 def _rates(system: MovingSystem, coordinates: tuple[int, ...], units: Units) -> list[Any]:
-    """Functions (q, u) to the rate of each coordinate, in natural units."""
+    """Return functions of (q, u) that give the rate of each coordinate, in natural units."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = system.rates_expr(q, u * ca.DM(units.inputs))
     return [ca.Function("rate", [q, u], [units.time_s * rates[i]]) for i in coordinates]
@@ -226,7 +226,7 @@ twentieth."""
 def _limit_rows(
     system: TriangularSystem, form: Form, x: _Symbols, points: list[Any], after: Any, rows: _RowList
 ) -> None:
-    """Rows of requirements that are not bounds on unknowns.
+    """Add rows for the requirements that are not bounds on unknowns.
 
     Coordinates at edges and lifted ones are unknowns. An input is constant or linear in an
     interval, so a requirement on inputs alone has one row, or rows at a few positions.
@@ -268,7 +268,7 @@ def _limit_rows(
 
 
 def _backed_off_rows(form: Form, model: Augmented, places: list[Any], rows: _RowList) -> None:
-    """Rows of limits on coordinates with back-off to both sides, at points and the right edge."""
+    """Add rows for limits on coordinates, backed off, at collocation points and the right edge."""
     system, q = model.system, ca.SX.sym("q", model.system.size)
     tau, part = np.repeat(np.append(form.scheme.points, 1.0), 2), 0
     for blank in form.kept:

@@ -119,7 +119,7 @@ class _Assembly:
         return ca.vec(ca.vertcat(rows[: self.ny, :] + following, rows[self.ny :, :]))
 
     def _jacobian(self) -> Any:
-        """The Jacobian; a state's column begins with the row of the previous interval, if any."""
+        """Assemble the Jacobian; states also have ones in the rows of the previous interval."""
         rows, nonzeros = self._mapped(self.functions.jacobian)
         row, column = self.functions.jacobian_pattern
         stages, last = np.arange(self.K)[:, None], np.arange(self.ny)
@@ -132,7 +132,7 @@ class _Assembly:
         return ca.Function("nlp_jac_g", self._xp, outputs, ["x", "p"], ["g", "jac_g_x"])
 
     def _lagrangian(self) -> tuple[list[Any], Any, Any]:
-        """Arguments, gradient and Hessian nonzeros of each interval."""
+        """Return the Lagrangian's arguments, its gradient, and each interval's Hessian nonzeros."""
         scale, duals = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.K * self.height)
         columns = ca.reshape(duals, self.height, self.K)
         scales = ca.repmat(scale, 1, self.K)
@@ -168,7 +168,7 @@ class _Assembly:
 
 @dataclass(frozen=True, eq=False)
 class Transcription:
-    """A nonlinear programme with names; start, goal, limits, mesh and weights are numbers.
+    """A nonlinear programme with named unknowns, for any start, goal, limits, mesh and weights.
 
     Attributes:
         system: The system.
@@ -198,8 +198,8 @@ class Transcription:
         """Evaluate the programme at unknowns in natural units.
 
         Returns:
-            The objective and the values of all rows in natural units, and the unknowns by name in
-            the problem's, with the collocation values that follow from them.
+            The objective and the values of all rows, in natural units; and the unknowns by name, in
+            the problem's units, with the collocation values that follow from them.
         """
         at, units = self.layout, self.form.units
         duration = units.time_s * parameters[self.form.parameters - 1]

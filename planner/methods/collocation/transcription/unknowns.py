@@ -8,9 +8,9 @@ is a constant state, so that no unknown belongs to all stages. The input U is a 
 must not jump, the slope of a line that starts at V, which is then part of the state. P are the
 collocation values of the lifted coordinates (see `order`); the manipulator has none.
 
-Two motions are computed from it: the interpolant of the scheme, and the true motion under the
-input, by a Runge–Kutta method with small fixed steps. The latter samples the motion between the
-nodes, to tighten limits and to refine the mesh. It is fast, and uses the same expressions of the
+Two motions are computed from the vector: the interpolant of the scheme, and the true motion under
+the input, by a Runge–Kutta method with small fixed steps. The true motion is sampled between the
+nodes, to tighten limits and to refine the mesh. This is fast, and uses the same expressions of the
 system as the transcription; the independent judge is `verify`.
 """
 
@@ -98,7 +98,7 @@ class Layout:
         return w
 
     def pack(self, iterate: Iterate, widths: Array) -> Array:
-        """Names to vector, shape (size,), on a mesh of these widths (K,), in their own units."""
+        """Return the vector (size,) of an iterate, in the problem's units, for mesh widths (K,)."""
         w = np.empty(self.size)
         w[self.nodes] = iterate.nodes
         w[self.durations] = iterate.duration
@@ -133,13 +133,13 @@ def layout(form: Form, size: int, lifted: tuple[int, ...]) -> Layout:
 
 
 def curve(system: TriangularSystem, form: Form, mesh: Mesh, iterate: Iterate) -> StateTrajectory:
-    """The motion of a system, without further states of the iterate."""
+    """Return the motion of a system, without the response and effort in an iterate's states."""
     q, u = pieces(form, mesh, iterate)
     return StateTrajectory(system, Bernstein(q.c[..., : system.size], q.x), u)
 
 
 def pieces(form: Form, mesh: Mesh, iterate: Iterate) -> tuple[Bernstein, Bernstein]:
-    """Piecewise polynomials in time: all states of degree d, u of degree 0 or 1."""
+    """Return piecewise polynomials in time: all states, of degree d, and u, of degree 0 or 1."""
     breaks = mesh.edges * iterate.duration
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
     q = (form.scheme.bernstein @ values).swapaxes(0, 1)
@@ -176,8 +176,11 @@ def resimulated_apart(system: MovingSystem, mesh: Mesh, iterate: Iterate) -> Arr
 
 @lru_cache(maxsize=32)
 def _runner(system: MovingSystem, intervals: int, through: bool) -> Call:
-    """Function from the start (or the starts of all intervals), times and inputs at the ends of
-    intervals to samples."""
+    """Build the function that integrates all intervals and returns samples.
+
+    Its arguments are the start, the durations of the intervals, and the inputs at their left and
+    right ends. Unless `through`, each interval has its own start.
+    """
     one = _interval(system)
     whole = one.mapaccum(intervals) if through else one.map(intervals)
     inputs = [ca.MX.sym(name, whole.sparsity_in(k)) for k, name in enumerate("qsab")]

@@ -47,8 +47,10 @@ USUAL_RATE = 4.0
 LENGTH_S = 30.0
 DRIVE_RAD_S, DRIVE_PERIOD_S = 0.45, 5.3
 THETA1_RAD_S, THETA1_PERIODS_S = (0.35, 0.12), (11.0, 3.1)
-"""Both motors moving at once give more information per second than one after the other. Only a
-drive that reverses shows the lost motion; the paper's motion never reverses and hardly shows it."""
+"""Length of the motion; speed and period of the drive's square wave; speeds and periods of the two
+sines of θ₁. Both motors moving at once give more information per second than one after the other.
+Only a drive that reverses shows the lost motion; the paper's motion never reverses and hardly shows
+it."""
 
 SIZES = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4)
 """Sizes to try: the motion is made smaller if it breaks a joint limit or touches something. At 0.3

@@ -19,7 +19,8 @@ from planner.support.arrays import Array
 from planner.support.calculus.bernstein import basis
 
 INTERPOLANT = 10.0
-"""Allowed difference of the interpolant from the true motion, as a multiple of that at the end."""
+"""Difference of the interpolant from the true motion that is allowed at any time, as a multiple of
+that allowed at the end."""
 
 DRAWN_IN_SLACK = 1e-7
 """Additional distance, relative to a limit, by which a broken limit is tightened."""
@@ -29,7 +30,8 @@ CUBIC_BULGE = 0.0642
 difference."""
 
 LARGEST_STEP, MAX_PARTS = 0.5, 100
-"""Largest move of a link between two samples, in radii of a disc; and most parts of a step."""
+"""Largest move of a link between two samples, in radii of a disc; and the largest number of parts
+into which the step between two samples is cut to achieve this."""
 
 ROUNDING = 1e-9
 """Relative excess over a limit that counts as none, as in certificates."""

@@ -219,7 +219,7 @@ def _reverse(path: float, driven: float) -> Seed:
 
 @lru_cache(maxsize=256)  # more than any search uses
 def wander(number: int) -> Seed:
-    """A smooth random loop."""
+    """Return a smooth random loop, determined by its number."""
     terms = 3 + number % 4
     path, driven = np.random.default_rng(number).normal(size=(2, terms)) * 0.75
 
@@ -250,10 +250,11 @@ LEAST_SHARE = 0.02
 
 
 def routes(problem: Problem) -> list[Problem]:
-    """Variants of the problem: each order of the waypoints to try and, if the goal leaves joints
-    free, each expected branch; the shortest by straight lines first.
+    """Return variants of the problem to search, the shortest by straight lines first.
 
-    The list is empty if no goal is found, and contains only the problem if there is no choice.
+    There is one for each order of the waypoints and, if the goal leaves joints free, for each
+    expected branch of the goal; at most `MOST_ORDERS` are tried. The list is empty if no goal is
+    found, and contains only the problem if there is no choice.
 
     Raises:
         InputError: If there are too many orders.

@@ -48,10 +48,10 @@ direction with each side, have been tried. Otherwise it ends once the shortest p
 twice."""
 
 SUFFIX, MOST_FAILURES = ", moved", 16
-"""Random loops about the shortest path are tried if the seeds lead to different paths: suffix of
-their names, and how many in a row must fail to find a shorter path before the search ends. Of 34
-pairs of four joints within 45 degrees, 26 % ended more than 1 % above the shortest path known with
-8 small loops in all; 9 % did with this rule, in 2.2 times the time of the search."""
+"""If the seeds lead to different paths, random loops about the shortest one are tried, whose names
+end with `SUFFIX`, until `MOST_FAILURES` in a row find no shorter path. Of 34 pairs of four joints
+within 45 degrees, 26 % ended more than 1 % above the shortest path known with 8 small loops in all;
+9 % did with this rule, in 2.2 times the time of the search."""
 
 SURE_ONE_WAY = 4
 """Up to this number of coordinates (those of an arm with three joints) a motion whose drive never
@@ -80,7 +80,7 @@ class PathSearch:
         log: One entry per seed, JSON-ready.
         latest: The result of the last seed with its task: a failed path, or the path as a motion of
             the job, to be used if there is no time for a better one. None if there is neither.
-        clear: Paths whose links pass through no disc.
+        clear: Number of the paths whose links pass through no disc.
     """
 
     solved: list[SeedPath] = field(default_factory=list)
@@ -228,13 +228,13 @@ def path_task(job: Task) -> Task:
 
 
 MOST_INPUT_ANGLE, INTERVAL_STEP, MOST_INTERVALS = 0.5, 20, 400
-"""Mesh of a refined path: largest integral of an input over an interval, rad, for joints with 80
-degrees; increment of the number of intervals, so that paths share transcriptions; and their largest
-number."""
+"""For the mesh of a refined path: the largest integral of an input over an interval, rad, if joints
+are limited to 80 degrees; the number of which the number of intervals is a multiple, so that paths
+share transcriptions; and the largest number of intervals."""
 
 LEAST_FAST_INTERVALS, FAST_DENSITY = 100, 1.5
 """Least number of intervals of a fastest motion, since a linear input needs them to switch; and the
-ratio of its number to the path's."""
+ratio of the motion's number of intervals to the path's."""
 
 PATH_ERROR = 1e-4
 """Largest difference at the end, rad or m, between a path and its true motion; the motion's own
@@ -242,11 +242,13 @@ mesh reduces it further."""
 
 
 def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
-    """A path on a mesh that is fine enough for its length, with limits kept inside intervals too.
+    """Solve a path on a mesh fine enough for its length, with limits kept inside intervals too.
 
     On few intervals a path is shorter than any motion: it exceeds the joint limits between the
     nodes, by half a radian if they are 40 degrees. So it first gets more nodes, then its limits are
     tightened, and only then it is timed, since a path has no limits on inputs.
+
+    The result is None if a solve fails.
     """
     inspection = inspect(free, path)
     if inspection.end_error <= PATH_ERROR and not inspection.excess.any():
@@ -271,7 +273,7 @@ def halve_mesh(free: Task, path: Solution) -> tuple[Task, Solution]:
 
 
 def path_intervals(free: Task, path: Iterate) -> int:
-    """Least number of intervals for a path."""
+    """Return the number of mesh intervals to refine a path on, from the length of its inputs."""
     left, right = path.input_ends()
     steps = np.abs(left + right) / 2 * (free.mesh.widths * path.duration)[:, None]
     limit = free.problem.limits.input
@@ -320,7 +322,7 @@ def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Arr
 
 
 def on_mesh(job: Task, free: Task, mesh: Mesh) -> Task:
-    """The job on a mesh, with limits kept inside the intervals if the path's task keeps them."""
+    """Return the job on a mesh, with limits kept inside intervals if `free` keeps them there."""
     fine = job.on_mesh(mesh)
     return fine.with_inner_rows() if free.nlp.form.inner and not fine.nlp.form.inner else fine
 
@@ -347,7 +349,7 @@ def never_reverses(iterate: Iterate) -> bool:
 
 
 def solve_timing(job: Task, start: Iterate) -> Solution:
-    """Solve the job from a path at some speed.
+    """Solve the job for its motion, starting from a path at any speed.
 
     With its time scaled uniformly the path is a feasible start if it fits the duration. A path that
     does not fit is first made as fast as possible.

@@ -34,13 +34,13 @@ def no_goal(problem: Problem) -> NoPlanError:
     """Return the refusal if a goal leaves joints free and no pose that meets it is found."""
     reach, tip = goal_reach(problem), problem.tip
     assert reach is not None
-    why = f"puts {tip}" if tip else "keeps all limits"
+    why = f"put {tip}" if tip else "keep all limits"
     if tip and reach.blocked:
-        why += " and keeps all limits there"
+        why += " and keep all limits there"
     elif tip:
         angle = tip.place is None
         off = f"{np.rad2deg(reach.missed):.3g} deg" if angle else f"{reach.missed:.3g} m"
-        why += f"; the nearest found is {off} off"
+        why += f"; the nearest found are {off} off"
     return NotConvergedError(
         f"{problem.source}: no joint angles within the limits were found that {why}",
         changes=[*reach_changes(problem, reach), *path_changes(problem)],

@@ -36,8 +36,8 @@ MAX_COARSE_PATHS = 6
 """Largest number of paths to time on a given mesh, where it is not known which is the fastest."""
 
 LEAST_TIME_RATIO = 0.95
-"""Expected least ratio of a motion's duration to that of its path by `clock`, or to the fastest
-found: timing shortens a path by a few hundredths."""
+"""Expected least ratio of a motion's duration to that of its path by `clock`, or to that of the
+fastest motion found: timing saves a few hundredths."""
 
 
 @dataclass(frozen=True, eq=False)

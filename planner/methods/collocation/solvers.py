@@ -30,8 +30,8 @@ FATROP_ITERATIONS = 100
 """Largest number of iterations of Fatrop; problems that it can solve need some tens."""
 
 FATROP_TOLERANCE = 1e-7
-"""Tolerance of Fatrop. With less, rounding keeps it from finishing when limits are active. The rows
-are as accurate as with a smaller tolerance, and the objective differs by less than 1e-7."""
+"""Least tolerance of Fatrop. With less, rounding keeps it from finishing when limits are active.
+The rows are as accurate as with a smaller one, and the objective differs by less than 1e-7."""
 
 FATROP_RELAXES = 1e-8
 """Distance by which Fatrop's iterates may exceed bounds, relative to the bound or to one."""

@@ -144,7 +144,7 @@ class Task:
         return states[..., : nlp.system.size]
 
     def motion_apart(self, iterate: Iterate) -> Array:
-        """The true motion in each interval from the iterate's own node, shape (K, M, N)."""
+        """Simulate each interval on its own from the iterate's node at its left edge, (K, M, N)."""
         states = resimulated_apart(self.nlp.model, self.mesh, iterate)
         return states[..., : self.nlp.system.size]
 

@@ -49,7 +49,7 @@ class Band:
         sign: ±1.
         floor: Least p; −inf without a floor.
         cap_factor: Factor on g (n = 3) or K₂ (n = 2) that keeps the distance from θ₁ = 0.
-        K: (K₂,) or (K₂, K₃); empty without a cap.
+        K: Constants (K₂,) or (K₂, K₃) of the chained form; empty without a cap.
     """
 
     sign: float
@@ -142,7 +142,7 @@ class Excess:
         proven: Proven upper bound of the excess on all pieces.
         piece: Numbers of the pieces whose excess is above the tolerance, shape (k,).
         local: Position of the greatest excess in each of them, as a fraction, shape (k,).
-        value: The excess there, shape (k,).
+        value: The excess at these positions, shape (k,).
     """
 
     proven: float

@@ -140,7 +140,7 @@ class Frame:
         return np.asarray(np.sum(terms, axis=0))
 
     def bernstein(self, y: Array) -> list[Array]:
-        """Bernstein coefficients on every piece of ω, z[1] … z[N−1]: arrays (degree+1, pieces)."""
+        """Return Bernstein coefficients (degree+1, pieces) of ω, then of z[1] … z[N−1]."""
         out = [self.shape.bernstein(self.x(y))]
         width = 1.0 / self.shape.pieces
         for i in range(1, len(self.start)):

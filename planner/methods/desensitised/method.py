@@ -57,7 +57,7 @@ from planner.verification.verify import verify
 NAME = "desensitised"
 
 EASY_PLAN_SHARE = 0.5
-"""Share of a limited time for the plan of least effort."""
+"""Share of a limited time that the search for the plan of least effort may take."""
 
 REFINEMENTS = 4
 """Largest number of mesh refinements."""

@@ -45,8 +45,8 @@ _OPEN_WINDOW = 3.0
 """Largest travel tried in either direction if no window is known, rad, for arms."""
 
 _OPEN_RATIO = 10.0
-"""The same for vehicles, in units of the distance between start and goal without the path
-coordinate."""
+"""The same for vehicles, as a multiple of the largest move from start to goal of any other
+coordinate that is a length."""
 
 Options = TypeVar("Options", bound=LawOptions)
 

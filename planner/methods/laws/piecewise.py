@@ -31,7 +31,8 @@ def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
 
     Raises:
         SingularError: If start and goal are not in one branch of the chart, or the path leaves the
-            chart's domain (unless `options.allow_singular`); the error has the times.
+            chart's domain (unless `options.allow_singular`), with the times at which it does; or if
+            the travel leaves the coefficients undetermined.
         InputError: If there are fewer slots than coordinates to bring to the goal.
     """
     began = time.perf_counter()
@@ -59,6 +60,6 @@ def _slots(problem: Problem, options: PiecewiseOptions) -> int:
     if options.slots is not None and options.slots < least:
         raise InputError(
             f"{problem.source}: method.piecewise.slots = {options.slots} is too few to reach"
-            f" {least} coordinates; at least {least}"
+            f" {least} coordinates; use at least {least}"
         )
     return options.slots or least

@@ -41,9 +41,9 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
     z₂ … z_N are at the turn; we choose the values with the least ∫v₂².
 
     Raises:
-        SingularError: If start and goal are not in one branch of the chart, or the path leaves the
-            chart's domain (unless `options.allow_singular`), for every choice of points and travel
-            tried; the error has the times. Also if the points do not determine the polynomial.
+        SingularError: If start and goal are not in one branch of the chart, or the best
+            motion found leaves the chart's domain (unless `options.allow_singular`), with the times
+            at which it does; or if the points leave the coefficients undetermined.
         InputError: If a constraint point lies outside the motion or contradicts another.
     """
     began = time.perf_counter()
@@ -87,7 +87,9 @@ def _given_points(problem: Problem, options: PolynomialOptions) -> tuple[Point, 
                 f" motion (0, {problem.duration:g}) s"
             )
     if len({p.time_s for p in points}) < len(points):
-        raise InputError(f"{problem.source}: method.polynomial.points: two points at one time")
+        raise InputError(
+            f"{problem.source}: method.polynomial.points: two points at one time; give each its own"
+        )
     return points
 
 

@@ -59,7 +59,7 @@ class Scores:
         return np.asarray(self.margin > 0)
 
     def cost(self, criterion: Criterion, ends: float, slack: float = 0.0) -> Array:
-        """One number to minimise, shape (C,), in three ranges.
+        """Combine the scores into one number to minimise, shape (C,), in three ranges.
 
         Below 1: keeps limits and a distance from the domain's edge; 1 to 2: breaks a limit or comes
         ten times closer to the edge than the ends; 2 to 3: leaves the domain.
@@ -68,7 +68,7 @@ class Scores:
             criterion: "peak" compares peak inputs; "margin" compares margins, and peak inputs among
                 those that reach the ends' margin, which no path can exceed.
             ends: The least margin of start and goal; see `end_margin`.
-            slack: The slack that keeps a limit; see `end_slack`.
+            slack: Least slack with which a limit counts as kept; see `end_slack`.
         """
         with np.errstate(invalid="ignore"):
             outside = 2 + _bound(-self.margin)

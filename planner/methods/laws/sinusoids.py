@@ -38,9 +38,9 @@ def plan_sinusoid(problem: Problem, options: SinusoidOptions) -> Plan:
     """Steer with one period of sinusoids, all coordinates at once.
 
     Raises:
-        SingularError: If start or goal are not in one branch of the chart, or the path leaves its
-            domain (unless `options.allow_singular`), with the times; or if it does so for every
-            amplitude and travel tried.
+        SingularError: If start and goal are not in one branch of the chart; if the best motion
+            found leaves the chart's domain (unless `options.allow_singular`), with the times at
+            which it does; or if the amplitude leaves the coefficients undetermined.
     """
     began = time.perf_counter()
     ends = Ends.of(problem)
@@ -109,9 +109,9 @@ def plan_sinusoid_steps(problem: Problem, options: SinusoidStepsOptions) -> Plan
     """Steer z₁ and z₂ first, then one further coordinate in each period of sinusoids.
 
     Raises:
-        SingularError: If start or goal are not in one branch of the chart, or the path leaves its
-            domain (unless `options.allow_singular`), with the times; or if it does so for every
-            amplitude and travel tried.
+        SingularError: If start and goal are not in one branch of the chart, or the best motion
+            found leaves the chart's domain (unless `options.allow_singular`), with the times at
+            which it does.
         InputError: If the list of amplitudes does not have one entry for each period, or that of
             shares one for the first leg and each period.
     """

@@ -74,8 +74,10 @@ def keep_side(task: Task, start: Iterate, solution: Solution) -> Solution:
 
 
 def growth(task: Task, start: Iterate) -> Array:
-    """Amounts by which discs grow in each interval, (K, R), in the unit of their rows: up to `KEPT`
-    of their distance from the links."""
+    """Return by how much discs grow in each interval, (K, R), in the unit of their rows.
+
+    They grow up to the share `KEPT` of their distance from the links.
+    """
     system, curves, out = task.problem.system, task.motion_apart(start), []
     for required in task.requirements:
         amounts = np.zeros((len(curves), len(required.parts)))

@@ -37,8 +37,9 @@ PATIENCE = 200
 
 RESIDUAL = 1e-6
 CORRECTIONS, PARTS = 2, 8
-"""Number of corrections of an exact chain, and of parts in which each of its pieces is integrated.
-That is finer than in the later check, which would otherwise make the same error and not see it."""
+"""Number of corrections that make a chain exact, and of parts in which each piece is integrated for
+them. The later check integrates less finely; with equal steps it would make the same error and not
+see it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,7 @@ def cut_finer(
 
 
 def cuts(q: Array, limited: list[int], turn: float, least: int = 1) -> tuple[Index, Index, Array]:
-    """Tell how to cut the K pieces of q (K+1, N) so that no limited coordinate exceeds `turn`.
+    """Tell how to cut the pieces of q (K+1, N) so that limited coordinates turn at most by `turn`.
 
     Returns:
         Number of parts of each piece, shape (K,); for each part its piece, and its start as a

@@ -186,7 +186,7 @@ OTHER_ANGLE = np.deg2rad(60.0)
 """Angle of joint 1 for driving, besides zero; near it the sum of drives and turns is least."""
 
 LONGEST_STRETCH, HALVINGS = 0.8, 12
-"""Largest sum of turn and drive in a stretch, rad, and largest number of its halvings."""
+"""Largest sum of turn and drive in a stretch, rad, and largest number of rounds of halving."""
 
 NEGLIGIBLE_RAD = 1e-9
 """Smaller turns and drives are left out, rad."""

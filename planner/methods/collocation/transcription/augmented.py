@@ -23,7 +23,7 @@ from planner.systems.linearisation import Linearisation, linearise
 from planner.systems.triangular_system import TriangularSystem
 
 DEGREES = 180 / np.pi
-"""The response is weighted in degrees (lengths in 57.3ths of their unit), so that it is near 1."""
+"""The response is weighted in degrees (lengths in 1/57.3 of their unit), so that it is near 1."""
 
 VARIANCE_ROUNDING = 1e-6 / DEGREES
 """Smooths the square root at a variance of zero, in the unit of the coordinate (rad, or that of
@@ -136,7 +136,7 @@ def _expressions(model: Augmented) -> _Expressions:
 
 
 def _column(form: Linearisation, error: str) -> tuple[dict[int, Any], Any]:
-    """Return an error's column of S, after the symbols of its varying entries by row."""
+    """Return an error's column of S, and before it the symbols of its varying entries by row."""
     N, b, start = form.q.numel(), form.forcing[error], form.initial[error]
     read = [[j for j in range(N) if form.A[i, j].nnz() > 0] for i in range(N)]
     reached = [bool(start[i]) or b[i].nnz() > 0 for i in range(N)]

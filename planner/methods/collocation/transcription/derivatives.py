@@ -22,7 +22,9 @@ Pattern = tuple[Index, Index]
 
 @dataclass(frozen=True, eq=False)
 class IntervalFunctions:
-    """Functions of (y, c) and the parameters (`Form.parameters`, width), all dense columns.
+    """Functions of the state and control (y, c) and the parameters, all dense columns.
+
+    The parameters are those of `Form.parameters`, then the width.
 
     Attributes:
         cost: Gives the cost.

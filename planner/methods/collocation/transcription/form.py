@@ -115,7 +115,7 @@ class Units:
 
 
 def natural_units(problem: Problem, objective: Objective, timeless: bool) -> Units:
-    """Units from a problem's drive constant, its duration or limits, and its objective.
+    """Choose units from a problem's drive constant, its duration or limits, and its objective.
 
     Args:
         problem: The problem.
@@ -216,7 +216,7 @@ class Mesh:
         return self.edges[[0, *self.marks, len(self.edges) - 1]]
 
     def at(self, tau: Array) -> Array:
-        """Fractions of the whole, shape (K, m), at fractions tau (m,) of each interval."""
+        """Return fractions of the whole mesh, (K, m), at fractions tau (m,) of each interval."""
         return np.asarray(self.edges[:-1, None] + self.widths[:, None] * tau)
 
     def snap(self, edges: Array) -> Mesh:
@@ -339,7 +339,7 @@ def _mixed_objective(options: CollocationOptions) -> Objective:
 
 
 def fastest(problem: Problem) -> Objective:
-    """Least duration, with a small weight on the effort, which makes the motion unique."""
+    """Return the objective of least duration; a small weight on effort makes the motion unique."""
     weights = TIME_REGULARISATION / problem.limits.input_scale**2
     return Objective(
         "time",

@@ -281,9 +281,9 @@ def _backed_off_rows(form: Form, model: Augmented, places: list[Any], rows: _Row
 def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) -> Any:
     """The interval's share of the objective; for the terms see `Form` and `Objective`.
 
-    Closeness (`planner.plan.measures.closeness`) depends smoothly on the least margin. It grows
-    towards an edge from both sides, so it does not depend on the branch and is also defined outside
-    the chart.
+    Closeness (`planner.plan.measures.closeness`) is a sum over the margins of the chart's domain,
+    in which the least margin dominates. It grows towards an edge from both sides, so it does not
+    depend on the branch and is also defined outside the chart.
     """
     square = x.u_left**2  # mean of u^2 over the interval, exact for both kinds of input
     if form.input == "linear":
@@ -319,7 +319,7 @@ class Order:
 
 
 def order(system: MovingSystem) -> Order:
-    """The order for a system, with few coordinates lifted."""
+    """Choose in which order to compute the coordinates of a system, and few of them to lift."""
     needs = _dependencies(system)
     sequence: list[int] = []
     lifted: set[int] = set()

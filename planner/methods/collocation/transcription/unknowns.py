@@ -64,9 +64,9 @@ class Layout:
     """Positions in the vector of unknowns.
 
     Attributes:
-        intervals: Number K.
-        state: Entries of y.
-        control: Entries of c.
+        intervals: Number K of intervals.
+        state: Number of entries of y.
+        control: Number of entries of c.
         nodes: Positions of X, shape (K+1, N).
         durations: Positions of T, shape (K+1,), or (0,) if T is known.
         inputs: Positions of inputs, in the shape of `Iterate.inputs`.

@@ -152,13 +152,14 @@ def _add_build_time(before: Task, task: Task) -> Task:
 
 
 def _finer_mesh(now: Inspection, accuracy: float) -> Mesh:
-    """A mesh whose density follows the errors, with at most three times as many intervals.
+    """Return a mesh whose density follows the errors, with at most three times as many intervals.
 
-    The error of an interval is that of the true motion started at its left node. It decreases with
-    the width to the power 2d - 1 at the nodes, summed over all, and d + 1 inside the interval. The
-    errors at the nodes are weighted by their growth until the end: up to ten thousand when trailers
-    are pushed, and at least the growth of a random sum. The solution on the new mesh may move where
-    the present one rests, so no interval is much wider than the others.
+    The error of an interval is the difference of the interpolant from the true motion started at
+    the interval's left node. With degree d it decreases with the width to the power d + 1 inside
+    the interval, and at the nodes, where the errors of all intervals add up, to the power 2d - 1.
+    The errors at the nodes are weighted by their growth until the end: up to ten thousand when
+    trailers are pushed, and at least the growth of a random sum. The solution on the new mesh may
+    move where the present one rests, so no interval is much wider than the others.
     """
     task, d, widths = now.task, now.task.nlp.form.degree, now.task.mesh.widths
     if now.fine(accuracy):

@@ -54,12 +54,12 @@ class Stage:
     Attributes:
         state: The state y at its left edge, see `unknowns`.
         control: The control c of the interval.
-        width: Its share of the duration.
+        width: The interval's share of the duration.
         weights: The interval's parameters, see `Form.parameters`.
         inside: Inputs, coordinates and their rates at the collocation points, as columns of
             symbols.
         meaning: Definition of each column by state, control and earlier columns.
-        cost: Its share of the objective; like all below it may depend on `inside`.
+        cost: The interval's share of the objective; this and all below may depend on `inside`.
         end: Additional cost of the last state.
         after: The state at its right edge; the first rows are the next state minus this one.
         rows: The rows that follow these first ones.

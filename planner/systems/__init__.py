@@ -1,6 +1,6 @@
-"""The systems that the planner steers: the triangular class, its members, and their chart.
+"""The systems that the planner steers: triangular systems and their transformation.
 
-In this order: `triangular_system`, `chained_form`, `manipulator`, `ball_gear`, `vehicles`, `coin`
-(its user coordinates are not the triangular ones), `expressions`, `user_map` and `custom` (systems
-given as text), `linearisation`, `controllability`.
+Modules in reading order: `triangular_system` (base classes), `chained_form` (the transformation of
+Theorem 1), the systems in `manipulator`, `ball_gear`, `vehicles` and `coin`; `expressions`,
+`user_map` and `custom` (systems given as text); `linearisation` and `controllability` (analyses).
 """

@@ -23,12 +23,14 @@ class BallGear(PlanarArm, TangentSystem):
     θ̇₁ = u₂,  θ̇ᵢ = kᵢ sinθᵢ₋₁ ∏_{j≤i−2} cosθⱼ u₁,  φ̇ₙ = k_g ∏_{j≤n−1} cosθⱼ u₁.
 
     The ball at joint i turns joint i+1 at the rate sinθᵢ and the next ball at the rate cosθᵢ; φₙ is
-    the output angle of the last ball. Over φₙ: θᵢ' = Kᵢ tanθᵢ₋₁ / ∏_{j=i}^{n−1} cosθⱼ: triangular,
-    and one chart covers every |θ| < 90°, θ = 0 included.
+    the output angle of the last ball. With φₙ in place of time, the equations are triangular:
+    θᵢ' = dθᵢ/dφₙ = Kᵢ tanθᵢ₋₁ / ∏_{j=i}^{n−1} cosθⱼ. One chart covers every |θ| < 90°, θ = 0
+    included.
 
     Args:
         K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers).
-        k_g: Turns of the last disk per turn of motor 1; u₁ and its limit are the motor's.
+        k_g: Turns of the last ball per turn of motor 1 with every joint at 0; u₁ and its limit
+            refer to the motor.
         link_lengths: Lengths of the n links, for drawing and obstacles; by default 1 each.
 
     Raises:
@@ -42,18 +44,18 @@ class BallGear(PlanarArm, TangentSystem):
     # -- symbolic form -------------------------------------------------------------------------
 
     def slopes_expr(self, q: Any) -> list[Any]:
-        """θᵢ' = dθᵢ/dφₙ for i = 2 … n."""
+        """Return θᵢ' = dθᵢ/dφₙ for i = 2 … n, as CasADi expressions."""
         return [
             self.K[i - 2] * ca.tan(q[i - 1]) / prod([ca.cos(q[j]) for j in range(i, self.n)])
             for i in range(2, self.n + 1)
         ]
 
     def drive_expr(self, q: Any) -> Any:
-        """γ = k_g ∏_{j≤n−1} cosθⱼ."""
+        """Return γ = φ̇ₙ/u₁ = k_g ∏_{j≤n−1} cosθⱼ."""
         return self.k_g * prod([ca.cos(q[j]) for j in range(1, self.n)])
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """q̇ from the gears' own equations, regular at every angle."""
+        """Return q̇ from the equations of the class docstring, which are finite at every angle."""
         passive = [
             self.k_g
             * self.K[i - 2]
@@ -72,17 +74,17 @@ class BallGear(PlanarArm, TangentSystem):
         return np.asarray(np.cumprod(np.concatenate([ones, np.cos(q[..., 1:-1])], -1), axis=-1))
 
     def slopes(self, q: Array) -> Array:
-        """θᵢ' for i = 2 … n, shape (…, n−1), as the ratio of joint speed to φ̇ₙ."""
+        """Return θᵢ' for i = 2 … n, shape (…, n−1), as the ratio of joint speed to φ̇ₙ."""
         ball = self._ratios(q)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self.K * np.sin(q[..., 1:-1]) * ball[..., :-1] / ball[..., -1:])
 
     def drive(self, q: Array) -> Array:
-        """γ, shape (…,)."""
+        """Return γ = φ̇ₙ/u₁, shape (…,)."""
         return np.asarray(self.k_g * self._ratios(q)[..., -1])
 
     def rates(self, q: Array, u: Array) -> Array:
-        """q̇, shape (…, n+1), ball by ball; regular at every angle."""
+        """Return q̇, shape (…, n+1), computed ball by ball; finite at every angle."""
         ball = self.k_g * self._ratios(q) * u[..., 0:1]
         joints = self.K * np.sin(q[..., 1:-1]) * ball[..., :-1]
         return np.concatenate([ball[..., -1:], u[..., 1:2], joints], axis=-1)

@@ -25,7 +25,8 @@ from planner.systems.triangular_system import TriangularSystem, expect_system
 class ChainedForm:
     """Coordinate and feedback transformation of one system; build it with `chained_form`.
 
-    In all methods the last axis is that of the coordinates; the others broadcast.
+    In all arrays the last axis holds the coordinates or inputs; the leading axes broadcast.
+    `branch` is the result of `TriangularSystem.branch`: it selects one solution of the inverse.
     """
 
     def __init__(self, system: TriangularSystem) -> None:
@@ -48,7 +49,7 @@ class ChainedForm:
 
     @property
     def point_s(self) -> float:
-        """About how long `both` takes for a point, s; it grows eightfold with two more joints."""
+        """Estimated time of `both` per point, s; about eight times as long with two more joints."""
         both = self._state_and_inputs
         return 1e-5 if both is None else 2e-6 + 1e-8 * float(both.function.n_instructions())
 
@@ -57,11 +58,11 @@ class ChainedForm:
         return self._z.function(q)
 
     def q_expr(self, z: Any, branch: Any) -> Any | None:
-        """Coordinates as a CasADi expression in z (N) and branch (N); None if there is none."""
+        """q as a CasADi expression in z (N) and branch (N); None if `link_expr` gives none."""
         return None if self._state is None else self._state.function(z, branch)
 
     def inputs_expr(self, z: Any, v: Any, branch: Any) -> Any | None:
-        """Inputs as a CasADi expression in z (N), v (2) and branch (N); None if there is none."""
+        """u as a CasADi expression in z (N), v (2), branch (N); None if `link_expr` gives none."""
         return None if self._inputs is None else self._inputs.function(z, v, branch)
 
     def z(self, q: Array) -> Array:
@@ -75,7 +76,7 @@ class ChainedForm:
         return np.stack([v1, slope * u[..., 1] + drift * v1], axis=-1)
 
     def u(self, q: Array, v: Array) -> Array:
-        """Inputs (…, 2) that give chained inputs v (…, 2) at q (…, N); infinite where singular."""
+        """Inputs (…, 2) for chained inputs v (…, 2) at q (…, N); not finite where singular."""
         drive, slope, drift = np.moveaxis(self._feedback(q), -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             u1 = v[..., 0] / drive
@@ -89,13 +90,13 @@ class ChainedForm:
         return self._state(z, np.broadcast_to(branch, z.shape))
 
     def inputs(self, z: Array, v: Array, branch: Array) -> Array:
-        """Inputs (…, 2) of z (…, N) and chained inputs v (…, 2): `u` at `q`, in one call."""
+        """Inputs (…, 2) for chained inputs v (…, 2) at z (…, N): `q`, then `u`, in one call."""
         if self._inputs is None:
             return self.u(self.q(z, branch), v)
         return self._inputs(z, v, np.broadcast_to(branch, z.shape))
 
     def both(self, z: Array, v: Array, branch: Array) -> tuple[Array, Array]:
-        """Coordinates and inputs, as `q` and `inputs`, in one call."""
+        """Return the coordinates (…, N) of `q` and the inputs (…, 2) of `inputs`, in one call."""
         if self._state_and_inputs is None:
             q = self._invert(z, branch)
             return q, self.u(q, v)
@@ -141,7 +142,10 @@ def chained_form(system: TriangularSystem) -> ChainedForm:
 def _compile_functions(
     system: TriangularSystem, links: dict[int, tuple[Any, Any]], q: Any, feedback: Any
 ) -> tuple[Pointwise | None, Pointwise | None, Pointwise | None]:
-    """Functions (z, branch) → q, (z, v, branch) → u and → (q, u); None if a link has no formula."""
+    """Compile (z, branch) → q, (z, v, branch) → u and (z, v, branch) → (q, u).
+
+    All three are None if `TriangularSystem.link_expr` gives no expression.
+    """
     size = system.size
     z, v, branch = ca.SX.sym("z", size), ca.SX.sym("v", 2), ca.SX.sym("branch", size)
     states: list[Any] = [z[0], *[ca.SX(0)] * (size - 2), z[size - 1]]
@@ -160,7 +164,7 @@ def _compile_functions(
 
 
 def _chain(system: TriangularSystem, q: Any) -> tuple[list[Any], dict[int, tuple[Any, Any]]]:
-    """Expressions of z, and the pair (aᵢ, cᵢ) for every step of the inverse."""
+    """Return the expressions of z and, by array index i, the pairs (aᵢ, cᵢ) of the inverse."""
     size = system.size
     f = [None, None, *system.slopes_expr(q)]
     z: list[Any] = [q[0], *[None] * (size - 2), q[size - 1]]

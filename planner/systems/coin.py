@@ -60,12 +60,12 @@ class Coin(TriangularSystem):
         return [q[3] + self.radius_m * q[1], -q[2]]
 
     def user_expr(self, q: Any) -> list[Any]:
-        """Contact point, heading and roll, by rotating (ξ, η) back."""
+        """Return contact point, heading and roll; the contact is (ξ, η) rotated by the heading."""
         ahead, c, s = q[3] + self.radius_m * q[1], ca.cos(q[0]), ca.sin(q[0])
         return [ahead * c + q[2] * s, ahead * s - q[2] * c, q[0], q[1]]
 
     def from_user_expr(self, w: Any) -> list[Any]:
-        """Heading, roll, η and σ from the contact point."""
+        """Return heading, roll, η and σ from x, y, heading and roll."""
         c, s = ca.cos(w[2]), ca.sin(w[2])
         sigma = w[0] * c + w[1] * s - self.radius_m * w[3]
         return [w[2], w[3], w[0] * s - w[1] * c, sigma]
@@ -86,7 +86,7 @@ class Coin(TriangularSystem):
         return np.stack([contact.real, contact.imag, q[..., 0], q[..., 1]], axis=-1)
 
     def from_user(self, w: Array) -> Array:
-        """q, shape (…, 4), from the same complex number."""
+        """Return q, shape (…, 4), from the contact (ξ − iη) = (x + iy) exp(−iθ)."""
         frame = (w[..., 0] + 1j * w[..., 1]) * np.exp(-1j * w[..., 2])
         sigma = frame.real - self.radius_m * w[..., 3]
         return np.stack([w[..., 2], w[..., 3], -frame.imag, sigma], axis=-1)
@@ -105,7 +105,7 @@ class Coin(TriangularSystem):
         return np.ones(self.size)
 
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
-        """φ from dη/dθ, and η from dσ/dθ; both exist for every slope."""
+        """Return φ from dη/dθ (i = 1) or η from dσ/dθ (i = 2); both exist for every slope."""
         return np.asarray((slope - q[..., 3]) / self.radius_m if i == 1 else -slope)
 
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
@@ -113,7 +113,7 @@ class Coin(TriangularSystem):
         return (slope - q[3]) / self.radius_m if i == 1 else -slope
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
-        """One margin for the whole chart, equal to 1 everywhere."""
+        """Return one margin, equal to 1, for i = 1 and none for i = 2: the chart has no edge."""
         return [np.where(np.isnan(slope), np.nan, 1.0)] if i == 1 else []
 
     def chart_margins(self, q: Array, branch: Array) -> Array:

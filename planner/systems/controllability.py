@@ -44,8 +44,8 @@ class Controllability:
         degree: Degree of nonholonomy: the bracket length at which that dimension reaches N; None if
             it does not within the examined depth.
         basis: Names of independent brackets, shortest first: N of them if `chow` is true.
-        singular_values: Of the matrix of all brackets examined, largest first.
-        tolerance: Share of the largest singular value above which one counts.
+        singular_values: Singular values of the matrix of all brackets examined, largest first.
+        tolerance: A singular value counts towards the rank if it exceeds this share of the largest.
         involutive: Whether [g₁, g₂] stays in span{g₁, g₂} at q and around it (Frobenius).
         chow: Whether the brackets span all N directions (Chow). If so, the system is locally
             controllable at q; if not, this depth does not decide it.
@@ -133,10 +133,10 @@ def controllability(
         q: Configuration, shape (N,), in the coordinates' units.
         depth: Greatest bracket length. By default increased until the rank is full, up to 2N − 3
             (which the paper's manipulator needs with every θᵢ = 0).
-        tolerance: Share of the largest singular value above which one counts.
+        tolerance: A singular value counts towards the rank if it exceeds this share of the largest.
 
     Returns:
-        The result; `str()` of it is a short report.
+        The result; its `str()` is a short report.
 
     Raises:
         InputError: If q does not fit the system, the depth is not positive, or the kinematics are
@@ -196,9 +196,10 @@ def _rank(blocks: Sequence[Array], tolerance: float) -> int:
 
 
 def _basis(blocks: Sequence[Array], names: Sequence[str], growth: Sequence[int]) -> tuple[str, ...]:
-    """Choose independent brackets, as many of each length as the growth vector gains there.
+    """Return the names of independent brackets, shortest first.
 
-    Among brackets of one length, take the one with the largest remaining norm first.
+    From each length, choose as many as that length adds to the growth vector; each time, choose the
+    bracket with the largest component orthogonal to those already chosen.
     """
     chosen: list[int] = []
     left, position = [block.copy() for block in blocks], 0
@@ -234,12 +235,12 @@ Word = tuple[int, ...]
 
 
 def lie_bracket(f: Any, g: Any, q: Any) -> Any:
-    """[f, g] = (∂g/∂q) f − (∂f/∂q) g of two columns in the CasADi vector q."""
+    """Return [f, g] = (∂g/∂q) f − (∂f/∂q) g of two vector fields, expressions in q."""
     return ca.cse(ca.jtimes(g, q, f) - ca.jtimes(f, q, g))
 
 
 def lyndon_words(length: int) -> list[Word]:
-    """The Lyndon words of that length over {1, 2}, in order (Duval's algorithm)."""
+    """Return the Lyndon words of that length over {1, 2}, in order (Duval's algorithm)."""
     words, word = [], [0]
     while word:
         word[-1] += 1
@@ -254,7 +255,7 @@ def lyndon_words(length: int) -> list[Word]:
 
 
 def split(word: Word) -> tuple[Word, Word]:
-    """Standard factorisation: the second factor is the longest proper Lyndon suffix."""
+    """Split a Lyndon word in two; the second part is its longest proper Lyndon suffix."""
     for k in range(1, len(word)):
         suffix = word[k:]
         if all(suffix < suffix[j:] for j in range(1, len(suffix))):
@@ -263,7 +264,7 @@ def split(word: Word) -> tuple[Word, Word]:
 
 
 def bracket_name(word: Word) -> str:
-    """Write a bracket: (1, 1, 2) is "[g1,[g1,g2]]"."""
+    """Return the bracket that belongs to a Lyndon word as text: (1, 1, 2) is "[g1,[g1,g2]]"."""
     if len(word) == 1:
         return f"g{word[0]}"
     a, b = split(word)
@@ -271,7 +272,7 @@ def bracket_name(word: Word) -> str:
 
 
 class Brackets:
-    """All brackets of a system up to any length, derived on demand."""
+    """The Lie brackets of a system's input fields, one per Lyndon word, derived on demand."""
 
     def __init__(self, system: TriangularSystem) -> None:
         self._q = ca.SX.sym("q", system.size)
@@ -306,5 +307,5 @@ class Brackets:
 
 @lru_cache(maxsize=16)
 def brackets(system: TriangularSystem) -> Brackets:
-    """The brackets of a system, derived once and cached."""
+    """Return the brackets of a system, derived once and cached."""
     return Brackets(system)

@@ -1,6 +1,7 @@
-"""A triangular system whose functions fᵢ the user gives.
+"""A triangular system whose functions fᵢ and γ the user gives, as text or as Python functions.
 
-Checks that the input is a system in triangular form; messages say what is wrong.
+The functions `check_…` test whether the input is in triangular form and raise an error that names
+the fault.
 """
 
 from __future__ import annotations
@@ -29,12 +30,15 @@ _INPUTS = (Coordinate("u1", ""), Coordinate("u2", ""))
 
 
 class CustomSystem(TriangularSystem):
-    """q̇₁ = γ(q) u₁,  q̇₂ = u₂,  q̇ᵢ = fᵢ(qᵢ₋₁, qᵢ, …, q_N) q̇₁  with fᵢ and γ from the user.
+    """A system with fᵢ and γ given by the user.
+
+    q̇₁ = γ(q) u₁,  q̇₂ = u₂,  q̇ᵢ = fᵢ(qᵢ₋₁, qᵢ, …, q_N) q̇₁  (i = 3 … N).
 
     Each fᵢ must be strictly monotone in qᵢ₋₁ on that coordinate's interval, or have one extremum
-    there; the branch is the side of the extremum on which the start lies. The inverse chart solves
-    one scalar equation per link, by Newton's method safeguarded by bisection. Unlike in other
-    systems, the numeric form is computed from the symbolic one, so they do not check each other.
+    there; the branch is the side of the extremum on which the start lies. The inverse of the
+    chained form solves one scalar equation per fᵢ, by Newton's method safeguarded by bisection.
+    Unlike in other systems, the numeric form is computed from the symbolic one, so the two forms do
+    not check each other.
 
     Args:
         name: Name of the system.
@@ -92,36 +96,36 @@ class CustomSystem(TriangularSystem):
 
     @property
     def user_coordinates(self) -> tuple[Coordinate, ...]:
-        """Those of `user`, or the triangular ones."""
+        """The coordinates of the argument `user`; without it, the triangular coordinates."""
         return self._coordinates if self._user is None else self._user.coordinates
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """Interval of each coordinate that a link solves for, by name."""
+        """Interval of each coordinate except the first and last, by name."""
         return {self._coordinates[i].name: pair for i, pair in self._intervals.items()}
 
     # -- symbolic form -------------------------------------------------------------------------
 
     def slopes_expr(self, q: Any) -> list[Any]:
-        """f₃ … f_N."""
+        """Return f₃ … f_N as CasADi expressions."""
         return [self._parse(f"slopes[{k}]", s, q) for k, s in enumerate(self._slopes_text)]
 
     def drive_expr(self, q: Any) -> Any:
-        """γ."""
+        """Return γ as a CasADi expression."""
         return self._parse("drive", self._drive_text, q)
 
     def user_expr(self, q: Any) -> list[Any]:
-        """The user coordinates in q, from `user`."""
+        """Return the user coordinates as expressions in q, from the argument `user`."""
         return super().user_expr(q) if self._user is None else self._user.there(q)
 
     def from_user_expr(self, w: Any) -> list[Any]:
-        """q in the user coordinates, from `user`."""
+        """Return q as expressions in the user coordinates, from the argument `user`."""
         return super().from_user_expr(w) if self._user is None else self._user.back(w)
 
     # -- the chart -----------------------------------------------------------------------------
 
     def branch(self, q: Array) -> Array:
-        """Sign of ∂fᵢ₊₁/∂qᵢ for each link; 0 where it vanishes or qᵢ is outside its interval."""
+        """Sign of ∂fᵢ₊₁/∂qᵢ at index i; 0 where it vanishes or qᵢ is outside its interval."""
         out = np.ones(self.size)
         point = np.nan_to_num(np.asarray(q, dtype=float))
         for i, (low, high) in self._intervals.items():
@@ -131,12 +135,15 @@ class CustomSystem(TriangularSystem):
         return out
 
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
-        """The solution on the branch's side of the extremum; NaN if there is none."""
+        """Return the solution qᵢ on the branch's side of the extremum; NaN if there is none."""
         solution, _ = self._solve_link(i, slope, q, branch)
         return np.where(solution.exists, solution.x, np.nan).reshape(np.shape(slope))
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
-        """Distances to the interval's ends (share of its width) and the signed ∂fᵢ₊₁/∂qᵢ.
+        """Return three margins of qᵢ: two distances to the interval's ends, and the derivative.
+
+        The distances are shares of the interval's width; the derivative is ∂fᵢ₊₁/∂qᵢ times the
+        branch's sign.
 
         Without a solution, the violated margin is minus the amount by which the slope is out of
         range.
@@ -151,7 +158,7 @@ class CustomSystem(TriangularSystem):
         return [np.where(s > 0, -s, m).reshape(np.shape(slope)) for m, s in pairs]
 
     def chart_margins(self, q: Array, branch: Array) -> Array:
-        """The same margins from coordinates, shape (…, 3(N−2))."""
+        """Return the margins of `link_margins` for all i at coordinates q, shape (…, 3(N−2))."""
         out = []
         for i, (low, high) in self._intervals.items():
             derivative = self._links[i](q)[..., 1]
@@ -160,7 +167,7 @@ class CustomSystem(TriangularSystem):
         return np.stack(out, axis=-1)
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """The margins as CasADi expressions."""
+        """Return `chart_margins` as CasADi expressions."""
         slopes, out = self.slopes_expr(q), []
         for i, (low, high) in self._intervals.items():
             derivative = ca.jacobian(slopes[i - 1], q)[0, i]
@@ -170,7 +177,7 @@ class CustomSystem(TriangularSystem):
 
     @property
     def margin_labels(self) -> tuple[tuple[int, str], ...]:
-        """Margins in the order of `chart_margins`."""
+        """Index of the coordinate and meaning of each margin, in the order of `chart_margins`."""
         labels = []
         for i, (low, high) in self._intervals.items():
             this, following = self._coordinates[i].name, self._coordinates[i + 1].name
@@ -180,7 +187,7 @@ class CustomSystem(TriangularSystem):
         return tuple(labels)
 
     def _solve_link(self, i: int, slope: Array, q: Array, branch: Array) -> tuple[Preimage, Array]:
-        """Solve link i; also return the signed derivative at the solution."""
+        """Solve fᵢ₊₁ = slope for qᵢ; also return the branch's sign times ∂fᵢ₊₁/∂qᵢ there."""
         points = np.where(np.arange(self.size) > i, q, 0.0).reshape(-1, self.size)
 
         def function(x: Array) -> tuple[Array, Array]:
@@ -198,7 +205,7 @@ class CustomSystem(TriangularSystem):
         return parse_expression(text, symbols, f"{self.name}: {what}")
 
     def _expression_texts(self, what: str, given: Any) -> list[str]:
-        """Convert functions or texts to texts, from which the system is built."""
+        """Return the expressions as texts, whether given as texts or by a function of q."""
         symbols = [ca.SX.sym(c.name) for c in self._coordinates]
         values = given(ca.vertcat(*symbols)) if callable(given) else given
         parts = [values] if what == "drive" else list(values)
@@ -227,7 +234,7 @@ class CustomSystem(TriangularSystem):
     # -- identity ------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
-        """The `[system]` table."""
+        """Return the `[system]` table of a problem file."""
         user = {} if self._user is None else {"user": self._user.texts}
         return {
             "kind": self.kind,
@@ -244,7 +251,7 @@ class CustomSystem(TriangularSystem):
 
 
 def _no_such_branch(solution: Preimage, slope: Array) -> NDArray[np.bool_]:
-    """Whether the derivative never has the branch's sign, for slopes that are not NaN."""
+    """Mask of the slopes (not NaN) for which the derivative nowhere has the branch's sign."""
     return np.isnan(solution.x) & ~np.isnan(np.ravel(slope))
 
 
@@ -271,10 +278,11 @@ def check_names(system: str, coordinates: Sequence[Coordinate]) -> tuple[Coordin
 def check_intervals(
     system: str, coordinates: Sequence[Coordinate], given: Mapping[str, Sequence[float]]
 ) -> dict[int, tuple[float, float]]:
-    """Interval of each coordinate that a link solves for (all but first and last), by index.
+    """Return the interval of each coordinate except the first and last, by array index.
 
     Raises:
-        InputError: If one is missing, empty or not finite, or belongs to another coordinate.
+        InputError: If an interval is missing, empty or not finite, or is given for the first or
+            last coordinate or an unknown name.
     """
     links = {c.name: i for i, c in enumerate(coordinates) if 0 < i < len(coordinates) - 1}
     unknown = [name for name in given if name not in links]
@@ -294,7 +302,7 @@ def check_intervals(
 
 
 def check_structure(system: str, coordinates: Sequence[Coordinate], slopes: Any, q: Any) -> None:
-    """Refuse a slope that depends on too early a coordinate, or not on the preceding one.
+    """Refuse an fᵢ that depends on a coordinate before qᵢ₋₁, or does not depend on qᵢ₋₁.
 
     Raises:
         InputError: Names the slope and the coordinate.
@@ -319,9 +327,9 @@ def check_structure(system: str, coordinates: Sequence[Coordinate], slopes: Any,
 def check_turns(
     system: str, coordinates: Sequence[Coordinate], intervals: Intervals, links: Mapping[int, Any]
 ) -> None:
-    """Refuse a link whose derivative changes sign more than once on its interval.
+    """Refuse an fᵢ₊₁ whose derivative by qᵢ changes sign more than once on qᵢ's interval.
 
-    The test samples a grid at a few seeded values of the later coordinates.
+    The test samples qᵢ on a grid, at a few random values (fixed seed) of the other coordinates.
 
     Raises:
         InputError: Names the slope and the coordinate.

@@ -123,7 +123,7 @@ _TEMPLATES = {
 
 
 def operator_templates() -> dict[int, str]:
-    """Text of each operation, by CasADi's number for it."""
+    """Return the text of each operation, by CasADi's integer code for it."""
     return {getattr(ca, f"OP_{name}"): template for name, template in _TEMPLATES.items()}
 
 

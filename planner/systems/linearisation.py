@@ -1,12 +1,13 @@
 """Linearised motion, symbolically: the effect of a small error of start, inputs or constants.
 
-Along a motion, δq̇ = A δq + b for each error of unit size, with A = ∂f/∂q (H. K. Khalil, Nonlinear
-Systems, 3rd ed., section 3.3). The errors:
+Along a motion q̇ = f, an error of unit size gives δq̇ = A δq + b with A = ∂f/∂q (H. K. Khalil,
+Nonlinear Systems, 3rd ed., section 3.3). These are the errors; p is the size of an error:
 
     gain u1, gain u2        uᵢ becomes (1 + p) uᵢ
     bias u1, bias u2        p is added to uᵢ, in its unit
     delay u1, delay u2      the input arrives p seconds late (and ends p seconds late)
-    stretch u1, stretch u2  the clock of uᵢ is slow by the fraction p: delay p t, same travel
+    stretch u1, stretch u2  the clock of uᵢ is slow by the fraction p: it arrives p t seconds late,
+                            scaled so that its integral stays the same
     start <coordinate>      offset of the start, in the coordinate's unit
     K2, K3 …                relative error of a gear constant (of arms)
 """
@@ -76,7 +77,7 @@ def parameters(system: TriangularSystem) -> tuple[ErrorParameter, ...]:
 
 
 def gear_count(system: TriangularSystem) -> int:
-    """Number of gear constants Kᵢ."""
+    """Number of gear constants Kᵢ; 0 for systems other than arms."""
     return system.n - 1 if isinstance(system, PlanarArm) else 0
 
 
@@ -86,8 +87,8 @@ def linearise(system: TriangularSystem) -> Linearisation:
 
     A delayed input uᵢ(t − p) acts only through the Lie bracket: integrating −u̇ᵢ gᵢ by parts gives
     the forcing u₁u₂[gⱼ, gᵢ], j ≠ i. It contains no derivative of the input, so jumps are harmless.
-    A slow clock is a delay that grows with time, treated in the same way. For these two, δq is the
-    error after the delayed input has caught up, as it has at the end.
+    A slow clock is a delay that grows with time, treated in the same way. For both, δq is
+    the error once the late input has been applied in full, as at the end of the motion.
     """
     q, u, t = ca.SX.sym("q", system.size), ca.SX.sym("u", 2), ca.SX.sym("t")
     f = ca.vertcat(*system.rates_expr(q, u))

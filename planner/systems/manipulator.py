@@ -50,7 +50,7 @@ PROTOTYPE_K, PROTOTYPE_K_G = (0.870125, 0.711625), 0.668811
 
 
 def prototype_ratios(joints: int) -> list[float]:
-    """K₂ … Kₙ of the prototype; for further joints each is K₃/K₂ times the one before."""
+    """Return K₂ … Kₙ of the prototype; beyond K₃ each is K₃/K₂ times the one before."""
     first, second = PROTOTYPE_K
     return [round(first * (second / first) ** i, 6) for i in range(joints - 1)]
 
@@ -61,8 +61,10 @@ class Manipulator(PlanarArm):
     θ̇₁ = u₂,  φ̇ₙ₋₁ = k_g ∏_{j≤n−2} cosθⱼ u₁,  θ̇ᵢ = kᵢ cos³θᵢ₋₁ ∏_{j≤i−2} cosθⱼ u₁  (eq. 6).
 
     Args:
-        K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers). Only they shape the path.
-        k_g: Turns of the last disk per turn of motor 1; u₁ and its limit are the motor's.
+        K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers). The path of the
+            joints depends on these only, not on k_g.
+        k_g: Turns of the last disk per turn of motor 1 with every joint at 0; u₁ and its limit
+            refer to the motor.
         link_lengths: Lengths of the n links, for drawing and obstacles; by default 1 each.
         k_g_rule: How k_g was determined, for reports.
 
@@ -101,8 +103,8 @@ class Manipulator(PlanarArm):
             gear: Radii and ratios, one for all stages or one for each of the n − 1 stages.
             k_g: Turns of the last disk per turn of motor 1; by default from `rule`.
             rule: "chain" sets k_g = ρ₁ … ρₙ₋₂, for the n − 2 stages between φ₁ and φₙ₋₁.
-                "printed" sets ρ² as in the paper, which is a misprint: for n = 2 there is no stage
-                between, and eq. (6) gives φ̇₁ = u₁, so k_g = 1.
+                "printed" sets ρ² as in the paper, a misprint: for n = 2, for example, there is no
+                such stage and eq. (6) gives φ̇₁ = u₁, so that k_g must be 1.
             link_lengths: As in the constructor.
 
         Raises:
@@ -138,10 +140,11 @@ class Manipulator(PlanarArm):
         return manipulator
 
     def shorter(self) -> Manipulator:
-        """The arm that consists of joints 2 … n.
+        """Return the arm that consists of joints 2 … n of this arm.
 
-        With joint 1 at rest, the full arm's rates are cosθ₁ times those of this arm, except θ̇₂
-        (n ≥ 3).
+        For n ≥ 3 and joint 1 at rest, the rates of this arm are cosθ₁ times those of the shorter
+        arm, except θ̇₂.
+
         Raises:
             InputError: If this arm has 2 joints.
         """
@@ -160,11 +163,11 @@ class Manipulator(PlanarArm):
         return out
 
     def drive_expr(self, q: Any) -> Any:
-        """γ = k_g ∏_{j≤n−2} cosθⱼ."""
+        """Return γ = φ̇ₙ₋₁/u₁ = k_g ∏_{j≤n−2} cosθⱼ."""
         return self.k_g * prod([ca.cos(q[j]) for j in range(1, self.n - 1)])
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """Eq. (6) itself; without quotients of cosines, so nothing cancels near 90°."""
+        """Return q̇ from eq. (6) itself, which has no quotients of cosines that vanish at 90°."""
         c = [ca.cos(q[j]) for j in range(self.n + 1)]
         passive = [
             self.k_g * self.K[i - 2] * c[i - 1] ** 3 * prod(c[1 : i - 1]) * u[0]
@@ -175,18 +178,18 @@ class Manipulator(PlanarArm):
     # -- numeric form --------------------------------------------------------------------------
 
     def slopes(self, q: Array) -> Array:
-        """θᵢ' for i = 2 … n, shape (…, n−1), by cumulative products."""
+        """Return θᵢ' = dθᵢ/dφₙ₋₁ for i = 2 … n, shape (…, n−1)."""
         c = np.cos(q[..., 1:-1])
         driven = c**3 * np.cumprod(np.concatenate([np.ones_like(c[..., :1]), c[..., :-1]], -1), -1)
         path = np.prod(c[..., : self.n - 2], axis=-1, keepdims=True)
         return np.asarray(self.K * driven / path)
 
     def drive(self, q: Array) -> Array:
-        """γ, shape (…,)."""
+        """Return γ = φ̇ₙ₋₁/u₁, shape (…,)."""
         return np.asarray(self.k_g * np.prod(np.cos(q[..., 1 : self.n - 1]), axis=-1))
 
     def rates(self, q: Array, u: Array) -> Array:
-        """q̇ of eq. (6), shape (…, n+1)."""
+        """Return q̇ of eq. (6), shape (…, n+1)."""
         c = np.cos(q[..., 1:-1])
         out = np.empty((*np.broadcast_shapes(q.shape[:-1], u.shape[:-1]), self.size))
         speed = self.k_g * u[..., 0]
@@ -215,14 +218,14 @@ class Manipulator(PlanarArm):
         return np.asarray(slope * later / self.K[i - 1])
 
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
-        """θᵢ = ± arccos √w; NaN where w = cos²θᵢ is outside [0, 1]."""
+        """Return θᵢ = ± arccos √w; NaN where w = cos²θᵢ is outside [0, 1]."""
         w = self._cos2(i, slope, q)
         with np.errstate(invalid="ignore"):
             angle = np.arctan2(np.sqrt(1 - w), np.sqrt(w))
         return np.asarray(branch[i] * angle)
 
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
-        """The angle θᵢ from its slope, as an expression."""
+        """Return `link_from_slope` as a CasADi expression."""
         ratio = slope / self.K[i - 1]
         w = ratio * prod([ca.cos(q[j]) for j in range(i + 1, self.n - 1)])
         if i == self.n - 1:
@@ -230,12 +233,12 @@ class Manipulator(PlanarArm):
         return branch[i] * ca.atan2(ca.sqrt(1 - w), ca.sqrt(w))
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
-        """(1 − w, w) with w = cos²θᵢ."""
+        """Return (1 − w, w) with w = cos²θᵢ: the distances from θᵢ = 0 and from θᵢ = 90°."""
         w = self._cos2(i, slope, q)
         return [np.asarray(1 - w), w]
 
     def chart_margins(self, q: Array, branch: Array) -> Array:
-        """(±sin²θᵢ, ±cos²θᵢ) for i = 1 … n−1; negative once an angle has left its branch."""
+        """Return ±sin²θᵢ, ±cos²θᵢ for i = 1 … n−1; negative once θᵢ has left its branch."""
         s, c = np.sin(q[..., 1:-1]), np.cos(q[..., 1:-1])
         pairs = np.stack([branch[1:-1] * s * np.abs(s), c * np.abs(c)], axis=-1)
         return np.asarray(pairs.reshape(*q.shape[:-1], 2 * (self.n - 1)))
@@ -250,7 +253,7 @@ class Manipulator(PlanarArm):
 
     @property
     def margin_labels(self) -> tuple[tuple[int, str], ...]:
-        """Margins in the order of `chart_margins`."""
+        """Index of the coordinate and meaning of each margin, in the order of `chart_margins`."""
         labels = []
         for i in range(1, self.n):
             labels.append((i, f"1 - cos^2(theta{i}): distance from theta{i} = 0"))
@@ -261,7 +264,8 @@ class Manipulator(PlanarArm):
 def gravity_torques(weights: Array, theta: Array) -> Array:
     """Torque of gravity on each joint of an arm on an inclined plane.
 
-    From the potential Σ weightⱼ sin(θ₁ + … + θⱼ): the plane rises along y of the base.
+    They follow from the potential Σ weightⱼ sin(θ₁ + … + θⱼ); the plane rises along the y axis of
+    the base.
 
     Args:
         weights: Torque of each link's weight and load about its own joint when the link lies
@@ -292,7 +296,7 @@ def chain_inertia(inertia: Array, lengths: Array, moments: Array, angles: Array)
         angles: ψ of the links, (n, S), rad.
 
     Returns:
-        Aⱼₖ cos(ψⱼ − ψₖ).
+        The matrix Aⱼₖ cos(ψⱼ − ψₖ).
     """
     out = np.zeros((len(inertia), *inertia.shape))
     for j in range(len(inertia)):
@@ -305,7 +309,8 @@ def chain_inertia(inertia: Array, lengths: Array, moments: Array, angles: Array)
 def centrifugal_torques(lengths: Array, moments: Array, angles: Array, rates: Array) -> Array:
     """Centrifugal torques on the links' angles ψ, (n, S), N m.
 
-    Σₖ Aⱼₖ sin(ψⱼ − ψₖ) ψ̇ₖ²: the velocity terms of Lagrange's equations.
+    They are Σₖ Aⱼₖ sin(ψⱼ − ψₖ) ψ̇ₖ², the velocity terms of Lagrange's equations, with A as in
+    `chain_inertia`.
 
     Args:
         lengths, moments, angles: As for `chain_inertia`.
@@ -331,10 +336,10 @@ def mass_matrix(of_links: Array) -> Array:
 
 
 def stage_gears(system: Manipulator) -> tuple[tuple[Gear, ...], str]:
-    """Gears of the stages 1 … n−1, given or inferred, and a note on assumptions; "" if given.
+    """Return the gears of the stages 1 … n−1, and a note on assumptions ("" if they are given).
 
-    Inferred gears give the same joint rates: kᵢ₊₁ = κᵢ ρ^i with κᵢ = λR/(ηr₃), one ρ for all
-    stages, and the rest of each kᵢ₊₁ in r₃.
+    If only K and k_g are given, gears with the same joint rates are inferred: kᵢ₊₁ = κᵢ ρ^i with
+    κᵢ = λR/(ηr₃). All stages have the same ρ, and r₃ of each stage is chosen to give its kᵢ₊₁.
     """
     if system.gear is not None:
         return (system.gear,) * (system.n - 1), ""
@@ -344,5 +349,6 @@ def stage_gears(system: Manipulator) -> tuple[tuple[Gear, ...], str]:
     note = "inferred from K and k_g with λ = η = 1 and R = 1" + (" = r₁" if n == 2 else "")
     turned = system.k_g / rho ** (n - 2)
     if abs(turned - 1) > 1e-6:
-        note += f"; φ of the problem is {turned:.3g} times the angle of the last B (k_g is given)"
+        times = f"{turned:.3g} times the angle of the last wheel B"
+        note += f"; φ of the problem is {times} (k_g is given)"
     return tuple(Gear(rho, 1.0, 1 / k, 1.0, 1.0) for k in kappa.tolist()), note + "."

@@ -4,7 +4,13 @@
 
 Coordinate numbers in the documentation are the paper's (from 1); array indices start at 0.
 
-`TangentSystem` covers systems in which every link is a tangent: cars, trailers, the ball-gear arm.
+Terms: q₁ is the path coordinate, and fᵢ = dqᵢ/dq₁ is the slope of qᵢ. The chart is the map from q
+to chained coordinates. Its inverse goes down the chain and solves one equation fᵢ₊₁ = slope for qᵢ
+after another; each is a link. A link may have several solutions, for example ±θ; a branch of the
+chart selects one of them in each link. A margin is a number that is positive inside the branch and
+zero on its edge.
+
+`TangentSystem` covers systems in which fᵢ₊₁ is linear in tan qᵢ: cars, trailers, the ball-gear arm.
 
     fᵢ₊₁(qᵢ; qᵢ₊₁ … q_N) = offset + gain · tan qᵢ,   offset and gain read only later coordinates
 
@@ -88,8 +94,9 @@ class TriangularSystem(ABC):
     def user_coordinates(self) -> tuple[Coordinate, ...]:
         """The N coordinates that problem files, figures and exports use; by default `coordinates`.
 
-        A user coordinate with the name of a triangular coordinate is that coordinate. A system with
-        other ones gives both maps, `user_expr` and `from_user_expr`, ideally also as NumPy code.
+        A user coordinate with the name of a triangular coordinate is that coordinate. A system
+        whose user coordinates differ overrides `user_expr` and `from_user_expr`, and ideally `user`
+        and `from_user` with independent NumPy code.
         """
         return self.coordinates
 
@@ -117,20 +124,21 @@ class TriangularSystem(ABC):
 
     @property
     def has_user_coordinates(self) -> bool:
-        """Whether the user coordinates differ from the triangular ones, also in their order."""
+        """Whether the user coordinates differ from the triangular ones, if only in their order."""
         return self.user_coordinates != self.coordinates
 
     @cached_property
     def shared(self) -> dict[int, int]:
-        """Maps the index of each user coordinate that is triangular to its triangular index."""
+        """Triangular index of each user coordinate that is also triangular, by its user index."""
         names = [c.name for c in self.coordinates]
         pairs = enumerate(c.name for c in self.user_coordinates)
         return {i: names.index(name) for i, name in pairs if name in names}
 
     def fixed_by(self, w: Array) -> Array:
-        """The part of q that user coordinates w (N,) fix: shape (N,), NaN if free.
+        """Return q (N,) as far as user coordinates w (N,) determine it; NaN means free in both.
 
-        NaN in w means free. If w is complete, all of q; else the coordinates that both share.
+        If no entry of w is NaN, all of q is determined; else only the coordinates that are both
+        user and triangular coordinates.
         """
         if not np.any(np.isnan(w)):
             return self.from_user(w)
@@ -156,16 +164,16 @@ class TriangularSystem(ABC):
     # -- numeric form --------------------------------------------------------------------------
 
     def slopes(self, q: Array) -> Array:
-        """f₃ … f_N, shape (…, N−2), at q (…, N): the path form dqᵢ/dq₁."""
+        """Return f₃ … f_N, the slopes dqᵢ/dq₁, shape (…, N−2), at q (…, N)."""
         return self._pointwise_functions[0](q)
 
     def drive(self, q: Array) -> Array:
-        """γ(q), shape (…,), at q (…, N)."""
+        """Return γ(q) = q̇₁/u₁, shape (…,), at q (…, N)."""
         return self._pointwise_functions[1](q)[..., 0]
 
     @cached_property
     def _pointwise_functions(self) -> tuple[Pointwise, Pointwise]:
-        """The expressions of slopes and drive, evaluated at arrays."""
+        """Functions that evaluate the expressions of slopes and drive at arrays."""
         q = ca.SX.sym("q", self.size)
         slopes = ca.vertcat(*(ca.SX(f) for f in self.slopes_expr(q)))
         drive = ca.SX(self.drive_expr(q))
@@ -200,21 +208,21 @@ class TriangularSystem(ABC):
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any | None:
         """`link_from_slope` as a CasADi expression, NaN where no real solution exists.
 
-        If every link has one, the whole inverse is compiled into one function. With the default,
-        None, `link_from_slope` is used.
+        If every link has an expression, the whole inverse is compiled into one function. With the
+        default, None, `link_from_slope` is used.
         """
         return None
 
     @abstractmethod
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
-        """Signed margins of `link_from_slope` at index i, one array (…,) per label; > 0 inside."""
+        """Margins of `link_from_slope` at index i, one array (…,) per label; > 0 inside."""
 
     @abstractmethod
     def chart_margins(self, q: Array, branch: Array) -> Array:
-        """The same margins from coordinates: shape (…, M), signed by branch, q on (…, N)."""
+        """Return all M margins at coordinates q (…, N), shape (…, M); negative off the branch."""
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """`chart_margins` as CasADi expressions (a list of M); by default none, so no proof."""
+        """`chart_margins` as CasADi expressions; by default none, so nothing is proven."""
         return []
 
     @property
@@ -227,8 +235,8 @@ class TriangularSystem(ABC):
     def to_dict(self) -> dict[str, Any]:
         """The `[system]` table of a problem file that describes this system.
 
-        By default its kind and its public attributes, which are the constants that the constructor
-        stored under the names of its keys.
+        By default the table has the kind and the public attributes of the object. So the
+        constructor must store each constant under the name of its key.
         """
         constants = {
             name: np.asarray(value).tolist() if isinstance(value, np.ndarray | tuple) else value
@@ -260,7 +268,7 @@ class TriangularSystem(ABC):
 
 
 def expect_system(value: object) -> None:
-    """Refuse anything but a system (for example a problem or a plan).
+    """Raise an error if the value is not a system, but for example a problem or a plan.
 
     Raises:
         InputError: If it is not a system; the message says how to get one.
@@ -317,7 +325,7 @@ class TangentSystem(TriangularSystem):
         return ca.atan((slope - offset) / gain) + (branch[i] - 1) / 2 * np.pi
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
-        """(cos²qᵢ,)."""
+        """Return one margin, cos²qᵢ."""
         with np.errstate(over="ignore"):
             return [np.asarray(1 / (1 + self._tangent(i, slope, q) ** 2))]
 
@@ -336,7 +344,7 @@ class TangentSystem(TriangularSystem):
 
     @property
     def margin_labels(self) -> tuple[tuple[int, str], ...]:
-        """Margins in the order of `chart_margins`."""
+        """Index of the coordinate and meaning of each margin, in the order of `chart_margins`."""
         names = [c.name for c in self.coordinates]
         return tuple(
             (i, f"cos^2({names[i]}): distance from {names[i]} = 90 deg")
@@ -353,7 +361,7 @@ def positive(name: str, values: Sequence[float]) -> Array:
     """Return the values as an array after checking that all are positive and finite.
 
     Raises:
-        InputError: If there are no values, or bad ones, which it names.
+        InputError: If there are no values, or one is not; the message shows the values.
     """
     try:
         array = np.asarray(values, dtype=float)
@@ -369,7 +377,8 @@ class PlanarArm(TriangularSystem):
 
     Args:
         K: The ratios Kᵢ = kᵢ/k_g for i = 2 … n (n − 1 positive numbers).
-        k_g: Turns of the last disk per turn of motor 1; u₁ and its limit are the motor's.
+        k_g: Turns of the last disk per turn of motor 1 with every joint at 0; u₁ and its limit
+            refer to the motor.
         link_lengths: Lengths of the n links, for drawing and obstacles; by default 1 each.
 
     Raises:
@@ -377,7 +386,7 @@ class PlanarArm(TriangularSystem):
     """
 
     disk: ClassVar[int]
-    """φ is the angle of disk number n + `disk`."""
+    """Number of the disk whose angle is φ, minus n: 0 for disk n, −1 for disk n − 1."""
 
     def __init__(
         self, K: Sequence[float], k_g: float = 1.0, link_lengths: Sequence[float] | None = None
@@ -415,7 +424,7 @@ class PlanarArm(TriangularSystem):
         return np.concatenate([base, np.cumsum(steps, axis=-2)], axis=-2)
 
     def to_dict(self) -> dict[str, Any]:
-        """The `[system]` table."""
+        """Return the `[system]` table of a problem file."""
         return {
             "kind": self.kind,
             "joints": self.n,

@@ -20,7 +20,8 @@ from planner.systems.triangular_system import Coordinate
 KEYS = ("coordinates", "units", "expressions", "inverse")
 
 ROUND_TRIP = 1e-9
-"""Largest error after both maps, relative to 1 + |q|: hundreds of rounding errors."""
+"""Largest accepted error after mapping there and back, relative to 1 + |q|; rounding errors of
+the two maps stay far below."""
 
 
 class UserMap:
@@ -28,13 +29,13 @@ class UserMap:
 
     Args:
         system: The system's name, for messages.
-        own: The system's N coordinates.
+        names: The system's N coordinates.
         given: `coordinates` (N names), `units`, `expressions` (N texts in the names of q) and
             `inverse` (N texts in the user's names, one for each of q).
 
     Raises:
         InputError: If a key is missing or has the wrong length, a text is not an expression, or a
-            name that both share stands for two quantities.
+            name that is in both lists stands for two quantities.
     """
 
     def __init__(self, system: str, names: Sequence[Coordinate], given: Mapping[str, Any]) -> None:
@@ -68,7 +69,7 @@ class UserMap:
         ]
 
     def _check_shared(self) -> None:
-        """Check that a name in both lists is one quantity, in one unit."""
+        """Check that a name in both lists means the same quantity in the same unit."""
         x = ca.SX.sym("x", len(self.own))
         there, back = self.there(x), self.back(x)
         mine = {c.name: i for i, c in enumerate(self.own)}
@@ -87,7 +88,8 @@ class UserMap:
     def check_inverse(self, intervals: Mapping[int, tuple[float, float]]) -> None:
         """Refuse maps that are not inverse to each other.
 
-        The test uses a few seeded points inside the intervals at which both maps are real.
+        The test draws 20 points inside the intervals (fixed seed) and uses those at which both
+        maps give real numbers.
 
         Raises:
             InputError: Names the coordinate and the point.

@@ -24,7 +24,8 @@ class Unicycle(TangentSystem):
     """A wheel, or a robot with two driven wheels, with state q = (x, heading, y).
 
     ẋ = cosθ u₁,  θ̇ = u₂,  ẏ = sinθ u₁  with u₁ the forward speed in m/s, u₂ the turn rate in
-    rad/s. Along x: y' = tanθ. The chart ends where the heading is perpendicular to the x axis.
+    rad/s. As a function of x: y' = tanθ. The chart ends where the heading is perpendicular to the
+    x axis.
     """
 
     kind: ClassVar[str] = "unicycle"
@@ -33,23 +34,23 @@ class Unicycle(TangentSystem):
     limited = (1,)  # the heading
 
     def slopes_expr(self, q: Any) -> list[Any]:
-        """y' = tanθ."""
+        """Return y' = dy/dx = tanθ."""
         return [ca.tan(q[1])]
 
     def drive_expr(self, q: Any) -> Any:
-        """γ = cosθ."""
+        """Return γ = ẋ/u₁ = cosθ."""
         return ca.cos(q[1])
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """q̇, regular at every heading."""
+        """Return q̇, finite at every heading."""
         return [ca.cos(q[1]) * u[0], u[1], ca.sin(q[1]) * u[0]]
 
     def slopes(self, q: Array) -> Array:
-        """y', shape (…, 1)."""
+        """Return y' = dy/dx, shape (…, 1)."""
         return np.tan(q[..., 1:2])
 
     def drive(self, q: Array) -> Array:
-        """γ, shape (…,)."""
+        """Return γ = ẋ/u₁, shape (…,)."""
         return np.cos(q[..., 1])
 
     def rates(self, q: Array, u: Array) -> Array:
@@ -99,7 +100,7 @@ class _Train(TangentSystem):
 
     @property
     def limited(self) -> tuple[int, ...]:
-        """Indices of all angles, which have limits."""
+        """Indices of all angles; x and y have no limits."""
         return tuple(range(1, self.size - 1))
 
     # -- symbolic form -------------------------------------------------------------------------
@@ -108,17 +109,17 @@ class _Train(TangentSystem):
         return prod([ca.cos(q[j]) for j in range(k + 2, self.n + 3)])
 
     def slopes_expr(self, q: Any) -> list[Any]:
-        """βₖ' for k = 1 … n, then θ' and y'."""
+        """Return the slopes βₖ' for k = 1 … n, then θ' and y', with ' = d/dx."""
         turn = [ca.tan(q[k + 1]) / (self._lengths[k] * self._P(k, q)) for k in range(self.n + 1)]
         hitches = [turn[k - 1] - turn[k] for k in range(1, self.n + 1)]
         return [*hitches, turn[-1], ca.tan(q[self.n + 2])]
 
     def drive_expr(self, q: Any) -> Any:
-        """γ = P₀."""
+        """Return γ = ẋ/u₁ = cosθ cosβ₁ … cosβₙ."""
         return self._P(0, q)
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """q̇ with speeds as products of hitch cosines; regular except at φ = 90°."""
+        """Return q̇, with speeds as products of hitch cosines; finite except at φ = 90°."""
         c = [ca.cos(q[k + 1]) for k in range(1, self.n + 1)]
         pulled = [
             prod(c[: k - 1]) * ca.sin(q[k + 1]) / self._lengths[k] * u[0]
@@ -132,7 +133,10 @@ class _Train(TangentSystem):
     # -- numeric form --------------------------------------------------------------------------
 
     def slopes(self, q: Array) -> Array:
-        """Path form, shape (…, n+2), from the last trailer forward: speeds grow by 1/cosβₖ."""
+        """Return the slopes dqᵢ/dx, shape (…, n+2), computed from the last trailer forward.
+
+        Each axle is faster than the one behind it by the factor 1/cosβₖ.
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             speed = 1 / np.cos(q[..., -2])
             behind, out = None, [np.tan(q[..., -2])]
@@ -144,7 +148,7 @@ class _Train(TangentSystem):
         return np.stack(out[::-1], axis=-1)
 
     def drive(self, q: Array) -> Array:
-        """γ, shape (…,)."""
+        """Return γ = ẋ/u₁, shape (…,)."""
         return np.asarray(np.prod(np.cos(q[..., 2:-1]), axis=-1))
 
     def rates(self, q: Array, u: Array) -> Array:
@@ -193,8 +197,8 @@ class Car(_Train):
 
     ẋ = cosθ u₁,  φ̇ = u₂,  θ̇ = (tanφ/L) u₁,  ẏ = sinθ u₁  with u₁ the speed in m/s and u₂ the
     steering rate in rad/s (R. M. Murray, S. S. Sastry, "Nonholonomic motion planning: steering
-    using sinusoids", IEEE Transactions on Automatic Control 38(5), 1993). Along x:
-    θ' = tanφ/(L cosθ), y' = tanθ.
+    using sinusoids", IEEE Transactions on Automatic Control 38(5), 1993). As
+    functions of x: θ' = tanφ/(L cosθ), y' = tanθ.
 
     A heading of 90° is only an edge of the chart; a steering angle of 90° is a singularity of the
     car itself.
@@ -217,8 +221,7 @@ class Trailers(_Train):
 
     State q = (x, φ, β₁, …, βₙ, θ, y): steering φ, hitch angles βₖ (heading of the vehicle before
     trailer k minus that of the trailer), heading and position of the last trailer. With ℓ₀ the
-    wheelbase,
-    ℓₖ the length of trailer k, β₀ = φ and Pₖ = cosθ ∏_{j>k} cosβⱼ:
+    wheelbase, ℓₖ the length of trailer k, β₀ = φ, Pₖ = cosθ ∏_{j>k} cosβⱼ and ' = d/dx:
 
         γ = P₀,   θₖ' = tanβₖ/(ℓₖ Pₖ),   βₖ' = θₖ₋₁' − θₖ',   θ' = θₙ',   y' = tanθ
 

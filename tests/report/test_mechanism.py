@@ -168,7 +168,7 @@ def test_what_was_inferred_is_said() -> None:
     assert "To scale" not in words
     assert "$r_1$ = 0.8178, $R$ = 1, $r_3$ = 1.405," in words
     assert "inferred from K and k_g with λ = η = 1 and R = 1; φ of the" in words
-    assert "0.818 times the angle of the last B" in words
+    assert "0.818 times the angle of the last wheel B" in words
     assert "$r_3$ of joint 1 =" in Drawn(ARMS["K of uneven stages"]).words()
     assert "R = 1 = r₁" in Drawn(ARMS["K of 2 joints"]).words()
 

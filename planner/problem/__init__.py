@@ -1,7 +1,7 @@
-"""The task: a problem, its file, its requirements, and bounds that no plan can beat.
+"""The task: a problem, its file, its requirements, and bounds that hold for every plan.
 
-In this order: `requirements`, `tables` (the keys of the file), `conditions` (requirements from the
-tables, contradictions), `problem`, `reach` (configurations at a goal that leaves joints free),
-`feasibility` (least duration, window of travels), `free_space` (paths between obstacles),
-`nonholonomy`.
+Modules in reading order: `requirements` (conditions on a motion), `tables` (the keys of a problem
+file), `conditions` (builds requirements from the tables and finds contradictions), `problem`,
+`reach` (joint angles at a goal that leaves joints free), `feasibility` (least duration, possible
+travels), `free_space` (paths between obstacles), `nonholonomy` (controllability).
 """

@@ -1,4 +1,4 @@
-"""Tables of a problem file: changes by key, the limits and requirements in them, contradictions."""
+"""Build limits and requirements from the tables of a problem file, and find contradictions."""
 
 from __future__ import annotations
 
@@ -22,10 +22,13 @@ from planner.systems.triangular_system import TriangularSystem
 
 
 def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Set dotted keys in a problem file's tables, in place, and return them; None removes a key.
+    """Set dotted keys in a problem file's tables, in place; the value None removes a key.
+
+    Returns:
+        The tables.
 
     Raises:
-        InputError: If a key leads through something that is not a table.
+        InputError: If a dotted key passes through a key whose value is not a table.
     """
     expect(
         Mapping, changes, 'changes must be dotted keys and values, for example {"goal.travel": 0.8}'
@@ -46,13 +49,14 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits that apply at all times; infinite (or None) without a limit.
+    """Limits that apply at all times; infinite (or None) where there is no limit.
 
     Attributes:
         input: Largest |u|, shape (2,), in the inputs' units (rad/s).
         input_rate: Largest |du/dt|, shape (2,) (rad/s²).
         joint: Largest |q|, shape (N,), in the coordinates' units (rad).
-        user: Largest |user coordinate|, shape (N,), in their units; else equal to `joint`.
+        user: Largest |user coordinate|, shape (N,), in their units; equal to `joint` if the user
+            coordinates are the triangular ones.
         z2_margin: Least |z₂|; z₂ keeps the sign it has at the start. None: z₂ has no limit.
     """
 
@@ -74,7 +78,7 @@ class Limits:
 
 
 def bare_limits(tables: ProblemFile) -> Limits:
-    """The limits of a problem file as arrays."""
+    """Return the limits of a problem file as arrays."""
     limits = tables.limits
     coordinates = tables.joint_limits(), tables.user_limits()
     margin = getattr(limits, "z2_margin", None)  # not all kinds of systems have this key
@@ -82,7 +86,7 @@ def bare_limits(tables: ProblemFile) -> Limits:
 
 
 def waypoints_of(tables: ProblemFile, system: TriangularSystem) -> list[Waypoint]:
-    """The waypoints of a problem file."""
+    """Return the waypoints of a problem file."""
     out = []
     for k, (table, w) in enumerate(zip(tables.waypoints, tables.waypoint_states(), strict=True), 1):
         pairs = zip(system.user_coordinates, ~np.isnan(w), strict=True)
@@ -93,7 +97,7 @@ def waypoints_of(tables: ProblemFile, system: TriangularSystem) -> list[Waypoint
 
 
 def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle]:
-    """The obstacles of a problem file."""
+    """Return the obstacles of a problem file."""
     lengths = getattr(system, "link_lengths", ())
     links, reach = len(lengths), float(np.sum(lengths))
     return [
@@ -103,16 +107,17 @@ def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle
 
 
 SMALL_UNITS = {100.0: "centimetres", 1000.0: "millimetres"}
-"""Units that may have been meant if a place is ten or more times out of reach."""
+"""Units per metre, for a goal more than ten times out of reach that may not be in metres."""
 
 
 def tip_of(
     tables: ProblemFile, system: TriangularSystem, discs: Sequence[Obstacle], source: str
 ) -> TipGoal | None:
-    """The goal of the tip; None if the goal gives the joints.
+    """Return the goal of an arm's tip; None if the file has none.
 
     Raises:
-        InputError: If no joint angles within 90 degrees reach it.
+        InputError: If it is out of reach with joint angles within 90 degrees, or lies inside an
+            obstacle.
     """
     table = tables.tip()
     if not table:
@@ -160,10 +165,10 @@ def tip_of(
 def self_collision_of(
     tables: ProblemFile, system: TriangularSystem, source: str
 ) -> SelfCollision | None:
-    """The required clearance between an arm's links; None without one.
+    """Return the requirement that an arm's links keep clear of each other; None if there is none.
 
     Raises:
-        InputError: If no motion of this arm can keep it, or the arm has no links that could cross.
+        InputError: If this arm can never keep the clearance, or has no links that could cross.
     """
     value = getattr(tables.limits, SelfCollision.key, None)
     if value is None:
@@ -177,10 +182,10 @@ def self_collision_of(
 def registered_limits_of(
     tables: ProblemFile, system: TriangularSystem, source: str
 ) -> list[Requirement]:
-    """The limits of kinds that apply to all systems.
+    """Return the file's limits of registered kinds (`planner.register_requirement`).
 
     Raises:
-        InputError: If a limit does not fit this system, or its class contradicts itself.
+        InputError: If a limit does not fit this system, or its class is faulty.
     """
     out = []
     for key, kind in REQUIREMENTS.items():
@@ -202,7 +207,7 @@ def registered_limits_of(
 
 
 def _fault(requirement: Requirement, system: TriangularSystem) -> str | None:
-    """Describe how a class contradicts itself, or fails when it is tried; None if it is sound."""
+    """Describe why the class of a requirement is faulty or fails in a trial; None if sound."""
     try:
         return requirement.fault(system)
     except Exception as error:  # from foreign code; a registered class names itself as the cause
@@ -212,7 +217,7 @@ def _fault(requirement: Requirement, system: TriangularSystem) -> str | None:
 def contradiction(
     states: Mapping[str, Array], requirements: Iterable[Requirement], system: TriangularSystem
 ) -> str:
-    """Describe which of these states (N,), by name, violates a requirement; empty if none does."""
+    """Describe the first of these named states (N,) that violates a requirement; empty if none."""
     for name, q in states.items():
         for requirement in requirements:
             try:
@@ -256,11 +261,12 @@ def clash_of_times(waypoints: Sequence[Waypoint], duration: float | None) -> str
 
 
 LOOKS_LIKE_RADIANS_DEG = 1.6
-"""Joints stay below 90 degrees, 1.57 rad; motions of less than 1.6 degrees are rare."""
+"""Angles in degrees that are all smaller than this are probably radians: joints stay below 90
+degrees, 1.57 rad, and motions within 1.6 degrees are rare."""
 
 
 def likely_slip(system: TriangularSystem, start: Array, goal: Array) -> str:
-    """Describe a valid value that is probably a mistake; empty if there is none."""
+    """Describe valid values of start and goal that are probably a mistake; empty if none are."""
     angular = [i for i in system.limited if system.coordinates[i].unit == "rad"]
     angles = np.abs([start[angular], goal[angular]])
     if 0 < np.rad2deg(np.max(angles, initial=0)) < LOOKS_LIKE_RADIANS_DEG:  # false if NaN (free)

@@ -1,10 +1,13 @@
-"""Bounds that no plan can beat: ends outside the chart, the least duration, the travel's window.
+"""Bounds that hold for every plan: the least duration, and the travels possible without reversal.
+
+`chart_ends_report` tells whether start and goal lie inside the chart.
 
 The least duration follows from the input limits: every joint's rate is its gear constant times
 cosines times an input, so |θ̇₁| ≤ max|u₂|, |θ̇ᵢ| ≤ k_g Kᵢ max|u₁| and |φ̇| ≤ k_g max|u₁| (eq. 6).
 
-The window of travels applies to motion without reversal and follows from signs (theory of eq. 7):
-while φ moves one way, each passive joint θ₂ … θₙ moves the same way, because each θᵢ' is positive.
+The travel is the change of the disk angle φ. Its window is the range of travels that are possible
+while φ moves one way. Then each passive joint θ₂ … θₙ moves one way too, because each θᵢ' = dθᵢ/dφ
+is positive (eq. 7).
 """
 
 from __future__ import annotations
@@ -27,10 +30,9 @@ class End:
 
     Attributes:
         name: "start" or "goal".
-        q: Coordinates, shape (N,); NaN for a free path coordinate.
-        z: Chained coordinates, shape (N,); NaN for a free path coordinate; all NaN if a joint is
-            free.
-        branch: The chart's branch it lies on, shape (N,); NaN in the same cases.
+        q: Coordinates, shape (N,); NaN if free.
+        z: Chained coordinates, shape (N,); z₁ is NaN if q₁ is free; all are NaN if a joint is free.
+        branch: The chart's branch on which the end lies, shape (N,); NaN if a joint is free.
         margins: Distance from each edge of the chart, on the start's branch: maps label to value,
             negative beyond the edge.
         singular: Names of the coordinates that lie on a singularity of the chart.
@@ -47,7 +49,7 @@ class End:
 
     @property
     def in_chart(self) -> bool:
-        """Whether a chart method can begin or end here; false if joints are free."""
+        """Whether a motion in chained coordinates can begin or end here; false with free joints."""
         return not (self.singular or self.crossed or np.any(np.isnan(self.z[1:])))
 
     def to_dict(self) -> dict[str, Any]:
@@ -114,9 +116,9 @@ GOAL_MISS, LIMIT_MISS = 2e-5, 1e-6
 
 
 def least_duration(problem: Problem) -> DurationBound:
-    """Bound the duration by the coordinate that needs the most time at its top rate.
+    """Return a lower bound: the time of the coordinate that needs the most at its largest rate.
 
-    It is necessary, not sufficient: a plan may need longer.
+    A plan may need longer.
     """
     distance = np.nan_to_num(np.abs(problem.goal - problem.start))  # a free joint may stay in place
     distance[0] = abs(problem.travel or 0.0)
@@ -133,7 +135,7 @@ def least_duration(problem: Problem) -> DurationBound:
 
 
 def why_too_short(problem: Problem) -> str | None:
-    """Describe why no plan of any kind can be so short; None if nothing shows it."""
+    """Describe why no plan can be as short as `goal.duration`; None if that is not proven."""
     bound = least_duration(problem)
     if problem.duration is None or problem.duration >= bound.judged:
         return None
@@ -144,7 +146,7 @@ def why_too_short(problem: Problem) -> str | None:
 
 
 def refuse_too_short(problem: Problem) -> None:
-    """Refuse a duration that no plan can meet, before any method tries.
+    """Raise an error, before any method tries, if no plan can be as short as `goal.duration`.
 
     Raises:
         InfeasibleError: Names the coordinate that needs more time.
@@ -157,7 +159,7 @@ def refuse_too_short(problem: Problem) -> None:
 
 
 def _top_rates(problem: Problem) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Largest |q̇|, shape (N,); infinite if unknown."""
+    """Largest |q̇| within the input limits, shape (N,); infinite if unknown."""
     rates = np.full(problem.system.size, np.inf)
     u1, u2 = problem.limits.input
     rates[1] = u2
@@ -177,10 +179,10 @@ class TravelWindow:
     """Travels Δφ (radians) for which a motion without reversal of the disk can exist.
 
     Attributes:
-        low: Lower bound of the travel; not reached itself.
-        high: Upper bound of the travel, not reached itself; infinite if there is none.
-        exact: Whether every travel strictly inside is possible without limits on joints and inputs
-            (n = 2 and 3). Otherwise travels outside are impossible, and inside it is unknown.
+        low: Lower bound of the travel, excluded.
+        high: Upper bound of the travel, excluded; infinite if there is none.
+        exact: Whether every travel between the bounds is possible if joints and inputs have no
+            limits (true for n = 2 and 3). If false, a travel between them may be impossible too.
         reason: Why the window is empty, in words; "" if it is not empty.
     """
 
@@ -239,12 +241,13 @@ def _forward_window(system: Manipulator, start: Array, goal: Array) -> TravelWin
     if n == 2:
         return TravelWindow(float((goal[1] - start[1]) / K[0]), np.inf, True)
     a, b = float(start[n - 2]), float(goal[n - 2])
-    ends = np.cos([a, b]) ** 3  # rates of the last joint at both ends; between them up to 1
+    ends = np.cos([a, b]) ** 3  # rates of the last joint over Kₙ at both ends
     fast, slow = 1.0 if a <= 0 <= b else float(ends.max()), float(ends.min())
     last = float(goal[-1] - start[-1])
     if n > 3:
         return TravelWindow(last / (K[-1] * fast), last / (K[-1] * slow), False)
-    # θ₂ runs at its top rate K₂ (θ₁ = 0); θ₃ covers the rest while θ₂ stays at one angle.
+    # θ₂ moves at its largest rate K₂ (θ₁ = 0); meanwhile θ₃ moves by `swept`. It moves by the
+    # remaining angle `spare` while θ₂ rests at one angle.
     swept = K[1] / K[0] * (_sine_integral(b) - _sine_integral(a))
     spare = last - swept
     if spare <= 0:
@@ -257,5 +260,5 @@ def _forward_window(system: Manipulator, start: Array, goal: Array) -> TravelWin
 
 
 def _sine_integral(angle: float) -> float:
-    """∫ cos³ = sin − sin³/3."""
+    """Return the integral of cos³ from 0 to an angle, sin − sin³/3."""
     return float(np.sin(angle) - np.sin(angle) ** 3 / 3)

@@ -2,7 +2,8 @@
 
 If joint i turns by an angle a, each point of the links moves by at most a times the length of the
 arm from that joint to its tip. This bound decides whether a segment between two poses is clear of
-all discs: it is halved until the clearance in the middle of each part exceeds the bound.
+all discs: the segment is halved again and again until the clearance in the middle of each part
+exceeds the bound.
 
 For the proof the joint space is a grid. A cell is free if the clearance at its centre exceeds the
 bound for half its width, and blocked if links reach into a disc by more than the bound. All other
@@ -28,22 +29,22 @@ from planner.support.arrays import Array
 FREE, MIXED, BLOCKED = 0, 1, 2
 
 COARSEST, MOST_CELLS = 8, 2**20
-"""Cells per joint of the first grid, for at most six joints; and all cells of the finest grid: 1024
-per joint for two joints, 64 for three, 32 for four."""
+"""Cells per joint of the first grid; and total number of cells of the finest grid: 1024 per joint
+for two joints, 64 for three, 32 for four. With more than six joints nothing is proven."""
 
 TOLERANCE = 1e-6
-"""Extra depth for a blocked cell, as a share of the arm's length; larger than the tolerance of
-verification."""
+"""Extra depth that a cell needs to count as blocked, as a share of the arm's length; larger than
+the tolerance of verification."""
 
 WIDEST_RAD = 1.5
 """Angle up to which a path is searched if a joint has no limit."""
 
 STEP_RAD, MOST_SAMPLES, SHORTCUTS = 0.35, 3000, 60
-"""Longest branch of a tree; number of poses drawn before a search ends (those that have an answer
-need 1 to 1,200); and number of shortcuts that are tried."""
+"""Longest step of a tree from one pose to the next; largest number of poses drawn in a search
+(successful ones need 1 to 1,200); and number of shortcuts that are tried."""
 
 MOST_PARTS = 20_000
-"""Largest number of parts of a segment; one that needs more touches a disc."""
+"""Largest number of parts of a segment; one that needs more counts as touching a disc."""
 
 
 def clearance(problem: Problem, theta: Array) -> Array:
@@ -84,10 +85,13 @@ def why_blocked(problem: Problem) -> str | None:
 
 
 def find_way(problem: Problem, seed: int = 0) -> Array | None:
-    """Find a short path from start to goal clear of all discs; corners (M, n) in radians.
+    """Find a short path of joint angles from start to goal that is clear of all discs.
 
     Two trees of poses grow from start and goal towards poses drawn at random, until they meet. The
-    path ignores the kinematics. None if there are no discs, or no path is found.
+    path ignores the kinematics.
+
+    Returns:
+        Corners of the path, shape (M, n), radians; None if there are no discs or no path is found.
     """
     if not problem.obstacles:
         return None
@@ -110,7 +114,11 @@ Tree = list[tuple[Array, int]]
 
 
 def _grow(problem: Problem, tree: Tree, towards: Array) -> Array | None:
-    """Add the pose one step from the nearest one towards another; None if a disc is in the way."""
+    """Add to a tree a pose that lies one step from its nearest pose in the direction of `towards`.
+
+    Returns:
+        The new pose: `towards` itself if within one step; None if a disc is in the way.
+    """
     poses = np.array([pose for pose, _ in tree])
     k = int(np.argmin(np.linalg.norm(poses - towards, axis=1)))
     step = towards - poses[k]
@@ -123,7 +131,7 @@ def _grow(problem: Problem, tree: Tree, towards: Array) -> Array | None:
 
 
 def _branch(tree: Tree) -> list[Array]:
-    """The poses from the root to the last one."""
+    """Return the poses on the way from the root of a tree to the pose added last."""
     out, k = list[Array](), len(tree) - 1
     while k >= 0:
         pose, k = tree[k]
@@ -132,7 +140,7 @@ def _branch(tree: Tree) -> list[Array]:
 
 
 def _shorten(problem: Problem, way: list[Array], rng: np.random.Generator) -> Array:
-    """Replace parts of a path by straight segments where these are clear."""
+    """Replace parts of a path by straight segments that are clear of all discs."""
     for _ in range(SHORTCUTS):
         one, other = sorted(rng.integers(len(way), size=2))
         if other - one > 1 and is_clear(problem, way[one], way[other]):
@@ -200,7 +208,10 @@ class Grid:
     def connects(
         self, start: Array, goal: NDArray[np.bool_], may_pass: NDArray[np.bool_], corners: bool
     ) -> bool:
-        """Whether passable cells connect the start with the goal, by faces or also by corners."""
+        """Whether a chain of cells that `may_pass` marks leads from start to goal.
+
+        Consecutive cells share a face or, if `corners`, at least a corner.
+        """
         from scipy import ndimage
 
         shape = ndimage.generate_binary_structure(may_pass.ndim, may_pass.ndim if corners else 1)
@@ -210,7 +221,7 @@ class Grid:
 
 
 def _grids(problem: Problem) -> Iterator[Grid]:
-    """Yield finer and finer grids; only the mixed cells of the one before are tested again."""
+    """Yield finer and finer grids; only the mixed cells of the previous grid are tested again."""
     limit = _box(problem)
     size = len(limit)
     beyond = _beyond(problem)
@@ -228,7 +239,7 @@ def _grids(problem: Problem) -> Iterator[Grid]:
 
 
 def _box(problem: Problem) -> Array:
-    """Largest angle of each joint, shape (n,), rad."""
+    """Largest angle of each joint in the search, shape (n,), rad."""
     ends = np.fmax(np.abs(problem.start[1:]), np.nan_to_num(np.abs(problem.likely.goal[1:])))
     limit = problem.limits.joint[1:]
     return np.where(np.isfinite(limit), limit, np.fmax(WIDEST_RAD, ends))

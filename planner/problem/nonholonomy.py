@@ -34,7 +34,7 @@ from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
 SINGULAR = 1e-12
-"""For smaller |sinθᵢ| or |cosθᵢ| a step divides by zero."""
+"""For a smaller |sinθᵢ| or |cosθᵢ|, step i counts as a division by zero."""
 
 Step = Callable[[float, bool, Any, Any, Any], tuple[Any, Any]]
 """A function from kᵢ₊₁, whether it is the last step, θᵢ, Yᵢ and Zᵢ to Xᵢ₊₁ and Yᵢ₊₁."""
@@ -45,8 +45,9 @@ class Family:
     """Result of one recursion at one configuration.
 
     Attributes:
-        x_error: Largest |Xᵢ₊₁ − ∂/∂θᵢ₊₁| of each step i = 1 … n−1; NaN after a division by zero.
-        y_error: Largest |Yᵢ₊₁ − (0, yᵢ₊₁)| of each step; NaN in the same cases.
+        x_error: Largest entry of |Xᵢ₊₁ − ∂/∂θᵢ₊₁| for each step i = 1 … n−1; NaN from the
+            first division by zero on.
+        y_error: Largest entry of |Yᵢ₊₁ − (0, yᵢ₊₁)| for each step; NaN in the same cases.
         divides_by_zero: Steps i whose divisor vanishes at q.
         determinant: det(X₁ … Xₙ, Yₙ), rows in the order θ₁ … θₙ, φ; NaN after a division by zero.
     """
@@ -126,7 +127,11 @@ def _corrected_step(k: float, last: bool, angle: Any, Y: Any, Z: Any) -> tuple[A
 
 
 def _family(system: Manipulator, point: Array, step: Step, zero: set[int]) -> Family:
-    """Run a recursion symbolically and evaluate it; rows are (φ, θ₁ … θₙ), reordered at the end."""
+    """Run a recursion symbolically and evaluate it at `point`.
+
+    The rows of all fields are (φ, θ₁ … θₙ), as in q; only the determinant has φ last. `zero` holds
+    the steps that divide by zero.
+    """
     n, q, k = system.n, ca.SX.sym("q", system.size), system.k_g * system.K
     X, Y = ca.SX.eye(system.size)[:, 1], ca.vertcat(*system.rates_expr(q, [1.0, 0.0]))
     family, remainders = [X], [Y]
@@ -150,7 +155,7 @@ def _family(system: Manipulator, point: Array, step: Step, zero: set[int]) -> Fa
 
 
 def _remaining_field(first: Array, point: Array, i: int) -> Array:
-    """(0, yᵢ₊₁): the field Y₁ from joint i+2 on, without the factors of joints 1 … i."""
+    """Return (0, yᵢ₊₁): the disk and the joints from i+2 on in Y₁, divided by cosθ₁ … cosθᵢ."""
     n = len(point) - 1
     out = np.zeros(n + 1)
     passed = np.prod(np.cos(point[1 : i + 1]))
@@ -218,7 +223,7 @@ class Nonholonomy:
 
     @property
     def recursion_verdict(self) -> str:
-        """Which steps of the recursion fail, in one line."""
+        """One line on which steps of the paper's recursion fail; empty if it was not tested."""
         if self.recursion is None:
             return ""
         failing = [str(i) for i, holds in enumerate(self.recursion.printed.holds, 1) if not holds]
@@ -238,7 +243,10 @@ class Nonholonomy:
 
 
 def nonholonomy(problem: Problem) -> Nonholonomy:
-    """Examine start and goal (if it gives all joints); for the manipulator also θ₁ = 0."""
+    """Test controllability at the start, and at the goal if it gives all joints.
+
+    For the manipulator, also test the start with θ₁ = 0, and the paper's recursion at the start.
+    """
     start, goal = problem.start, np.where(np.isnan(problem.goal), problem.start, problem.goal)
     places = [_place(problem.system, "start", start)]
     if not problem.free:
@@ -254,7 +262,7 @@ def nonholonomy(problem: Problem) -> Nonholonomy:
 
 
 def _place(system: TriangularSystem, name: str, q: Array) -> Probe:
-    """Examine one configuration, to the depth of full rank unless that could be very large."""
+    """Test one configuration; limit the bracket length if full rank may need very long brackets."""
     flat = int(np.sum(np.abs(q[1:-1]) < 1e-12))
     depth = MOST_DEPTH if system.size - 1 + flat > MOST_DEPTH else None
     try:

@@ -38,13 +38,14 @@ class Reach:
     """Possible configurations at a goal that leaves joints free.
 
     Attributes:
-        branches: Coordinates q(T) (N,) that meet the goal, NaN for the path coordinate, one for
-            each combination of elbow directions, the nearest to the start first.
-        blocked: Number of further branches, which violate a limit or touch something.
+        branches: Coordinates q(T) (N,) that meet the goal (NaN for the path coordinate): one
+            solution for each combination of elbow directions, the nearest to the start first.
+        blocked: Number of further branches, whose solutions violate a requirement.
         tip: The reachable tip pose nearest to the required one, shape (3,): x, y in metres and
             direction in radians; equal to the required one if there is a branch.
-        missed: Error of that pose: metres, or radians if only a direction is required (for both,
-            the root of the sum of squares, with one radian counted as the arm's reach).
+        missed: Distance of that pose from the required one: metres, or radians if only a direction
+            is required. If both are, the root of the sum of squares in metres; there one radian
+            counts as the arm's reach.
         reach: Sum of the links' lengths, metres.
     """
 
@@ -67,9 +68,10 @@ class Reach:
 
 
 def expected_goals(problem: Problem) -> list[Array]:
-    """Likely ends q(T) (N,) of a motion to a goal with free coordinates, the nearest first.
+    """Return likely ends q(T) (N,) of a motion to a goal that leaves coordinates free.
 
-    Free user coordinates keep their values at the start.
+    For an arm they are the branches of `goal_reach`, the nearest to the start first; otherwise
+    there is one, in which free user coordinates keep their values at the start.
     """
     reach, system = goal_reach(problem), problem.system
     if reach is not None:
@@ -82,7 +84,7 @@ def goal_reach(problem: Problem) -> Reach | None:
     """Find the configurations in which a motion of an arm to the goal may end.
 
     Returns:
-        Them; None if the goal gives every joint, or the system is not an arm.
+        The configurations; None if the goal gives every joint, or the system is not an arm.
     """
     expect_problem(problem)
     if not problem.free or problem.system.has_user_coordinates:
@@ -131,7 +133,7 @@ def _goal_angles(problem: Problem) -> Array:
 
 
 def _improved_angles(problem: Problem, theta: Array, free: Array, most: Array) -> Array:
-    """Take one step of the free joints; joints that would leave their limits stop there."""
+    """Take one Levenberg-Marquardt step of the free joints; a joint stops at its limit."""
     off, slope = _tip_errors(problem, theta), _tip_slopes(problem, theta)[:, :, free]
     now = theta[:, free]
     damping = (1e-14 + np.sum(off**2, axis=1))[:, None, None] * np.eye(off.shape[1])
@@ -149,7 +151,7 @@ def _improved_angles(problem: Problem, theta: Array, free: Array, most: Array) -
 
 
 def _tip_errors(problem: Problem, theta: Array) -> Array:
-    """Error of the tip at angles (S, n), shape (S, m): relative to the reach, or radians."""
+    """Errors of the m tip quantities at angles (S, n), shape (S, m): relative to reach, or rad."""
     if problem.tip is None:
         return np.zeros((len(theta), 0))
     q = np.column_stack([np.zeros(len(theta)), theta])
@@ -159,7 +161,10 @@ def _tip_errors(problem: Problem, theta: Array) -> Array:
 
 
 def _tip_slopes(problem: Problem, theta: Array) -> Array:
-    """∂/∂θ of `_tip_errors`, shape (S, m, n); joint j moves the tip perpendicular to its lever."""
+    """Return the derivatives of `_tip_errors` by the joint angles, shape (S, m, n).
+
+    Joint j moves the tip at right angles to the line from the joint to the tip.
+    """
     assert problem.tip is not None
     points = _arm(problem).arm_points(theta)
     arm = (points[:, -1:] - points[:, :-1]) / np.sum(_arm(problem).link_lengths)
@@ -168,7 +173,7 @@ def _tip_slopes(problem: Problem, theta: Array) -> Array:
 
 
 def _keeps_requirements(problem: Problem, theta: Array) -> Array:
-    """Whether configurations (S, n) satisfy the requirements at all times, shape (S,)."""
+    """Whether configurations (S, n) satisfy the requirements that depend on q only, shape (S,)."""
     q = np.column_stack([np.zeros(len(theta)), theta])
     points, out = MotionPoint.of(problem.system, q), np.ones(len(theta), dtype=bool)
     for requirement in problem.requirements:
@@ -180,7 +185,8 @@ def _keeps_requirements(problem: Problem, theta: Array) -> Array:
 
 
 def _nearest_by_branch(problem: Problem, theta: Array) -> list[Array]:
-    """From configurations (S, n), the nearest to the start of each branch, nearest first."""
+    """Return, of configurations (S, n), the one of each branch nearest to the start, sorted by that
+    distance."""
     distances = np.linalg.norm(theta - problem.start[1:], axis=1)
     branches: dict[tuple[bool, ...], Array] = {}
     for k in np.argsort(distances, kind="stable"):

@@ -236,7 +236,7 @@ def test_the_fastest_plan_is_slowed_where_its_compensation_is_refused(
 
 def test_what_is_free_is_not_advised(paper: planner.Problem) -> None:
     short = {"goal.duration": "free", "goal.duration_max": 1.0, "compensation.on": True}
-    with pytest.raises(planner.VerificationError, match="all that is run") as caught:
+    with pytest.raises(planner.VerificationError, match="duration of the whole run") as caught:
         planner.solve(paper.changed(short), "convex")
     wanted = r"goal\.duration_max = [\d.]+ and what compensation adds, or wider input limits"
     assert re.match(wanted, str(caught.value.advice))

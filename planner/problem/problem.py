@@ -57,8 +57,8 @@ from planner.systems.manipulator import (
 from planner.systems.triangular_system import TriangularSystem
 
 WIDEST_FREE_JOINT_RAD = np.deg2rad(88.0)
-"""Largest |θ| at the goal for a joint that it leaves free, unless a limit is smaller. It is also
-the largest value to which joint limits are widened; at 90 degrees an arm's drive stands still."""
+"""Largest |θ| at the goal for a joint that the goal leaves free, unless the joint's limit is
+smaller. At 90 degrees the drive of an arm stands still."""
 
 
 @factory("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")
@@ -72,10 +72,12 @@ class Problem:
         start: q(0), shape (N,), in radians (and metres), whatever the file's unit.
         goal: q(T), shape (N,), in the same units; NaN for the path coordinate, which `travel`
             gives, and for joints that the goal leaves free.
-        user_goal: The goal in user coordinates, shape (N,), NaN if free; else equal to `goal`.
+        user_goal: The goal in user coordinates, shape (N,), NaN if free; equal to `goal` if the
+            user coordinates are the triangular ones.
         travel: q₁(T) − q₁(0); None if free.
         duration: Duration, s; None if free.
-        duration_max: Longest duration including what compensation adds, s; None without a limit.
+        duration_max: Longest duration of the whole run, including the motions that compensation
+            adds, s; None without a limit.
         limits: Limits that every plan must respect.
         methods: Options of each method.
         machine: The emulated machine: preset and changes.
@@ -83,9 +85,9 @@ class Problem:
         compensation: Whether and how plans are compensated for the machine.
         waypoints: Places that every plan passes through.
         obstacles: Discs that the links of an arm must not touch.
-        registered_limits: Limits that any system may have, see `planner.register_requirement`.
+        registered_limits: Limits of the kinds added by `planner.register_requirement`.
         self_collision: Least distance between an arm's links; None if they may cross.
-        tip: Goal of an arm's tip, in place of joint angles; None without one.
+        tip: Goal of an arm's tip, which replaces some or all joint angles; None without one.
         source: Origin of the problem, for messages.
     """
 
@@ -115,7 +117,8 @@ class Problem:
     def from_dict(cls, data: Mapping[str, Any], source: str = "problem") -> Problem:
         """Build a problem from the tables of a problem file.
 
-        Gives a `planner.InputWarning` if angles look like radians.
+        Gives a `planner.InputWarning` if angles look like radians, or if compensation is on and
+        does not respect one of the limits.
 
         Raises:
             InputError: If a key, value or combination is wrong; the message names it.
@@ -214,7 +217,8 @@ class Problem:
             tip_angle_deg: Direction of the last link at the goal, degrees: the sum of all angles.
             travel: Change of the disk angle φₙ₋₁, radians; None if free.
             duration: Seconds; None if free.
-            duration_max: Longest duration including what compensation adds, s.
+            duration_max: Longest duration of the whole run, including the motions that
+                compensation adds, s.
             K: K₂ … Kₙ; also needs k_g.
             k_g: Turns of the last disk per turn of motor 1.
             gear: Geometry of the gears, instead of K; lists if the stages differ.
@@ -266,7 +270,7 @@ class Problem:
         return f"Problem({self.name!r}, {self.system.kind}, {duration})"
 
     def to_dict(self) -> dict[str, Any]:
-        """The tables of a problem file that describes this problem."""
+        """Return the tables of a problem file that describes this problem."""
         return copy.deepcopy(dict(self._data))
 
     def changed(self, changes: Mapping[str, Any]) -> Problem:
@@ -284,9 +288,9 @@ class Problem:
     def from_pose(self, theta_deg: ArrayLike) -> Problem:
         """Return the same task for another start pose of the arm, such as one read after homing.
 
-        If no motion from there can keep the margin of z₂, the margin is left out with an
-        `InputWarning`: after homing, angles may be negative, and z₂ then starts and ends on
-        different sides of zero, which matters only to plans in chained coordinates.
+        If no motion from there can keep `limits.z2_margin`, that limit is left out, with an
+        `InputWarning`. After homing, angles may be negative, so that z₂ has different signs at
+        start and goal; only plans in chained coordinates need the same sign.
 
         Args:
             theta_deg: θ₁ … θₙ, degrees.
@@ -310,7 +314,7 @@ class Problem:
             return there
 
     def within_reach(self) -> Problem:
-        """Return the problem without obstacles that no link can reach."""
+        """Return the problem without the obstacles that no link can reach."""
         near = tuple(d for d in self.obstacles if d.values_out_of_reach(self.system) is None)
         return self if len(near) == len(self.obstacles) else replace(self, obstacles=near)
 
@@ -325,7 +329,7 @@ class Problem:
         return self.changed(self.travel_change(travel))
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The dotted key and value that set this travel (None: free)."""
+        """Return the dotted key that sets the travel, with the value for `travel` (None: free)."""
         return parse_file(self.to_dict(), self.source).travel_change(travel)
 
     @property
@@ -335,24 +339,24 @@ class Problem:
 
     @property
     def has_travel_key(self) -> bool:
-        """Whether the file has a key for the travel; else the goal's coordinates determine it."""
+        """Whether the file has a key for the travel; if not, the goal's values determine it."""
         return 0 in self.system.shared.values()
 
     @property
     def travel_key(self) -> str:
-        """The dotted key of the travel."""
+        """The dotted key that sets the travel, such as "goal.travel"."""
         return next(iter(self.travel_change(None)))
 
     @property
     def chart(self) -> ChartDomain:
-        """The requirement on motions in chained coordinates only."""
+        """The requirement that motions in chained coordinates stay in the chart's domain."""
         return ChartDomain(tuple(self.start.tolist()))
 
     @cached_property
     def demands(self) -> tuple[Demand, ...]:
         """All conditions on a plan, one object per kind: ends, limits, waypoints, obstacles.
 
-        Those with `in_chart` apply only to plans in chained coordinates.
+        A condition with `in_chart` applies only to plans in chained coordinates.
         """
         limits, system = self.limits, self.system
         beside = limits.user.copy()
@@ -385,23 +389,23 @@ class Problem:
 
     @cached_property
     def requirements(self) -> tuple[Requirement, ...]:
-        """The conditions that apply at all times."""
+        """The conditions that apply at all times of a motion."""
         return tuple(d for d in self.demands if isinstance(d, Requirement) and not d.final)
 
     @cached_property
     def final(self) -> tuple[Requirement, ...]:
-        """Conditions that apply only at the end, except on coordinates that the goal gives."""
+        """Conditions that apply only at the end; without `UserGoal` if the goal gives all of q."""
         every = (d for d in self.demands if isinstance(d, Requirement) and d.final)
-        whole = not np.any(np.isnan(self.user_goal))  # then all of q is given
+        whole = not np.any(np.isnan(self.user_goal))  # then the goal gives all of q
         return tuple(d for d in every if not (whole and isinstance(d, UserGoal)))
 
     @cached_property
     def on_the_way(self) -> UserGoal:
-        """User coordinates of waypoints that are not triangular coordinates, as rows."""
+        """`UserGoal` with a row for each non-triangular user coordinate that a waypoint gives."""
         return self._goal_beside(sorted({i for point in self.waypoints for i in point.beside_q}))
 
     def _goal_beside(self, which: Iterable[int]) -> UserGoal:
-        """Goal of these user coordinates, without those that are triangular."""
+        """Return the goal of the user coordinates with indices `which`, without triangular ones."""
         indices = tuple(i for i in which if i not in self.system.shared)
         every = self.system.user_coordinates
         targets = tuple(float(self.user_goal[i]) for i in indices)
@@ -420,7 +424,7 @@ class Problem:
         return np.minimum(self.limits.joint[list(self.free)], WIDEST_FREE_JOINT_RAD)
 
     def asking(self, label: str) -> tuple[Demand, Part] | None:
-        """The requirement and part with this label in messages; None if there is none."""
+        """Return the demand and its part with this label; None if no part has it."""
         named = ((each, part) for each in self.demands for part in each.parts)
         return next((pair for pair in named if pair[1].label == label), None)
 
@@ -430,7 +434,7 @@ class Problem:
         return any(requirement.divides for requirement in self.requirements)
 
     def reads(self, name: str) -> bool:
-        """Whether a requirement depends on "q", "u" or "du"."""
+        """Whether a requirement depends on the argument `name`: "q", "u" or "du"."""
         return any(name in requirement.reads for requirement in self.requirements)
 
     @property
@@ -442,12 +446,12 @@ class Problem:
         return out
 
     def expecting(self, goal: Array) -> Problem:
-        """Return the same problem with an expected goal (N,) for a search to start from."""
+        """Return the same problem with an expected q(T) (N,), from which a search can start."""
         return replace(self, _hint=goal)
 
     @cached_property
     def likely(self) -> Problem:
-        """The problem with the expected goal as its goal; itself without one."""
+        """The problem with the expected q(T) as its goal; this problem if nothing is expected."""
         if self._hint is None:
             return self
         travel = self.travel if np.isnan(self._hint[0]) else float(self._hint[0] - self.start[0])
@@ -455,7 +459,7 @@ class Problem:
         return replace(self, goal=goal, user_goal=user, travel=travel, tip=None, _hint=None)
 
     def settled(self, end: Array) -> Problem:
-        """Return the problem with the joints of q(T) (N,) as its goal; itself if no joint is free.
+        """Return the problem with the joints of q(T) (N,) as its goal; this one if none is free.
 
         Raises:
             InputError: As for `from_dict`.
@@ -483,7 +487,7 @@ class Problem:
 
 
 def expect_problem(value: object) -> None:
-    """Refuse anything but a problem, such as the name of its file.
+    """Raise an error if the value is not a problem, but for example the path of its file.
 
     Raises:
         InputError: If it is not a problem; the message says how to get one.

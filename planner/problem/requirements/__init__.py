@@ -1,2 +1,2 @@
-"""Conditions on a motion: `requirement` (the base classes), `motion_limits`, `places`,
-`self_collision`, `ends`, `user_places` (limits and goals of user coordinates)."""
+"""Conditions on a motion: `requirement` (base classes), `motion_limits`, `places` (waypoints and
+obstacles), `self_collision`, `ends` (start, goal, duration), `user_places` (user coordinates)."""

@@ -87,7 +87,7 @@ class TipGoal(Requirement):
         return "the tip " + ", ".join(words)
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """The required quantities of the tip, as expressions."""
+        """Return the required quantities of the tip as expressions."""
         system: Any = point.system
         theta = [point.q[i] for i in range(1, system.size)]
         x, y = arm_points_expr(theta, system.link_lengths)[-1]
@@ -95,7 +95,7 @@ class TipGoal(Requirement):
         return [every[name] for name in self.quantities]
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
-        """The same quantities, by the arm's NumPy code."""
+        """Return the required quantities of the tip as arrays, by the arm's NumPy code."""
         system: Any = point.system
         theta = point.states[..., 1:]
         tip = system.arm_points(theta)[..., -1, :]
@@ -104,7 +104,7 @@ class TipGoal(Requirement):
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """The goal changed to the tip pose that the motion reaches."""
+        """Advise to change the goal to the tip pose that the motion reaches."""
         tip = breaches[0][0]
         assert isinstance(tip, TipGoal)
         reached = {part.label: violation.value for _, part, violation in breaches}
@@ -134,7 +134,6 @@ class Duration(Demand):
 class LongestDuration(Demand):
     """The whole run, with what compensation adds, takes at most the given time.
 
-
     Attributes:
         seconds: Longest duration, s, including what compensation adds.
     """
@@ -144,9 +143,9 @@ class LongestDuration(Demand):
     @property
     def parts(self) -> tuple[Part, ...]:
         """One part: the duration of the whole run."""
-        return (Part("all that is run", "s", -np.inf, self.seconds, self.seconds),)
+        return (Part("duration of the whole run", "s", -np.inf, self.seconds, self.seconds),)
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """The limit changed to the duration of the run."""
+        """Advise to raise the limit to the duration of the run."""
         return f"goal.duration_max = {max(v.value for *_, v in breaches) * 1.0001:.4g}"

@@ -21,7 +21,7 @@ class ChartDomain(Demand):
     """Every margin of the chart is positive on the start's branch, so real coordinates exist.
 
     Attributes:
-        start: q(0).
+        start: q(0), whose branch of the chart the motion must not leave.
     """
 
     start: tuple[float, ...]
@@ -35,15 +35,15 @@ class ChartDomain(Demand):
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """Empty, because no key of the file widens the domain."""
+        """Return no advice, because no key of the file widens the domain."""
         return ""
 
     def branch(self, system: TriangularSystem) -> Array:
-        """The chart's branch, shape (N,)."""
+        """Return the chart's branch on which the start lies, shape (N,)."""
         return system.branch(np.array(self.start))
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """The margins as expressions; none if the system does not provide them."""
+        """Return the chart's margins as expressions; empty if the system does not provide them."""
         return point.system.chart_margins_expr(point.q, self.branch(point.system))
 
     def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:
@@ -71,7 +71,8 @@ class ChartDomain(Demand):
 
 
 SMALLEST_Z2 = 1e-3
-"""Least scale of a z₂ margin, because an excess is compared with z₂ itself, which is near 1."""
+"""Least scale of a z₂ margin: a margin near zero must not exaggerate an excess, since z₂ itself
+is near 1."""
 
 WIDEST_LIMITS = {
     "joint_deg": 88.0,
@@ -88,9 +89,9 @@ class SymmetricLimit(Requirement):
     """|value| ≤ most for some inputs or coordinates.
 
     Attributes:
-        words: Prefix of its labels.
+        words: Prefix of the parts' labels, as in "input u2".
         quantities: All inputs or coordinates, with names and units.
-        most: Their limits; infinite without a limit.
+        most: The limit of each; infinite without a limit.
     """
 
     words: ClassVar[str]
@@ -131,17 +132,17 @@ class JointLimit(SymmetricLimit):
     words, reads = "joint", frozenset({"q"})
 
     def limit_name(self, part: Part) -> str:
-        """The coordinate's name."""
+        """Return the coordinate's name."""
         return self.quantities[part.index].name
 
     def contradiction_text(self, name: str, v: Violation) -> str:
-        """Describe a contradiction."""
+        """Describe that the start, goal or waypoint violates the limit; say what to change."""
         value, limit, unit = replace(v, limit=abs(v.limit)).shown(6)
         what = f"{name} {v.label.removeprefix(self.words + ' ')} = {value}{unit}"
         return f"{what} lies outside its limit of {limit}{unit}; move it or widen the limit"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """The change that widens these limits as far as possible."""
+        """Return the change that widens the joint limits as far as possible."""
         wide = {f"limits.{key}": most for key, most in WIDEST_LIMITS.items() if limits.get(key)}
         return (wide, "", "the limits on the joints") if wide else None
 
@@ -167,27 +168,27 @@ class Z2Margin(Requirement):
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """A smaller margin, or none if z₂ changes sign."""
+        """Advise a smaller margin, or none if z₂ changes sign."""
         ((_, _, v),) = breaches
         if v.value > 0:
             return f"limits.z2_margin = {0.999 * v.value:.4g} or less"
         return "leave out limits.z2_margin, so that z2 may change sign"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """The change that removes the margin."""
+        """Return the change that removes the margin."""
         return {"limits.z2_margin": None}, "leave out limits.z2_margin", "the z2 margin"
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """z₂, positive on the start's side."""
+        """Return z₂ as an expression, with its sign chosen to be positive at the start."""
         return [self.side * chained_form(point.system).z_expr(point.q)[1]]
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
-        """The same quantity, by the chart's NumPy code."""
+        """Return the quantity of `rows` as an array, by the chart's NumPy code."""
         z2 = chained_form(point.system).z(point.states)[..., 1] if point.z is None else point.z[1]
         return [self.side * z2]
 
     def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:
-        """Describe z₂ too close to zero at start or goal; waypoints are not checked."""
+        """Describe why z₂ at start or goal violates the margin; None if not, or at a waypoint."""
         if name not in ("start", "goal"):
             return None
         z2 = float(chained_form(system).z(np.append(np.nan_to_num(q[0]), q[1:]))[1])

@@ -45,17 +45,17 @@ class Waypoint(Demand):
         return _omission("waypoints", breaches)
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """The change that removes all waypoints."""
+        """Return the change that removes all waypoints."""
         return {"waypoints": []}, "", "the waypoints"
 
     @cached_property
     def q(self) -> Array:
-        """The part of q that it fixes, shape (N,), NaN if free."""
+        """Coordinates q that the waypoint determines, shape (N,); NaN if free."""
         return self.system.fixed_by(self.user)
 
     @cached_property
     def beside_q(self) -> tuple[int, ...]:
-        """Indices of given user coordinates that are not triangular, if not all are given."""
+        """Indices of given user coordinates that are not triangular; none if all are given."""
         indices = np.flatnonzero(~np.isnan(self.user)).tolist()
         some = len(indices) < len(self.user)
         return tuple(i for i in indices if some and i not in self.system.shared)
@@ -76,7 +76,7 @@ class Obstacle(Requirement):
         y: y of the centre, metres.
         radius: Radius, metres.
         clearance: Least distance between links and disc, metres.
-        reach: Length of the stretched arm, metres; the scale of an excess.
+        reach: Length of the stretched arm, metres; an excess is divided by it.
     """
 
     number: int
@@ -102,23 +102,23 @@ class Obstacle(Requirement):
 
     @property
     def thickness(self) -> float:
-        """Least distance between links and the disc's centre."""
+        """Least distance between links and the disc's centre, metres."""
         return self.radius + self.clearance
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """A smaller clearance; or leave out the discs that links touch."""
+        """Advise a smaller clearance, or to leave out the discs that links touch."""
         touched = [breach for breach in breaches if breach[2].value <= 0]
         if touched:
             return _omission("obstacles", touched)
         return f"obstacles.clearance_m = {0.999 * min(v.value for *_, v in breaches):.4g} or less"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """The change that removes all obstacles."""
+        """Return the change that removes all obstacles."""
         return {"obstacles": []}, "", "the obstacles"
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """The distance of each link from the disc, to first order near contact.
+        """Return for each link an expression that is close to its distance near the clearance.
 
         For a link from P in direction e with length l and the centre C, the nearest point is at
         t = clip((C − P)·e, 0, l), and the squared distance is |P − C|² + 2t (P − C)·e + t². Let R
@@ -141,12 +141,12 @@ class Obstacle(Requirement):
         return out
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
-        """The distance of each link from the disc, negative inside, metres."""
+        """Return the distance of each link from the disc, negative inside, metres."""
         system: Any = point.system
         return list(np.moveaxis(self.clearances(system.arm_points(point.states[..., 1:])), -1, 0))
 
     def contradiction_text(self, name: str, v: Violation) -> str:
-        """Describe a contradiction."""
+        """Describe that a link is too near at the start, goal or waypoint; say what to change."""
         link = next(k for k, part in enumerate(self.parts, 1) if part.label == v.label)
         if v.value > 0:
             near = f"is {v.value:.3g} m from obstacle {self.number}, clearance_m = {v.limit:g}"
@@ -156,7 +156,7 @@ class Obstacle(Requirement):
         return f"at the {name} link {link} reaches {into}; move one of them"
 
     def values_out_of_reach(self, system: TriangularSystem) -> Sequence[float] | None:
-        """Clearances of the stretched arm if no link can reach the disc; None if one can."""
+        """Return a lower bound of each link's distance if none can reach the disc; else None."""
         reach = float(np.sum(system.link_lengths))  # type: ignore[attr-defined]
         near = float(np.hypot(self.x, self.y)) - self.radius
         free = near - self.clearance > reach * (1 + 1e-9)
@@ -178,7 +178,7 @@ class Obstacle(Requirement):
 
 
 def nearest_on_segment(point: Array, first: Array, last: Array) -> Array:
-    """Point of a segment that is nearest to a given point; all of shape (…, 2)."""
+    """Return the point of a segment that is nearest to a given point; all of shape (…, 2)."""
     step = last - first
     length = np.sum(step**2, axis=-1)
     share = np.sum((point - first) * step, axis=-1) / np.where(length > 0, length, 1.0)

@@ -47,14 +47,14 @@ class MotionPoint:
 
 @dataclass(frozen=True)
 class Part:
-    """One line of a requirement in messages and tables: a value between low and high.
+    """One value of a demand that must lie between low and high; messages and tables list it.
 
     Attributes:
         label: Name of the limited value, as in "input u2"; unique within a problem.
         unit: Unit of value and limits.
         low: Least value; may be −∞.
         high: Largest value; may be ∞.
-        scale: Scale of an excess, in the unit.
+        scale: What an excess is divided by to compare it with others, in the unit.
         index: Index of the input or coordinate, from 0.
     """
 
@@ -81,12 +81,12 @@ class Demand(ABC):
         """The R parts of the condition."""
 
     def limit_name(self, part: Part) -> str:
-        """Name of a part in a list of limits."""
+        """Return the name of a part in a list of limits."""
         return part.label
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """The change of the problem file that would satisfy all of these, in words."""
+        """Describe a change of the problem file that would permit all of these breaches."""
         peaks = []
         for demand, part, v in breaches:
             above = v.limit == part.high
@@ -97,14 +97,14 @@ class Demand(ABC):
         return f"wider limits: {', '.join(peaks)}"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """The change of the problem file that removes it.
+        """Return the change of the problem file that removes this demand.
 
         Args:
             limits: The file's `[limits]` table.
 
         Returns:
-            Dotted keys with values; the advice in words, or "" for the keys themselves; and the
-            name of what is removed. None if it cannot be removed.
+            Dotted keys with new values; the advice in words ("" if naming the keys is enough); and
+            the name of what is removed. None if the demand cannot be removed.
         """
         return None
 
@@ -123,13 +123,13 @@ class Requirement(Demand):
     Attributes:
         reads: Arguments of its rows, a subset of "q", "u" and "du".
         row_fields: Names of the float fields that its rows read. A float that only `parts` use,
-            as `low` or `high`, is not named.
+            as `low` or `high`, is not listed.
         speed_power: Power of the speed with which its `values` grow: 0 for coordinates, 1 for
             inputs, 2 for their rates and products. If it is not 0, a slow enough motion satisfies
             it. Rows that replace the values may grow with another power.
         divides: Whether paths can pass it on different sides, so that several optima exist.
         smooth: Whether its values are differentiable wherever they come near a limit; if not, its
-            parts have no high.
+            parts must have no upper limit.
         final: Whether it applies only at the end; then it reads "q" and is smooth.
         key: Its key in the `[limits]` table, for a kind that applies to all systems.
         table: Type and description of that key's value, optionally an example for `planner new`.
@@ -154,23 +154,23 @@ class Requirement(Demand):
         return cls(value)  # type: ignore[call-arg]
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """R differentiable expressions that must lie between low and high.
+        """Return R differentiable expressions that must lie between low and high.
 
-        By default the inputs, rates or coordinates themselves, by the parts' indices.
+        By default they are the inputs, rates or coordinates that `index` of each part selects.
         """
         (name,) = self.reads
         entries = getattr(point, name)
         return [entries[part.index] for part in self.parts]
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
-        """The same values for verification: R arrays of the shape of `point.q[0]`.
+        """Return the limited values for verification: R arrays of the shape of `point.q[0]`.
 
-        A class overrides this if its rows are a substitute or need CasADi.
+        A class overrides this if its rows only approximate the values or need CasADi.
         """
         return self.rows(point)
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """The change that removes its key; None for a limit that depends on the speed."""
+        """Return the change that removes its key; None for a limit that depends on the speed."""
         if self.speed_power or not self.key:
             return None
         what = f"the limit on {self.parts[0].label}"
@@ -198,7 +198,7 @@ class Requirement(Demand):
         return self.contradiction_text(name, max(violations, key=lambda v: v.scaled))
 
     def contradiction_text(self, name: str, v: Violation) -> str:
-        """Describe a contradiction."""
+        """Describe that the start, goal or waypoint violates it; say what to change."""
         value, limit, unit = v.shown(6)
         change = f"change limits.{self.key}" if self.key else "widen the limit"
         return (
@@ -206,12 +206,12 @@ class Requirement(Demand):
         )
 
     def values_out_of_reach(self, system: TriangularSystem) -> Sequence[float] | None:
-        """Its least values if no motion can violate it; None if one can."""
+        """Return the least values that it can take if no motion can violate it; else None."""
         return None
 
     @property
     def thickness(self) -> float:
-        """Largest depth to which a motion can violate it, if it divides paths, in its unit."""
+        """If the requirement `divides`: how deep a motion can violate it at most, in its unit."""
         return min(part.scale for part in self.parts)
 
     @cached_property
@@ -234,17 +234,20 @@ class Requirement(Demand):
 
     @cached_property
     def template(self) -> Self:
-        """The same requirement with numbers zero; one expression serves all with its structure."""
+        """The same requirement with all finite floats zero.
+
+        Requirements that differ only in floats have equal templates and share compiled expressions.
+        """
         erased = {f.name: _erase_floats(getattr(self, f.name)) for f in fields(self)}
         return replace(self, **{name: value for name, value in erased.items() if value is not None})
 
     @property
     def row_field_values(self) -> list[float]:
-        """Values of the numbers that the rows read."""
+        """Values of the `row_fields`."""
         return [float(getattr(self, name)) for name in self.row_fields]
 
     def fault(self, system: TriangularSystem) -> str | None:
-        """Describe how the class contradicts itself; None if it does not."""
+        """Describe why the fields, parts, rows and values do not fit together; None if they do."""
         try:
             hash(self)
         except TypeError:
@@ -270,13 +273,16 @@ class Requirement(Demand):
         return None
 
     def with_row_fields(self, values: Sequence[Any]) -> Self:
-        """Return the same requirement with other numbers, or symbols in their place."""
+        """Return the same requirement with other values, numbers or symbols, of `row_fields`."""
         new = dict(zip(self.row_fields, values, strict=True))
         return replace(self, **new) if new else self
 
 
 def _erase_floats(value: Any) -> Any:
-    """Replace numbers by zero; infinity stays, since it means that there is no limit."""
+    """Return zero for a float, or zeros for a tuple of floats; None for other types.
+
+    An infinite float stays, since it means that there is no limit.
+    """
     if isinstance(value, float):
         return value if np.isinf(value) else 0.0
     if isinstance(value, tuple) and all(isinstance(v, float) for v in value):

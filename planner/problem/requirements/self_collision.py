@@ -2,8 +2,8 @@
 
 If two links do not cross, their closest points include an end of one of them. So links keep a
 distance c > 0 if the ends of each keep that distance from the other: before the links could cross,
-an end would have to touch. The requirement therefore limits the distances of joints (and the tip)
-from links. Neighbours share a joint and are not checked.
+an end of one would have to touch the other. The requirement therefore limits the distances of
+joints (and the tip) from links. Neighbours share a joint and are not checked.
 """
 
 from __future__ import annotations
@@ -70,8 +70,10 @@ class SelfCollision(Requirement):
 
     @cached_property
     def joint_link_pairs(self) -> dict[Pair, list[Pair]]:
-        """Pairs of a joint (from 0; the last is the tip) and a link (from 1) that stay apart. Each
-        maps to the pairs of links that would cross."""
+        """Pairs of a joint (from 0; the last is the tip) and a link (from 1) that stay apart.
+
+        Each maps to the pairs of links that could cross if these two touched.
+        """
         out: dict[Pair, list[Pair]] = {}
         for i, j in self.link_pairs:
             for end in _joints_of_pair((i, j)):
@@ -90,18 +92,18 @@ class SelfCollision(Requirement):
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """A smaller clearance, or none if links cross."""
+        """Advise a smaller clearance, or none if links cross."""
         least = min(v.value for *_, v in breaches)
         if least > 0:
             return f"limits.{cls.key} = {0.999 * least:.4g} or less"
         return f"leave out limits.{cls.key}"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """The change that removes the clearance."""
+        """Return the change that removes the clearance."""
         return {f"limits.{self.key}": None}, f"leave out limits.{self.key}", "the links' clearance"
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """The distance of each joint from each link, to first order near the clearance c.
+        """Return for each part an expression that is close to its distance near the clearance c.
 
         (distance² + c²)/(2c) is smooth where the distance is zero; at distance c it has the value
         and slope of the distance. If two links cross, the distance counts as negative and is that
@@ -129,12 +131,12 @@ class SelfCollision(Requirement):
         return out
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
-        """Distance of each joint from each link, metres; negative if the links cross."""
+        """Return the distance of each part, metres; negative if the links cross."""
         system: Any = point.system
         return list(self.distances(system.arm_points(point.states[..., 1:])))
 
     def distances(self, points: Array) -> Array:
-        """Distances as in `values`, shape (R, …).
+        """Return the distances of the R parts, shape (R, …), as in `values`.
 
         Args:
             points: Base, joints and tip, shape (…, n+1, 2), metres.
@@ -153,8 +155,8 @@ class SelfCollision(Requirement):
 
     @cached_property
     def _numbers(self) -> tuple[Index, Index]:
-        """Indices: the four end parts of each pair of links (P, 4), and the one or two pairs that
-        each part belongs to (R, 2)."""
+        """Index arrays: the four parts of each pair of links (P, 4); and the first and the last
+        pair of links that each part belongs to (R, 2)."""
         parts, pairs = list(self.joint_link_pairs), self.link_pairs
         ends = [[parts.index(end) for end in _joints_of_pair(pair)] for pair in pairs]
         first_and_last = [
@@ -163,16 +165,19 @@ class SelfCollision(Requirement):
         return np.array(ends), np.array(first_and_last)
 
     def contradiction_text(self, name: str, v: Violation) -> str:
-        """Describe a contradiction."""
+        """Describe that links are too near at the start, goal or waypoint; say what to change."""
         what = v.label.removeprefix("clearance of ")
         change = f"move it or lower limits.{self.key}"
         if v.value <= 0:
-            return f"at the {name} links cross ({what}); move it, or leave out limits.{self.key}"
+            pair = what.replace(" from ", " and ")
+            return (
+                f"at the {name} links cross (near {pair}); move it, or leave out limits.{self.key}"
+            )
         is_ = f"the clearance of {what} is {v.value:.3g} m, allowed {v.limit:g} m"
         return f"at the {name} {is_}; {change}"
 
     def nearest_pair(self, points: Array) -> tuple[Array, Array, float]:
-        """The joint and the point of a link that are nearest to each other in one pose.
+        """Find the joint and the point of a link that are nearest to each other in one pose.
 
         Args:
             points: Base, joints and tip, shape (n+1, 2), metres.
@@ -191,7 +196,7 @@ class SelfCollision(Requirement):
 
 
 def _joints_of_pair(pair: Pair) -> list[Pair]:
-    """The ends of two links, each paired with the other link."""
+    """Return the four ends of two links (as joints, from 0), each paired with the other link."""
     i, j = pair
     return [(i - 1, j), (i, j), (j - 1, i), (j, i)]
 

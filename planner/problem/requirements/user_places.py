@@ -1,7 +1,7 @@
-"""Limits and goals in a system's user coordinates, which are functions of q.
+"""Limits and goals of user coordinates that are not triangular, and so are functions of q.
 
-User coordinates that are also triangular need none of this: their limit is a `JointLimit`, and
-their value at the goal or at a waypoint is that of q.
+For a user coordinate that is also triangular, `JointLimit` holds the limit, and q itself holds the
+value at the goal or at a waypoint.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from planner.systems.triangular_system import Coordinate
 
 
 class _UserPart(Requirement):
-    """A requirement on user coordinates, given by the parts' indices."""
+    """A requirement on the user coordinates that `index` of its parts selects."""
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """These coordinates as expressions."""
+        """Return these user coordinates as expressions."""
         every = point.system.user_expr(point.q)
         return [every[part.index] for part in self.parts]
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
-        """The same values, by the system's NumPy code."""
+        """Return these user coordinates as arrays, by the system's NumPy code."""
         every = point.system.user(point.states)
         return [every[..., part.index] for part in self.parts]
 
@@ -38,8 +38,8 @@ class UserGoal(_UserPart):
     """User coordinates that are not triangular have given values at the end.
 
     Attributes:
-        coordinates: The given ones.
-        indices: Their indices, from 0.
+        coordinates: The user coordinates whose value is given.
+        indices: Their indices among all user coordinates, from 0.
         targets: Their values, in their units.
     """
 
@@ -57,6 +57,6 @@ class UserGoal(_UserPart):
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """The goal changed to the place that the motion reaches."""
+        """Advise to change the goal to the place that the motion reaches."""
         reached = (f"{part.label.removeprefix('goal ')} = {v.value:.4g}" for _, part, v in breaches)
         return f"goal.q with {', '.join(reached)}"

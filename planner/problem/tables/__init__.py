@@ -1,5 +1,6 @@
 """The tables of a problem file, validated.
 
-In this order: `problem_file` (what all share), the systems in `arms`, `vehicles`, `custom`;
-`machine_effects`, `method_options`; `kinds` has one entry per system and loads plugins.
+Modules in reading order: `problem_file` (tables that all systems share); `arms`, `vehicles` and
+`custom` (tables of one kind of system); `machine_effects`, `method_options`; `kinds` (the list of
+all kinds of systems, and plugins).
 """

@@ -209,7 +209,7 @@ class ArmFile(ProblemFile):
 
     @property
     def _goal_deg(self) -> list[float | Free]:
-        """Angles of all joints at the goal."""
+        """Angles of all joints at the goal, degrees or "free"."""
         theta_deg = self.goal.theta_deg
         return ["free"] * self.system.joints if theta_deg is None else theta_deg
 
@@ -218,13 +218,12 @@ class ArmFile(ProblemFile):
         return np.array([self.start.phi_rad, *np.deg2rad(self.start.theta_deg)])
 
     def goal_state(self) -> Array:
-        """q(T), shape (n+1,), radians; NaN first, since `travel` gives that coordinate, and if a
-        joint is free."""
+        """Return q(T), shape (n+1,), radians; NaN for free joints and for φ (`travel` gives it)."""
         angles = [np.nan if isinstance(a, str) else a for a in self._goal_deg]
         return np.array([np.nan, *np.deg2rad(angles)])
 
     def tip(self) -> dict[str, float]:
-        """Goal of the tip: "x" and "y" in metres, "angle" in radians, as far as given."""
+        """Return the given quantities of the tip: "x" and "y" in metres, "angle" in radians."""
         out = dict[str, float]()
         if self.goal.tip_m is not None:
             out |= dict(zip("xy", self.goal.tip_m, strict=True))
@@ -237,7 +236,7 @@ class ArmFile(ProblemFile):
         return None if self.goal.travel == "free" else float(self.goal.travel)
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The key that sets the travel, with its value."""
+        """Return the dotted key that sets the travel, with its value."""
         return {"goal.travel": "free" if travel is None else travel}
 
     def joint_limits(self) -> Array:
@@ -259,7 +258,7 @@ class ArmFile(ProblemFile):
 
 
 def _check_lengths(n: int, K: list[float] | None, link_lengths: list[float] | None) -> None:
-    """Refuse lists whose lengths do not fit n joints."""
+    """Raise an error if the length of a list does not fit n joints."""
     if K is not None and len(K) != n - 1:
         raise ValueError(f"joints = {n} needs {n - 1} values in K (K2 ... K{n}), not {len(K)}")
     if link_lengths is not None and len(link_lengths) != n:
@@ -292,7 +291,7 @@ class BallGearFile(ArmFile):
     system: BallGearTable
 
     def build_system(self) -> BallGear:
-        """The system described."""
+        """Build the system that the tables describe."""
         return BallGear(self.system.K, self.system.k_g, self.system.link_lengths)
 
 
@@ -316,7 +315,7 @@ class GearTable(Table):
     )
 
     def stages(self, count: int) -> list[Gear]:
-        """Gears of the stages 1 ... count; a single number applies to all.
+        """Return the gears of the stages 1 ... count; a single number applies to all.
 
         Raises:
             ValueError: If a list has the wrong length.
@@ -334,7 +333,7 @@ class GearTable(Table):
 
 
 class ManipulatorTable(Table):
-    """The manipulator: its constants, directly or by gear geometry."""
+    """The manipulator: its constants, given directly or by gear geometry."""
 
     kind: Literal["manipulator"]
     joints: Joints = Field(description=f"Number of joints n, at most {MOST_JOINTS}.")
@@ -379,7 +378,7 @@ class ManipulatorFile(ArmFile):
     limits: LimitsTable = Field(default_factory=LimitsTable)
 
     def build_system(self) -> Manipulator:
-        """The system described."""
+        """Build the system that the tables describe."""
         table = self.system
         if table.gear is not None:
             stages = table.gear.stages(table.joints - 1)

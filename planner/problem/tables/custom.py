@@ -1,10 +1,12 @@
 """Problem files whose start, goal and limits name coordinates, for systems of users' own classes.
 
-These names are user coordinates. Only this module converts them to triangular ones. If all are
-given, they determine q; else those that are also triangular do, and the rest becomes a requirement
+These names are user coordinates. Only this module converts them to triangular ones. If a place
+gives all user coordinates, they determine q. Otherwise only those that are also triangular
+determine a part of q, and each of the others becomes a requirement
 (`planner.problem.requirements.user_places`).
 
-Also the tables for `system.kind = "custom"`, a system given by expressions, and for the coin.
+The module also has the tables for `system.kind = "custom"`, a system given by expressions, and for
+the coin.
 """
 
 from __future__ import annotations
@@ -49,12 +51,12 @@ class UserTable(Table):
     )
 
     def as_lines(self) -> dict[str, list[str]]:
-        """The table with each text on one line."""
+        """Return the table with each text on one line."""
         return {key: list(map(line, texts)) for key, texts in self.model_dump().items()}
 
 
 class CustomTable(Table):
-    """A system q1' = drive * u1, q2' = u2, qi' = slope_i * q1' by its expressions."""
+    """A system q1' = drive * u1, q2' = u2, qi' = slope_i * q1', given by expressions."""
 
     kind: Literal["custom"]
     name: str = Field("custom system", description="Name of the system.")
@@ -89,7 +91,7 @@ class CustomTable(Table):
 
     @cached_property
     def built(self) -> CustomSystem:
-        """The system described."""
+        """Build the system that the tables describe."""
         named = zip(self.coordinates, map(line, self.units), strict=True)
         first, second = zip(map(line, self.inputs), map(line, self.input_units), strict=True)
         return CustomSystem(
@@ -158,7 +160,7 @@ class OwnFile(NamedFile):
 
     @cached_property
     def built(self) -> TriangularSystem:
-        """Build the system."""
+        """The system, built once."""
         return self.build_system()
 
     @property
@@ -221,7 +223,7 @@ class OwnFile(NamedFile):
         return self.built.from_user(self._user_start())
 
     def goal_state(self) -> Array:
-        """q(T), shape (N,); NaN first, since the travel gives that coordinate."""
+        """Return q(T), shape (N,), NaN if free; its first entry is NaN, as the travel gives q₁."""
         return np.append(np.nan, self.built.fixed_by(self.user_goal())[1:])
 
     def user_goal(self) -> Array:
@@ -240,7 +242,7 @@ class OwnFile(NamedFile):
         return None if np.isnan(end) else float(end - self.start_state()[0])
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The key that sets the travel, with its value."""
+        """Return the dotted key that sets the travel, with its value."""
         return {"goal.travel": "free" if travel is None else travel}
 
     def joint_limits(self) -> Array:
@@ -263,7 +265,7 @@ class CustomFile(OwnFile):
     system: CustomTable
 
     def build_system(self) -> CustomSystem:
-        """The system described."""
+        """Build the system that the tables describe."""
         return self.system.built
 
 
@@ -275,14 +277,14 @@ class CoinTable(Table):
 
 
 class CoinFile(OwnFile):
-    """A problem file for the coin, in x, y, heading and roll."""
+    """A problem file for the coin; its coordinates are x, y, heading and roll."""
 
     summary: ClassVar[str] = "coin that rolls upright, in the position of its contact"
 
     system: CoinTable
 
     def build_system(self) -> Coin:
-        """The system described."""
+        """Build the system that the tables describe."""
         return Coin(self.system.radius_m)
 
 

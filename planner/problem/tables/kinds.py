@@ -1,12 +1,12 @@
 """The kinds of systems and registered limits, with their tables, and how to add new ones.
 
-A kind has one class, a `ProblemFile`. It defines what a user may write, with types, ranges and
-descriptions, and builds the system from it.
+Each kind of system has a subclass of `ProblemFile`. It defines what a user may write in the file,
+with types, ranges and descriptions, and builds the system from the file.
 
 Other installed packages can add systems, methods and limits. Such a package names a function under
 the entry point `planner.plugins`; the function calls `planner.register_system`,
 `planner.register_method` and `planner.register_requirement`. Every process that reads a problem
-calls it, so the workers of a sweep have the same ones.
+calls that function, so the worker processes of a sweep have the same systems, methods and limits.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class _Plugins:
     Attributes:
         failures: One line for each plugin that failed; None until plugins are called.
         caller: Name and version of the package whose plugin is being called, or "".
-        local_names: What was registered without a plugin, as in "method 'mine'".
+        local_names: Names of what was registered without a plugin, such as "method 'mine'".
     """
 
     failures: list[str] | None = None
@@ -102,7 +102,7 @@ class Provider:
     """The package that provides a method or a limit.
 
     Attributes:
-        what: What it provides, as in "method 'mine'".
+        what: Name of the method or limit, as in "method 'mine'".
         package: Name and version of the package, or the module that registered it directly.
     """
 
@@ -111,18 +111,19 @@ class Provider:
 
     @classmethod
     def of(cls, what: str, brought: Any) -> Provider:
-        """The provider of a function or class that is being registered."""
+        """Return the provider of `brought`, a function or class that is being registered."""
         return cls(what, _plugins.caller or f"module {line(str(brought.__module__))}")
 
     def error(self, what: str, trace: str = "") -> MethodError:
-        """An error that names what failed and the package."""
+        """Return an error that names the method or limit, the package and what went wrong."""
         return MethodError(f"{self.what} of {self.package} {what}", traceback=trace)
 
     def call(self, function: Callable[..., Any], *given: Any) -> Any:
         """Call a function of the package and return its value.
 
         Raises:
-            MethodError: If it raises anything but a refusal; names the package.
+            MethodError: If the function raises anything but a refusal (no plan exists or time is
+                up) or an interrupt; names the package.
         """
         try:
             return function(*given)
@@ -144,7 +145,7 @@ class Provider:
 
 
 def remember(what: str) -> None:
-    """Remember what is registered without a plugin, as in "method 'mine'"."""
+    """Remember a name such as "method 'mine'" if no plugin is being called."""
     if not _plugins.caller:
         _plugins.local_names.add(what)
 
@@ -155,16 +156,17 @@ def local_only(*used: str) -> list[str]:
 
 
 FILES: dict[str, type[ProblemFile]] = {**arms.FILES, **vehicles.FILES, **custom.FILES}
-"""Class of the problem file, by `system.kind`. Kinds of plugins are added at the first reading."""
+"""Class of the problem file, by `system.kind`. `load_plugins` adds the kinds of plugins."""
 
 REQUIREMENTS: dict[str, type[Requirement]] = {}
-"""Limits that apply to all kinds of systems, by their key in `[limits]`, also those of plugins.
+"""Registered limits, which apply to all kinds of systems, by their key in `[limits]`.
 
-Limits whose keys differ between kinds, such as those of inputs, are in each kind's tables."""
+Limits whose keys differ between kinds of systems, such as those of inputs, are in the tables of
+each kind."""
 
 
 def all_files() -> dict[str, type[ProblemFile]]:
-    """`FILES` with the kinds that plugins add.
+    """Return `FILES` after adding the kinds of all plugins.
 
     Raises:
         InputError: If a plugin fails.
@@ -174,7 +176,7 @@ def all_files() -> dict[str, type[ProblemFile]]:
 
 
 def example_of(kind: str) -> str:
-    """First part of the file that `planner new` writes: the class's `example` or a file."""
+    """Return the first part of the file that `planner new` writes for a kind of system."""
     shipped = Path(__file__).parent / "examples" / f"{kind}.toml"
     return FILES[kind].example.strip() or shipped.read_text(encoding="utf-8").strip()
 
@@ -257,12 +259,12 @@ def _shortcomings(kind: Any) -> Iterator[str]:
 
 
 def limits_of(file: type[ProblemFile]) -> type[BaseLimits]:
-    """The `[limits]` table of a kind of problem file."""
+    """Return the class of the `[limits]` table of a kind of problem file."""
     return cast("type[BaseLimits]", file.model_fields["limits"].annotation)
 
 
 def _add_requirement_keys() -> None:
-    """Add the keys of `REQUIREMENTS` to every kind's `[limits]`."""
+    """Add the keys of `REQUIREMENTS` to the `[limits]` table of every kind of system."""
     for file in FILES.values():
         table = limits_of(file)
         for key, kind in REQUIREMENTS.items():
@@ -335,10 +337,10 @@ def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
 
 
 def system_of(tables: ProblemFile) -> TriangularSystem:
-    """The system that a problem file describes.
+    """Build the system that a problem file describes.
 
     Raises:
-        InputError: If its class lacks a method that every system needs; names the method.
+        InputError: If the system's class lacks a method that every system needs; names the method.
     """
     with _name_missing_methods(tables.system.kind):
         return tables.build_system()
@@ -346,7 +348,7 @@ def system_of(tables: ProblemFile) -> TriangularSystem:
 
 @contextmanager
 def _name_missing_methods(kind: str) -> Iterator[None]:
-    """Name the methods that a kind's classes lack; `register_system` checks plugins earlier."""
+    """Turn the TypeError for missing abstract methods into an `InputError` that names them."""
     try:
         yield
     except TypeError as error:
@@ -356,12 +358,12 @@ def _name_missing_methods(kind: str) -> Iterator[None]:
 
 
 LEAST_NUMBER, MOST_NUMBER = 1e-15, 1e15
-"""Least and largest magnitude of numbers other than zero: every length, time, angle, ratio and
-tolerance in these units lies between, and products of twenty of them stay finite."""
+"""Least and largest magnitude of a number in a problem file, other than zero. Every sensible
+length, time, angle, ratio and tolerance lies between, and products of twenty stay finite."""
 
 
 def _refuse_extremes(data: dict[str, Any], source: str) -> None:
-    """Refuse numbers that would overflow or underflow during a computation."""
+    """Raise an error for numbers that would overflow or underflow during a computation."""
     waiting: list[tuple[str, Any]] = [("", data)]
     while waiting:
         key, value = waiting.pop()
@@ -383,7 +385,7 @@ def _refuse_extremes(data: dict[str, Any], source: str) -> None:
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema of a problem file, for editors."""
+    """Return the JSON Schema of a problem file, for editors."""
     kinds: Any = Union[tuple(all_files().values())]  # noqa: UP007
     return TypeAdapter(kinds).json_schema()
 

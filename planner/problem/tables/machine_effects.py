@@ -36,7 +36,7 @@ Setting = float | list[float] | Spread | Literal[False] | None
 class Effect:
     """Unit and range of one effect of the machine.
 
-    As an annotation of a field it validates that field, with one message per mistake.
+    Used as an annotation of a field, it validates the field and reports each mistake.
 
     Attributes:
         unit: Unit of value and spread; "" for plain numbers.
@@ -112,7 +112,7 @@ class Effect:
         return [_check_finite(v) for v in value]
 
     def count(self, joints: int) -> int:
-        """Number of values it has on a system with this many joints."""
+        """Number of values of this effect on a system with this many joints."""
         return {"machine": 1, "motor": 2, "joint": joints, "passive": joints - 1}[self.owner]
 
     def mismatch(self, key: str, numbers: Sequence[float], joints: int) -> str | None:
@@ -124,7 +124,7 @@ class Effect:
 
     @property
     def owner_words(self) -> str:
-        """What the values of a list belong to, in words."""
+        """The parts of the machine that the values of a list belong to, in words."""
         return _OWNER_WORDS[self.owner]
 
     def _in_range(self, numbers: Numbers) -> None:
@@ -151,7 +151,7 @@ def _as_list(numbers: Numbers) -> list[float]:
 
 
 def effect_words(name: str) -> str:
-    """Name of an effect in words, without the unit at the end of its key."""
+    """Return the name of an effect in words, without the unit at the end of its key."""
     unit = r"(?<!_per)_(deg|nm|s|rad_s2?|nm_per_rad|nms_per_rad|kgm2)$"
     return re.sub(unit, "", name).replace("_nm", "_torque").replace("_", " ")
 
@@ -185,7 +185,7 @@ class MachineTable(Table):
     @model_validator(mode="before")
     @classmethod
     def _forget_what_is_off(cls, data: Any) -> Any:
-        """Accept removed effects that are off; complete tables, as in files of plans, name them."""
+        """Drop removed effects that are off, since older plan files list every effect."""
         if not isinstance(data, Mapping):
             return data
         return {k: v for k, v in data.items() if not (k in cls.former and v is False)}

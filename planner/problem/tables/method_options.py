@@ -20,9 +20,9 @@ from planner.support.user_tables import Pair, Table
 
 @dataclass(frozen=True)
 class Slider:
-    """Ends of the explorer's slider; without one it is logarithmic around the option's default.
+    """Ends of an option's slider in the explorer; integer ends make a slider of integers.
 
-    Whole numbers as ends make a slider of whole numbers.
+    The slider of an option without these ends is logarithmic around the option's default.
     """
 
     low: float
@@ -30,7 +30,7 @@ class Slider:
 
 
 NO_SLIDER = Slider(0, 0)
-"""No slider: the option is set elsewhere on the screen, or is a solver's effort."""
+"""No slider: the option is set elsewhere on the screen, or only changes a solver's effort."""
 
 Weight = Annotated[float, Field(ge=0), Slider(0.0, 10.0)]
 Size = Annotated[float, Field(ge=0)]
@@ -45,7 +45,7 @@ Rest = Annotated[
 
 
 def rests(option: Rest, input_rate: Array) -> bool:
-    """Decide the option `rest`: are inputs zero at both ends? Rate limits (2,) may be infinite."""
+    """Whether inputs are zero at both ends; "auto": if one of the rate limits (2,) is finite."""
     return bool(np.any(np.isfinite(input_rate))) if option == "auto" else option
 
 
@@ -204,7 +204,7 @@ class PiecewiseOptions(LegOptions):
 
 
 class SinusoidOptions(LawOptions):
-    """Options of the sinusoids all at once."""
+    """Options of the method `sinusoid`, which applies sinusoids of all frequencies at once."""
 
     amplitude: Annotated[float | Literal["auto"], Slider(-1.5, 1.5)] = Field(
         "auto",
@@ -221,7 +221,7 @@ class SinusoidOptions(LawOptions):
 
 
 class SinusoidStepsOptions(LawOptions):
-    """Options of the sinusoids step by step."""
+    """Options of the method `sinusoid_steps`, which steers one further coordinate per period."""
 
     amplitude: Annotated[float | list[float] | Literal["auto"], Slider(-1.5, 1.5)] = Field(
         "auto",
@@ -338,7 +338,7 @@ class CollocationOptions(Table):
     @model_validator(mode="before")
     @classmethod
     def _read_former_options(cls, table: Any) -> Any:
-        """Drop options of earlier versions, which had no effect in the end."""
+        """Drop options of earlier versions, which no longer have an effect."""
         if not isinstance(table, dict):
             return table
         rest = {key: value for key, value in table.items() if key != "variations"}
@@ -346,7 +346,7 @@ class CollocationOptions(Table):
 
 
 class ConvexOptions(Table):
-    """Options of the path in chained coordinates that is optimal among those of one class."""
+    """Options of the method `convex`: the best path with v2/v1 piecewise constant or linear."""
 
     objective: Literal["smooth", "peak"] = Field(
         "smooth",
@@ -386,7 +386,7 @@ class ConvexOptions(Table):
 
 
 class MethodsTable(Table):
-    """One table per method."""
+    """The `[method.*]` tables, one per method."""
 
     polynomial: PolynomialOptions = Field(default_factory=PolynomialOptions)
     piecewise: PiecewiseOptions = Field(default_factory=PiecewiseOptions)

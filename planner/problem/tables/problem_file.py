@@ -1,8 +1,8 @@
-"""The problem file: the tables that all systems share, and the methods that each system defines.
+"""The problem file: the tables that all kinds of systems share, and the base class `ProblemFile`.
 
-Shared are `[feedback]` (the tracker that closes the loop), `[compensation]` (which errors of the
-machine are compensated), `[[waypoints]]`, `[[obstacles]]`, and the common part of `[limits]`; the
-limits of arms are in `arms`, and so on.
+The shared tables are `[feedback]` (the tracker that closes the loop), `[compensation]` (which
+errors of the machine are compensated), `[[waypoints]]`, `[[obstacles]]`, and the common part of
+`[limits]`; the other limits of arms are in `arms`, those of vehicles in `vehicles`.
 """
 
 from __future__ import annotations
@@ -75,12 +75,12 @@ PerInput = Annotated[Positive | list[Positive] | None, AfterValidator(_check_two
 
 
 def bound(value: float | Sequence[float] | None, size: int) -> Array:
-    """Limits as an array (size,); infinite without a limit."""
+    """Return limits as an array (size,), infinite without a limit."""
     return np.broadcast_to(np.asarray(np.inf if value is None else value, dtype=float), size)
 
 
 def bound_deg(value: float | Sequence[float] | None, size: int) -> Array:
-    """Limits in degrees as an array (size,) in radians; infinite without a limit."""
+    """Return limits in degrees as an array (size,) in radians, infinite without a limit."""
     return np.deg2rad(bound(value, size))
 
 
@@ -163,8 +163,8 @@ AngleDeg = Annotated[float, Field(gt=-90, lt=90)]
 
 
 MOST_WAYPOINTS, MOST_OBSTACLES = 50, 100
-"""With more waypoints a motion has more pieces than the first mesh has intervals. Each obstacle
-costs a row per link and mesh point, and time in the verification."""
+"""Largest numbers. With more waypoints a motion would have more pieces than the first mesh has
+intervals. Each obstacle adds a constraint per link and mesh point, and time in the verification."""
 
 
 class WaypointTable(Table):
@@ -237,15 +237,15 @@ class GoalTable(Table):
 
 
 class ProblemFile(Table):
-    """A problem file; one subclass per kind of system, which types the tables left open here.
+    """A problem file. Each kind of system has a subclass, which sets the types of its tables.
 
     Attributes:
         summary: One line about the system, for listings.
         example: First part of the file that `planner new` writes: a solvable problem with its
             `[limits]`. Limits that it does not name are added as comments. The planner's own kinds
             have a file `examples/KIND.toml` instead.
-        places: The next part, all comments: waypoints, obstacles. The word COORDINATE is replaced
-            by the name of the system's last coordinate.
+        places: The part after `example`: comments that show waypoints and obstacles. The word
+            COORDINATE is replaced by the name of the system's last coordinate.
     """
 
     summary: ClassVar[str] = ""
@@ -265,7 +265,7 @@ class ProblemFile(Table):
 
     @abstractmethod
     def build_system(self) -> TriangularSystem:
-        """The system described."""
+        """Build the system that the tables describe."""
 
     @abstractmethod
     def start_state(self) -> Array:
@@ -273,7 +273,7 @@ class ProblemFile(Table):
 
     @abstractmethod
     def goal_state(self) -> Array:
-        """q(T), shape (N,), NaN for the path coordinate and where the goal leaves one free."""
+        """q(T), shape (N,); NaN for the path coordinate q₁ and for coordinates left free."""
 
     @abstractmethod
     def path_travel(self) -> float | None:
@@ -281,7 +281,7 @@ class ProblemFile(Table):
 
     @abstractmethod
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The dotted key and value that set this travel (None: free)."""
+        """Return the dotted key that sets the travel, with the value for `travel` (None: free)."""
 
     @abstractmethod
     def joint_limits(self) -> Array:
@@ -290,7 +290,7 @@ class ProblemFile(Table):
     def user_goal(self) -> Array:
         """The goal in user coordinates, shape (N,), NaN if free.
 
-        By default the goal's q, for a system without other user coordinates.
+        By default it is the goal's q, for a system whose user coordinates are the triangular ones.
         """
         return self.goal_state()
 
@@ -307,20 +307,21 @@ class ProblemFile(Table):
         return ""
 
     def tip(self) -> dict[str, float]:
-        """Goal of an arm's tip, by quantity; only arms have one."""
+        """Return the goal of the tip: values of "x", "y" and "angle"; empty except for arms."""
         return {}
 
     def discs(self) -> list[ObstacleTable]:
-        """Obstacles; only arms have links that could touch them."""
+        """Return the obstacles; empty except for arms, whose links could touch them."""
         return []
 
 
 SUFFIXES = {"_deg": ("rad", np.pi / 180), "_m": ("m", 1.0)}
-"""Suffixes of a coordinate's key: unit of the coordinates that may have it, and its factor."""
+"""For each suffix of a coordinate's key: the unit that the coordinate must have, and the factor
+that converts a value to that unit."""
 
 
 class NamedFile(ProblemFile):
-    """A problem file whose waypoints name coordinates.
+    """A problem file whose waypoints give coordinates by name.
 
     Attributes:
         largest_angles: Largest angle in rad that a waypoint may give, by the coordinate's name
@@ -366,7 +367,7 @@ class NamedFile(ProblemFile):
     def _meant(
         self, where: str, key: str, value: float | list[float], units: dict[str, str]
     ) -> dict[str, float]:
-        """The coordinates that a key gives, in their own units."""
+        """Return the coordinates that a key of a waypoint gives, by name, in their own units."""
         ending = next((end for end in SUFFIXES if key.endswith(end) and key not in units), "")
         word, (unit, size) = key.removesuffix(ending), SUFFIXES.get(ending, ("", 1.0))
         numbered = [name for name in units if name.rstrip("0123456789") == word != name]

@@ -27,7 +27,7 @@ from planner.support.user_tables import Positive, Table
 from planner.systems.vehicles import Car, Trailers, Unicycle
 
 Degrees = Annotated[float, Field(ge=-36000, le=36000)]
-"""A heading, with any number of whole turns up to a hundred; more are a mistake."""
+"""A heading, which may include up to a hundred whole turns; more are probably a mistake."""
 
 SteeringDeg = Annotated[float, Field(gt=-90, lt=90)]
 HitchDeg = Annotated[float, Field(gt=-180, lt=180)]
@@ -95,8 +95,9 @@ class VehicleFile(NamedFile):
     """A problem file whose path coordinate is x: the travel is goal.x_m − start.x_m.
 
     In `start`, `goal` and `limits` an angle of the system has the key NAME_deg. Numbered angles
-    NAME1, NAME2 ... share one key: a number, or a list. A key may be left out. The heading of each
-    place (start, waypoints in order, goal) is the one nearest to the heading before.
+    NAME1, NAME2 ... share one key: a number, or a list. A key may be left out. Whole turns are
+    added to the heading of each place (start, waypoints in order, goal) so that it is nearest to
+    the heading before.
     """
 
     largest_angles: ClassVar[Mapping[str, float]] = {
@@ -124,7 +125,7 @@ class VehicleFile(NamedFile):
         return self._set_heading([self.start.x_m, *self.angles(self.start, 0.0), self.start.y_m], 0)
 
     def goal_state(self) -> Array:
-        """q(T), shape (N,); NaN first, since the travel gives that coordinate."""
+        """Return q(T), shape (N,); its first entry is NaN, since the travel gives x."""
         return self._set_heading([np.nan, *self.angles(self.goal, 0.0), self.goal.y_m], -1)
 
     def waypoint_states(self) -> list[Array]:
@@ -176,7 +177,7 @@ class VehicleFile(NamedFile):
         return None if self.goal.x_m == "free" else float(self.goal.x_m) - self.start.x_m
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """The key that sets the travel, with its value."""
+        """Return the dotted key that sets the travel, with its value."""
         return {"goal.x_m": "free" if travel is None else self.start.x_m + travel}
 
 
@@ -239,7 +240,7 @@ class CarFile(VehicleFile):
     limits: CarLimits = Field(default_factory=CarLimits)
 
     def build_system(self) -> Car:
-        """The system described."""
+        """Build the system that the tables describe."""
         return Car(self.system.wheelbase_m)
 
 
@@ -300,7 +301,7 @@ class TrailersFile(VehicleFile):
         return self
 
     def build_system(self) -> Trailers:
-        """The system described."""
+        """Build the system that the tables describe."""
         return Trailers(self.system.trailer_lengths_m, self.system.wheelbase_m)
 
 
@@ -328,7 +329,7 @@ class UnicycleFile(VehicleFile):
     limits: UnicycleLimits = Field(default_factory=UnicycleLimits)
 
     def build_system(self) -> Unicycle:
-        """The system described."""
+        """Build the system that the tables describe."""
         return Unicycle()
 
 

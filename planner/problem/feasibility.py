@@ -116,7 +116,7 @@ GOAL_MISS, LIMIT_MISS = 2e-5, 1e-6
 
 
 def least_duration(problem: Problem) -> DurationBound:
-    """Return a lower bound: the time of the coordinate that needs the most at its largest rate.
+    """Return a lower bound of the duration: each coordinate must move its way at its largest rate.
 
     A plan may need longer.
     """

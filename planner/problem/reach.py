@@ -185,8 +185,7 @@ def _keeps_requirements(problem: Problem, theta: Array) -> Array:
 
 
 def _nearest_by_branch(problem: Problem, theta: Array) -> list[Array]:
-    """Return, of configurations (S, n), the one of each branch nearest to the start, sorted by that
-    distance."""
+    """Select from theta (S, n) the nearest to the start in each branch; sort by that distance."""
     distances = np.linalg.norm(theta - problem.start[1:], axis=1)
     branches: dict[tuple[bool, ...], Array] = {}
     for k in np.argsort(distances, kind="stable"):

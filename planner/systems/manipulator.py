@@ -264,7 +264,7 @@ class Manipulator(PlanarArm):
 def gravity_torques(weights: Array, theta: Array) -> Array:
     """Torque of gravity on each joint of an arm on an inclined plane.
 
-    They follow from the potential Σ weightⱼ sin(θ₁ + … + θⱼ); the plane rises along the y axis of
+    It follows from the potential Σ weightⱼ sin(θ₁ + … + θⱼ); the plane rises along the y axis of
     the base.
 
     Args:

@@ -57,7 +57,7 @@ class TriangularSystem(ABC):
     and `drive` as NumPy code, which only the verifier and the emulated machine use; then each form
     checks the other. By default they are computed from the expressions.
 
-    In all array methods the last axis is that of the coordinates; the others broadcast.
+    In all methods on arrays the last axis holds the coordinates or inputs; leading axes broadcast.
     """
 
     kind: ClassVar[str]

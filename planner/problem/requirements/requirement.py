@@ -36,7 +36,7 @@ class MotionPoint:
 
     @classmethod
     def of(cls, system: TriangularSystem, *last: Array) -> MotionPoint:
-        """Build from arrays q, u, du whose last axis is that of the coordinates or inputs."""
+        """Build from arrays q, u and du, or the first of these; the last axis holds their entries."""
         return cls(system, *(np.moveaxis(values, -1, 0) for values in last))
 
     @property
@@ -177,11 +177,11 @@ class Requirement(Demand):
         return {f"limits.{self.key}": None}, f"leave out limits.{self.key}", what
 
     def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:
-        """Describe why no motion may pass through q (N,), NaN if free; None if one may.
+        """Describe why no motion may pass through a place; None if one may.
 
         Args:
             name: Name of the place: "start", "goal" or a waypoint.
-            q: Coordinates.
+            q: Coordinates of the place, shape (N,), NaN if free.
             system: The system.
         """
         if self.reads != {"q"}:

@@ -3,9 +3,9 @@
     z_N = q_N,  zᵢ = Σ_{j>i} (∂zᵢ₊₁/∂qⱼ) fⱼ  (i = N−1 … 2),  z₁ = q₁
     ż₁ = v₁,    ż₂ = v₂,    żᵢ = zᵢ₋₁ v₁
 
-CasADi takes the derivatives, so the chain may have any length. Separating j = i+1 gives
-zᵢ = aᵢ + cᵢ fᵢ₊₁(qᵢ; qᵢ₊₁ …), where aᵢ and cᵢ depend only on later coordinates. So the inverse goes
-down the chain from q_N, and each step is one scalar equation, which the system solves
+CasADi takes the derivatives, so the chain may have any length. Separating the term j = i+1 gives
+zᵢ = aᵢ + cᵢ fᵢ₊₁(qᵢ; qᵢ₊₁ …), where aᵢ and cᵢ depend only on the coordinates after qᵢ. So the
+inverse goes down the chain from q_N, and each step is one scalar equation, which the system solves
 (`link_from_slope`).
 """
 

@@ -36,7 +36,7 @@ class MotionPoint:
 
     @classmethod
     def of(cls, system: TriangularSystem, *last: Array) -> MotionPoint:
-        """Build from arrays q, u and du, or the first of these; the last axis holds their entries."""
+        """Build from arrays q, u, du (or fewer); the last axis holds coordinates or inputs."""
         return cls(system, *(np.moveaxis(values, -1, 0) for values in last))
 
     @property

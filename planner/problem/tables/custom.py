@@ -41,13 +41,16 @@ Names = Annotated[list[str], Field(min_length=2, max_length=2)]
 class UserTable(Table):
     """User-defined coordinates of a problem file, with the map to and from the triangular ones."""
 
-    coordinates: list[str] = Field(description="Their names, as many as triangular ones.")
+    coordinates: list[str] = Field(
+        description="Names of the user coordinates, as many as there are triangular ones."
+    )
     units: list[str] = Field(description="Their units; 'rad' is shown in degrees.")
     expressions: list[str] = Field(
-        description="Each of them as an expression of the triangular coordinates."
+        description="Each user coordinate as an expression of the triangular coordinates."
     )
     inverse: list[str] = Field(
-        description="Each triangular coordinate as an expression of them, in triangular order."
+        description="Each triangular coordinate as an expression of the user coordinates, in"
+        " triangular order."
     )
 
     def as_lines(self) -> dict[str, list[str]]:

@@ -321,7 +321,8 @@ def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
     """Validate a problem file's tables.
 
     Raises:
-        InputError: One line per error; see `parse`. Also if a plugin fails or the kind is unknown.
+        InputError: If keys or values are wrong, with one line for each; if a plugin fails; or if
+            the kind of system is unknown.
     """
     load_plugins()
     _refuse_extremes(data, source)

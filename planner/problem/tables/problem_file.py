@@ -109,8 +109,9 @@ class FeedbackTable(Table):
     )
     horizon_s: Annotated[float, Field(gt=0, le=60)] = Field(
         2.0,
-        description="Horizon for limits, seconds. The cost covers the rest of the motion. With 1 s"
-        " the preparatory motion drives joints beyond the start, and must not reverse from there.",
+        description="Time ahead over which the tracker keeps limits, seconds; its cost covers the"
+        " rest of the motion. With 1 s the preparatory motion moves joints past the start, and it"
+        " must not reverse to bring them back.",
     )
     overtime_s: Annotated[float, Field(ge=0, le=60)] = Field(
         0.3,
@@ -132,8 +133,9 @@ class FeedbackTable(Table):
     )
     goal_error_deg: Annotated[float, Field(gt=0)] = Field(
         0.02,
-        description="Such an error at the end, degrees. A smaller value lets theta1 deviate further"
-        " from its path so that all joints reach the goal.",
+        description="Error at the end that weighs as much as one unit of correction, degrees. A"
+        " smaller value lets theta1 deviate further from its path so that all joints reach the"
+        " goal.",
     )
     correction: Annotated[float, Field(gt=0)] = Field(
         0.2, description="Unit of correction, as a fraction of each input's limit (or of its peak)."

@@ -487,7 +487,7 @@ class Problem:
 
 
 def expect_problem(value: object) -> None:
-    """Raise an error if the value is not a problem, but for example the path of its file.
+    """Raise an error unless the value is a `Problem`; a path or a table is not accepted.
 
     Raises:
         InputError: If it is not a problem; the message says how to get one.

@@ -268,7 +268,7 @@ class TriangularSystem(ABC):
 
 
 def expect_system(value: object) -> None:
-    """Raise an error if the value is not a system, but for example a problem or a plan.
+    """Raise an error unless the value is a system; a problem or a plan is not accepted.
 
     Raises:
         InputError: If it is not a system; the message says how to get one.

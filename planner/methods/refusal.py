@@ -14,6 +14,7 @@ import numpy as np
 
 from planner.errors import InputError, NoPlanError, TimeLimitError, Violation
 from planner.plan.plan import Plan
+from planner.problem.free_space import is_blocked
 from planner.problem.problem import Problem
 from planner.problem.reach import Reach
 from planner.problem.requirements.ends import Duration, Goal, Start
@@ -102,9 +103,13 @@ def duration_changes(problem: Problem) -> list[Change]:
 
 
 def path_changes(problem: Problem) -> list[Change]:
-    """Return one change for each requirement on the path, except the travel, that removes it."""
+    """Return one change for each requirement on the path, except the travel, that removes it.
+
+    Joint limits come first if obstacles block the arm within them, since an obstacle may be fixed.
+    """
     limits, out = problem.to_dict().get("limits", {}), dict[str, Change]()
-    for demand in reversed(problem.demands):
+    blocked = is_blocked(problem)
+    for demand in problem.demands if blocked else reversed(problem.demands):
         if removal := demand.removal(limits):
             keys, words, what = removal
             out[what] = Change(keys, words, what)

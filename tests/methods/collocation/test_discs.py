@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -87,6 +88,10 @@ def test_two_joints_that_are_blocked_are_soon_proven_so() -> None:
         with pytest.raises(planner.InfeasibleError, match="the obstacle blocks every way"):
             planner.solve(problem, method)
         assert time.process_time() - began < 30
+    assert not is_blocked(problem.changed({"limits.joint_deg": 76}))
+    with pytest.raises(planner.InfeasibleError) as caught:
+        planner.solve(problem, "collocation")
+    assert re.fullmatch(r"wider limits: theta2 at least 75\.\d+ deg \(tried\)", caught.value.advice)
 
 
 def test_a_tip_that_both_elbows_are_kept_from_is_proven_so() -> None:

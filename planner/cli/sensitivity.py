@@ -291,7 +291,9 @@ def run_trade_off(
     knee_file = curve.knee.plan.save(out / KNEE_FILE)
     use = _use(curve, knee_file)
     data = {**curve.to_dict(), "written": out, "knee_file": knee_file, "use": use}
-    return finish(data, title, "", table, "", _knee(curve), "", use)
+    missing = points - len(curve.points)
+    which = f"{missing} of {points} points have no plan, or no lower total than a cheaper point.\n"
+    return finish(data, title, "", table, "", which * bool(missing) + _knee(curve), "", use)
 
 
 def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
@@ -342,7 +344,7 @@ def _knee(curve: TradeOff) -> str:
         f" {number(first.total_deg)}, of it irreducible {number(k.floor_deg)}.\n"
         "The knee lies farthest below the chord between the curve's ends. Errors are the largest"
         " joint error at the end: under the design errors alone, and on the problem's machine, with"
-        " the plan as it is and compensated for it."
+        " the plan as it is and compensated for it. Turns: how often the drive reverses."
     )
     refused = [(p.compensated or {}).get("refused") for p in curve.points]
     why = next((text for text in refused if text), None)

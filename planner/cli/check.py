@@ -24,7 +24,7 @@ from planner.cli.arguments import (
 from planner.cli.output import Rows, facts, finish, job, manner, number, numbers
 from planner.errors import NoPlanError
 from planner.problem.feasibility import End, why_too_short
-from planner.support.files import toml
+from planner.problem.settings import changed_settings, problem_words
 from planner.support.tables import Column, terminal_table
 from planner.systems.triangular_system import TriangularSystem
 
@@ -56,7 +56,7 @@ def check(
     return finish(
         {"file": task.source, **analysis.to_dict()},
         analysis.verdict,
-        *_next_step(analysis, str(problem)),
+        *_next_step(analysis),
         *("", _methods(analysis)),
         *_refusals(analysis),
         "",
@@ -71,15 +71,15 @@ def _mathematics(analysis: Analysis) -> list[str | Table]:
     return [facts(_findings(analysis)), *_unpromised_limits(analysis)]
 
 
-def _next_step(analysis: Analysis, file: str) -> Iterator[str]:
+def _next_step(analysis: Analysis) -> Iterator[str]:
     """Yield the command to run next, if the verdict suggests one."""
     if analysis.has_plan:
-        yield f"Next: planner compare {shlex.quote(file)}"
+        yield f"Next: {shlex.join(['planner', 'compare', *problem_words(analysis.problem)])}"
     elif analysis.remedy is not None:
-        words = ["planner", "plan", file, "--method", analysis.remedy.method]
-        for key, value in analysis.remedy.changes.items():
-            words += ["--set", f"{key}={toml(value)}"]
-        yield f"Next: {shlex.join(words)}"
+        changed = analysis.problem.changed(analysis.remedy.changes)
+        if changed_settings(changed) is not None:
+            words = ["planner", "plan", *problem_words(changed), "--method", analysis.remedy.method]
+            yield f"Next: {shlex.join(words)}"
 
 
 def _findings(analysis: Analysis) -> Rows:

@@ -39,6 +39,7 @@ from planner.plan.measures import effort
 from planner.plan.plan import Plan
 from planner.plan.recorded.log import read_log
 from planner.problem.problem import Problem
+from planner.problem.settings import problem_words
 from planner.solve import solve_and_check
 from planner.support.files import refuse_unwritable
 from planner.support.interrupts import signal_listener
@@ -180,7 +181,7 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
         yield "compensated", f"{before}the plan{pace}{pauses}{after}"
         now, plain = number(compensation["E_deg"]), number(compensation["plain_E_deg"])
         yield "off the path", f"up to {now} deg on the nominal machine, uncompensated {plain} deg"
-        yield "on random machines", f"planner compare {shlex.quote(problem.source)}"
+        yield "on random machines", shlex.join(["planner", "compare", *problem_words(problem)])
     if proof := notes.get("optimality"):
         gap = proof["relative_gap"]
         within = "" if gap is None else f", within {gap:.1e} of the proven lower bound"

@@ -19,9 +19,9 @@ from planner.machine.feedforward.legs import compensable
 from planner.machine.machine import Machine, load_machine
 from planner.machine.replay import ERROR_WORDS, PERCENTILE_WORDS
 from planner.plan.plan import Plan
-from planner.problem.problem import Problem, load_problem
+from planner.problem.problem import Problem
+from planner.problem.settings import changed_settings, set_words
 from planner.support.arrays import jsonable
-from planner.support.files import toml
 from planner.support.package import import_function, provenance, versions
 from planner.support.statistics import LEAST_DIFFERENCE_DEG, Difference
 from planner.support.tables import (
@@ -257,8 +257,7 @@ def command(comparison: Comparison, out: str | None = None, *, report: bool = Fa
     words += ["--seed", str(comparison.seed)]
     if file := comparison.machine.source:
         words += ["--machine", file]
-    for key, value in settings.items():
-        words += ["--set", f"{key}={toml(value)}"]
+    words += set_words(settings)
     if out is not None:
         words += ["--out", out, *["--report"] * report]
     return shlex.join(words)
@@ -276,33 +275,15 @@ def _settings(comparison: Comparison) -> dict[str, Any] | None:
     problem, machine = comparison.problem, comparison.machine
     try:
         changes = machine.source and {"machine": load_machine(machine.source).to_dict()}
-        filed = load_problem(problem.source, changes or None)
     except InputError:
         return None
-    settings = _changes(filed.to_dict(), problem.to_dict())
+    settings = changed_settings(problem, changes or None)
     if settings is None:
         return None
     usual = Machine.from_table(problem.machine).to_dict()
     table = machine.to_dict()
     changed = {f"machine.{key}": table[key] for key in table if table[key] != usual[key]}
     return {**settings, **changed}
-
-
-def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return dotted keys and values that change one table into another; None if a key must go."""
-    out: dict[str, Any] = {}
-    if before.keys() - after.keys():
-        return None
-    for key, value in after.items():
-        old = before.get(key, {} if isinstance(value, Mapping) else None)
-        if isinstance(value, Mapping) and isinstance(old, Mapping):
-            inner = _changes(old, value)
-            if inner is None:
-                return None
-            out |= {f"{key}.{name}": item for name, item in inner.items()}
-        elif value != old:
-            out[key] = value
-    return out
 
 
 def _worst_machines(comparison: Comparison) -> list[str]:

@@ -19,6 +19,7 @@ from planner.machine.feedforward.legs import compensable
 from planner.plan.measures import effort, effort_unit, turns
 from planner.plan.plan import COMPENSATED, Plan, expect_plan
 from planner.problem.problem import Problem
+from planner.problem.settings import problem_words
 from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity, sensitivity
 from planner.support.arrays import Array
 from planner.support.package import import_function
@@ -171,7 +172,9 @@ def next_step(problem: Problem, *methods: str) -> str:
     if compensable(problem.system):
         words = "Next, compensate: on arms this reduces errors more than any path"
         names = dict.fromkeys(re.sub(r"^\w+", rf"\g<0> {COMPENSATED}", k) for k in names)
-    command = shlex.join(["planner", "compare", problem.source, "--methods", ",".join(names)])
+    command = shlex.join(
+        ["planner", "compare", *problem_words(problem), "--methods", ",".join(names)]
+    )
     return f"{words}: {command}"
 
 

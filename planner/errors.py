@@ -110,7 +110,7 @@ Answer = TypeVar("Answer")
 
 
 def solver_answer(call: Callable[[], Answer], otherwise: Callable[[str], Answer]) -> Answer:
-    """What a solver answers; one that raises an error has not finished.
+    """Return what a solver answers; one that raises an error has not finished.
 
     Args:
         call: Asks a solver of CasADi, OSQP or SciPy, and does nothing else.

@@ -157,7 +157,7 @@ class Masses:
 
 
 def masses(draws: Draws, k: Array) -> Masses:
-    """Parameters of drawn machines.
+    """Return the parameters of drawn machines.
 
     Args:
         draws: The machines.
@@ -337,7 +337,8 @@ class StageLaws:
         return limited, v[rows.before] - v[rows.after]
 
     def torques(self, v: Array) -> tuple[Array, Array]:
-        """Torques of the limited laws, (4+4m, S), and of the play laws, (2+m, S), N m."""
+        """Return the torques of the limited laws, (4+4m, S), and of the play laws, (2+m, S), N
+        m."""
         limited, play = self.relative(v)
         ahead = self.ahead + self.h * play
         wound = ahead - np.minimum(np.maximum(ahead, -self.half_gap), self.half_gap)
@@ -347,7 +348,8 @@ class StageLaws:
         return limited_torque, self.stiff * wound
 
     def _pieces(self, v: Array, before: Array) -> Array:
-        """Pieces at these speeds; a piece in `before` stays if it is valid within rounding."""
+        """Return the pieces at these speeds; a piece in `before` stays if it is valid within
+        rounding."""
         limited, play = self.relative(v)
         value = np.concatenate([self.offset + self.slope * limited, self.ahead + self.h * play])
         edge = np.concatenate([self.limit, self.half_gap])
@@ -378,7 +380,7 @@ class StageLaws:
     # -- the tree ------------------------------------------------------------------------------
 
     def _speeds(self, pieces: Array) -> Array:
-        """Speeds (rows, S) of all bodies with every law on a known piece."""
+        """Return the speeds (rows, S) of all bodies with every law on a known piece."""
         rows, lines = self.rows, self._lines(pieces)
         v = self._tree(lines, self.push, self.reference)
         if not self.coupling.any():
@@ -394,7 +396,8 @@ class StageLaws:
         return np.asarray(v - np.einsum("ijs,js->is", answers, pull))
 
     def _tree(self, lines: tuple[Array, ...], all_push: Array, reference: Array) -> Array:
-        """Speeds (rows, S) if the links were not coupled, for laws c + s w (see `_lines`)."""
+        """Return the speeds (rows, S) if the links were not coupled, for laws c + s w (see
+        `_lines`)."""
         rows, m = self.rows, self.rows.m
         c, s, c_play, s_play = lines
         one, two = self.first, self.second
@@ -435,7 +438,7 @@ class StageLaws:
     # -- the convex function -------------------------------------------------------------------
 
     def _search(self, start: Array, end: Array) -> Array:
-        """The minimum of the convex function on the segment from start to end."""
+        """Return the minimum of the convex function on the segment from start to end."""
         way = end - start
         low, high = np.zeros(start.shape[1]), np.ones(start.shape[1])
         falling = self._slope_along(end - NEAR_END * way, way) <= 0
@@ -458,7 +461,8 @@ class StageLaws:
 
 
 def _reflected_load(c: Array, s: Array, drag: Array, push: Array) -> tuple[Array, Array]:
-    """Torque of a body, and of all bodies after it, on the body before it through a law c + s w.
+    """Return the torque of a body, and of all bodies after it, on the body before it through a law
+    c + s w.
 
     Returns:
         a and b of the torque a + b (input speed without slip), N m and N m s/rad.

@@ -36,7 +36,8 @@ class CommandSource(Protocol):
     parts: tuple[float, ...]
 
     def __call__(self, times: Array) -> Array:
-        """Values (…, 2) at plan times (…), s: right-hand limits, zero outside the plan."""
+        """Return the values (…, 2) at plan times (…), s: right-hand limits, zero outside the
+        plan."""
 
 
 class SampleAndHold:
@@ -160,7 +161,7 @@ class Command:
         self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < plan.duration
 
     def part(self, chosen: slice) -> Command:
-        """The same command for a range of the samples."""
+        """Return the same command for a range of the samples."""
         out = copy(self)
         if self._table is None:
             out._delay = self._delay[chosen]
@@ -252,7 +253,8 @@ Steps = Callable[[int], None]
 
 
 def merge_times(*times: Array) -> Array:
-    """All these times, increasing; of times equal within rounding, the one from the first array."""
+    """Return all these times, increasing; of times equal within rounding, the one from the first
+    array."""
     every = np.concatenate(times)
     rank = np.concatenate([np.full(len(t), i) for i, t in enumerate(times)])
     order = np.lexsort((rank, every))
@@ -265,7 +267,7 @@ def merge_times(*times: Array) -> Array:
 
 
 def interior(times: Array, stops: Array) -> Array:
-    """The entries of `times` strictly between the first and the last of `stops`."""
+    """Return the entries of `times` strictly between the first and the last of `stops`."""
     return np.asarray(times[(times > stops[0]) & (times < stops[-1])])
 
 
@@ -335,8 +337,8 @@ def refine_times(command: InputOfTime, times: Array) -> Array:
 
 
 def lengths(times: Array) -> Array:
-    """Lengths of the steps, equal where they differ only by rounding, so that factors computed for
-    one length can be reused."""
+    """Return the lengths of the steps, equal where they differ only by rounding, so that factors
+    computed for one length can be reused."""
     steps, which = np.unique(np.diff(times), return_inverse=True)
     late = max(1.0, float(np.max(np.abs(times))) / EXACT_S)  # large times have larger rounding
     digits = 11 - int(np.ceil(np.log10(late)))
@@ -353,7 +355,8 @@ def snap_times(times: Array, marks: Array) -> Array:
 
 
 def step_times(left: Array, right: Array, part: float) -> Array:
-    """Times at the fraction `part` (0 … 1) of each step; 1 gives a time just before its end."""
+    """Return the times at the fraction `part` (0 … 1) of each step; 1 gives a time just before its
+    end."""
     return np.minimum(left + part * (right - left), np.nextafter(right, left))
 
 

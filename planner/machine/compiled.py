@@ -109,7 +109,7 @@ LIMITED_LAWS, PLAY_LAWS = (4, 4), (2, 1)
 
 
 def _row_numbers(m: int) -> dict[str, int]:
-    """First rows of the parts of a dynamic state (`StateRows`)."""
+    """Return first rows of the parts of a dynamic state (`StateRows`)."""
     state, bodies = StateRows(m), StateRows(m).bodies
     speeds = {"axes": bodies.axes.start, "disk": bodies.disk, "links": bodies.links.start}
     speeds |= {"stages": bodies.stages.start, "bodies": bodies.count}
@@ -154,7 +154,7 @@ VERSION = zlib.crc32(
 
 
 def places(table: dict[str, Size], m: int) -> dict[str, slice]:
-    """Position of each part of a table, for m passive joints."""
+    """Return the position of each part of a table, for m passive joints."""
     ends = accumulate(a + b * m for a, b in table.values())
     return {
         name: slice(end - a - b * m, end)
@@ -181,7 +181,7 @@ class _KernelCommands(ctypes.Structure):
 
 @cache
 def library() -> Any | None:
-    """The compiled kernel, or None if it is missing or was built from other source.
+    """Return the compiled kernel, or None if it is missing or was built from other source.
 
     In that case the first call logs a warning in the logger `planner`. Python prints it on standard
     error unless the program configures logging.
@@ -204,8 +204,8 @@ def library() -> Any | None:
 
 
 def source_checksum(unknown: int) -> int:
-    """Checksum of the C files in this folder, computed as in setup.py. If a wheel leaves them out,
-    its kernel cannot be stale, and `unknown` is returned."""
+    """Return the checksum of the C files in this folder, computed as in setup.py. If a wheel leaves
+    them out, its kernel cannot be stale, and `unknown` is returned."""
     files = [Path(__file__).with_name(n) for n in ("kernel.c", "dynamic.c", "layout.h")]
     if not all(file.exists() for file in files):
         return unknown
@@ -213,7 +213,7 @@ def source_checksum(unknown: int) -> int:
 
 
 def open_library(path: Path) -> Any | None:
-    """The kernel in a file, or None if it is of another version; see `library`."""
+    """Return the kernel in a file, or None if it is of another version; see `library`."""
     kernel = ctypes.CDLL(str(path))
     versions = kernel.planner_kernel_version, kernel.planner_kernel_source
     for function in versions:
@@ -230,7 +230,8 @@ def open_library(path: Path) -> Any | None:
 
 
 def threads() -> int:
-    """Number of threads to use: OMP_NUM_THREADS if set, else one per core of this process."""
+    """Return the number of threads to use: OMP_NUM_THREADS if set, else one per core of this
+    process."""
     wanted = os.environ.get("OMP_NUM_THREADS", "")
     if wanted.isdigit() and int(wanted) > 0:
         return int(wanted)
@@ -326,7 +327,7 @@ class CompiledMotion:
 
 
 def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
-    """Numbers of each machine in the order of `MACHINE_NUMBERS`, each (count, S)."""
+    """Return the numbers of each machine in the order of `MACHINE_NUMBERS`, each (count, S)."""
     m = len(system.K)
     half_gap = np.deg2rad(draws["backlash_deg"]) / 2
     weighed = weights(draws, m + 1)
@@ -369,7 +370,7 @@ def _flags(draws: Draws, parameters: dict[str, Array]) -> dict[str, int]:
 
 
 def _state(system: Manipulator, draws: Draws, start: Array) -> Array:
-    """The state at the start in the order of `STATE_NUMBERS`, (S, numbers)."""
+    """Return the state at the start in the order of `STATE_NUMBERS`, (S, numbers)."""
     place = places(STATE_NUMBERS, len(start) - 2)
     state = np.zeros((draws.count, place["gap"].stop))
     parts = {"first": start[:1], "theta": start[1:]}
@@ -385,7 +386,8 @@ _NO_INERTIA = {"masses": np.empty((0, 0)), "moving": np.empty((0, 0))}
 
 
 def _moving(system: Manipulator, draws: Draws, start: Array) -> dict[str, Array]:
-    """Parameters and state of the dynamic manipulator, (S, …), in the order of `Moving`."""
+    """Return the parameters and state of the dynamic manipulator, (S, …), in the order of
+    `Moving`."""
     march = begin_march(system, draws, start)
     last = np.full((1, draws.count), np.inf)
     state = [march.y, march.pieces, march.speed_change, march.energy, march.slipping, last]

@@ -130,7 +130,8 @@ class DiskChain:
                 joint.apply_load(load)
 
     def _geared_speed(self, speed: Array, travel: Array, h: float) -> Array:
-        """Speed of the first disk: that of motor 1, reduced by its gearhead's play, (P, S)."""
+        """Return the speed of the first disk: that of motor 1, reduced by its gearhead's play, (P,
+        S)."""
         if self._motor.exact:
             return speed
         before = self._motor.theta
@@ -139,7 +140,8 @@ class DiskChain:
         return np.asarray(speed * np.where(still, 1.0, turned / np.where(still, 1.0, travel)))
 
     def _transmission(self, speed: Array) -> tuple[Array, Array]:
-        """Fractions of the rate V cosθ that P₁, and P₂ with P₃, of each stage transmit, (n−1, S).
+        """Return the fractions of the rate V cosθ that P₁, and P₂ with P₃, of each stage transmit,
+        (n−1, S).
 
         Args:
             speed: Speed of the first disk, (S,), rad/s.
@@ -159,7 +161,7 @@ class DiskChain:
         return parts[0], parts[1] * parts[2]
 
     def _rising(self, turning: Array, speed: Array) -> Array:
-        """Torques that the joints' damping adds at full speed, (n−1, S), N m."""
+        """Return the torques that the joints' damping adds at full speed, (n−1, S), N m."""
         torques, disk = np.empty_like(self._cosines), np.abs(speed)
         for j, joint in enumerate(self._joints[1:]):
             c = np.abs(self._cosines[j])
@@ -246,13 +248,14 @@ class Play:
 
     @classmethod
     def gearhead(cls, draws: Draws, motor: int, angle: Array) -> Play:
-        """The gearhead of motor 0 or 1, from its angle (S,), rad."""
+        """Return the gearhead of motor 0 or 1, from its angle (S,), rad."""
         half_gap = np.deg2rad(_row(draws, "gearhead_backlash_deg", motor)) / 2
         return cls(angle, half_gap, share=draws.start[motor])
 
     @classmethod
     def passive(cls, draws: Draws, i: int, theta: Array) -> Play:
-        """The connection to passive joint i (0: the paper's joint 2), from its angle (S,), rad."""
+        """Return the connection to passive joint i (0: the paper's joint 2), from its angle (S,),
+        rad."""
         return cls(
             theta,
             half_gap=np.deg2rad(_row(draws, "backlash_deg", i)) / 2,
@@ -280,7 +283,8 @@ class Play:
         return np.asarray(place)
 
     def _deflection_weights(self, h: float) -> tuple[Array, Array]:
-        """Fractions of the deflections at start and end of a step that the joint makes up in it.
+        """Return the fractions of the deflections at start and end of a step that the joint makes
+        up in it.
 
         The deflection is how far the shaft would be beyond rest if the joint stood still. The
         weights are exact if it changes linearly over the step. In the step in which the play is
@@ -294,7 +298,8 @@ class Play:
         return self._weight[h]
 
     def torque(self, turning: Array) -> Array:
-        """Torque of the joint on its driven axis that does not depend on the speed, (S,), N m.
+        """Return the torque of the joint on its driven axis that does not depend on the speed,
+        (S,), N m.
 
         It is positive against the motion, whose direction is `turning` (S,): −1, 0 or 1. A soft
         shaft transmits the torque of its twist. A rigid one transmits the joint's Coulomb friction
@@ -327,7 +332,7 @@ class Play:
 def rest_range(
     load: Value, half_gap: Value, coulomb: Value, stiffness: Value
 ) -> tuple[Array, Array]:
-    """Least and largest lead of the axis over a joint at rest, rad.
+    """Return the least and largest lead of the axis over a joint at rest, rad.
 
     Args:
         load: Torque that pushes the joint forwards, N m; for the others see `Play`.
@@ -340,8 +345,8 @@ def rest_range(
 
 
 def rest_at(share: Value, middle: Value, least: Array, most: Array) -> Array:
-    """Lead of the axis over a joint at rest, rad: at the position `share`, −1 … 1, of the range
-    from least to most, or, where that is NaN, as near to `middle` as the range allows."""
+    """Return the lead of the axis over a joint at rest, rad: at the position `share`, −1 … 1, of
+    the range from least to most, or, where that is NaN, as near to `middle` as the range allows."""
     there = least + (np.asarray(share) + 1) / 2 * (most - least)
     return np.where(np.isnan(share), np.clip(middle, least, most), there)
 

@@ -67,7 +67,8 @@ class MachineLimit:
 
 
 def breakable_limits(problem: Problem) -> list[Requirement]:
-    """The limits that a machine may break: all but that of z₂, a quantity of the methods only."""
+    """Return the limits that a machine may break: all but that of z₂, a quantity of the methods
+    only."""
     return [
         each
         for each in problem.requirements
@@ -76,7 +77,7 @@ def breakable_limits(problem: Problem) -> list[Requirement]:
 
 
 def bounds(requirement: Requirement) -> tuple[Array, Array]:
-    """Least and largest values for a machine, (R,) each.
+    """Return the least and largest values for a machine, (R,) each.
 
     They leave out the clearance, which is room for machines to deviate: a machine that enters it
     without contact breaks no limit.
@@ -86,7 +87,8 @@ def bounds(requirement: Requirement) -> tuple[Array, Array]:
 
 
 def parts_of(problem: Problem) -> Iterator[tuple[Requirement, Part, float, float]]:
-    """The P parts of these limits, each with the least and the largest value for a machine."""
+    """Yield the P parts of these limits, each with the least and the largest value for a
+    machine."""
     for requirement in breakable_limits(problem):
         yield from zip(repeat(requirement), requirement.parts, *bounds(requirement), strict=False)
 
@@ -171,7 +173,7 @@ def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
 
 
 def _furthest(violations: Sequence[MachineLimit]) -> list[MachineLimit]:
-    """The limit of each requirement that machines come nearest to, or exceed most."""
+    """Return the limit of each requirement that machines come nearest to, or exceed most."""
     worst: dict[Requirement, MachineLimit] = {}
     for each in violations:
         rival = worst.get(each.requirement)
@@ -181,7 +183,7 @@ def _furthest(violations: Sequence[MachineLimit]) -> list[MachineLimit]:
 
 
 def _advice(each: MachineLimit) -> str:
-    """The setting that leaves room for a machine's error; "" for kinds that have none."""
+    """Return the setting that leaves room for a machine's error; "" for kinds that have none."""
     requirement = each.requirement
     if isinstance(requirement, Obstacle):
         return f"clearance_m = {_round_up(each.sweep)} of obstacle {requirement.number}"

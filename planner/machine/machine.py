@@ -53,7 +53,7 @@ class Quantity:
         return any(s > 0 for s in self.spread)
 
     def to_setting(self) -> Any:
-        """The number, list or table that describes it in a problem file."""
+        """Return the number, list or table that describes it in a problem file."""
         value, spread = _as_plain(self.value), _as_plain(self.spread)
         return {"value": value, "spread": spread} if self.varies else value
 
@@ -86,7 +86,8 @@ class Machine:
 
     @classmethod
     def prototype(cls, **changes: Any) -> Machine:
-        """The emulated prototype of the paper, with changes: `Machine.prototype(backlash_deg=0.5)`.
+        """Return the emulated prototype of the paper, with changes:
+        `Machine.prototype(backlash_deg=0.5)`.
 
         Its parameters are calibrated, not measured: see `planner.machine.machine`.
 
@@ -97,7 +98,7 @@ class Machine:
 
     @classmethod
     def ideal(cls, **changes: Any) -> Machine:
-        """A machine with all effects off, except for the given changes.
+        """Return a machine with all effects off, except for the given changes.
 
         Raises:
             InputError: If a name is unknown or a value impossible.
@@ -106,7 +107,7 @@ class Machine:
 
     @classmethod
     def from_table(cls, table: MachineTable | Mapping[str, Any]) -> Machine:
-        """The machine that a `[machine]` table describes.
+        """Return the machine that a `[machine]` table describes.
 
         Raises:
             InputError: If the table is a plain mapping with an unknown key or impossible value.
@@ -131,7 +132,7 @@ class Machine:
     # -- variations ----------------------------------------------------------------------------
 
     def with_(self, **changes: Any) -> Machine:
-        """The same machine with some effects set; `False` switches one off.
+        """Return the same machine with some effects set; `False` switches one off.
 
         Raises:
             InputError: If a name is unknown or a value impossible.
@@ -139,7 +140,7 @@ class Machine:
         return Machine.from_table({**self.to_dict(), **changes})
 
     def without(self, *names: str) -> Machine:
-        """The same machine with these effects off.
+        """Return the same machine with these effects off.
 
         Raises:
             InputError: If a name is unknown.
@@ -147,7 +148,7 @@ class Machine:
         return self.with_(**dict.fromkeys(_check_names(names), False))
 
     def only(self, *names: str) -> Machine:
-        """The same machine with every other effect off.
+        """Return the same machine with every other effect off.
 
         Raises:
             InputError: If a name is unknown.
@@ -156,7 +157,7 @@ class Machine:
         return self.without(*(name for name in EFFECTS if name not in names_off))
 
     def nominal(self) -> Machine:
-        """The same machine with all spreads zero, so that all samples are equal.
+        """Return the same machine with all spreads zero, so that all samples are equal.
 
         An unknown start state becomes "unwound", the middle of its range.
         """
@@ -167,7 +168,8 @@ class Machine:
         return self.with_(start_state=states[0] if len(states) == 1 else states, **means)
 
     def mean(self, name: str, joints: int | None = None) -> Array:
-        """Mean of an effect, one number or one per motor or joint; its off value when it is off.
+        """Return the mean of an effect, one number or one per motor or joint; its off value when it
+        is off.
 
         Args:
             name: The effect.
@@ -178,7 +180,8 @@ class Machine:
         return np.array(value if joints is None else fit_to_joints(name, value, joints))
 
     def spread(self, name: str, joints: int) -> Array:
-        """Standard deviation of an effect between machines, in the form of `mean`; 0 when off."""
+        """Return the standard deviation of an effect between machines, in the form of `mean`; 0
+        when off."""
         spread = self.effects[name].spread if name in self.effects else (0.0,)
         return np.array(fit_to_joints(name, spread, joints))
 
@@ -195,7 +198,8 @@ class Machine:
         return f"{', '.join(self.start_state)} at the start"
 
     def to_dict(self) -> dict[str, Any]:
-        """The complete `[machine]` table with every effect: it stays valid if presets change."""
+        """Return the complete `[machine]` table with every effect: it stays valid if presets
+        change."""
         settings = {
             name: self.effects[name].to_setting() if name in self.effects else False
             for name in EFFECTS
@@ -214,7 +218,7 @@ class Machine:
         return f"Machine.{self.preset}({', '.join(changes)})"
 
     def __str__(self) -> str:
-        """The effects that are on, one per line: mean, standard deviation, unit."""
+        """Return the effects that are on, one per line: mean, standard deviation, unit."""
         rows = [f"{self.preset} machine, {self.fidelity}"]
         for name, quantity in self.effects.items():
             mean = ", ".join(f"{number:.4g}" for number in quantity.value)
@@ -224,7 +228,8 @@ class Machine:
         return "\n".join(rows if self.effects else [*rows, "  no effect is on"])
 
     def __getattr__(self, name: str) -> float | list[float]:
-        """Mean of an effect (`machine.backlash_deg`) in its unit; its off value when it is off."""
+        """Return the mean of an effect (`machine.backlash_deg`) in its unit; its off value when it
+        is off."""
         if name in EFFECTS:
             return _as_plain(tuple(self.mean(name).tolist()))
         hint = allowed_hint(name, list(EFFECTS))
@@ -241,7 +246,7 @@ class Machine:
 
 
 def machine_for(table: MachineTable, given: Machine | str | None) -> Machine:
-    """The machine that a caller asks for.
+    """Return the machine that a caller asks for.
 
     Args:
         table: The problem's `[machine]` table.
@@ -323,17 +328,18 @@ class Draws:
         return len(self.numbers)
 
     def has_effect(self, name: str) -> bool:
-        """Whether the effect is on."""
+        """Return whether the effect is on."""
         return name in self.values
 
     def __getitem__(self, name: str) -> Array:
-        """Values (c, S) of an effect that is on; its off value, (1, 1), when it is off."""
+        """Return the values (c, S) of an effect that is on; its off value, (1, 1), when it is
+        off."""
         if name in self.values:
             return self.values[name]
         return np.array([[EFFECTS[name].off_value]])
 
     def part(self, chosen: slice) -> Draws:
-        """The draws of a range of samples."""
+        """Return the draws of a range of samples."""
         values = {name: value[:, chosen] for name, value in self.values.items()}
         return Draws(self.numbers[chosen], values, self.start[:, chosen])
 
@@ -343,7 +349,7 @@ MOST_MACHINES = 1_000_000
 
 
 def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
-    """Numbers of the first `samples` samples, or the given numbers, checked; shape (S,).
+    """Return the numbers of the first `samples` samples, or the given numbers, checked; shape (S,).
 
     Raises:
         InputError: If the list is empty, or an entry is not a whole number from 0.
@@ -419,7 +425,8 @@ def draw_start(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: 
 
 
 def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int) -> Array:
-    """Entries `numbers` (S,) of an effect's stream, (count, S); skips the entries in between."""
+    """Return the entries `numbers` (S,) of an effect's stream, (count, S); skips the entries in
+    between."""
     sequence = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),))
     bits = np.random.PCG64(
         sequence
@@ -434,7 +441,7 @@ def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int) -> Ar
 
 
 def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> Array:
-    """Values of an effect at given quantiles.
+    """Return the values of an effect at given quantiles.
 
     Args:
         name: The effect.
@@ -524,7 +531,7 @@ _PRESET_LISTS = {
 
 
 def fit_to_joints(name: str, numbers: Sequence[float], joints: int) -> Sequence[float]:
-    """Values of an effect for an arm with `joints` joints.
+    """Return the values of an effect for an arm with `joints` joints.
 
     The prototype has three joints. For an arm with fewer or more, its lists are cut, or their last
     entry is repeated. Lists that a user gives are not changed.

@@ -130,7 +130,7 @@ class March:
         self.energy[:] += energy
 
     def _gears(self, h: float, lead: float) -> _Gears:
-        """Ratios at the middle of the step, and the laws of the contacts there.
+        """Return the ratios at the middle of the step, and the laws of the contacts there.
 
         The friction that a contact has left for the sideways direction depends on its load, which
         is computed from the shafts' torques at the end of the last step.
@@ -172,7 +172,7 @@ class March:
     def _stage(
         self, data: Masses, gears: _Gears, y: Array, reference: Array, h: float, pieces: Array
     ) -> _StageEnd:
-        """The state y + h f(new state), by the implicit Euler method."""
+        """Return the state y + h f(new state), by the implicit Euler method."""
         place, rows = self.place, self.place.bodies
         feedforward = data.inertia[rows.motors] / h * (reference - y[place.reference])
         stage = self._laws(data, gears, y, reference, feedforward, h)
@@ -200,7 +200,7 @@ class March:
     def _laws(
         self, data: Masses, gears: _Gears, y: Array, reference: Array, feedforward: Array, h: float
     ) -> StageLaws:
-        """The laws of a stage of length h from y; `feedforward` is a torque, (2, S), N m."""
+        """Return the laws of a stage of length h from y; `feedforward` is a torque, (2, S), N m."""
         place, rows = self.place, self.place.bodies
         heavy, spring = data.inertia / h, data.stiffness + data.damping / h
         coupling = gears.mass / h
@@ -233,7 +233,8 @@ class March:
 
 
 def begin_march(system: Manipulator, draws: Draws, q: Array) -> March:
-    """Machines at rest at coordinates q (N, S), each joint at its start position in its play."""
+    """Return the machines at rest at coordinates q (N, S), each joint at its start position in its
+    play."""
     k = gear_constants(system, draws)
     data, place = masses(draws, k), StateRows(len(k))
     y = np.zeros((place.count, draws.count))

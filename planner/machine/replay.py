@@ -123,7 +123,7 @@ class Replay(Recording):
         return np.asarray(np.any(self.margin < 0, axis=1))
 
     def percentile(self, percent: float) -> float:
-        """Percentile (0 … 100) of E over the samples, degrees; 50 is the median."""
+        """Return the percentile (0 … 100) of E over the samples, degrees; 50 is the median."""
         return float(np.percentile(self.index_E_deg, percent))
 
     @cached_property
@@ -132,7 +132,7 @@ class Replay(Recording):
         return draw(self.machine, self.plan.problem.system.size - 1, self.numbers, self.seed)
 
     def motion(self, place: int) -> Array:
-        """True coordinates of the sample at index `place` of `numbers`, shape (R, N).
+        """Return the true coordinates of the sample at index `place` of `numbers`, shape (R, N).
 
         A motion that was not kept is replayed.
         """
@@ -184,7 +184,8 @@ class Replay(Recording):
         return int(self.numbers[np.argmax(self.index_E_deg)])
 
     def to_frame(self) -> pandas.DataFrame:
-        """One row per machine: its errors, and every parameter that differs between machines.
+        """Return one row per machine: its errors, and every parameter that differs between
+        machines.
 
         Index: number of the sample. Columns: E_deg (eq. 29), terminal_E_deg, terminal_NAME_deg for
         each angle, then effects by name, with _1, _2 ... if there is one per motor or joint.
@@ -208,8 +209,8 @@ class Replay(Recording):
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
-        """True motions and motor speeds of the machines whose motions are kept, over sample and
-        time.
+        """Return the true motions and motor speeds of the machines whose motions are kept, over
+        sample and time.
 
         Raises:
             InputError: If xarray is not installed.
@@ -233,7 +234,7 @@ class Replay(Recording):
         return dataset
 
     def summary(self) -> dict[str, Any]:
-        """The numbers of a comparison table, JSON-ready, in degrees and seconds.
+        """Return the numbers of a comparison table, JSON-ready, in degrees and seconds.
 
         Over all samples: median and 95th percentile of E and of the terminal error, the median of
         each angle's terminal error, the longest saturation of each motor, gross slip of friction

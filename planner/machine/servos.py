@@ -88,7 +88,8 @@ class Servos:
         return speed, travel
 
     def _reference(self, command: Array, running: bool) -> tuple[list[Array], Array | None]:
-        """Reference speeds (2, S) at the points (one array if all agree), and which are clipped."""
+        """Return the reference speeds (2, S) at the points (one array if all agree), and which are
+        clipped."""
         is_constant = bool(np.all(command == command[0]))
         r = self._gain * command[:1] if is_constant else self._gain * command
         if running:
@@ -133,7 +134,7 @@ class Servos:
         return r1 - behind + left, travel
 
     def _second_order(self, r0: Array, r1: Array, h: float) -> tuple[Array, Array]:
-        """The same with p = r − 2ζṙ/b and two states."""
+        """Return the same with p = r − 2ζṙ/b and two states."""
         assert self._damping is not None
         e11, e12, e21, e22 = self._lag(h)
         b, twice = self._bandwidth, 2 * self._damping / self._bandwidth
@@ -155,7 +156,8 @@ class Servos:
 
 
 def _oscillator(b: Array, damping: Array, h: float) -> LagFactors:
-    """Entries of exp([[0, 1], [−b², −2ζb]] h), for any damping (complex roots included)."""
+    """Return the entries of exp([[0, 1], [−b², −2ζb]] h), for any damping (complex roots
+    included)."""
     root = b * np.sqrt((damping**2 - 1).astype(complex))
     slow, fast = np.exp((root - damping * b) * h), np.exp((-root - damping * b) * h)
     cosh = ((slow + fast) / 2).real
@@ -167,7 +169,7 @@ def _oscillator(b: Array, damping: Array, h: float) -> LagFactors:
 
 
 def integrals(f: Array, h: float) -> list[Array]:
-    """Integrals from the start of a step of length h to each of its later points.
+    """Return the integrals from the start of a step of length h to each of its later points.
 
     Args:
         f: Values at the points; the first axis has 2 or 3.
@@ -183,7 +185,7 @@ def integrals(f: Array, h: float) -> list[Array]:
 
 
 def to_end(f: Array, h: float) -> Array:
-    """The integral to the end of the step only."""
+    """Return the integral to the end of the step only."""
     if len(f) == 2:
         return np.asarray((h / 2) * (f[0] + f[1]))
     return np.asarray((h / 6) * (f[0] + f[2]) + (4 * h / 6) * f[1])

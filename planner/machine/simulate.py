@@ -79,7 +79,8 @@ class Recording:
 
 
 def _blank(plan: Plan, times: Array, count: int, motions: int, has_feedback: bool) -> Recording:
-    """An empty recording of `count` samples that keeps the motions of the first `motions`."""
+    """Return an empty recording of `count` samples that keeps the motions of the first
+    `motions`."""
     size = plan.problem.system.size
     parts = sum(len(each.parts) for each in breakable_limits(plan.problem))
     return Recording(
@@ -172,7 +173,7 @@ def simulate_variants(
 
 
 def _row_bytes(plan: Plan) -> int:
-    """Bytes that one sample's motion takes at one recorded time."""
+    """Return the bytes that one sample's motion takes at one recorded time."""
     return 8 * (plan.problem.system.size + 2)
 
 
@@ -289,12 +290,13 @@ class _Run:
 
 
 def _whole_periods(longest: float, period: float | None) -> float:
-    """The longest multiple of the period up to `longest`, s; `longest` itself without a period."""
+    """Return the longest multiple of the period up to `longest`, s; `longest` itself without a
+    period."""
     return longest // period * period if period and period < longest else longest
 
 
 def _at_start(plan: Plan, machine: Machine, draws: Draws) -> MachineMotion:
-    """Samples at the start of a plan."""
+    """Return the samples at the start of a plan."""
     system = plan.problem.system
     if isinstance(system, Manipulator) and machine.fidelity == "quasi-static":
         refuse_sliding(plan, system, draws)
@@ -311,7 +313,8 @@ def _begin(
 
 
 def make_motion(plan: Plan, machine: Machine, draws: Draws, start: Array) -> MachineMotion:
-    """Samples at the start: in the compiled kernel if it is there, else a `StepwiseMotion`."""
+    """Return the samples at the start: in the compiled kernel if it is there, else a
+    `StepwiseMotion`."""
     system = plan.problem.system
     few = machine.fidelity == "quasi-static" or system.size - 2 <= MOST_PASSIVE
     if isinstance(system, Manipulator) and few and library() is not None:
@@ -329,7 +332,8 @@ def _tell(progress: Progress | None, before: int, runs: int, share: float) -> No
 
 
 def _start(plan: Plan, draws: Draws) -> Array:
-    """True coordinates at the start, (N, S): the plan's, with the initial errors of its angles."""
+    """Return the true coordinates at the start, (N, S): the plan's, with the initial errors of its
+    angles."""
     q = np.repeat(plan.q(0.0)[:, None], draws.count, axis=1)
     angular = [i for i, c in enumerate(plan.problem.system.coordinates) if c.unit == "rad" and i]
     errors = np.broadcast_to(np.deg2rad(draws["initial_angle_error_deg"]), q[1:].shape)

@@ -169,7 +169,8 @@ def _note_slip(slip: Array, k: int, h: float, slipping: Array) -> None:
 
 
 def plant(plan: Plan, machine: Machine, draws: Draws, start: Array) -> Plant:
-    """The plant of a plan: the disk chain of a manipulator, or the kinematics of another system."""
+    """Return the plant of a plan: the disk chain of a manipulator, or the kinematics of another
+    system."""
     system = plan.problem.system
     if isinstance(system, Manipulator) and machine.fidelity == "dynamic":
         return DynamicChain(system, draws, start)

@@ -128,7 +128,7 @@ class Certificate:
         return f"{counted}; only sampled: {shown_labels(self.only_sampled)} ({self.open[0].why})"
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form; unknown numbers are null. `certificate_from_dict` reads it."""
+        """Return JSON-ready form; unknown numbers are null. `certificate_from_dict` reads it."""
         return {
             "ok": self.ok,
             "text": str(self),

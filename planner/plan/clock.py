@@ -32,12 +32,12 @@ class Clock:
 
     @classmethod
     def running(cls, seconds: float) -> Clock:
-        """The clock of a plan without holds."""
+        """Return the clock of a plan without holds."""
         return cls((0.0, seconds), (0.0, seconds))
 
     @classmethod
     def with_holds(cls, seconds: float, holds: Iterable[tuple[float, float]]) -> Clock:
-        """The clock of a plan that is held at some of its times.
+        """Return the clock of a plan that is held at some of its times.
 
         Args:
             seconds: Duration of the plan, s.
@@ -75,11 +75,12 @@ class Clock:
         return ""
 
     def __call__(self, t: ArrayLike) -> Array:
-        """The plan's times at the machine's times t (…), s; constant outside the ends."""
+        """Return the plan's times at the machine's times t (…), s; constant outside the ends."""
         return np.asarray(np.interp(np.asarray(t, dtype=float), self.t, self.s))
 
     def when(self, s: float) -> float:
-        """The machine's time at which the plan's clock leaves s; for the plan's end, reaches it.
+        """Return the machine's time at which the plan's clock leaves s; for the plan's end, reaches
+        it.
 
         For s = 0 this is the end of the preparatory motion.
         """

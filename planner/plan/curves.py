@@ -31,13 +31,14 @@ class Cells:
 
     @classmethod
     def of(cls, breaks: Array) -> Cells:
-        """One cell per piece; pieces of zero duration are left out."""
+        """Return one cell per piece; pieces of zero duration are left out."""
         piece = np.flatnonzero(np.diff(breaks) > 0)
         return cls(breaks, piece, np.zeros(len(piece)), np.ones(len(piece)))
 
     @classmethod
     def between(cls, breaks: Array, times: Array, finest: float) -> Cells:
-        """The pieces, divided near given times, at fractions that are multiples of `finest`."""
+        """Return the pieces, divided near given times, at fractions that are multiples of
+        `finest`."""
         piece = np.clip(np.searchsorted(breaks, times, side="right") - 1, 0, len(breaks) - 2)
         share = np.round((times - breaks[piece]) / np.diff(breaks)[piece] / finest) * finest
         begins = np.array(
@@ -64,7 +65,8 @@ class Cells:
         return np.asarray(begins[cell] + self.width[cell] * (x + 1) / 2)
 
     def times(self, x: Array) -> Array:
-        """Times (C, M) in seconds at x in [−1, 1] of each cell; x of shape (M,), or (C, 1)."""
+        """Return the times (C, M) in seconds at x in [−1, 1] of each cell; x of shape (M,), or (C,
+        1)."""
         return self.time(np.arange(len(self.piece))[:, None], x)
 
     def select(self, which: NDArray[Any]) -> Cells:
@@ -83,7 +85,7 @@ class Cells:
         return Cells(self.breaks, self.piece[origin], low, size), origin
 
     def halves(self) -> Cells:
-        """The left halves of all cells, then their right halves."""
+        """Return the left halves of all cells, then their right halves."""
         size = self.size / 2
         low = np.append(self.low, self.low + size)
         return Cells(self.breaks, np.tile(self.piece, 2), low, np.tile(size, 2))

@@ -87,13 +87,13 @@ def cut_path(
 
 
 def _stop_nodes(w: Array, rest: bool) -> NDArray[np.bool_]:
-    """Whether a motion with directions w (M, D, 2) must stop at each node, shape (M+1,)."""
+    """Return whether a motion with directions w (M, D, 2) must stop at each node, shape (M+1,)."""
     jump = np.linalg.norm(w[1:, 0] - w[:-1, -1], axis=-1) > _CORNER_TOLERANCE
     return np.concatenate([[rest], jump, [rest]])
 
 
 def _graded_grid(count: int, first: bool, last: bool) -> Array:
-    """Points on [0, 1], shape (count+1,), denser near ends where the motion stops.
+    """Return the points on [0, 1], shape (count+1,), denser near ends where the motion stops.
 
     Near a stop the length grows with the square of time.
     """
@@ -144,7 +144,7 @@ def _directions(path: Trajectory, length: Bernstein, grid: Grid) -> Array:
 
 
 def _stations(length: Bernstein, nodes: Array) -> Array:
-    """The path's own times at the nodes; exact at the edges of pieces."""
+    """Return the path's own times at the nodes; exact at the edges of pieces."""
     edges = np.append(length.c[0], length.c[-1, -1])
     k = np.minimum(np.searchsorted(edges, nodes, side="right") - 1, len(edges) - 2)
     sigma = Inverse(length)(nodes, length.x[k], length.x[k + 1])
@@ -164,7 +164,8 @@ def _interpolate(b: Array) -> Array:
 
 
 def _ceiling(stretch: PathIntervals, top: Array) -> Array:
-    """Largest b at each node that respects the input limits (M, 2) of both adjacent intervals."""
+    """Return the largest b at each node that respects the input limits (M, 2) of both adjacent
+    intervals."""
     with np.errstate(divide="ignore"):
         left = np.min((top / np.abs(stretch.w[:, 0])) ** 2, axis=-1)
         right = np.min((top / np.abs(stretch.w[:, -1])) ** 2, axis=-1)

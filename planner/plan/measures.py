@@ -63,7 +63,8 @@ def smoothness(trajectory: Trajectory) -> float:
 
 
 def closeness(trajectory: Trajectory) -> float:
-    """Mean over time of Σ exp(−|margin|/EDGE_MARGIN) over the margins of the chart's domain."""
+    """Return the mean over time of Σ exp(−|margin|/EDGE_MARGIN) over the margins of the chart's
+    domain."""
     times, weights = _quadrature(trajectory)
     margins = trajectory.system.chart_margins(trajectory.q(times), np.ones(trajectory.system.size))
     near = np.sum(np.exp(-np.abs(margins) / EDGE_MARGIN), axis=-1)
@@ -71,7 +72,8 @@ def closeness(trajectory: Trajectory) -> float:
 
 
 def effort_unit(system: TriangularSystem) -> str:
-    """Unit of ∫ u₁² + u₂² dt: squared input times seconds; a sum if the inputs' units differ.
+    """Return the unit of ∫ u₁² + u₂² dt: squared input times seconds; a sum if the inputs' units
+    differ.
 
     >>> from planner.systems.manipulator import Manipulator
     >>> effort_unit(Manipulator([1.0]))
@@ -83,7 +85,8 @@ def effort_unit(system: TriangularSystem) -> str:
 
 
 def excess_share(trajectory: Trajectory, limit: Array) -> Array:
-    """Share of each input's travel ∫|u| dt that lies above a limit (2,) on |u|, 0 … 1, (2,)."""
+    """Return the share of each input's travel ∫|u| dt that lies above a limit (2,) on |u|, 0 … 1,
+    (2,)."""
     times, weights = _quadrature(trajectory)
     speed = np.abs(trajectory.u(times))
     above = np.maximum(speed - limit, 0.0)
@@ -92,7 +95,8 @@ def excess_share(trajectory: Trajectory, limit: Array) -> Array:
 
 
 def _quadrature(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Times and weights of Gauss quadrature between samples that are denser near ends of pieces."""
+    """Return the times and weights of Gauss quadrature between samples that are denser near ends of
+    pieces."""
     edges = np.unique(np.concatenate([sample_times(trajectory.breaks, 1000), trajectory.breaks]))
     nodes, weights = _GAUSS
     half = np.diff(edges)[:, None] / 2
@@ -131,7 +135,7 @@ _TERMS: dict[str, Callable[[Trajectory], float]] = {
 
 
 def _chart_objective(trajectory: Trajectory, kind: str) -> float | None:
-    """A convex plan's objective: that of its path before retiming, with v₁ constant."""
+    """Return a convex plan's objective: that of its path before retiming, with v₁ constant."""
     path = trajectory
     while isinstance(path, RetimedTrajectory):
         path = path.path
@@ -147,13 +151,14 @@ def _chart_objective(trajectory: Trajectory, kind: str) -> float | None:
 
 
 def peak_inputs(trajectory: Trajectory) -> Array:
-    """Largest |u₁| and |u₂| over all time, shape (2,); NaN where an input is undefined."""
+    """Return the largest |u₁| and |u₂| over all time, shape (2,); NaN where an input is
+    undefined."""
     reading = read_trajectory(trajectory)
     return largest(reading.cells, reading.u)
 
 
 def peak_rates(trajectory: Trajectory) -> Array:
-    """Largest |du₁/dt| and |du₂/dt|, shape (2,); infinite where an input jumps."""
+    """Return the largest |du₁/dt| and |du₂/dt|, shape (2,); infinite where an input jumps."""
     reading = read_trajectory(trajectory)
     peaks = largest(reading.cells, slopes(reading.cells, reading.u))
     return np.where(jumps(reading.u), np.inf, peaks)
@@ -164,7 +169,8 @@ LEAST_TURN = 0.02
 
 
 def turns(trajectory: Trajectory) -> Array:
-    """Times (m,), s, at which the path coordinate reverses by over `LEAST_TURN` of its range."""
+    """Return the times (m,), s, at which the path coordinate reverses by over `LEAST_TURN` of its
+    range."""
     t = np.linspace(0.0, trajectory.duration, 2001)
     way = trajectory.q(t)[:, 0]
     least, out, heading, far = LEAST_TURN * float(np.ptp(way)), [], 0.0, 0
@@ -179,7 +185,8 @@ def turns(trajectory: Trajectory) -> Array:
 
 
 def slowing_factor(requirements: Sequence[Requirement], trajectory: Trajectory) -> float:
-    """Factor by which to slow a motion to meet the requirements on speed; NaN if undefined.
+    """Return the factor by which to slow a motion to meet the requirements on speed; NaN if
+    undefined.
 
     A driftless system's path does not depend on timing: inputs scale with 1/T, their rates with
     1/T².
@@ -247,7 +254,8 @@ class DomainReport:
 
 
 def worst_margin(margins: Array) -> Array:
-    """Least margin over the last axis, ignoring NaN (an undefined margin follows from others)."""
+    """Return the least margin over the last axis, ignoring NaN (an undefined margin follows from
+    others)."""
     return np.asarray(np.min(np.where(np.isnan(margins), np.inf, margins), axis=-1))
 
 
@@ -267,7 +275,7 @@ def domain_report(trajectory: Trajectory) -> DomainReport:
 
 
 def _report_inside(trajectory: Trajectory) -> DomainReport | None:
-    """The report of a path that stays strictly inside the domain; None for other paths."""
+    """Return the report of a path that stays strictly inside the domain; None for other paths."""
     system, form = trajectory.system, chained_form(trajectory.system)
     with np.errstate(all="ignore"):
         branch = system.branch(trajectory.q(0.0))

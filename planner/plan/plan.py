@@ -145,7 +145,7 @@ class Plan:
         return [f"{words}: {shown_labels(labels)}" for words, labels in said.items() if labels]
 
     def __str__(self) -> str:
-        """A summary in four lines: method, effort, peaks and problem."""
+        """Return a summary in four lines: method, effort, peaks and problem."""
         lines = [repr(self)]
         if self.executable:
             peaks = peak_inputs(self.trajectory)
@@ -188,7 +188,8 @@ class Plan:
         return self.clock.seconds + self.duration - self.clock.t[-1]
 
     def wanted(self, t: ArrayLike) -> Array:
-        """Reference coordinates (…, N) at times t (…), against which errors are measured.
+        """Return the reference coordinates (…, N) at times t (…), against which errors are
+        measured.
 
         The plan's own coordinates. For a compensated plan, those of the original plan at its
         `clock`, and NaN during the preparatory motion.
@@ -228,7 +229,7 @@ class Plan:
         return self.trajectory.q(self._times(t))
 
     def user(self, t: ArrayLike) -> Array:
-        """The system's user coordinates, shape (…, N), at times t (…); else `q`."""
+        """Return the system's user coordinates, shape (…, N), at times t (…); else `q`."""
         return self.problem.system.user(self.trajectory.q(self._times(t)))
 
     def u(self, t: ArrayLike) -> Array:
@@ -251,11 +252,11 @@ class Plan:
         return self.q(t)[..., joints]
 
     def z(self, t: ArrayLike) -> Array:
-        """Chained coordinates, shape (…, N), at times t (…); outside as `q`."""
+        """Return the chained coordinates, shape (…, N), at times t (…); outside as `q`."""
         return self.trajectory.z(self._times(t))
 
     def v(self, t: ArrayLike) -> Array:
-        """Chained inputs, shape (…, 2), at times t (…); outside as `q`."""
+        """Return the chained inputs, shape (…, 2), at times t (…); outside as `q`."""
         return self.trajectory.v(self._times(t))
 
     def _times(self, t: ArrayLike) -> Array:
@@ -282,7 +283,7 @@ class Plan:
         return write_text(path, self.to_json())
 
     def to_json(self) -> str:
-        """The text that `save` writes."""
+        """Return the text that `save` writes."""
         return json.dumps(jsonable(self._to_dict()), indent=1, allow_nan=False) + "\n"
 
     def _to_dict(self) -> dict[str, Any]:
@@ -306,13 +307,13 @@ class Plan:
         return data
 
     def to_frame(self, rate_hz: float = 100.0) -> pandas.DataFrame:
-        """The plan at evenly spaced times as a pandas DataFrame; see
+        """Return the plan at evenly spaced times as a pandas DataFrame; see
         `planner.plan.samples.to_frame`."""
         frame: pandas.DataFrame = import_function("planner.plan.samples.to_frame")(self, rate_hz)
         return frame
 
     def to_xarray(self, rate_hz: float = 100.0) -> xarray.Dataset:
-        """The plan at evenly spaced times as an xarray Dataset; see
+        """Return the plan at evenly spaced times as an xarray Dataset; see
         `planner.plan.samples.to_xarray`."""
         dataset: xarray.Dataset = import_function("planner.plan.samples.to_xarray")(self, rate_hz)
         return dataset

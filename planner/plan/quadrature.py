@@ -128,13 +128,13 @@ def read_trajectory(trajectory: Trajectory, *values: Values, start: Cells | None
 
 
 def input_values(_: Array, u: Array) -> Array:
-    """The input, as a function to resolve."""
+    """Return the input, as a function to resolve."""
     return u
 
 
 def tails(values: Array) -> Array:
-    """Largest of the last three coefficients of functions (16, C, F), relative to their size or
-    one.
+    """Return the largest of the last three coefficients of functions (16, C, F), relative to their
+    size or one.
 
     Shape (C,); NaN where a value is not finite.
     """
@@ -183,7 +183,7 @@ class IntegratedMotion:
         return _values_in_cells(self.series[:, cell], x)
 
     def input_distance(self, other: IntegratedMotion) -> float:
-        """Largest difference between another reading's input and this one's series.
+        """Return the largest difference between another reading's input and this one's series.
 
         It is relative to the input's greatest value.
 
@@ -208,13 +208,14 @@ class IntegratedMotion:
 
 
 def _values_in_cells(series: Array, x: Array) -> Array:
-    """Values (…, R, N) at x (…, R) in [−1, 1] of series (16, R, N)."""
+    """Return the values (…, R, N) at x (…, R) in [−1, 1] of series (16, R, N)."""
     basis = np.cos(np.arange(POINTS) * np.arccos(x)[..., None])
     return np.asarray(np.einsum("...rk,krn->...rn", basis, series))
 
 
 def _share_of_peak(distances: Array, u: Array) -> Array:
-    """The larger of two inputs' distances (…, 2), each relative to its peak in u (16, C, 2)."""
+    """Return the larger of two inputs' distances (…, 2), each relative to its peak in u (16, C,
+    2)."""
     peaks = np.max(np.abs(u), axis=(0, 1))
     least = max(LESSER_INPUT_SHARE * np.max(peaks), 1e-12)
     return np.asarray(np.max(distances / np.maximum(peaks, least), axis=-1))
@@ -287,7 +288,7 @@ def _read_and_control(
 
 
 def _worst(cells: Cells, distances: Array) -> tuple[float, float]:
-    """The largest of differences (P, C) at Chebyshev–Lobatto points, and its time."""
+    """Return the largest of differences (P, C) at Chebyshev–Lobatto points, and its time."""
     point, cell = np.unravel_index(np.argmax(distances), distances.shape)
     when = cells.time(np.array(cell), 2 * points(len(distances))[point] - 1)
     return float(distances[point, cell]), float(when)
@@ -399,13 +400,14 @@ def greatest(cells: Cells, values: Array) -> tuple[Array, Array]:
 
 
 def largest(cells: Cells, values: Array) -> Array:
-    """Greatest absolute value of functions (16, C, F) over all cells, (F,)."""
+    """Return the greatest absolute value of functions (16, C, F) over all cells, (F,)."""
     value, _ = greatest(cells, np.concatenate([values, -values], axis=-1))
     return np.asarray(np.max(value.reshape(2, -1), axis=0))
 
 
 def jumps(values: Array) -> NDArray[np.bool_]:
-    """Whether functions (16, C, F) jump between cells by over `JUMP_TOLERANCE` of their size."""
+    """Return whether functions (16, C, F) jump between cells by over `JUMP_TOLERANCE` of their
+    size."""
     size = np.maximum(np.max(np.abs(values), axis=(0, 1)), 1e-12)
     return np.asarray(
         np.any(np.abs(values[0, 1:] - values[-1, :-1]) > JUMP_TOLERANCE * size, axis=0)

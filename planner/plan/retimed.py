@@ -131,11 +131,11 @@ class RetimedTrajectory(Trajectory):
         return f"its length nearly stands still at {when:.4g} s of the path, which moves there"
 
     def q(self, t: ArrayLike) -> Array:
-        """Coordinates of the path at σ(t)."""
+        """Return the coordinates of the path at σ(t)."""
         return self.path.q(self.sigma(t))
 
     def z(self, t: ArrayLike) -> Array:
-        """Chained coordinates of the path at σ(t)."""
+        """Return the chained coordinates of the path at σ(t)."""
         return self.path.z(self.sigma(t))
 
     def margins(self, t: ArrayLike) -> Array:
@@ -143,17 +143,17 @@ class RetimedTrajectory(Trajectory):
         return self.path.margins(self.sigma(t))
 
     def u(self, t: ArrayLike) -> Array:
-        """The path's inputs times dσ/dt; zero outside [0, duration]."""
+        """Return the path's inputs times dσ/dt; zero outside [0, duration]."""
         sigma, pace = self._pace(t)
         return self.path.u(sigma) * pace
 
     def v(self, t: ArrayLike) -> Array:
-        """The path's chained inputs times dσ/dt; zero outside [0, duration]."""
+        """Return the path's chained inputs times dσ/dt; zero outside [0, duration]."""
         sigma, pace = self._pace(t)
         return self.path.v(sigma) * pace
 
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
-        """Coordinates of the path, and its inputs times dσ/dt; see the base class."""
+        """Return the coordinates of the path, and its inputs times dσ/dt; see the base class."""
         low, high = self.stations[piece], self.stations[piece + 1]
         path_times = self._inverse(self.clock.piece_values(piece, fraction), low, high)
         rate = self._rate.piece_values(piece, fraction)
@@ -171,11 +171,11 @@ class RetimedTrajectory(Trajectory):
         return self.path.q(path_times), self.path.u(sigma) * pace
 
     def slowed(self, factor: float) -> RetimedTrajectory:
-        """The same path in `factor` times the time."""
+        """Return the same path in `factor` times the time."""
         return RetimedTrajectory(self.path, self.length, self.clock.slowed(factor), self.stations)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form."""
+        """Return JSON-ready form."""
         return {
             "kind": self.kind,
             "path": self.path.to_dict(),
@@ -200,14 +200,14 @@ class RetimedTrajectory(Trajectory):
         return self.clock.derivative()
 
     def sigma(self, t: ArrayLike) -> Array:
-        """The path's own time σ at t; at a break, that of the piece that begins there."""
+        """Return the path's own time σ at t; at a break, that of the piece that begins there."""
         times = self._clip(t)
         low, high = self._stations_around(times)
         inner = self._inverse(self.clock(times), low, high)
         return np.where(times < self.duration, inner, high)
 
     def time_of(self, sigma: ArrayLike) -> Array:
-        """The times (…) at which the path's own time is σ (…)."""
+        """Return the times (…) at which the path's own time is σ (…)."""
         k = np.searchsorted(self.stations, sigma, "right") - 1
         k = np.clip(k, 0, len(self.clock.x) - 2)
         s, low, high = self.length(sigma), self.clock.x[k], self.clock.x[k + 1]
@@ -337,7 +337,8 @@ def _merge_breaks(breaks: Array, extra: Array) -> Array:
 
 
 def _corners(path: Trajectory, scale: Array, norm: Norm, samples: Array, mean: float) -> Array:
-    """Times inside pieces at which the speed has a kink: a stop, or the larger input switches."""
+    """Return the times inside pieces at which the speed has a kink: a stop, or the larger input
+    switches."""
 
     def scaled(sigma: Array) -> Array:
         return np.where(np.abs(u := path.u(sigma) / scale) < 1e-12 * mean, 0.0, u)
@@ -372,5 +373,6 @@ def _resolve_pieces(function: Callable[[Array], Array], edges: Array, atol: floa
 
 
 def _inner_points(grid: Grid) -> Array:
-    """The grid's points; the last of each piece is just before its end, where inputs may jump."""
+    """Return the grid's points; the last of each piece is just before its end, where inputs may
+    jump."""
     return np.minimum(grid.times, np.nextafter(grid.breaks[1:, None], -np.inf))

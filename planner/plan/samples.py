@@ -141,13 +141,13 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
 
 
 def commands(plan: Plan) -> tuple[str, str]:
-    """Names of the columns with motor commands, such as u1_rad_s."""
+    """Return the names of the columns with motor commands, such as u1_rad_s."""
     first, second = plan.problem.system.inputs
     return _column_name(first), _column_name(second)
 
 
 def motor_angles(plan: Plan, t: Array) -> Array:
-    """Angles of the motors at increasing times t (R,) from 0, (R, 2).
+    """Return the angles of the motors at increasing times t (R,) from 0, (R, 2).
 
     They are the integrals of u: of u₁ from 0 (motor 1's axis has no absolute zero in the model), of
     u₂ from q₂, which is θ₁ of an arm. In rad, or m if the input is a speed. For a compensated plan
@@ -158,7 +158,7 @@ def motor_angles(plan: Plan, t: Array) -> Array:
 
 
 def _turns(plan: Plan, t: Array) -> Array:
-    """Integrals of u between consecutive times t (R,), (R − 1, 2).
+    """Return the integrals of u between consecutive times t (R,), (R − 1, 2).
 
     By Gauss quadrature on cells where u is a polynomial up to rounding.
     """
@@ -238,7 +238,7 @@ def _from_mat(path: Path) -> Samples:
 
 
 def _travel_unit(rate: Coordinate) -> str:
-    """Unit of an input's integral, in one word: rad for rad/s."""
+    """Return the unit of an input's integral, in one word: rad for rad/s."""
     return (rate.unit.removesuffix("/s") or "1").replace("/", "_").replace("^", "")
 
 

@@ -66,15 +66,16 @@ class Trajectory(ABC):
 
     @abstractmethod
     def z(self, t: ArrayLike) -> Array:
-        """Chained coordinates, shape (…, N), at times t (…)."""
+        """Return the chained coordinates, shape (…, N), at times t (…)."""
 
     @abstractmethod
     def v(self, t: ArrayLike) -> Array:
-        """Chained inputs, shape (…, 2), at times t (…)."""
+        """Return the chained inputs, shape (…, 2), at times t (…)."""
 
     @abstractmethod
     def margins(self, t: ArrayLike) -> Array:
-        """Signed chart margins, shape (…, M), at times t (…); see `ChainedForm.margins`."""
+        """Return the signed chart margins, shape (…, M), at times t (…); see
+        `ChainedForm.margins`."""
 
     @abstractmethod
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
@@ -86,11 +87,11 @@ class Trajectory(ABC):
 
     @abstractmethod
     def slowed(self, factor: float) -> Trajectory:
-        """The same path in `factor` times the time."""
+        """Return the same path in `factor` times the time."""
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form; `trajectory_from_dict` reads it back exactly."""
+        """Return JSON-ready form; `trajectory_from_dict` reads it back exactly."""
 
     @classmethod
     @abstractmethod
@@ -173,11 +174,11 @@ class ChainedTrajectory(Trajectory):
         return nonfinite_part(z_curve=self.z_curve.c, v_curve=self.v_curve.c, branch=self.branch)
 
     def z(self, t: ArrayLike) -> Array:
-        """Chained coordinates, from their polynomials."""
+        """Return the chained coordinates, from their polynomials."""
         return self.z_curve(self._clip(t))
 
     def v(self, t: ArrayLike) -> Array:
-        """Chained inputs, from their polynomials; zero outside [0, duration]."""
+        """Return the chained inputs, from their polynomials; zero outside [0, duration]."""
         return self.v_curve(self._clip(t)) * self._is_running(t)
 
     def q(self, t: ArrayLike) -> Array:
@@ -204,12 +205,12 @@ class ChainedTrajectory(Trajectory):
         return chained_form(self.system).both(z, v, self.branch)
 
     def slowed(self, factor: float) -> ChainedTrajectory:
-        """The same path in `factor` times the time."""
+        """Return the same path in `factor` times the time."""
         z, v = self.z_curve.slowed(factor), self.v_curve.slowed(factor, 1 / factor)
         return ChainedTrajectory(self.system, z, v, self.branch)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form."""
+        """Return JSON-ready form."""
         return {
             "kind": self.kind,
             "branch": self.branch.tolist(),
@@ -273,11 +274,11 @@ class StateTrajectory(Trajectory):
         return self.u_curve(self._clip(t)) * self._is_running(t)
 
     def z(self, t: ArrayLike) -> Array:
-        """Chained coordinates, by the chart, which is defined at every configuration."""
+        """Return the chained coordinates, by the chart, which is defined at every configuration."""
         return chained_form(self.system).z(self.q(t))
 
     def v(self, t: ArrayLike) -> Array:
-        """Chained inputs, by the feedback transformation."""
+        """Return the chained inputs, by the feedback transformation."""
         return chained_form(self.system).v(self.q(t), self.u(t))
 
     def margins(self, t: ArrayLike) -> Array:
@@ -286,18 +287,18 @@ class StateTrajectory(Trajectory):
         return self.system.chart_margins(self.q(t), branch)
 
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
-        """Values of the polynomials; see the base class."""
+        """Return the values of the polynomials; see the base class."""
         return self.q_curve.piece_values(piece, fraction), self.u_curve.piece_values(
             piece, fraction
         )
 
     def slowed(self, factor: float) -> StateTrajectory:
-        """The same path in `factor` times the time."""
+        """Return the same path in `factor` times the time."""
         q, u = self.q_curve.slowed(factor), self.u_curve.slowed(factor, 1 / factor)
         return StateTrajectory(self.system, q, u)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form."""
+        """Return JSON-ready form."""
         return {"kind": self.kind, "q": self.q_curve.to_dict(), "u": self.u_curve.to_dict()}
 
     @classmethod

@@ -129,7 +129,7 @@ FORMATS: dict[str, Format] = {
 
 
 def fitting(option: str) -> str:
-    """Names of the formats that have an option, as one text."""
+    """Return the names of the formats that have an option, as one text."""
     return ", ".join(name for name, one in FORMATS.items() if option in one.options)
 
 
@@ -343,7 +343,8 @@ def _joint_rates(plan: Plan, t: Array) -> Array:
 
 
 def time_slopes(plan: Plan, function: Callable[[Array], Array], t: Array) -> Array:
-    """Slopes of a function of a plan's time at times t (m,); at a corner, the right-hand slope.
+    """Return the slopes of a function of a plan's time at times t (m,); at a corner, the right-hand
+    slope.
 
     Central differences inside the smooth piece that contains t.
     """
@@ -394,7 +395,7 @@ def _refuse_unfit(plan: Plan) -> None:
 
 
 def _joints(plan: Plan) -> list[str]:
-    """Names of an arm's joints; empty for a vehicle."""
+    """Return the names of an arm's joints; empty for a vehicle."""
     system = plan.problem.system
     return [c.name for c in system.coordinates[1:]] if hasattr(system, "arm_points") else []
 

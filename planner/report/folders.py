@@ -78,7 +78,7 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
 
 
 def replay_data(comparison: Comparison) -> dict[str, Any]:
-    """The stored part of the replays, by label, JSON-ready.
+    """Return the stored part of the replays, by label, JSON-ready.
 
     `E_deg` is the error index of every machine, in the order of their numbers. `median` is the
     motion of the machine with the median E: its `number`, times `t` (s), coordinates `q` (rad, m).

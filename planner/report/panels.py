@@ -235,7 +235,7 @@ def chained_panels(drawn: DrawnPlans) -> list[TimePanel]:
 
 
 def z2_band(plan: Plan, t: Array) -> Array:
-    """The values of z₂ for which a real θ₁ exists, given the later angles of a manipulator.
+    """Return the values of z₂ for which a real θ₁ exists, given the later angles of a manipulator.
 
     z₂ is affine in cos²θ₁ (n = 2: monotone in cosθ₁), so the band runs between θ₁ = 0 and θ₁ = 90°.
 
@@ -269,7 +269,7 @@ def _z2_panel(one: PlanCurves) -> TimePanel:
 
 
 def shown_coordinates(system: TriangularSystem) -> list[tuple[int, Coordinate]]:
-    """The user coordinates that are drawn, with their indices.
+    """Return the user coordinates that are drawn, with their indices.
 
     All of them; if they are the triangular ones, all but the first, which is the path coordinate.
     """
@@ -278,7 +278,7 @@ def shown_coordinates(system: TriangularSystem) -> list[tuple[int, Coordinate]]:
 
 
 def joint_panels(drawn: DrawnPlans) -> list[TimePanel]:
-    """The user coordinates, with start, goal, waypoints, and limits that are close."""
+    """Return the user coordinates, with start, goal, waypoints, and limits that are close."""
     problem = drawn[0].plan.problem
     panels, start = [], problem.system.user(problem.start)
     user = [(one, one.plan.user(one.t)) for one in drawn]
@@ -330,7 +330,7 @@ def near_limits(values: Array, limit: float) -> list[float]:
 
 
 def view_range(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tuple[float, float]:
-    """Lowest and highest value to show of inputs (plan, times, values) with a limit."""
+    """Return the lowest and highest value to show of inputs (plan, times, values) with a limit."""
     every = np.concatenate([u for _, _, u in values])
     most = float(np.max(np.abs(every)))
     # Times are denser near the ends of pieces, so a quantile over them would follow the peaks.
@@ -349,7 +349,8 @@ def view_range(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tupl
 
 
 def map_panels(drawn: DrawnPlans) -> list[PlanePanel]:
-    """Paths in the plane (θ₁, θ₂), and the edges of the chart that contains the start."""
+    """Return the paths in the plane (θ₁, θ₂), and the edges of the chart that contains the
+    start."""
     problem = drawn[0].plan.problem
     limits = np.rad2deg(problem.limits.joint[1:3])
     names = [coordinate.name for coordinate in problem.system.coordinates[1:3]]
@@ -382,7 +383,8 @@ MAP_MARGIN_DEG, NO_EDGE_DEG = 6.0, 1e4
 
 
 def _chart_range(problem: Problem, i: int) -> tuple[float, float] | None:
-    """Range of coordinate i alone inside the chart around the start, degrees; None on an edge."""
+    """Return the range of coordinate i alone inside the chart around the start, degrees; None on an
+    edge."""
     system, steps = problem.system, np.arange(0.0, 180.25, 0.5)
     branch = system.branch(problem.start)
     margins = [k for k, (index, _) in enumerate(system.margin_labels) if index == i]
@@ -463,13 +465,14 @@ def merge(panels: Sequence[Panel]) -> Iterator[Panel]:
 
 
 def common_view(panels: Sequence[TimePanel]) -> Pair | None:
-    """The range that includes the views of panels that share an axis; None if none has one."""
+    """Return the range that includes the views of panels that share an axis; None if none has
+    one."""
     views = [panel.view for panel in panels if panel.view]
     return (min(low for low, _ in views), max(high for _, high in views)) if views else None
 
 
 def span(plan: Plan) -> dict[str, Any]:
-    """Times at which a plan begins and ends on an axis whose 0 is the start of its path.
+    """Return the times at which a plan begins and ends on an axis whose 0 is the start of its path.
 
     Also the times at which the clock of a compensated plan is held to take up lost motion.
     """

@@ -81,7 +81,7 @@ def load_replays(folder: str | Path) -> dict[str, Any]:
 
 
 def _task_tables(problem: Problem) -> dict[str, Any]:
-    """The problem's tables without its title."""
+    """Return the problem's tables without its title."""
     return {key: value for key, value in problem.to_dict().items() if key != "title"}
 
 

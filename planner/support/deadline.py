@@ -160,13 +160,14 @@ def _open_span(span: Span) -> Iterator[Span]:
 
 
 def remaining() -> float:
-    """Seconds left, at least zero; infinite without a limit."""
+    """Return the seconds left, at least zero; infinite without a limit."""
     first = _first_to_end()
     return math.inf if first is None else max(0.0, first.left)
 
 
 def _first_to_end(waiting: bool = False) -> Span | None:
-    """The enclosing block that ends first; `waiting` includes blocks whose condition is false."""
+    """Return the enclosing block that ends first; `waiting` includes blocks whose condition is
+    false."""
     counted = (s for s in _spans() if waiting or s.condition is None or s.condition())
     return min(counted, key=lambda span: span.left, default=None)
 
@@ -204,12 +205,12 @@ def time_up() -> TimeUpError:
 
 
 def is_over() -> bool:
-    """Whether time is up or somebody ended the search."""
+    """Return whether time is up or somebody ended the search."""
     return remaining() <= 0 or _is_stopped()
 
 
 def time_advice() -> str | None:
-    """Advice for a refusal after a time limit; None if somebody ended the search."""
+    """Return the advice for a refusal after a time limit; None if somebody ended the search."""
     return None if _is_stopped() else "a larger time limit (--time-limit, time_limit_s)"
 
 
@@ -218,7 +219,7 @@ def _is_stopped() -> bool:
 
 
 def holds_answer(context: Context | None = None) -> bool:
-    """Whether the running search has an answer."""
+    """Return whether the running search has an answer."""
     search = _search(context)
     return search is not None and search.has_answer is not None and search.has_answer()
 
@@ -266,7 +267,7 @@ def check_seconds(seconds: float) -> float:
 
 
 def _search(context: Context | None = None) -> Span | None:
-    """The outermost search, because an answer to a part of it does not answer the whole."""
+    """Return the outermost search, because an answer to a part of it does not answer the whole."""
     searches = [span for span in _spans(context) if span.has_answer is not None]
     return searches[-1] if searches else None
 

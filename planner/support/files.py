@@ -441,6 +441,6 @@ def toml_lines(table: Mapping[str, Any], path: str = "") -> Iterator[str]:
 
 
 def _holds_tables(value: Any) -> bool:
-    """Whether the value is a table or a list of tables."""
+    """Return whether the value is a table or a list of tables."""
     listed = value if isinstance(value, list) and value else [value]
     return all(isinstance(each, Mapping) for each in listed)

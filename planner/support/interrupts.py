@@ -208,7 +208,8 @@ def osqp_result(solver: Any) -> Any:
 
 @cache
 def _osqp_interrupt_query() -> Callable[[], int]:
-    """Function of OSQP's library: was Ctrl-C pressed in the last solve? 0 if it is not exported."""
+    """Return the function of OSQP's library: was Ctrl-C pressed in the last solve? 0 if it is not
+    exported."""
     try:
         from osqp import ext_builtin
 

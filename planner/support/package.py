@@ -34,7 +34,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def version() -> str:
-    """The version in a checkout's pyproject.toml, else that of the installed package.
+    """Return the version in a checkout's pyproject.toml, else that of the installed package.
 
     An editable install keeps the version of the day it was installed, so the file comes first.
     """
@@ -50,7 +50,7 @@ def version() -> str:
 
 @cache
 def release() -> str:
-    """Name of the version for pages of results: "planner 0.1.0, commit 25f0839".
+    """Return the name of the version for pages of results: "planner 0.1.0, commit 25f0839".
 
     The commit is the last that changed the package; it is left out without a git checkout.
     """
@@ -74,7 +74,7 @@ def provenance(*commands: str) -> str:
 
 
 def how_to_install(extra: str) -> str:
-    """The command that adds an extra to this installation.
+    """Return the command that adds an extra to this installation.
 
     Args:
         extra: One of `project.optional-dependencies` in pyproject.toml.
@@ -90,7 +90,8 @@ def how_to_install(extra: str) -> str:
 
 @cache
 def _checkout() -> str | None:
-    """The version in the pyproject.toml beside the package; None without one of this project."""
+    """Return the version in the pyproject.toml beside the package; None without one of this
+    project."""
     try:
         text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
         project = tomllib.loads(text)["project"]

@@ -117,7 +117,7 @@ def count_iterations(iterations: int) -> None:
 
 
 def current_progress() -> Progress | None:
-    """Progress of the innermost running search; None outside of a search."""
+    """Return the progress of the innermost running search; None outside of a search."""
     run = _run.get()
     return None if run is None else run.now
 

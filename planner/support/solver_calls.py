@@ -86,7 +86,7 @@ class NlpCall:
         return answer
 
     def stats(self) -> dict[str, Any]:
-        """Solver statistics of the last call."""
+        """Return the solver statistics of the last call."""
         stats: dict[str, Any] = self._solver.stats()
         return stats
 

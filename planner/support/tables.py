@@ -87,7 +87,7 @@ class Column(Generic[R]):
         return self.key or re.sub(r"\W+", "_", f"{self.title} {self.unit}").strip("_")
 
     def text(self, row: R) -> str:
-        """Text of a row's cell."""
+        """Return the text of a row's cell."""
         assert self.shown is not None
         return self.shown(self.value(row))
 
@@ -258,7 +258,7 @@ def line(text: str, longest: int = LONGEST_LINE) -> str:
 
 
 def error_words(error: BaseException) -> str:
-    """Type and message of any exception, even if its `__str__` fails."""
+    """Return the type and message of any exception, even if its `__str__` fails."""
     try:
         return f"{type(error).__name__}: {error}"
     except Exception:

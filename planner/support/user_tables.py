@@ -113,7 +113,7 @@ def _closest_match(word: str, allowed: Sequence[str]) -> str | None:
 
 
 def _path(data: Any, error: Any) -> Path:
-    """The error's location, without the tags that pydantic adds for members of a union."""
+    """Return the error's location, without the tags that pydantic adds for members of a union."""
     out: list[Any] = []
     *parents, last = error["loc"] or (None,)
     for part in parents:
@@ -132,12 +132,12 @@ def _contains(data: Any, part: Any) -> bool:
 
 
 def _has_faulty_entry(path: Path, errors: Sequence[Any], above: Collection[Path]) -> bool:
-    """Whether the error lies in an entry of the list at `path`, not in the list itself."""
+    """Return whether the error lies in an entry of the list at `path`, not in the list itself."""
     return path in above and all(e["type"] != "value_error" for e in errors)
 
 
 def _typos(model: type[BaseModel], grouped: Mapping[Path, Any]) -> set[Path]:
-    """Paths of missing keys for which a misspelt key was probably meant."""
+    """Return the paths of missing keys for which a misspelt key was probably meant."""
     every = (p for p, group in grouped.items() if group[0]["type"] == "extra_forbidden")
     unknown = list(islice(every, MOST_ERRORS))
     meant = {p: _closest_match(str(p[-1]), _keys_at(model, p[:-1])) for p in unknown}
@@ -192,18 +192,18 @@ def _home_table(model: type[BaseModel], path: Path) -> str:
 
 
 def _fields(model: Any) -> dict[str, Any]:
-    """The fields of a table by key: the alias if there is one."""
+    """Return the fields of a table by key: the alias if there is one."""
     fields = getattr(model, "model_fields", {})
     return {f.alias or name: f for name, f in fields.items()}
 
 
 def _keys_at(model: type[BaseModel], path: Path) -> list[str]:
-    """Keys of the table at `path`."""
+    """Return the keys of the table at `path`."""
     return list(_fields(_table_at(model, path)))
 
 
 def _table_at(model: type[BaseModel], path: Path) -> Any:
-    """The table at `path`."""
+    """Return the table at `path`."""
     current: Any = model
     for part in path:
         if part in _fields(current):

@@ -50,7 +50,7 @@ class Sweep:
     _data: Mapping[str, Any]
 
     def __len__(self) -> int:
-        """Number of points times number of methods."""
+        """Return the number of points times number of methods."""
         return len(self.points) * len(self.methods)
 
     @classmethod

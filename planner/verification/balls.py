@@ -108,7 +108,8 @@ class Ellipses(NamedTuple):
         return Ellipses(c, b, rest * ROUNDING_FACTOR)
 
     def lie_in(self, other: Ellipses) -> Index:
-        """Where every function that these enclose is one that the other's enclose, (C, 9)."""
+        """Return where every function that these enclose is one that the other's enclose, (C,
+        9)."""
         gap = np.abs(self.c - other.c) + np.abs(self.b - other.b) * RADIUS + self.r
         return np.asarray(gap * ROUNDING_FACTOR <= other.r)
 
@@ -126,7 +127,7 @@ class Ball:
 
     @classmethod
     def constant(cls, value: float) -> Ball:
-        """One number on all cells, shape (1, 1)."""
+        """Return one number on all cells, shape (1, 1)."""
         return cls(np.full((1, 1), value), np.zeros((1, 1)), np.zeros((1, 1)))
 
     @classmethod
@@ -222,12 +223,12 @@ class Ball:
     __rmul__ = __mul__
 
     def scaled(self, factor: Array | np.float64) -> Ball:
-        """The ball times a number, or times one number per cell, (C, 1)."""
+        """Return the ball times a number, or times one number per cell, (C, 1)."""
         r = self.r + ROUNDING_UNIT * self.size
         return Ball(self.c * factor, self.b * factor, np.abs(factor) * r * ROUNDING_FACTOR)
 
     def widen(self, extra: Array) -> Ball:
-        """The ball with radii increased by `extra`, shape (C, 1) or (C, 25)."""
+        """Return the ball with radii increased by `extra`, shape (C, 1) or (C, 25)."""
         return Ball(self.c, self.b, (self.r + extra) * ROUNDING_FACTOR)
 
 
@@ -330,7 +331,8 @@ def arcsine(p: Ball) -> Ball:
 
 
 def arctangent2(y: Ball, x: Ball) -> Ball:
-    """The angle of (x, y) where y keeps its sign or x > 0: ±π/2 − arctan(x/y), or arctan(y/x)."""
+    """Return the angle of (x, y) where y keeps its sign or x > 0: ±π/2 − arctan(x/y), or
+    arctan(y/x)."""
     low = np.abs(y.c) - y.reach, x.c - x.reach
     upright = low[0] > np.maximum(low[1], 0.0)
     angle = arctangent(choose(upright, x, y) * reciprocal(choose(upright, y, x)))
@@ -363,7 +365,7 @@ def polynomial_balls(c: Array, r: Array) -> list[Ball]:
 
 @lru_cache(maxsize=32)
 def _chebyshev_bounds(width: int) -> Array:
-    """Bounds of |Tₖ| on the segment and the ellipses, shape (width, 9)."""
+    """Return the bounds of |Tₖ| on the segment and the ellipses, shape (width, 9)."""
     k = np.arange(width)[:, None]
     return np.asarray((RHO**k + RHO ** (-1.0 * k)) / 2)
 
@@ -394,7 +396,8 @@ def models(balls: Sequence[Ball], cells: int) -> list[Model]:
 
 
 def _sign(p: Ball) -> Array:
-    """Sign of the function on each cell's segment, shape (C, 1); zero if it may change."""
+    """Return the sign of the function on each cell's segment, shape (C, 1); zero if it may
+    change."""
     k = min(SEGMENT, p.c.shape[1] - 1)  # constants have one column
     c, reach = p.c[:, [k]], p.reach[:, [k]]
     return np.asarray(np.where(np.abs(c) > reach, np.sign(c), 0.0))

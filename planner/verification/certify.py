@@ -81,7 +81,7 @@ def certify(plan: Plan) -> Certificate:
 
 
 def _evidence(plan: Plan) -> Evidence:
-    """The enclosed motion. Raises an UnboundedError if it cannot be bounded."""
+    """Return the enclosed motion. Raises an UnboundedError if it cannot be bounded."""
     trajectory = plan.trajectory
     source, motion, plan_q = enclose_trajectory(trajectory, plan.problem.start)
     path = EnclosedMotion(motion, source)
@@ -143,7 +143,7 @@ def _claims_on_inputs(plan: Plan, why: str) -> list[Claim]:
 
 
 def _open_plan_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = None) -> list[Claim]:
-    """Undecided claims on the given requirements (or all) and on the plan's own q(t)."""
+    """Return undecided claims on the given requirements (or all) and on the plan's own q(t)."""
     free, in_coordinates = np.isnan(plan.problem.target), plan.trajectory.in_coordinates
     parts = [
         part
@@ -159,7 +159,7 @@ def _open_plan_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = N
 
 @singledispatch
 def prove(demand: Demand, evidence: Evidence) -> Iterable[Proof]:
-    """Obligations that prove a demand, or claims that are decided already."""
+    """Yield the obligations that prove a demand, or claims that are decided already."""
     return _open_claims(demand, "there is no proof for this kind of requirement")
 
 
@@ -209,7 +209,8 @@ def _(requirement: Requirement, evidence: Evidence) -> Iterable[Proof]:
 def _row_models(
     requirement: Requirement, evidence: Evidence, motion: EnclosedMotion
 ) -> tuple[EnclosedMotion, list[Model]]:
-    """Models of the rows, with cells refined where a remainder leaves a limit undecided."""
+    """Return the models of the rows, with cells refined where a remainder leaves a limit
+    undecided."""
     rows, names = _rows(evidence.plan.problem.system, requirement), sorted(requirement.reads)
 
     def models_of(enclosure: Enclosure) -> list[Model]:
@@ -241,7 +242,7 @@ MarginAt = Callable[[Array, Array], float]
 def _own_margins(
     requirement: Requirement, system: TriangularSystem, motion: EnclosedMotion, rows: list[Model]
 ) -> dict[str, MarginAt]:
-    """Margins of the parts whose rows are a substitute for their values, by label.
+    """Return the margins of the parts whose rows are a substitute for their values, by label.
 
     Rows are on the same side of the limit as the values that the judge uses, but may differ from
     them: u²/limit can replace |u|.
@@ -268,7 +269,7 @@ def _own_margins(
 
 @lru_cache(maxsize=64)
 def _rows(system: TriangularSystem, requirement: Requirement | ChartDomain) -> Expression:
-    """The rows of a requirement as functions of what it reads, in alphabetical order."""
+    """Return the rows of a requirement as functions of what it reads, in alphabetical order."""
     sizes = {"q": system.size, "u": 2, "du": 2}
     read = {name: ca.SX.sym(name, sizes[name]) for name in sorted(requirement.reads)}
     rows = requirement.rows(MotionPoint(system, **read))
@@ -278,7 +279,7 @@ def _rows(system: TriangularSystem, requirement: Requirement | ChartDomain) -> E
 
 
 def _jump(part: Part, motion: EnclosedMotion) -> Claim | None:
-    """The claim on a rate if the input jumps, or may jump, at a break; else None."""
+    """Return the claim on a rate if the input jumps, or may jump, at a break; else None."""
     cells, u = motion.enclosure.cells, motion.inputs[part.index]
     breaks = np.flatnonzero(np.diff(cells.piece))  # last cells of the pieces
     if not len(breaks):

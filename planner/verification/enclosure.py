@@ -73,7 +73,7 @@ class Enclosure:
         return self.models(*self.q)
 
     def models(self, *values: Ball) -> list[Model]:
-        """Models of functions of the motion on the same cells."""
+        """Return the models of functions of the motion on the same cells."""
         return models(values, len(self.cells.piece))
 
 
@@ -127,7 +127,7 @@ def integral(f: Ball, width: Array, start: float) -> Ball:
 
 
 def full_ball(f: Ball, cells: Cells) -> Ball:
-    """The ball with a row for each cell and all columns, even if it is a constant."""
+    """Return the ball with a row for each cell and all columns, even if it is a constant."""
     shape = (len(cells.piece), len(REAL_COLUMNS))
     if f.c.shape == shape:
         return f
@@ -143,7 +143,8 @@ def rates_of(system: TriangularSystem) -> Expression:
 
 @lru_cache(maxsize=32)
 def blocks(system: TriangularSystem) -> list[list[int]]:
-    """Coordinates in the order of dependence; those that depend on each other form one block."""
+    """Return the coordinates in the order of dependence; those that depend on each other form one
+    block."""
     rates, size = rates_of(system), system.size
     reach = np.eye(size, dtype=bool)
     for i in range(size):
@@ -165,7 +166,7 @@ def _tube(
     guess: Array,
     start: Array,
 ) -> tuple[dict[int, Ball], list[Ball]]:
-    """Balls of a block's coordinates and of their rates at the reference."""
+    """Return the balls of a block's coordinates and of their rates at the reference."""
     (known, u), width = given, cells.width
     c = guess.transpose(2, 0, 1)[block] @ interpolation().T
     p = {i: Model(coefficients, 0 * width) for i, coefficients in zip(block, c, strict=True)}
@@ -217,7 +218,7 @@ def _growth(
 
 
 def perturbed_motion(system: TriangularSystem, motion: Enclosure, off: Array) -> Enclosure:
-    """The motion under any inputs that differ from the motion's own by at most `off` (2,).
+    """Return the motion under any inputs that differ from the motion's own by at most `off` (2,).
 
     With s the difference of the inputs and J from the widened coordinates, the distance δ obeys,
     block by block, ‖δ‖' ≤ μ ‖δ‖ + max (|J| |δ of earlier blocks| + |rates(q, s)|), since rates are
@@ -253,7 +254,8 @@ def _logarithmic_norm(size: Array, high: Array, block: list[int]) -> Array:
 
 
 def _error_bounds(mu: Array, norm: Array, error: Array, width: Array) -> Array:
-    """Bounds (C,) of ‖x − P‖ in each cell, by the comparison equation, one cell after the other."""
+    """Return the bounds (C,) of ‖x − P‖ in each cell, by the comparison equation, one cell after
+    the other."""
     most = np.exp(np.maximum(mu, 0.0) * width) * (1 + 1e-9)
     growth, pushed = np.exp(mu * width) * (1 + 1e-9), norm * error * width * most
     out, now = np.empty(len(mu)), 0.0
@@ -272,7 +274,8 @@ def _on_ellipses(
     core: dict[int, Ball],
     doubt: Array,
 ) -> dict[int, Ball]:
-    """The tube on the real columns, and on the ellipses the balls that Picard's map proves."""
+    """Return the tube on the real columns, and on the ellipses the balls that Picard's map
+    proves."""
     (known, u), half, signs = given, cells.width[:, None] / 2, (-1.0) ** np.arange(POINTS // 2)
     nowhere = np.where(REAL_COLUMNS, doubt, np.inf)
     out = {i: ball.widen(nowhere) for i, ball in core.items()}
@@ -307,7 +310,8 @@ def _jacobian(system: TriangularSystem) -> tuple[Expression, Array, Array, Point
 def _reference(
     system: TriangularSystem, cells: Cells, guess: Array, u: list[Ball], start: Array
 ) -> Array:
-    """Values near the motion, by Picard integrals in each cell and Newton steps across cells."""
+    """Return the values near the motion, by Picard integrals in each cell and Newton steps across
+    cells."""
     inputs = np.stack([x.points.c for x in u], axis=-1)
     width, middle = cells.width, POINTS // 2
     flow = _change(_jacobian(system)[3](guess[:, middle], inputs[:, middle]), width)
@@ -326,7 +330,8 @@ def _reference(
 def _sweep(
     system: TriangularSystem, values: Array, inputs: Array, width: Array, flow: Array, start: Array
 ) -> Array:
-    """One sweep; `flow` (C, N, N) is the growth of a change from a cell's left to its right end."""
+    """Return one sweep; `flow` (C, N, N) is the growth of a change from a cell's left to its right
+    end."""
     rates = system.rates(values, inputs) * (width[:, None, None] / 2)
     steps = np.einsum("mk,ckn->cmn", integration(), rates)
     signs = np.where(np.arange(POINTS) % 2 == 0, 1.0, -1.0)
@@ -341,7 +346,7 @@ def _sweep(
 
 
 def _change(jacobian: Array, width: Array) -> Array:
-    """An approximation of e^A − 1 for A = J w (C, N, N)."""
+    """Return an approximation of e^A − 1 for A = J w (C, N, N)."""
     term = out = a = jacobian * width[:, None, None]
     for k in range(2, 8):
         term = term @ a / k

@@ -75,7 +75,8 @@ class EnclosedMotion:
         return edges if self.retimed is None else self.retimed.time_of(edges)
 
     def at(self, time_s: float) -> tuple[Array, Array]:
-        """Coordinates (N,) and inputs (2,) at a time of its own, to the accuracy of the models."""
+        """Return the coordinates (N,) and inputs (2,) at a time of its own, to the accuracy of the
+        models."""
         ends = self.enclosure.cells.times(np.array([-1.0, 1.0]))
         k = int(np.clip(np.searchsorted(ends[:, 0], time_s, side="right") - 1, 0, len(ends) - 1))
         x = 2 * (time_s - ends[k, 0]) / (ends[k, 1] - ends[k, 0]) - 1
@@ -93,7 +94,7 @@ class EnclosedMotion:
         required: bool = True,
         why: str = "",
     ) -> Claim:
-        """The verdict on a least margin between the bounds `low` and `high`.
+        """Return the verdict on a least margin between the bounds `low` and `high`.
 
         A margin down to −tolerance counts as kept, as in `verify`. `when` is in the motion's own
         time; the claim has the plan's.
@@ -128,13 +129,13 @@ class Evidence:
     plan_q: list[Model]
 
     def motion_for(self, reads: frozenset[str]) -> EnclosedMotion:
-        """A motion that encloses all of these quantities."""
+        """Return a motion that encloses all of these quantities."""
         if self.path.retimed is None or reads <= self.path.reads:
             return self.path
         return self._motion_over_time if "q" in reads else self._inputs_over_time
 
     def refine(self, motion: EnclosedMotion, coarse: CellChoice) -> EnclosedMotion:
-        """The same motion with cells split where `coarse` selects them."""
+        """Return the same motion with cells split where `coarse` selects them."""
         plan, source = self.plan, replace(motion.source, halvings=InputSource.halvings)
         start = plan.problem.start if "q" in motion.reads else None
         if motion is self.path and start is not None:
@@ -186,7 +187,7 @@ Proof = Obligation | Claim
 
 
 def decide(proofs: list[Proof]) -> list[Claim]:
-    """The claims, in order; all obligations on one motion are bounded together."""
+    """Return the claims, in order; all obligations on one motion are bounded together."""
     pending = [each for each in proofs if isinstance(each, Obligation)]
     verdicts: dict[int, Claim] = {}
     for motion in {id(each.motion): each.motion for each in pending}.values():

@@ -59,7 +59,7 @@ class Expression:
         self._needed = [self._steps_to(end) for end in self._ends]
 
     def _steps_to(self, end: int) -> list[int]:
-        """The steps on which a step depends, and the step itself, in order."""
+        """Return the steps on which a step depends, and the step itself, in order."""
         steps, left = set(), [end] if end >= 0 else []
         while left:
             k = left.pop()
@@ -70,17 +70,18 @@ class Expression:
         return sorted(steps)
 
     def reads(self, entry: int, argument: int) -> set[int]:
-        """Indices of the entries of an argument on which an entry of the value depends."""
+        """Return the indices of the entries of an argument on which an entry of the value
+        depends."""
         steps = [self._steps[k] for k in self._needed[entry]]
         return {read[1] for of, read, _ in steps if of == ca.OP_INPUT and read[0] == argument}
 
     def __call__(self, *given: Sequence[Ball]) -> list[Ball]:
-        """One ball per entry of the value."""
+        """Return one ball per entry of the value."""
         done: dict[Any, Ball] = {}
         return [self.entry(i, given, done) for i in range(self.size)]
 
     def entry(self, i: int, given: ArgumentBalls, done: dict[Any, Ball]) -> Ball:
-        """One entry; `done` caches steps for further entries with the same arguments."""
+        """Return one entry; `done` caches steps for further entries with the same arguments."""
         deadline.check_stopped()
         for k in self._needed[i]:
             if k in done:
@@ -167,8 +168,8 @@ SUPPORTED = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_CIRCULAR, *_ARITHMETIC}
 
 
 def polynomials(curve: Bernstein, cells: Cells, order: int = 0) -> list[Model]:
-    """Models of the components of a piecewise polynomial with values (k,) or scalar values, or of
-    its derivative of this order in time."""
+    """Return the models of the components of a piecewise polynomial with values (k,) or scalar
+    values, or of its derivative of this order in time."""
     return [Model(*pair) for pair in zip(*_cell_coefficients(curve, cells, order), strict=True)]
 
 
@@ -178,7 +179,8 @@ def balls_on_cells(curve: Bernstein, cells: Cells, order: int = 0) -> list[Ball]
 
 
 def derivative(curve: Bernstein, order: int) -> tuple[Array, Array]:
-    """Bernstein coefficients (d+1, P, k) of a derivative, and bounds of their rounding (P, k)."""
+    """Return the Bernstein coefficients (d+1, P, k) of a derivative, and bounds of their rounding
+    (P, k)."""
     c = curve.c.reshape(*curve.c.shape[:2], -1)
     width, size = np.diff(curve.x)[:, None], np.max(np.abs(c), axis=0)
     for _ in range(order):
@@ -189,7 +191,8 @@ def derivative(curve: Bernstein, order: int) -> tuple[Array, Array]:
 
 
 def refine_curve(curve: Bernstein, breaks: Array) -> Bernstein:
-    """The same curve (within rounding) on the pieces between `breaks`, which include its breaks."""
+    """Return the same curve (within rounding) on the pieces between `breaks`, which include its
+    breaks."""
     if np.array_equal(curve.x, breaks):
         return curve
     k = np.searchsorted(curve.x, (breaks[:-1] + breaks[1:]) / 2) - 1

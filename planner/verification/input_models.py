@@ -104,8 +104,8 @@ def enclose_trajectory(
 
 
 def _path(trajectory: Trajectory) -> Trajectory:
-    """The trajectory without its retiming, which no state depends on; a retimed path is refined to
-    the pieces of its length."""
+    """Return the trajectory without its retiming, which no state depends on; a retimed path is
+    refined to the pieces of its length."""
     if type(trajectory) is not RetimedTrajectory:
         return trajectory
     path, breaks = trajectory.path, trajectory.length.x
@@ -158,7 +158,8 @@ class InputSource:
 
 
 def source_of(trajectory: Trajectory) -> InputSource:
-    """The inputs of a trajectory in coordinates, in chained coordinates, or of a retimed path.
+    """Return the inputs of a trajectory in coordinates, in chained coordinates, or of a retimed
+    path.
 
     Raises:
         UnboundedError: If the trajectory is of another kind, or its chart has no expression.
@@ -200,8 +201,8 @@ Law = Callable[..., list[Ball]]
 
 
 def _law(path: Trajectory) -> tuple[list[Bernstein], Law, Law]:
-    """Curves of a path, its inputs as a function of them, and the inputs' slopes as a function of
-    them and their derivatives.
+    """Return the curves of a path, its inputs as a function of them, and the inputs' slopes as a
+    function of them and their derivatives.
 
     Subclasses are refused, since they may evaluate differently.
     """
@@ -220,7 +221,7 @@ State = Callable[[list[Ball]], list[Ball]]
 
 @lru_cache(maxsize=32)
 def _inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> State:
-    """The inverse chart on one branch."""
+    """Return the inverse chart on one branch."""
     z = ca.SX.sym("z", system.size)
     q = chained_form(system).q_expr(z, ca.DM(branch))
     if q is not None:
@@ -229,7 +230,8 @@ def _inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> State:
 
 
 def _inverse_by_links(system: TriangularSystem, branch: tuple[float, ...]) -> State:
-    """The inverse of a chart that is solved link by link, beginning with the last coordinate.
+    """Return the inverse of a chart that is solved link by link, beginning with the last
+    coordinate.
 
     zᵢ depends on no coordinate before qᵢ, and is monotonic in qᵢ on the whole branch.
     """
@@ -277,7 +279,7 @@ def feedback_law(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[L
 def root(
     guess: Ball, gap: Ball, steep: Callable[[Ball], Ball], side: Array | float = 1.0
 ) -> tuple[Ball, Ball]:
-    """The root near a guess, and the function's slope there; unbounded if no root is proven.
+    """Return the root near a guess, and the function's slope there; unbounded if no root is proven.
 
     Args:
         guess: A polynomial, taken as exact.
@@ -332,14 +334,15 @@ def resolve(
 
 
 def _cells_to_divide(balls: list[Ball], before: Array) -> tuple[Index, Array]:
-    """The cells to divide, and the relative remainder of all; `before` is that of their parents."""
+    """Return the cells to divide, and the relative remainder of all; `before` is that of their
+    parents."""
     rough = np.max([x.relative_remainder for x in balls], axis=0)
     fine = (rough <= FINE_REMAINDER) | ((rough < NOISE_REMAINDER) & (rough > 0.5 * before))
     return ~fine, rough
 
 
 def path_times(trajectory: RetimedTrajectory, cells: Cells) -> tuple[Ball, Ball, Ball]:
-    """A retimed path's own time σ, dσ/dt and d²σ/dt² on cells of the clock's pieces."""
+    """Return a retimed path's own time σ, dσ/dt and d²σ/dt² on cells of the clock's pieces."""
     length, clock = trajectory.length, trajectory.clock
     times = trajectory.sigma(cells.times(nodes())) @ interpolation().T
     (guess,) = polynomial_balls(times[None], np.zeros((1, len(times))))
@@ -357,7 +360,8 @@ def path_times(trajectory: RetimedTrajectory, cells: Cells) -> tuple[Ball, Ball,
 def derivative_on_balls(
     curve: Bernstein, order: int, trajectory: RetimedTrajectory, cells: Cells, sigma: Ball
 ) -> list[Ball]:
-    """A derivative of a piecewise polynomial in the path's own time, evaluated at balls `sigma`.
+    """Return a derivative of a piecewise polynomial in the path's own time, evaluated at balls
+    `sigma`.
 
     Every cell of the clock lies in one piece of the curve.
     """

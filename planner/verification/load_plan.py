@@ -60,7 +60,8 @@ their errors are up to 5e-4, and the weighted terms are a hundredth of the objec
 
 
 def _correct_objective(plan: Plan, path: str | Path) -> Plan:
-    """The plan with the objective of its motion; for a compensated plan, that of the original."""
+    """Return the plan with the objective of its motion; for a compensated plan, that of the
+    original."""
     true = objective_of((plan.compensates or plan).trajectory, plan.objective_name)
     claimed = ["objective"] if true is None and not np.isnan(plan.objective) else []
     if true is not None and not abs(plan.objective - true) <= OBJECTIVE_TOLERANCE * abs(true):
@@ -77,7 +78,7 @@ def _correct_objective(plan: Plan, path: str | Path) -> Plan:
 
 
 def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:
-    """The plan with its verdict, and its violations in one line, the worst first, or ""."""
+    """Return the plan with its verdict, and its violations in one line, the worst first, or ""."""
     unknown = replace(said, verified=False, certificate=None)
     if said.trajectory.flaw:
         return unknown, said.trajectory.flaw
@@ -95,7 +96,7 @@ def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:
 
 
 def _with_own_figures(plan: Plan, said: Plan, path: str | Path) -> Plan:
-    """A verified plan, and its original if it is compensated, with the right objective."""
+    """Return a verified plan, and its original if it is compensated, with the right objective."""
     assert plan.certificate is not None
     plan = replace(plan, certificate=_with_first_time(said, plan.certificate))
     if plan.compensation is not None and said.compensates is not None:
@@ -105,6 +106,6 @@ def _with_own_figures(plan: Plan, said: Plan, path: str | Path) -> Plan:
 
 
 def _with_first_time(said: Plan, proven: Certificate) -> Certificate:
-    """The new certificate with the computing time of the first, so that saving again changes
+    """Return the new certificate with the computing time of the first, so that saving again changes
     nothing."""
     return proven if said.certificate is None else replace(proven, seconds=said.certificate.seconds)

@@ -55,7 +55,8 @@ class Model:
 
     @classmethod
     def truncate(cls, c: Array, r: Array) -> Model:
-        """A model from coefficients of any width; those beyond `POINTS` go to the remainder."""
+        """Return a model from coefficients of any width; those beyond `POINTS` go to the
+        remainder."""
         tail = np.sum(np.abs(c[:, POINTS:]), axis=1)
         r = np.asarray((r + tail) * ROUNDING_FACTOR)
         bad = ~np.isfinite(r)
@@ -90,7 +91,7 @@ class Model:
         return np.asarray((self.norm + self.r) * ROUNDING_FACTOR)
 
     def select(self, cells: Index) -> Model:
-        """Some of the cells, by index or mask."""
+        """Return some of the cells, by index or mask."""
         return Model(self.c[cells], self.r[cells])
 
     # -- arithmetic ----------------------------------------------------------------------------
@@ -110,17 +111,17 @@ class Model:
         return self + (-other)
 
     def scaled(self, k: Array) -> Model:
-        """The model times one number per cell, shape (C,)."""
+        """Return the model times one number per cell, shape (C,)."""
         c = self.c * k[:, None]
         return Model.truncate(c, np.abs(k) * self.r + ROUNDING_UNIT * np.sum(np.abs(c), axis=1))
 
     def at_begin(self) -> tuple[Array, Array]:
-        """Value at the left end and its uncertainty, each (C,)."""
+        """Return the value at the left end and its uncertainty, each (C,)."""
         signs = np.where(np.arange(self.c.shape[1]) % 2 == 0, 1.0, -1.0)
         return Model(self.c * signs, self.r).at_end()
 
     def at_end(self) -> tuple[Array, Array]:
-        """Value at the right end and its uncertainty, each (C,)."""
+        """Return the value at the right end and its uncertainty, each (C,)."""
         rounding = self.c.shape[1] * ROUNDING_UNIT * self.norm
         return np.sum(self.c, axis=1), np.asarray((self.r + rounding) * ROUNDING_FACTOR)
 
@@ -139,19 +140,19 @@ def _cosines(m: NDArray[np.int_]) -> Array:
 
 @lru_cache(maxsize=1)
 def nodes() -> Array:
-    """The Chebyshev points of the first kind, increasing, shape (POINTS,)."""
+    """Return the Chebyshev points of the first kind, increasing, shape (POINTS,)."""
     return evaluation(2)[:, 1]
 
 
 @lru_cache(maxsize=64)
 def evaluation(width: int) -> Array:
-    """Matrix from coefficients (width) to values at the nodes, shape (POINTS, width)."""
+    """Return the matrix from coefficients (width) to values at the nodes, shape (POINTS, width)."""
     return _cosines(np.outer(2 * np.arange(POINTS)[::-1] + 1, np.arange(width)))
 
 
 @lru_cache(maxsize=1)
 def interpolation() -> Array:
-    """Matrix from values at the nodes to coefficients, shape (POINTS, POINTS)."""
+    """Return the matrix from values at the nodes to coefficients, shape (POINTS, POINTS)."""
     out = evaluation(POINTS).T * (2 / POINTS)
     out[0] /= 2
     return out
@@ -159,7 +160,7 @@ def interpolation() -> Array:
 
 @lru_cache(maxsize=1)
 def integration() -> Array:
-    """Matrix from values at the nodes to integrals from −1 to each node, to 0 and to 1.
+    """Return the matrix from values at the nodes to integrals from −1 to each node, to 0 and to 1.
 
     Its shape is (POINTS+2, POINTS), and ∫ Tₖ = (Tₖ₊₁/(k+1) − Tₖ₋₁/(k−1))/2.
     """
@@ -170,7 +171,7 @@ def integration() -> Array:
 
 @lru_cache(maxsize=32)
 def slopes(width: int, order: int) -> Array:
-    """Matrix (width, width) of integers, from coefficients to those of a derivative."""
+    """Return the matrix (width, width) of integers, from coefficients to those of a derivative."""
     out = np.zeros((width, width))
     out[: max(width - order, 1)] = chebyshev.chebder(np.eye(width), order)
     return out
@@ -218,7 +219,7 @@ class LeastValue:
 
 
 def least_values(functions: list[Margin], cells: Cells, scales: Array) -> list[LeastValue]:
-    """Bounds on the least value of each function.
+    """Return the bounds on the least value of each function.
 
     Args:
         functions: The functions, whose values are models on the cells.
@@ -306,7 +307,7 @@ def _curved_bounds(c: Array) -> tuple[Index, Array, Array, Array]:
 
 
 def halves(c: Array, r: Array) -> tuple[Array, Array]:
-    """Models on the left halves of all cells, then on the right halves."""
+    """Return the models on the left halves of all cells, then on the right halves."""
     left, right, sums = _halving_matrices()
     r = (r + (POINTS + 8) * ROUNDING_UNIT * (np.abs(c) @ sums)) * ROUNDING_FACTOR
     return np.concatenate([c @ left.T, c @ right.T]), np.tile(r, 2)
@@ -314,14 +315,14 @@ def halves(c: Array, r: Array) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=1)
 def _halving_matrices() -> tuple[Array, Array, Array]:
-    """Matrices from coefficients to those on each half of the cell, and the magnitude sums of their
-    columns."""
+    """Return the matrices from coefficients to those on each half of the cell, and the magnitude
+    sums of their columns."""
     parts = [interpolation() @ chebyshev.chebvander((nodes() + s) / 2, POINTS - 1) for s in (-1, 1)]
     return parts[0], parts[1], np.max([np.sum(np.abs(m), axis=0) for m in parts], axis=0)
 
 
 def join_models(parts: Sequence[Model]) -> Model:
-    """The models of several groups of cells as one."""
+    """Return the models of several groups of cells as one."""
     width = max(p.c.shape[1] for p in parts)
     c = np.concatenate([np.pad(p.c, ((0, 0), (0, width - p.c.shape[1]))) for p in parts])
     return Model(c, np.concatenate([p.r for p in parts]))

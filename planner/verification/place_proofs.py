@@ -57,7 +57,8 @@ def clearances(
     links: list[int],
     radius: float,
 ) -> Iterator[LeastValue]:
-    """Least distances of some links (counted from 0) from a point, minus `radius`, in metres."""
+    """Yield the least distances of some links (counted from 0) from a point, minus `radius`, in
+    metres."""
     balls = _links(system)(motion.q, centre)
     lengths = system.link_lengths  # type: ignore[attr-defined]
     values = motion.models(*(balls[3 * link + k] for link in links for k in range(3)))
@@ -74,7 +75,7 @@ def clearances(
 
 
 def joints(system: TriangularSystem, motion: Enclosure) -> list[Ball]:
-    """Balls of x and y of the base, the joints and the tip."""
+    """Return the balls of x and y of the base, the joints and the tip."""
     return _points(system)(motion.q)
 
 
@@ -102,8 +103,8 @@ def _points(system: TriangularSystem) -> Expression:
 
 
 def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple[Model, Cells]:
-    """A lower bound of the squared distance, as a model that is close to it where it may be least,
-    and its cells."""
+    """Return a lower bound of the squared distance, as a model that is close to it where it may be
+    least, and its cells."""
     proofs: list[tuple[Cells, list[Model]]] = []
     best = np.inf
     for step in range(MOST_HALVINGS + 1):
@@ -147,7 +148,7 @@ def _least_quadratic(a: Array, length: float) -> Array:
 
 
 def user_models(system: TriangularSystem, motion: Enclosure) -> list[Model]:
-    """Models of the user coordinates.
+    """Return the models of the user coordinates.
 
     Raises:
         UnboundedError: If the map to them uses an operation without a bound.
@@ -159,7 +160,7 @@ def user_models(system: TriangularSystem, motion: Enclosure) -> list[Model]:
 
 @lru_cache(maxsize=32)
 def _user(system: TriangularSystem) -> Expression:
-    """The user coordinates as functions of q."""
+    """Return the user coordinates as functions of q."""
     q = ca.SX.sym("q", system.size)
     return Expression([q], ca.vertcat(*system.user_expr(q)))
 
@@ -167,7 +168,8 @@ def _user(system: TriangularSystem) -> Expression:
 def nearest_time(
     cells: Cells, states: Sequence[Model], point: Waypoint, tolerance: float
 ) -> tuple[float, bool]:
-    """The time at which the motion is nearest to a waypoint, and whether it provably misses it.
+    """Return the time at which the motion is nearest to a waypoint, and whether it provably misses
+    it.
 
     `states` are models of the user coordinates on the cells. The time need not be proven, so dips
     between samples are narrowed without bounds.
@@ -176,7 +178,7 @@ def nearest_time(
     coordinates = [(states[i], float(point.user[i])) for i in fixed]
 
     def distances(cell: Index, x: Array) -> Array:
-        """Distance at positions x (R, M) of cells (R,)."""
+        """Return the distance at positions x (R, M) of cells (R,)."""
         values = [
             chebval(x, p.c[cell].T[..., None], tensor=False) - value for p, value in coordinates
         ]
@@ -203,7 +205,7 @@ def nearest_time(
 def distance_bounds(
     cells: Cells, states: Sequence[Model], point: Waypoint, time: float, slip: float
 ) -> tuple[float, float]:
-    """Bounds of the distance at a time with an error of at most `slip`."""
+    """Return the bounds of the distance at a time with an error of at most `slip`."""
     ends = cells.times(np.array([-1.0, 1.0]))
     k = int(np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1))
     tau = 2 * (time - ends[k, 0]) / (ends[k, 1] - ends[k, 0]) - 1
@@ -219,7 +221,8 @@ def distance_bounds(
 
 
 def path_time(trajectory: Trajectory, time_s: float) -> tuple[float, float]:
-    """The path's own time at a time of the plan, and a bound on its error; infinite outside."""
+    """Return the path's own time at a time of the plan, and a bound on its error; infinite
+    outside."""
     if not 0 <= time_s <= trajectory.duration:
         return time_s, np.inf
     if not isinstance(trajectory, RetimedTrajectory):

@@ -38,7 +38,7 @@ class Heading:
     key: str = ""
 
     def unit_of(self, system: TriangularSystem) -> str:
-        """The unit for plans of a system."""
+        """Return the unit for plans of a system."""
         return self.unit if isinstance(self.unit, str) else self.unit(system)
 
 
@@ -64,12 +64,12 @@ class FigureField:
 
 
 def figure(*headings: Heading, default: Any = np.nan, **how: Any) -> Any:
-    """A dataclass field that is a figure; see `FigureField`. Undefined numbers are NaN."""
+    """Return a dataclass field that is a figure; see `FigureField`. Undefined numbers are NaN."""
     return field(default=default, metadata={"figure": FigureField(headings, **how)})
 
 
 def figures(kind: type) -> Mapping[str, FigureField]:
-    """The figures among the fields of a class, by name, in order."""
+    """Return the figures among the fields of a class, by name, in order."""
     members: tuple[Field[Any], ...] = fields(kind)
     return {f.name: f.metadata["figure"] for f in members if "figure" in f.metadata}
 
@@ -114,7 +114,7 @@ class PlanFigures:
 
     @classmethod
     def measure(cls, plan: Plan, check: Check) -> dict[str, Any]:
-        """The figures of a plan by name, without those that it does not have."""
+        """Return the figures of a plan by name, without those that it does not have."""
         return {
             name: one.plan(plan, check)
             for name, one in figures(cls).items()
@@ -161,7 +161,7 @@ here, with one error per angle."""
 
 
 def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
-    """The summary of a plan.
+    """Return the summary of a plan.
 
     Args:
         plan: Any plan, verified or not.
@@ -191,7 +191,7 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
 
 
 def refusal_summary(error: NoPlanError, method: str) -> dict[str, Any]:
-    """The summary of a refusal, and of its last iterate if it has one.
+    """Return the summary of a refusal, and of its last iterate if it has one.
 
     Returns:
         A value for each of `SUMMARY_KEYS`; None where nothing is known. `verified` is False.
@@ -214,7 +214,7 @@ def refusal_summary(error: NoPlanError, method: str) -> dict[str, Any]:
 
 
 def direction(plan: Plan) -> str:
-    """How the path coordinate moves: "one way", "reverses once", "reverses 3 times"."""
+    """Return how the path coordinate moves: "one way", "reverses once", "reverses 3 times"."""
     v1 = plan.v(sample_times(plan.t))[:, 0]
     moving = v1[np.abs(v1) > 1e-6 * np.nanmax(np.abs(v1), initial=0.0)]
     turns = int(np.sum(np.sign(moving[1:]) != np.sign(moving[:-1])))

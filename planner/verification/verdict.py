@@ -65,12 +65,12 @@ def _refusal(check: Check, violations: Sequence[Violation]) -> Check:
 
 
 def _flaw(words: str) -> Violation:
-    """A violation without a value and a limit."""
+    """Return a violation without a value and a limit."""
     return Violation(words, None, np.nan, np.nan, "", np.inf)
 
 
 def _proven_violations(plan: Plan, certificate: Certificate) -> Iterator[Violation]:
-    """The violations that the certificate proves, with the tolerances of `verify`."""
+    """Yield the violations that the certificate proves, with the tolerances of `verify`."""
     demands = {part.label: (each, part) for each in plan.problem.demands for part in each.parts}
     for claim in certificate.open:
         if claim.status != "violated":
@@ -83,7 +83,7 @@ def _proven_violations(plan: Plan, certificate: Certificate) -> Iterator[Violati
 
 
 def _breaks_upper_limit(plan: Plan, demand: Demand | None, part: Part, claim: Claim) -> bool:
-    """Whether the upper limit is broken, not the lower."""
+    """Return whether the upper limit is broken, not the lower."""
     if not isinstance(demand, Requirement) or np.isinf(part.low) or np.isinf(part.high):
         return bool(np.isfinite(part.high))
     time_s, path = claim.time_s or 0.0, plan.trajectory

@@ -98,7 +98,7 @@ class Check:
         return "Check(broken: " + "; ".join(map(str, self.violations)) + ")"
 
     def _repr_html_(self) -> str:
-        """Table for notebooks: one row per requirement."""
+        """Return the table for notebooks: one row per requirement."""
         texts = {violation.label: str(violation) for violation in self.violations}
         columns: list[Column[tuple[str, float]]] = [
             Column("requirement", "", lambda r: r[0], left=True),
@@ -231,7 +231,8 @@ def examine(
 
 
 def _flaw(plan: Plan) -> str:
-    """Why the plan has no motion of the problem's system that could be judged; "" if it has."""
+    """Return why the plan has no motion of the problem's system that could be judged; "" if it
+    has."""
     problem, inside = plan.problem, plan.compensates
     if other := problem.system.difference(plan.trajectory.system):
         return f"the plan is made for another system than the problem's: {other}"
@@ -248,7 +249,8 @@ _SAID_ERROR = "largest error on the nominal machine, against the plan's own figu
 
 
 def _motion_on_machine(plan: Plan) -> tuple[IntegratedMotion, Array, float]:
-    """Motion of the nominal machine under a compensated plan, its end (N,), and E in degrees.
+    """Return the motion of the nominal machine under a compensated plan, its end (N,), and E in
+    degrees.
 
     The inputs of such a plan allow for lost motion and lag, so the ideal kinematics would lead
     elsewhere. The plan's own q(t) is linear between the machine's positions at the breaks; its
@@ -308,7 +310,8 @@ def _claimed_findings(plan: Plan, error_deg: float) -> Iterator[_Finding]:
 
 
 def _parts(width: Array, longest: float) -> NDArray[np.int_]:
-    """Numbers of parts, powers of two, into which to split cells so that none is too long."""
+    """Return the numbers of parts, powers of two, into which to split cells so that none is too
+    long."""
     return np.asarray(2 ** np.ceil(np.log2(np.maximum(width / longest, 1.0))), dtype=int)
 
 
@@ -423,7 +426,7 @@ def _corner_findings(plan: Plan, motion: IntegratedMotion) -> list[_Finding]:
 
 
 def failed_check(plan: Plan, violation: Violation) -> Check:
-    """The check of a plan without a motion to integrate."""
+    """Return the check of a plan without a motion to integrate."""
     unknown = np.full(plan.problem.system.size, np.nan)
     return Check(
         ok=False,
@@ -458,7 +461,8 @@ def _waypoint_distances(
 def _least_values(
     motion: IntegratedMotion, function: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
-    """Least values of functions (…, F) of q (…, N) over all time, and their times, both (F,).
+    """Return the least values of functions (…, F) of q (…, N) over all time, and their times, both
+    (F,).
 
     The functions have corners, so dips between samples are narrowed without derivatives, those of
     all functions together. A dip is left out if it would have to be more than twice as deep as its

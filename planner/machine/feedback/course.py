@@ -82,7 +82,7 @@ class Course:
             self._commanded.append((when, angle))
 
     def q(self, t: Array) -> Array:
-        """Coordinates (…, N) at times t (…); at rest before and after."""
+        """Return the coordinates (…, N) at times t (…); at rest before and after."""
         out = self._followed.trajectory.q(np.minimum(t, self.end) - self._late)
         if self._run_up is None:
             return out
@@ -93,12 +93,13 @@ class Course:
         return np.where((when < 0)[..., None], before, out)
 
     def commanded_angles(self, t: Array) -> Array:
-        """Integrals (…, 2) of the commands up to times t (…) that follow the course, rad."""
+        """Return the integrals (…, 2) of the commands up to times t (…) that follow the course,
+        rad."""
         return np.stack([np.interp(t, when, angle) for when, angle in self._commanded], axis=-1)
 
 
 def first_motion(plan: Plan) -> Array:
-    """Signs of the first motion of both inputs, (2,); 0 for an input that never acts.
+    """Return the signs of the first motion of both inputs, (2,); 0 for an input that never acts.
 
     For a compensated plan they are those of its original plan.
     """
@@ -109,7 +110,7 @@ def first_motion(plan: Plan) -> Array:
 
 
 def turns_back(plan: Plan) -> bool:
-    """Whether the drive reverses during the motion, and so crosses its backlash again."""
+    """Return whether the drive reverses during the motion, and so crosses its backlash again."""
     plan = plan.compensates or plan
     drive = plan.u(np.linspace(0.0, plan.duration, 501))[:, 0]
     least = -1e-6 * np.max(np.abs(drive))
@@ -124,7 +125,8 @@ BLOCK_PARTS = 100_000
 
 
 def turn_angles(plan: Plan, tick: float) -> tuple[Array, Array]:
-    """Times (M,), s, and the angles (M, 2) by which the plan has then turned the motors, rad."""
+    """Return the times (M,), s, and the angles (M, 2) by which the plan has then turned the motors,
+    rad."""
     count = PARTS_A_TICK * int(np.ceil(plan.duration / tick))
     times = np.unique(np.concatenate([plan.t, np.linspace(0.0, plan.duration, count + 1)]))
     angles = np.zeros((len(times), 2))
@@ -136,7 +138,8 @@ def turn_angles(plan: Plan, tick: float) -> tuple[Array, Array]:
 
 
 def through_play(angles: Array, half: float) -> Array:
-    """Output angles behind play of ± `half` for input angles (M,); both begin at the same angle."""
+    """Return the output angles behind play of ± `half` for input angles (M,); both begin at the
+    same angle."""
     room = zip((angles[1:] - half).tolist(), (angles[1:] + half).tolist(), strict=True)
     follow = accumulate(
         room, lambda last, ends: min(max(last, ends[0]), ends[1]), initial=float(angles[0])
@@ -181,7 +184,7 @@ class Timing:
 def timing(
     options: FeedbackTable, system: TriangularSystem, machine: Machine, begin: float, start: float
 ) -> Timing:
-    """The clock for a machine: it begins at or before `begin`, whole periods before `start`.
+    """Return the clock for a machine: it begins at or before `begin`, whole periods before `start`.
 
     Raises:
         InputError: If the period is shorter than the machine's control period, or no longer than

@@ -77,7 +77,7 @@ of 0.29 (95 %)."""
 
 
 def reading_variance(resolution: Array, swings: bool) -> Array:
-    """Variance of joints' readings, (N−1, 1).
+    """Return the variance of joints' readings, (N−1, 1).
 
     Args:
         resolution: Resolution of all readings, (N, 1).

@@ -21,7 +21,7 @@ class HomingRule:
     """Feedback that runs the plan of `planner.homing`; see `planner.replay`."""
 
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> HomingController:
-        """A controller of the samples `numbers` (S,).
+        """Return a controller of the samples `numbers` (S,).
 
         Raises:
             InputError: If the plan was not made by `planner.homing`.
@@ -48,7 +48,7 @@ class HomingController:
         self._least: Array = np.full((1, count), np.inf)
 
     def __call__(self, t: float, measured: Array) -> Array:
-        """Speeds for the tick from t on, (1, 2, S), rad/s."""
+        """Return the speeds for the tick from t on, (1, 2, S), rad/s."""
         until, joints = self._until, measured[2:]
         if t >= until["count_from_s"]:
             self._least = np.minimum(self._least, joints)

@@ -19,7 +19,8 @@ from planner.systems.triangular_system import TriangularSystem
 
 
 def shift_of(system: TriangularSystem, machine: Machine) -> Array:
-    """Sum of delay, servo lag (1/b, or 2ζ/b for second order) and joints' lag d/k, (2,), s."""
+    """Return the sum of delay, servo lag (1/b, or 2ζ/b for second order) and joints' lag d/k, (2,),
+    s."""
     out = np.full(2, float(np.mean(machine.mean("delay_s"))))
     lag = 1 / machine.mean("servo_bandwidth_rad_s")
     if "servo_damping" in machine.effects:
@@ -32,14 +33,16 @@ def shift_of(system: TriangularSystem, machine: Machine) -> Array:
 
 
 def gearhead_play(system: TriangularSystem, machine: Machine) -> Array:
-    """Whole play of each motor's gearhead, (2,), rad; 0 for systems without gearheads."""
+    """Return the whole play of each motor's gearhead, (2,), rad; 0 for systems without
+    gearheads."""
     if not isinstance(system, Manipulator):
         return np.zeros(2)
     return np.deg2rad(np.broadcast_to(machine.mean("gearhead_backlash_deg"), 2))
 
 
 def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
-    """Mean angle by which each passive axis leads its joint, in either direction, (N−2,), rad."""
+    """Return the mean angle by which each passive axis leads its joint, in either direction,
+    (N−2,), rad."""
     if not isinstance(system, Manipulator):
         return np.zeros(system.size - 2)
     play, friction, stiffness = (
@@ -50,7 +53,8 @@ def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
 
 
 def lost_spread(machine: Machine, joints: int) -> Array:
-    """Standard deviation of an arm's lost motion to first order, one for all joints or one each."""
+    """Return the standard deviation of an arm's lost motion to first order, one for all joints or
+    one each."""
     names = ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
     _, friction, stiffness = (machine.mean(name, joints) for name in names)
     play, rough, soft = (machine.spread(name, joints) for name in names)
@@ -64,7 +68,8 @@ def lost_spread(machine: Machine, joints: int) -> Array:
 
 
 def mean_passing(system: TriangularSystem, machine: Machine, q: Array) -> Array:
-    """Fraction of the rates that the contacts of the mean arm transmit under its joints' friction.
+    """Return the fraction of the rates that the contacts of the mean arm transmit under its joints'
+    friction.
 
     They lose some by creep, and some sideways where joints turn them; see `friction.contacts`.
 
@@ -90,18 +95,20 @@ def mean_passing(system: TriangularSystem, machine: Machine, q: Array) -> Array:
 
 
 def input_limit(plan: Plan, machine: Machine) -> Array:
-    """Largest |u| to command, (2,): the problem's limit or the motors', whichever is less."""
+    """Return the largest |u| to command, (2,): the problem's limit or the motors', whichever is
+    less."""
     return np.asarray(np.minimum(plan.problem.limits.input, machine.mean("velocity_limit_rad_s")))
 
 
 def input_scale(plan: Plan, machine: Machine) -> Array:
-    """Speeds for scaling corrections, (2,): the limit; without one the plan's peak, or else 1."""
+    """Return the speeds for scaling corrections, (2,): the limit; without one the plan's peak, or
+    else 1."""
     limit, peak = input_limit(plan, machine), peak_inputs(plan.trajectory)
     return np.where(np.isfinite(limit), limit, np.where(peak > 0, peak, 1.0))
 
 
 def resolution_of(system: TriangularSystem, machine: Machine) -> Array:
-    """Resolution of each reading, (N, 1).
+    """Return the resolution of each reading, (N, 1).
 
     It is the encoders' for angles, infinite for the disk's angle, which has no encoder, and 0 for
     all others, which are read exactly.

@@ -103,7 +103,7 @@ class TrackingProgramme:
         return self._inner.solve_count + self._whole.solve_count
 
     def empty_decision(self, count: int) -> Decision:
-        """The decision of S samples before their first step: no correction."""
+        """Return the decision of S samples before their first step: no correction."""
         H, fell = self.horizon, np.zeros(count, dtype=bool)
         return Decision(np.zeros((H, 2, count)), np.zeros((2 * H, count)), fell)
 
@@ -184,7 +184,8 @@ class TrackingProgramme:
         return (clipped if result.c is None else result.c), True
 
     def _clip(self, step: ControlStep, values: Array) -> Array:
-        """The c of the regulator whose corrections are clipped to their limits, one by one."""
+        """Return the c of the regulator whose corrections are clipped to their limits, one by
+        one."""
         c = np.zeros(step.T.shape[1])
         for j in range(0, len(c), 2):
             columns = slice(j, j + 2)
@@ -196,7 +197,7 @@ class TrackingProgramme:
 
 
 def change_range(ref: Reference, i: int) -> tuple[Array, Array]:
-    """Least and greatest change v − w of period i that the limit of input rates allows.
+    """Return the least and greatest change v − w of period i that the limit of input rates allows.
 
     The change of the course itself is subtracted, that of its steepest tick.
     """
@@ -209,7 +210,7 @@ def change_range(ref: Reference, i: int) -> tuple[Array, Array]:
 
 
 def _free_rows(rows: int, n: int, width: int) -> Rows:
-    """Rows without limits, for a period after the course's end, where nothing moves."""
+    """Return the rows without limits, for a period after the course's end, where nothing moves."""
     wide = np.full(rows, np.inf)
     return np.zeros((rows, n)), np.zeros((rows, width)), -wide, wide
 

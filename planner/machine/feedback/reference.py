@@ -259,7 +259,7 @@ def _model(
 
 
 def _bounds(feed: Array, limit: Array, least_speed: Array) -> tuple[Array, Array]:
-    """Least and greatest corrections (K, 2).
+    """Return the least and greatest corrections (K, 2).
 
     The drive of the path coordinate keeps the course's direction and at least the least speed.
     Where the course stands, the drive may continue in that direction but not turn back.
@@ -293,7 +293,7 @@ def drive_direction(least: Array, most: Array) -> Array:
 
 @lru_cache(maxsize=32)
 def _second(system: TriangularSystem) -> Pointwise:
-    """Function from coordinates to z₂ and its gradient, (N + 1,)."""
+    """Return the function from coordinates to z₂ and its gradient, (N + 1,)."""
     q = ca.SX.sym("q", system.size)
     z2 = chained_form(system).z_expr(q)[1]
     return Pointwise("second", [q], ca.vertcat(z2, ca.jacobian(z2, q).T))
@@ -302,7 +302,8 @@ def _second(system: TriangularSystem) -> Pointwise:
 def _state_limits(
     problem: Problem, q: Array, begun: NDArray[np.bool_]
 ) -> tuple[Array, Array, Array]:
-    """Unit rows (K, c, N) with least and greatest values (K, c) at the course's q (K, N).
+    """Return the unit rows (K, c, N) with least and greatest values (K, c) at the course's q (K,
+    N).
 
     There is one row for each coordinate with a limit and, if z₂ has a margin, one along the
     gradient of z₂ (linearised, and not before the plan's start).

@@ -86,7 +86,7 @@ so that the preparation takes at most five times as long.
 
 
 def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None:
-    """The run-up of a plan on a machine; None if it is not wanted or would not help.
+    """Return the run-up of a plan on a machine; None if it is not wanted or would not help.
 
     Raises:
         InputError: If it is requested and the arm has more than three joints.
@@ -112,7 +112,8 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
 
 
 def _coasting_speed(machine: Machine) -> Array:
-    """Speeds (2,), rad/s, at which joints coast by `COAST_DEG`; infinite without inertia.
+    """Return the speeds (2,), rad/s, at which joints coast by `COAST_DEG`; infinite without
+    inertia.
 
     A link that θ₁ swings keeps its speed when θ₁ stops. A link that its axis hits at the end of the
     play leaves at up to twice the axis's speed. Friction absorbs its energy, I v²/2.
@@ -127,7 +128,8 @@ def _coasting_speed(machine: Machine) -> Array:
 
 
 def hindrance(plan: Plan, machine: Machine) -> str:
-    """Why play cannot be taken up before the start, in words; "" if it can, or there is none."""
+    """Return why play cannot be taken up before the start, in words; "" if it can, or there is
+    none."""
     system = plan.problem.system
     if not isinstance(system, Manipulator) or not lost_motion(system, machine).any():
         return ""
@@ -158,7 +160,7 @@ class _Approach:
         self._back = self._drive(34.0, -1, float(lost[-1]) + behind)
 
     def solve(self) -> RunUp:
-        """The run-up whose nominal motion ends at the plan's start."""
+        """Return the run-up whose nominal motion ends at the plan's start."""
         from scipy.optimize import least_squares  # slow to import
 
         def miss(drives: Array) -> Array:
@@ -172,13 +174,14 @@ class _Approach:
         return RunUp(STEP_S * np.arange(-len(u), 1.0), q, u)
 
     def _drive(self, theta1_deg: float, joint: int, angle: float) -> float:
-        """Travel of the drive while the axis of a joint turns by `angle`, rad."""
+        """Return the travel of the drive while the axis of a joint turns by `angle`, rad."""
         q = self._start.copy()
         q[1] = np.deg2rad(theta1_deg) if len(self._lost) > 3 else q[1]
         return float(angle / self._rates(q, np.array([1.0, 0.0]))[joint])
 
     def _inputs(self, drives: Array) -> Array:
-        """Inputs of each step, (m, 2), for the drive's travels in the forward stages, (n−1,)."""
+        """Return the inputs of each step, (m, 2), for the drive's travels in the forward stages,
+        (n−1,)."""
         start = self._start[1]
         before = start - self._way[1] * np.deg2rad(APPROACH_DEG)
         if len(self._lost) > 3:
@@ -193,7 +196,7 @@ class _Approach:
         return np.concatenate([*moves, np.zeros((round(REST_S / STEP_S), 2))])
 
     def _leg(self, swing: float, drive: float, least_s: float = 0.0) -> Array:
-        """Inputs (m, 2) that turn both motors from rest to rest within their limits."""
+        """Return the inputs (m, 2) that turn both motors from rest to rest within their limits."""
         travel = np.array([self._way[0] * drive, swing])
         ramp = np.where(np.isfinite(self._rate), np.ceil(self._speed / (self._rate * STEP_S)), 0.0)
         steps = np.ceil(np.abs(travel) / (self._speed * STEP_S)) + ramp * (travel != 0)
@@ -203,7 +206,7 @@ class _Approach:
         return np.asarray(travel * shape / (shape.sum(axis=0) * STEP_S))
 
     def _motion(self, u: Array) -> Array:
-        """Coordinates of the nominal machine at the ends of all steps, (m+1, N).
+        """Return the coordinates of the nominal machine at the ends of all steps, (m+1, N).
 
         They are integrated one after the other, since each rate depends only on the coordinates
         before it and on the drive, whose coordinate comes last.

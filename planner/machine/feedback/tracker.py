@@ -77,7 +77,8 @@ class Tracker:
         self._designs: OrderedDict[tuple[int, Machine], tuple[Plan, TrackerDesign]] = OrderedDict()
 
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> TrackerControl:
-        """A controller of the samples `numbers` (S,); see `planner.machine.closed_loop.Feedback`.
+        """Return a controller of the samples `numbers` (S,); see
+        `planner.machine.closed_loop.Feedback`.
 
         Raises:
             InputError: If the options do not fit the machine.
@@ -86,7 +87,8 @@ class Tracker:
         return TrackerControl(self.design(plan, machine), len(numbers))
 
     def design(self, plan: Plan, machine: Machine) -> TrackerDesign:
-        """The design that all samples share, cached for later runs of the plan on the machine."""
+        """Return the design that all samples share, cached for later runs of the plan on the
+        machine."""
         key = (id(plan), machine)
         if key not in self._designs:
             self._designs[key] = (plan, design(plan, machine, self.options))
@@ -333,7 +335,7 @@ def _refuse_too_long(plan: Plan, size: int) -> None:
 
 
 def cost_weights(plan: Plan, machine: Machine, ref: Reference, options: FeedbackTable) -> Weights:
-    """Weights of the cost from the units in the options; 1 m counts as 1 rad."""
+    """Return the weights of the cost from the units in the options; 1 m counts as 1 rad."""
     tracked = np.ones(ref.q.shape[1])
     if plan.problem.system.coordinates[0].unit == "rad":
         tracked[0] = 0.0

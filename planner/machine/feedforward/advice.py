@@ -26,13 +26,13 @@ Settings = dict[str, bool | str]
 
 
 def meets_before_start(plan: Plan, violations: Sequence[Violation]) -> bool:
-    """Whether all violations happen during the preparation, before the plan starts."""
+    """Return whether all violations happen during the preparation, before the plan starts."""
     times = [v.time_s for v in violations]
     return bool(times) and all(t is not None and t < plan.lead_s for t in times)
 
 
 def settings_to_try(plan: Plan, violations: Sequence[Violation]) -> list[Settings]:
-    """Settings with which to compensate the same plan again, the best first.
+    """Return the settings with which to compensate the same plan again, the best first.
 
     A homed arm needs no preparation if the drive starts forward. Without the preparation nothing
     can be hit before the plan.
@@ -49,9 +49,9 @@ def settings_to_try(plan: Plan, violations: Sequence[Violation]) -> list[Setting
 def compensation_changes(
     plan: Plan, violations: Sequence[Violation], options: CompensationTable
 ) -> list[str]:
-    """Changes that would help, in words, beside `settings_to_try`: obstacles that are in the way,
-    steps that are switched off, and time. It names nothing that the problem leaves free or that
-    `follow` tried."""
+    """Return the changes that would help, in words, beside `settings_to_try`: obstacles that are in
+    the way, steps that are switched off, and time. It names nothing that the problem leaves free or
+    that `follow` tried."""
     problem = plan.problem
     asking = [problem.asking(v.label) for v in violations]
     met = [pair[0].number for pair in asking if pair and isinstance(pair[0], Obstacle)]
@@ -93,7 +93,8 @@ def compensation_changes(
 
 
 def _drift_deg(plan: Plan) -> float:
-    """Angle by which a motor's bias has turned it at the end (two standard deviations), degrees."""
+    """Return the angle by which a motor's bias has turned it at the end (two standard deviations),
+    degrees."""
     assert plan.compensation is not None
     bias = Machine.from_table(plan.compensation.machine).effects.get("input_bias_rad_s")
     return float(np.rad2deg(2 * max(bias.spread) * plan.duration)) if bias else 0.0

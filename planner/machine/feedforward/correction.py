@@ -112,7 +112,8 @@ class Correction:
         self.rounds, self.keeps_all = 0, False
 
     def _measure(self, runs: Runs, values: Array, power: int) -> float:
-        """The objective: a norm of the errors, and costs of missed pins and limits, degrees."""
+        """Return the objective: a norm of the errors, and costs of missed pins and limits,
+        degrees."""
         size = np.abs(runs.errors)
         largest = max(float(size.max()), 1e-9)
         norm = largest * float(np.mean((size / largest) ** power)) ** (1 / power)
@@ -170,7 +171,7 @@ class Correction:
         return now
 
     def _is_good(self, runs: Runs) -> bool:
-        """Whether the remaining errors are small compared with those that spreads cause."""
+        """Return whether the remaining errors are small compared with those that spreads cause."""
         missed = np.max(np.abs(runs.pins))
         largest = np.max(np.abs(runs.errors))
         is_safe = np.min(runs.margins, initial=0.0) >= 0
@@ -179,7 +180,7 @@ class Correction:
     def _candidates(
         self, now: Runs, damping: float, power: int, probe: float
     ) -> list[tuple[float, Array]]:
-        """Corrections to try, each with the Levenberg weight of its programme."""
+        """Return the corrections to try, each with the Levenberg weight of its programme."""
         slopes, out = self._variants.slopes(self.values, now, probe), []
         weights = [damping * step for step in STEPS]
         for weight, step in zip(weights, self._steps(now, slopes, weights, power), strict=True):
@@ -190,8 +191,8 @@ class Correction:
     def _steps(
         self, now: Runs, slopes: Runs, weights: list[float], power: int
     ) -> list[Array | None]:
-        """Changes of the correction, (m, 2), rad, one for each Levenberg weight; None if the
-        programme has no solution."""
+        """Return the changes of the correction, (m, 2), rad, one for each Levenberg weight; None if
+        the programme has no solution."""
         size = np.abs(now.errors)
         weight = np.maximum(size / max(float(size.max()), 1e-9), 0.1) ** (power / 2 - 1)
         weight = weight / np.sqrt(np.sum(weight**2))
@@ -220,8 +221,8 @@ class Correction:
         return out
 
     def _input_room(self) -> tuple[Array, Array]:
-        """Least and largest change of the correction between knots, (2(m−1),) each, degrees, that
-        keeps the inputs within their limits."""
+        """Return the least and largest change of the correction between knots, (2(m−1),) each,
+        degrees, that keeps the inputs within their limits."""
         shape = self._shape
         u = shape.commands(self.values[:, :, None], self.knots, is_rounded=False)[:, :, 0]
         begins = np.searchsorted(shape.t[:-1], self.knots)
@@ -285,7 +286,7 @@ class Correction:
         return worse, trials[:, :, k], runs[k]
 
     def _knot_steps(self, missed: float) -> Array:
-        """Steps that turn one motor by a constant angle from a knot on, (m, 2, S), rad.
+        """Return the steps that turn one motor by a constant angle from a knot on, (m, 2, S), rad.
 
         The angle is proportional to the miss. These steps use no derivatives, which are not
         reliable where a joint comes to rest: a change may move it the same way in both directions.
@@ -299,7 +300,7 @@ class Correction:
         return np.stack(out, axis=2)
 
     def _pin_steps(self, now: Runs) -> Array:
-        """Changes that remove the misses and change the motion least, (m, 2, S), rad.
+        """Return the changes that remove the misses and change the motion least, (m, 2, S), rad.
 
         There is one for all knots, and one for each half and quarter of them, with each probe. The
         variety helps where motors reverse or are at their limits, since one derivative is not
@@ -321,7 +322,8 @@ class Correction:
 
 
 def _minimum(P: sp.csc_matrix, g: Array, A: sp.csc_matrix, low: Array, high: Array) -> Array:
-    """The x (p,) that minimises ½ x P x + g x for low ≤ A x ≤ high; NaN if OSQP finds none."""
+    """Return the x (p,) that minimises ½ x P x + g x for low ≤ A x ≤ high; NaN if OSQP finds
+    none."""
     solver = osqp.OSQP()
     solver.setup(P, g, A, low, high, verbose=False, eps_abs=1e-5, eps_rel=1e-5, max_iter=4000)
     return np.asarray(osqp_result(solver).x, dtype=float)

@@ -101,7 +101,7 @@ def _worst_joints(shape: CommandShape, system: Manipulator) -> list[dict[str, An
 def plan_with_commands(
     compensation: Compensation, commands: MotorCommands
 ) -> tuple[Plan, Prediction]:
-    """The compensated plan with these commands, and its prediction; not verified.
+    """Return the compensated plan with these commands, and its prediction; not verified.
 
     Args:
         compensation: The plan whose motion is wanted, and the machine to compensate for.

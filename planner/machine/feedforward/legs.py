@@ -71,7 +71,7 @@ PLACES = 401
 
 
 def compensable(system: TriangularSystem) -> bool:
-    """Whether machines of this system have systematic errors that commands can allow for."""
+    """Return whether machines of this system have systematic errors that commands can allow for."""
     return isinstance(system, Manipulator)
 
 
@@ -101,8 +101,8 @@ class MotorLeg:
 
 
 def start_shares(machine: Machine, system: Manipulator) -> Array:
-    """Positions of the gears before the start, as in `Draws.start`, (1+n,); the middle, 0, if they
-    are unwound or unknown."""
+    """Return the positions of the gears before the start, as in `Draws.start`, (1+n,); the middle,
+    0, if they are unwound or unknown."""
     first = np.zeros(1, dtype=np.int64)
     return np.nan_to_num(draw_start(machine.nominal(), system.n, first, 0))[:, 0]
 
@@ -115,7 +115,7 @@ def legs_of(
     tick: float,
     most_away: float = MOST_AWAYS_DEG[0],
 ) -> list[MotorLeg]:
-    """The legs of a plan, in their order.
+    """Return the legs of a plan, in their order.
 
     Args:
         plan: The plan.
@@ -144,12 +144,14 @@ def legs_of(
 
 
 def stopping_s(plan: Plan, machine: Machine) -> float:
-    """Time for motors at their limits to stop at the right place, s; 0 without limits on rates."""
+    """Return the time for motors at their limits to stop at the right place, s; 0 without limits on
+    rates."""
     return float(np.max(STOPS * input_limit(plan, machine) / plan.problem.limits.input_rate))
 
 
 def reversals(plan: Plan) -> tuple[float, list[float]]:
-    """Direction of the drive's first motion (0 for none), and the times at which it reverses, s."""
+    """Return the direction of the drive's first motion (0 for none), and the times at which it
+    reverses, s."""
     times, angles = turn_angles(plan, plan.duration / 500)
     drive = angles[:, 0]
     turns = np.flatnonzero(np.abs(drive) > LEAST_TURN_RAD)
@@ -167,12 +169,12 @@ def reversals(plan: Plan) -> tuple[float, list[float]]:
 
 
 def axis_rates(system: Manipulator, q: Array) -> Array:
-    """Turn of the passive axes per turn of the drive at q (…, N), (…, N−2)."""
+    """Return the turn of the passive axes per turn of the drive at q (…, N), (…, N−2)."""
     return np.asarray(np.abs(system.rates(q, np.array([1.0, 0.0]))[..., 2:]))
 
 
 def evenest_drive(rates: Array, needs: Array) -> tuple[Array, Array]:
-    """Travel of the drive that minimises the largest error of the axes' turns.
+    """Return the travel of the drive that minimises the largest error of the axes' turns.
 
     Args:
         rates: Turn of the axes per turn of the drive, shape (…, m).
@@ -221,8 +223,8 @@ def preparation(
 
 
 def _gentle_s(system: Manipulator, machine: Machine, swing: Array) -> Array:
-    """Time of a swing of joint 1, s, in which no passive joint slips by more than `SLIP_DEG`; 0
-    without inertia.
+    """Return the time of a swing of joint 1, s, in which no passive joint slips by more than
+    `SLIP_DEG`; 0 without inertia.
 
     After the take-up the shafts press the links as hard as friction allows. Any acceleration of
     joint 1 towards the press then makes a link slip, by the twist that its inertia is worth.
@@ -240,7 +242,8 @@ def _gentle_s(system: Manipulator, machine: Machine, swing: Array) -> Array:
 
 
 def _reachable(problem: Problem, q: Array, start: float) -> Array:
-    """Whether joint 1 can move from the start to each q (M, N) and keep all requirements, (M,)."""
+    """Return whether joint 1 can move from the start to each q (M, N) and keep all requirements,
+    (M,)."""
     kept = np.ones(len(q), dtype=bool)
     for requirement in problem.requirements:
         if requirement.reads == {"q"} and not requirement.final:
@@ -263,7 +266,7 @@ def take_ups(
     tick: float,
     most_away: float,
 ) -> list[MotorLeg]:
-    """A leg for each reversal of the drive, whose first motion has the direction `way`."""
+    """Return a leg for each reversal of the drive, whose first motion has the direction `way`."""
     edges = [0.0, *((a + b) / 2 for a, b in pairwise(turns)), plan.duration]
     out = []
     for turn, low, high in zip(turns, edges, edges[1:], strict=False):
@@ -314,7 +317,8 @@ def _seconds(plan: Plan, machine: Machine, motor: int, angle: Array) -> Array:
 def _motion(
     moves: tuple[tuple[int, float, float], ...], tick: float, rest: float = REST_S
 ) -> Array:
-    """Angles (m+1, 2), rad, at the ticks of motors that turn one after the other and then rest.
+    """Return the angles (m+1, 2), rad, at the ticks of motors that turn one after the other and
+    then rest.
 
     Each move is a motor, its angle in rad, and its time in s.
     """

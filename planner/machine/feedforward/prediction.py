@@ -36,7 +36,7 @@ class Prediction:
         return float(np.rad2deg(self.deviation.max()))
 
     def q_at(self, times: Array) -> Array:
-        """Coordinates (…, N) at times (…), interpolated linearly between the steps."""
+        """Return the coordinates (…, N) at times (…), interpolated linearly between the steps."""
         return np.stack([np.interp(times, self.t, q) for q in self.q.T], axis=-1)
 
 
@@ -57,7 +57,7 @@ def predict(plan: Plan, machine: Machine, progress: Progress | None = None) -> P
 
 
 def end_of(t: Array, q: Array, clock: Clock) -> Array:
-    """The ends (S, N) of motions q (S, R, N) at times t (R,).
+    """Return the ends (S, N) of motions q (S, R, N) at times t (R,).
 
     The travel of the path coordinate while the clock is held, before and during the plan, is left
     out: it is lost motion and moves no joint.

@@ -55,7 +55,8 @@ class MotorCommands:
     is_linear: bool = False
 
     def trajectory(self, system: TriangularSystem, q: Array) -> StateTrajectory:
-        """The trajectory with these inputs and coordinates (K+1, N) at the ends of the ticks."""
+        """Return the trajectory with these inputs and coordinates (K+1, N) at the ends of the
+        ticks."""
         after = np.concatenate([self.u[1:], self.u[-1:]]) if self.is_linear else self.u
         q_curve = Bernstein(np.stack([q[:-1], q[1:]]), self.t)
         return StateTrajectory(system, q_curve, Bernstein(np.stack([self.u, after]), self.t))
@@ -110,7 +111,7 @@ class CommandShape:
         self._grain = np.broadcast_to(machine.mean("velocity_resolution_rad_s"), 2)
 
     def _angles(self, plan: Plan) -> Array:
-        """Wanted angles of the motors, (K+1, 2), rad, advanced by the lag."""
+        """Return the wanted angles of the motors, (K+1, 2), rad, advanced by the lag."""
         times, turned = turn_angles(plan, self.tick)
         out = np.empty((len(self.t), 2))
         for i in range(2):
@@ -136,7 +137,8 @@ class CommandShape:
         return self._pursue(angle, self._grain if is_rounded else np.zeros(2))
 
     def _interpolate(self, corrections: Array, knots: Array) -> Array:
-        """Angles (K+1, 2, S) that corrections (m, 2, S) at the knots add, linear between knots."""
+        """Return the angles (K+1, 2, S) that corrections (m, 2, S) at the knots add, linear between
+        knots."""
         out = np.empty((len(self.t), 2, corrections.shape[2]))
         for i in range(2):
             k = np.clip(np.searchsorted(knots, self._times[:, i], "right"), 1, len(knots) - 1)
@@ -146,7 +148,8 @@ class CommandShape:
         return out
 
     def _pursue(self, angle: Array, grain: Array) -> Array:
-        """Speeds (K, 2, S) of motors that follow wanted angles from 0 within their limits.
+        """Return the speeds (K, 2, S) of motors that follow wanted angles from 0 within their
+        limits.
 
         Args:
             angle: Wanted angles at the gearheads' output at ends of ticks, (K+1, 2, S), rad.
@@ -198,14 +201,15 @@ class CommandShape:
 
 
 def _stopping_speed(far: Array, step: Array, room: Array) -> Array:
-    """Speed from which a motor can stop in a distance, in whole ticks; infinite without a limit."""
+    """Return the speed from which a motor can stop in a distance, in whole ticks; infinite without
+    a limit."""
     finite = np.isfinite(step)
     step, room = np.where(finite, step, 0.0), np.where(finite, room, 0.0)
     return np.where(finite, (np.sqrt(step * step + room * far) - step) / 2, math.inf)
 
 
 def _ahead_of_play(angle: Array, half: Array, side: Array) -> Array:
-    """Angles to add to motor angles (K+1, 2, S) to allow for backlash of ± `half` (2,).
+    """Return the angles to add to motor angles (K+1, 2, S) to allow for backlash of ± `half` (2,).
 
     Each motor begins at the position `side` (2,) of its play, −1 … 1, and keeps it while at rest.
     """

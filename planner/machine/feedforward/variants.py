@@ -154,7 +154,8 @@ class Variants:
         return np.where(np.isnan(goal), self._plan.trajectory.q(self._plan.duration), goal)
 
     def slopes(self, values: Array, now: Runs, probe: float) -> Runs:
-        """Derivatives by the corrections at the knots after the first, (2(m−1), …), per degree.
+        """Return the derivatives by the corrections at the knots after the first, (2(m−1), …), per
+        degree.
 
         Args:
             values: The corrections, (m, 2), rad.

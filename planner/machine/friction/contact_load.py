@@ -44,7 +44,8 @@ def gear_constants(system: Manipulator, draws: Draws) -> Array:
 
 
 def weights(draws: Draws, joints: int) -> Array | None:
-    """Largest torque of gravity about each link's own joint, (n, S), N m; None on a level plane."""
+    """Return the largest torque of gravity about each link's own joint, (n, S), N m; None on a
+    level plane."""
     if not (draws.has_effect("incline_deg") and draws.has_effect("link_moment_kgm")):
         return None
     slope = GRAVITY_M_S2 * np.sin(np.deg2rad(draws["incline_deg"]))
@@ -81,7 +82,7 @@ class ContactLoad:
 def contact_load(
     plan: Plan, machine: Machine | str | None = None, samples: int = 0, seed: int = 0
 ) -> ContactLoad:
-    """The largest torque at the friction contacts along a plan.
+    """Return the largest torque at the friction contacts along a plan.
 
     Args:
         plan: An executable plan of an arm with friction disks.
@@ -132,7 +133,7 @@ def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
 
 
 def largest_load(system: Manipulator, draws: Draws, q: Array, rates: Array) -> ContactLoad:
-    """The largest loads over T states of motion.
+    """Return the largest loads over T states of motion.
 
     Args:
         system: The manipulator.
@@ -148,8 +149,8 @@ def largest_load(system: Manipulator, draws: Draws, q: Array, rates: Array) -> C
 
 
 def _loads(system: Manipulator, draws: Draws, q: Array, rates: Array) -> tuple[Array, Array, Array]:
-    """Largest load of any contact, largest ratio to the load at which it slips, largest torque of
-    motor 1, (S,) each; for the arguments see `largest_load`."""
+    """Return the largest load of any contact, largest ratio to the load at which it slips, largest
+    torque of motor 1, (S,) each; for the arguments see `largest_load`."""
     friction = [draws[name] for name in ("coulomb_friction_nm", "viscous_friction_nms_per_rad")]
     coulomb, viscous = (values[:, None, :] for values in friction)
     turning = rates[:, 2:].T[..., None]

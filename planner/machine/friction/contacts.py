@@ -89,7 +89,7 @@ class Grip:
         self.most = capacity * c / np.sqrt(c * c + s * s)
 
     def contact_load(self, load: Array) -> Array:
-        """The load that the contact carries, N m."""
+        """Return the load that the contact carries, N m."""
         return np.maximum(np.minimum(load, self.most), -MOST_SHARE * self._capacity)
 
     def hold(self, load: Array) -> Array:
@@ -98,7 +98,7 @@ class Grip:
         return np.maximum(left, LEAST_TORQUE_NM)
 
     def driver_torque(self, load: Array) -> Array:
-        """Torque on the driver under a load at the driven rim, N m."""
+        """Return the torque on the driver under a load at the driven rim, N m."""
         load = self.contact_load(load)
         return np.asarray(load * self.cosine + self.sideways * self.hold(load))
 
@@ -186,8 +186,8 @@ def share(grip: Grip, steady: Array, whole: Array) -> tuple[Array, Array]:
 
 
 def contact_name(contact: int) -> str:
-    """Name of a contact for users, such as "P2 at joint 1". Its number is 3 j + 0, 1 or 2 for P₁,
-    P₂ or P₃ of stage j, counted from 0 at motor 1."""
+    """Return the name of a contact for users, such as "P2 at joint 1". Its number is 3 j + 0, 1 or
+    2 for P₁, P₂ or P₃ of stage j, counted from 0 at motor 1."""
     return f"P{contact % 3 + 1} at joint {contact // 3 + 1}"
 
 

@@ -82,7 +82,8 @@ def refuse_misfit(log: Log, system: Manipulator) -> None:
 
 
 def _misfit(log: Log, system: Manipulator) -> Array:
-    """Root mean square of read minus commanded angles, divided by that of the larger motion, (n,).
+    """Return the root mean square of read minus commanded angles, divided by that of the larger
+    motion, (n,).
 
     For joints behind contacts it uses the play that gives the least.
     """
@@ -104,7 +105,7 @@ def _misfit(log: Log, system: Manipulator) -> Array:
 
 
 def _mistakes(log: Log) -> Iterator[tuple[str, Log]]:
-    """Possible mistakes, in words, each with the log in which it is undone."""
+    """Yield possible mistakes, in words, each with the log in which it is undone."""
     for signs in ((-1, 1), (1, -1), (-1, -1)):
         names = " and ".join(f"u{i + 1}" for i, sign in enumerate(signs) if sign < 0)
         yield (
@@ -138,7 +139,8 @@ def _mistakes(log: Log) -> Iterator[tuple[str, Log]]:
 
 
 def _delay(log: Log) -> float:
-    """Delay of joint 1 behind its commands at which the two agree best, s; 0 if it hardly turns."""
+    """Return the delay of joint 1 behind its commands at which the two agree best, s; 0 if it
+    hardly turns."""
     turned = np.concatenate([[0.0], np.cumsum(log.u[:-1, 1] * np.diff(log.t))])
     read = log.theta[:, 0]
     if min(np.ptp(turned), np.ptp(read)) < np.deg2rad(LEAST_SWING_DEG):

@@ -75,7 +75,7 @@ def fit(
     seed: int,
     tell: Tell,
 ) -> BestFit:
-    """The best of the minima found from several starts.
+    """Return the best of the minima found from several starts.
 
     Args:
         models: The logs.
@@ -162,7 +162,7 @@ class _LeastSquares:
         self._kept: tuple[Array, Array, Array] | None = None
 
     def split(self, z: Array) -> tuple[Array, Array]:
-        """Parameters (P,) and offsets (L, n), rad."""
+        """Return the parameters (P,) and offsets (L, n), rad."""
         offsets = OFFSET_RAD * z[self.machine :].reshape(len(self._models), self._joints)
         return z[: self.machine], offsets
 
@@ -173,15 +173,15 @@ class _LeastSquares:
         return np.concatenate([x, np.ravel(offsets) / OFFSET_RAD])
 
     def residuals(self, z: Array) -> Array:
-        """Residuals of the readings, then of the priors of z."""
+        """Return the residuals of the readings, then of the priors of z."""
         return self._evaluate(z)[0]
 
     def slopes(self, z: Array) -> Array:
-        """Derivatives of `residuals`."""
+        """Return the derivatives of `residuals`."""
         return self._evaluate(z)[1]
 
     def _evaluate(self, z: Array) -> tuple[Array, Array]:
-        """Residuals and derivatives, from one call of the simulation."""
+        """Return the residuals and derivatives, from one call of the simulation."""
         if self._kept is None or not np.array_equal(self._kept[0], z):
             self.count += 1
             self.heard(self.count)
@@ -205,7 +205,8 @@ class _LeastSquares:
     def _of_log(
         self, model: LogModel, x: Array, offsets: Array, columns: Sequence[int], z: Array
     ) -> tuple[Array, Array]:
-        """Residuals of a log, (m,), and their derivatives by some entries of z, (m, columns)."""
+        """Return the residuals of a log, (m,), and their derivatives by some entries of z, (m,
+        columns)."""
         count = len(columns)
         step = HALF_STEP * np.eye(count)
         steps = np.concatenate([np.zeros((1, count)), step, -step])
@@ -222,7 +223,8 @@ class _LeastSquares:
         return values[0], ((values[1 : 1 + count] - values[1 + count :]) / width[:, None]).T
 
     def normal_equations(self, z: Array) -> tuple[int, Array, Array]:
-        """Number of blocks of data, the Hessian of the cost, and its gradient by block at z."""
+        """Return the number of blocks of data, the Hessian of the cost, and its gradient by block
+        at z."""
         residuals, slopes = self._evaluate(z)
         data = len(residuals) - self.size
         per_block = max(1, round(BLOCK_S * INDEPENDENT_HZ * 2)) * self._joints

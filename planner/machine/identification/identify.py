@@ -118,7 +118,7 @@ class Identification:
         )
 
     def __getitem__(self, key: str) -> Estimate:
-        """The estimate of the parameter with this key, such as "w2"."""
+        """Return the estimate of the parameter with this key, such as "w2"."""
         return next(each for each in self.estimates if each.parameter.key == key)
 
     @property
@@ -215,7 +215,7 @@ class Identification:
         }
 
     def to_toml(self) -> str:
-        """The `[machine]` table of a problem file, with comments on its origin."""
+        """Return the `[machine]` table of a problem file, with comments on its origin."""
         settings = {k: v for k, v in self.machine.to_dict().items() if v is not False}
         head = [f"# Identified from {len(self.logs)} run{'s' * (len(self.logs) > 1)}."]
         head += [f"# One number stands for several. {text}." for text in self.merged]
@@ -360,7 +360,7 @@ EDGE_SHARE = 1e-3
 def find_warnings(
     logs: Sequence[Log], estimates: Sequence[Estimate], residual: Array, noise: Array
 ) -> Iterator[str]:
-    """What the user should know about the logs and the fit, a sentence each."""
+    """Yield what the user should know about the logs and the fit, a sentence each."""
     for log, left, usual in zip(logs, residual, noise, strict=True):
         ratio = left / usual
         if np.max(ratio) > NOISE_RATIO:
@@ -408,13 +408,14 @@ def _wrong_zeros(estimates: Iterable[Estimate]) -> Iterator[Estimate]:
 
 
 def _encoder_step_deg(log: Log, joint: int) -> float:
-    """Resolution of a joint's encoder: the least difference between two readings, degrees."""
+    """Return the resolution of a joint's encoder: the least difference between two readings,
+    degrees."""
     steps = np.diff(np.unique(np.round(log.theta_deg[:, joint], 4)))
     return float(np.min(steps, initial=np.inf)) if steps.size else 0.0
 
 
 def _turns(log: Log, joint: int) -> bool:
-    """Whether a joint both rises and falls so far that its axis must have pushed it."""
+    """Return whether a joint both rises and falls so far that its axis must have pushed it."""
     theta = log.theta_deg[:, joint]
     risen = np.max(theta - np.minimum.accumulate(theta))
     fallen = np.max(np.maximum.accumulate(theta) - theta)

@@ -63,8 +63,8 @@ class LogModel:
         self._rows = np.searchsorted(self._command.t, log.t)
 
     def angles(self, x: Array, offsets: Array) -> Array:
-        """Angles (S, R, n), rad, of machines x (S, P) that start at the first reading plus offsets
-        (S, n)."""
+        """Return the angles (S, R, n), rad, of machines x (S, P) that start at the first reading
+        plus offsets (S, n)."""
         start = np.repeat(self._plan.q(0.0)[:, None], len(x), axis=1)
         zeros = self._parameters.zeros(x)
         start[1:] += offsets.T - zeros.T
@@ -76,8 +76,8 @@ class LogModel:
         return np.asarray(motion.q[:, :, 1:] + zeros[:, None])
 
     def settled_offsets(self, x: Array) -> Array:
-        """Offsets (S, n) with which machines x (S, P) agree with the readings once the state is
-        known."""
+        """Return the offsets (S, n) with which machines x (S, P) agree with the readings once the
+        state is known."""
         rows = slice(self.known, self.known + READINGS)
         offsets = np.zeros((len(x), self.log.theta.shape[1]))
         for _ in range(OFFSET_ROUNDS):
@@ -93,7 +93,7 @@ cosines, no longer change (the second round changes them by 0.01 degrees)."""
 
 
 def known_row(log: Log, has_inertia: bool = False) -> int:
-    """Index of the first row at which every joint has been pushed by its axis.
+    """Return the index of the first row at which every joint has been pushed by its axis.
 
     Args:
         log: The log.
@@ -121,7 +121,7 @@ def known_row(log: Log, has_inertia: bool = False) -> int:
 
 
 def reading_noise(log: Log) -> Array:
-    """Standard deviation of a log's readings, (n,), rad: noise and resolution together.
+    """Return the standard deviation of a log's readings, (n,), rad: noise and resolution together.
 
     It is the median over blocks of the second differences. At a controller's rate the motion of an
     arm hardly affects these, except in a few blocks, as where the drive reverses.

@@ -171,7 +171,8 @@ class Parameters:
         self.high = (np.array([row.high for row in self.rows]) - self._value) / self._prior
 
     def _each(self, effect: str) -> Array:
-        """Values of an effect in the preset, one for each motor or joint that has its own, (c,)."""
+        """Return the values of an effect in the preset, one for each motor or joint that has its
+        own, (c,)."""
         return np.array(
             np.broadcast_to(self._base[effect][:, 0], EFFECTS[effect].count(self.system.n))
         )
@@ -238,11 +239,11 @@ class Parameters:
     # -- machines ------------------------------------------------------------------------------
 
     def values(self, x: Array) -> Array:
-        """Parameters (…, P) in their units, from x (…, P)."""
+        """Return the parameters (…, P) in their units, from x (…, P)."""
         return np.asarray(self._value + self._prior * x)
 
     def effects(self, x: Array) -> dict[str, Array]:
-        """The effects in which machines x (S, P) differ from the preset, each (c, S)."""
+        """Return the effects in which machines x (S, P) differ from the preset, each (c, S)."""
         values = dict(zip((row.key for row in self.rows), self.values(x).T, strict=True))
         numbers = range(2, self.system.n + 1)
         lost = np.stack([values[f"w{j}"] for j in numbers])
@@ -287,7 +288,8 @@ class Parameters:
         return Draws(np.arange(count), values, start)
 
     def machine(self, x: Array) -> Machine:
-        """The machine with these parameters (P,), without spreads except of a run's start state."""
+        """Return the machine with these parameters (P,), without spreads except of a run's start
+        state."""
         run = {name: q for name, q in self._machine.effects.items() if name in OF_A_RUN}
         settings: dict[str, Any] = {name: q.to_setting() for name, q in run.items()}
         settings["start_state"] = list(self._machine.start_state)

@@ -25,7 +25,7 @@ _PART = re.compile(r"(\w+)((?:\[[^\]]*\])?)")
 
 
 def is_bag(path: str | Path) -> bool:
-    """Whether the path is a folder written by `ros2 bag record`, or a file in one."""
+    """Return whether the path is a folder written by `ros2 bag record`, or a file in one."""
     path = expect_path(path)
     return path.suffix in (".mcap", ".db3") or (path / "metadata.yaml").is_file()
 
@@ -125,7 +125,7 @@ def _value(message: Any, field: str, what: str) -> Any:
 
 
 def _stamp(message: Any, recorded: int) -> int:
-    """The message's stamp in ns; the time of recording if it has none."""
+    """Return the message's stamp in ns; the time of recording if it has none."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec if stamp else 0
     return stamp_ns or recorded

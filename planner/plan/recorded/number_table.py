@@ -102,11 +102,11 @@ class NumberTable:
         return out
 
     def line(self, row: int) -> str:
-        """Location of a row for messages: file and line."""
+        """Return the location of a row for messages: file and line."""
         return f"{self.source}, {self.item} {self.lines[row]}"
 
     def cell(self, row: int, place: int) -> str:
-        """Location and content of a cell for messages: file, line, column and text."""
+        """Return the location and content of a cell for messages: file, line, column and text."""
         text = one_line(self.rows[row][place], 60)
         name = one_line(self.names[place])
         return f"{self.line(row)}: column '{name}' is " + (f"'{text}'" if text else "empty")
@@ -222,7 +222,7 @@ def read_table(
 
 
 def _find_rows(lines: Sequence[str], separator: str, judged: Sequence[str]) -> tuple[int, int]:
-    """Index of the first row of numbers, and its number of cells."""
+    """Return the index of the first row of numbers, and its number of cells."""
     counts = [_count_numbers(_split(each, separator)) for each in judged]
     usual = float(np.median([count for count in counts if count] or [1]))
     for k, each in enumerate(lines):
@@ -233,8 +233,8 @@ def _find_rows(lines: Sequence[str], separator: str, judged: Sequence[str]) -> t
 
 
 def _find_header(above: Sequence[Sequence[str]], first: int, known: Callable[[str], bool]) -> int:
-    """Index of the header among the lines up to the first row, or -1. A header whose names are
-    numbers is itself that first row."""
+    """Return the index of the header among the lines up to the first row, or -1. A header whose
+    names are numbers is itself that first row."""
     most = [sum(map(known, cells)) for cells in above]
     if any(most):
         return int(np.argmax(most))

@@ -14,13 +14,13 @@ STYLE = "charts.css"
 
 
 def script(room: str, names: Sequence[str]) -> str:
-    """The charts' scripts, followed by those of a package, as one text."""
+    """Return the charts' scripts, followed by those of a package, as one text."""
     charts = [source(CHARTS, name) for name in SCRIPTS]
     return "\n".join(charts + [source(room, name) for name in names])
 
 
 def stylesheet(room: str, name: str) -> str:
-    """The charts' style sheet, followed by that of a package, with the colours of plans."""
+    """Return the charts' style sheet, followed by that of a package, with the colours of plans."""
     text = Template(source(CHARTS, STYLE) + source(room, name))
     each = range(len(PALETTE))
     return text.substitute(

@@ -135,7 +135,7 @@ def _tables(design: TrackerDesign, system: TriangularSystem, real: str) -> str:
 
 
 def _arrays(design: TrackerDesign) -> dict[str, Array]:
-    """The controller's tables of numbers, by name."""
+    """Return the controller's tables of numbers, by name."""
     ref, law, clock = design.ref, design.law, design.ref.timing
     count = len(ref.feed)
     arrays = {
@@ -177,7 +177,7 @@ def _arrays(design: TrackerDesign) -> dict[str, Array]:
 
 
 def _recording(plan: Plan, machine: Machine, follower: Tracker, real: str) -> str:
-    """One emulated machine: its encoder readings, some of them lost, and the commands."""
+    """Return one emulated machine: its encoder readings, some of them lost, and the commands."""
     recorder = Recorder(follower, _lose)
     replay(plan, machine, samples=1, seed=0, feedback=recorder, record_s=None)
     write = _writer(real)

@@ -79,13 +79,14 @@ def drawable(plans: Plans) -> list[Curve]:
 
 
 def can_draw(system: TriangularSystem) -> bool:
-    """Whether `plot_arm` can draw the system."""
+    """Return whether `plot_arm` can draw the system."""
     names = {c.name for c in system.user_coordinates}
     return hasattr(system, "arm_points") or {"x", "y"} <= names
 
 
 def body_points(problem: Problem, q: Array) -> Array:
-    """Points of the body in the plane at q (…, N): shape (…, P, 2); the tip, or (x, y), is last."""
+    """Return the points of the body in the plane at q (…, N): shape (…, P, 2); the tip, or (x, y),
+    is last."""
     system: Any = problem.system
     if hasattr(system, "arm_points"):
         return np.asarray(system.arm_points(q[..., 1:]))
@@ -123,7 +124,8 @@ def draw_places(ax: Any, problem: Problem) -> None:
 
 
 def _pose_to_pass(problem: Problem, point: Waypoint) -> Array:
-    """Points of the body at a waypoint, shape (P, 2); NaN where the waypoint does not fix them."""
+    """Return the points of the body at a waypoint, shape (P, 2); NaN where the waypoint does not
+    fix them."""
     system = problem.system
     if system.has_user_coordinates and np.any(np.isnan(point.q)):
         return _position(system, point.user)[None]
@@ -131,7 +133,7 @@ def _pose_to_pass(problem: Problem, point: Waypoint) -> Array:
 
 
 def tips_to_pass(problem: Problem) -> Array:
-    """Positions of the tip at waypoints that fix it, and at its goal, shape (m, 2)."""
+    """Return the positions of the tip at waypoints that fix it, and at its goal, shape (m, 2)."""
     tips = [_pose_to_pass(problem, point)[-1] for point in problem.waypoints]
     if problem.tip is not None and problem.tip.place is not None:
         tips.append(problem.tip.place)
@@ -139,7 +141,7 @@ def tips_to_pass(problem: Problem) -> Array:
 
 
 def plane_axes(drawn: Sequence[Curve], axes: Any = None) -> tuple[Figure, Any]:
-    """A figure with axes in the plane, one per plan; wide motions are stacked vertically."""
+    """Return a figure with axes in the plane, one per plan; wide motions are stacked vertically."""
     extents = [
         body_points(c.plan.problem, c.plan.q(times(c.plan, 200))).reshape(-1, 2) for c in drawn
     ]

@@ -157,7 +157,7 @@ def _figure_title(study: DesignStudy, figure: DesignFigure) -> str:
 
 
 def _value(study: DesignStudy, figure: DesignFigure, row: DesignRow) -> tuple[float, str]:
-    """The value as a number and as text."""
+    """Return the value as a number and as text."""
     value = row.figures.get(figure.key, np.nan)
     if figure.reduction == "part":
         return value * study.tasks, number(value * study.tasks, 4)
@@ -165,7 +165,7 @@ def _value(study: DesignStudy, figure: DesignFigure, row: DesignRow) -> tuple[fl
 
 
 def _variables(study: DesignStudy) -> tuple[str, str] | None:
-    """The two variables of a map; None if a map would show nothing."""
+    """Return the two variables of a map; None if a map would show nothing."""
     rows = [row.design.values for row in study.rows if row.design.values]
     keys = list(rows[0]) if rows else []
     if len(keys) != 2 or any(values.keys() != rows[0].keys() for values in rows):

@@ -133,7 +133,7 @@ class MechanismLayout:
 
 
 def layout(system: Manipulator) -> MechanismLayout:
-    """The geometry of a manipulator, given or inferred, and the positions of its stages."""
+    """Return the geometry of a manipulator, given or inferred, and the positions of its stages."""
     stages, inferred = stage_gears(system)
     unit = max(max(g.r1, g.R, g.r3) for g in stages)
     gears = tuple(Gear(g.r1 / unit, g.R / unit, g.r3 / unit, g.lam, g.eta) for g in stages)
@@ -188,7 +188,7 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
 
 @lru_cache(maxsize=8)  # drawing takes a second, and few sliders change the mechanism
 def mechanism_svg(system: TriangularSystem) -> str:
-    """The drawing of `plot_mechanism` as one SVG picture; empty for other systems."""
+    """Return the drawing of `plot_mechanism` as one SVG picture; empty for other systems."""
     if not isinstance(system, Manipulator):
         return ""
     import matplotlib as mpl  # slow to import

@@ -11,7 +11,7 @@ class NotebookFigure(Figure):
     """A figure that is displayed as a picture if it is the last expression of a notebook cell."""
 
     def _repr_png_(self) -> bytes:
-        """The PNG that IPython displays."""
+        """Return the PNG that IPython displays."""
         content = BytesIO()
         self.savefig(content, format="png", bbox_inches="tight")
         return content.getvalue()

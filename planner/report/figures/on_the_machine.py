@@ -79,7 +79,7 @@ def plot_replays(
 
 
 def median_sample(run: Replay) -> int:
-    """Index of the sample in the replay whose E is the (lower) median."""
+    """Return the index of the sample in the replay whose E is the (lower) median."""
     order = np.argsort(run.index_E_deg, kind="stable")
     return int(order[(len(order) - 1) // 2])
 
@@ -144,7 +144,8 @@ def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, A
 
 
 def needs_log_axis(values: ArrayLike) -> bool:
-    """Whether values span over a factor of ten and get a logarithmic axis, also on the page."""
+    """Return whether values span over a factor of ten and get a logarithmic axis, also on the
+    page."""
     every = np.asarray(values, dtype=float)
     return bool(np.min(every) > 0 and np.max(every) > 10 * np.min(every))
 
@@ -232,6 +233,6 @@ def _distribution(ax: Any, label: str, error: Array, colour: str, refused: bool)
 
 
 def error_range(errors: list[Array]) -> tuple[float, float]:
-    """The first percentile of all errors, and the largest error."""
+    """Return the first percentile of all errors, and the largest error."""
     every = np.concatenate(errors)
     return float(np.percentile(every, 1)), float(np.max(every))

@@ -244,7 +244,8 @@ def _name(ax: Any, name: str, t: Array, y: Array) -> None:
 
 
 def _times(series: panels.Series, drawn: Sequence[Curve]) -> Array:
-    """Times of a curve; 0 is the start of the path, and preparatory motions come before."""
+    """Return the times of a curve; 0 is the start of the path, and preparatory motions come
+    before."""
     plan = drawn[series.plan].plan
     return np.asarray(times(plan) - plan.lead_s if series.t is None else series.t)
 
@@ -321,6 +322,6 @@ def _plane(ax: Any, panel: PlanePanel) -> None:
 
 
 def _entries(axes: Any) -> list[Any]:
-    """One legend entry for each label that appears in any of the axes."""
+    """Return one legend entry for each label that appears in any of the axes."""
     pairs = (zip(*ax.get_legend_handles_labels(), strict=True) for ax in axes.flat)
     return list({label: handle for each in pairs for handle, label in each}.values())

@@ -87,7 +87,7 @@ def start_of(log: Log, plan: Plan) -> float:
 
 
 def moving(u: Array) -> Array:
-    """Whether commands (m, 2) exceed the noise of zero commands, (m,)."""
+    """Return whether commands (m, 2) exceed the noise of zero commands, (m,)."""
     return np.asarray(np.max(np.abs(u), axis=1) > 1e-3)
 
 

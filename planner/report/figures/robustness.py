@@ -162,18 +162,18 @@ def _box_passive(ax: Any, responses: Sensitivity, columns: Sequence[int]) -> Non
 
 
 def entry_name(entry: MachineEntry) -> str:
-    """Name of a machine's parameter in words."""
+    """Return the name of a machine's parameter in words."""
     return f"{effect_words(entry.effect)} {entry.element}".strip()
 
 
 def parameter_symbol(parameter: str) -> str:
-    """Name of an error, with mathematical symbols."""
+    """Return the name of an error, with mathematical symbols."""
     word, _, which = parameter.partition(" ")
     return f"{word} {symbol(which)}" if which else symbol(f"k{word[1:]}").replace("k", "K")
 
 
 def size_of(value: float, unit: str) -> str:
-    """Size of an error with its unit; angles in degrees."""
+    """Return the size of an error with its unit; angles in degrees."""
     if unit == "1":
         return f"{100 * value:.3g} %"
     if unit == "rad":
@@ -418,7 +418,7 @@ def _paths(ax: Any, curve: TradeOff) -> None:
 
 
 def reversals(count: int) -> str:
-    """Number of reversals of the drive, in words."""
+    """Return the number of reversals of the drive, in words."""
     return {0: "one way", 1: "1 reversal"}.get(count, f"{count} reversals")
 
 

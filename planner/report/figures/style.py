@@ -157,7 +157,8 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
 
 
 def find_covered(labels: Iterable[str]) -> set[str]:
-    """Labels of plans whose compensated plan is also present; both have the same path."""
+    """Return the labels of plans whose compensated plan is also present; both have the same
+    path."""
     plain = {label for label in labels if not label.endswith(FEEDBACK)}
     return {plain_label(label) for label in plain if plain_label(label) != label} & plain
 
@@ -168,7 +169,8 @@ def colours(labels: Sequence[str]) -> dict[str, str]:
 
 
 def colour_numbers(labels: Sequence[str]) -> dict[str, int]:
-    """Index in `PALETTE` of each plan's colour; plans of a method usually have its colour."""
+    """Return the index in `PALETTE` of each plan's colour; plans of a method usually have its
+    colour."""
     plans = list(dict.fromkeys(label.removesuffix(FEEDBACK) for label in labels))
     usual = {plan: METHOD_COLOURS.get(plan, METHOD_COLOURS.get(_method(plan))) for plan in plans}
     spare = [k for k in range(len(PALETTE)) if k not in usual.values()]
@@ -186,12 +188,12 @@ def colour_of(method: str) -> str:
 
 
 def _method(label: str) -> str:
-    """The method at the beginning of a label, after an optional number."""
+    """Return the method at the beginning of a label, after an optional number."""
     return re.sub(r"^\d+: ", "", label).partition(":")[0]
 
 
 def times(plan: Plan, count: int = 1500) -> Array:
-    """Times at which to draw a plan, denser near its breaks; shape (m,), seconds."""
+    """Return the times at which to draw a plan, denser near its breaks; shape (m,), seconds."""
     return sample_times(plan.t, max(count, 12 * (len(plan.t) - 1)))
 
 
@@ -206,7 +208,8 @@ HOLD_COLOUR = "#EEEEEE"
 
 
 def time_label(plans: Iterable[Plan]) -> str:
-    """Label of a time axis on which 0 is the plan's start; preparatory motions come before."""
+    """Return the label of a time axis on which 0 is the plan's start; preparatory motions come
+    before."""
     return "time since the plan's start (s)" if any(p.lead_s for p in plans) else "time (s)"
 
 
@@ -295,12 +298,13 @@ def axis_label(coordinate: Coordinate) -> str:
 
 
 def unit_of(coordinate: Coordinate) -> str:
-    """The unit in which a coordinate is shown."""
+    """Return the unit in which a coordinate is shown."""
     return "deg" if coordinate.unit == "rad" else coordinate.unit
 
 
 def length_unit(system: TriangularSystem) -> str:
-    """Unit of positions in the plane: metres, or link lengths if an arm has none given."""
+    """Return the unit of positions in the plane: metres, or link lengths if an arm has none
+    given."""
     lengths = getattr(system, "link_lengths", None)
     return "m" if lengths is None or np.any(lengths != 1) else "link lengths"
 
@@ -317,7 +321,7 @@ def write_beside(ax: Any, text: str, place: Any, shift: tuple[int, int], **look:
 
 
 def line(curve: Curve) -> Any:
-    """A legend entry for a curve."""
+    """Return a legend entry for a curve."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], label=curve.name, **curve.look)

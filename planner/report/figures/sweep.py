@@ -66,7 +66,7 @@ POINT = "point (in the order of the sweep)"
 
 
 def _places(keys: Sequence[str], records: Sequence[Record]) -> tuple[list[float], str]:
-    """Position of each case along the axis, and the axis label."""
+    """Return the position of each case along the axis, and the axis label."""
     if len(keys) == 1 and all(type(r[keys[0]]) in (int, float) for r in records):
         return [float(r[keys[0]]) for r in records], keys[0]
     points: dict[str, int] = {}

@@ -95,7 +95,7 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mappin
 
 
 def _mechanism(comparison: Comparison) -> str:
-    """The arm's mechanism as a section with one figure; empty for other systems."""
+    """Return the arm's mechanism as a section with one figure; empty for other systems."""
     drawing = mechanism_svg(comparison.problem.system)
     if not drawing:
         return ""
@@ -137,7 +137,8 @@ def _definitions(pairs: Sequence[tuple[str, str]]) -> str:
 
 
 def _figures() -> str:
-    """An empty place with a caption for each figure of plans; the page shows those it fills."""
+    """Return an empty place with a caption for each figure of plans; the page shows those it
+    fills."""
     return "\n".join(
         f'<figure id="fig-{one.id}" hidden>\n<figcaption><b>{html.escape(one.title)}.</b>'
         f' {html.escape(one.caption)}</figcaption>\n<div class="panels"></div>\n</figure>'
@@ -159,7 +160,7 @@ def _table(comparison: Comparison) -> str:
 
 
 def _typeset(column: Column[R], title: str) -> Column[R]:
-    """A column with another title, and with typographic minus signs."""
+    """Return a column with another title, and with typographic minus signs."""
     return Column(title, column.unit, lambda row: column.text(row).replace("-", "−"))
 
 
@@ -209,7 +210,7 @@ PAIR_COLUMNS: list[Column[Pair]] = [
 
 
 def _differences(pairs: Sequence[Pair]) -> str:
-    """Every pair of plans on the same machines, as a folded table; empty without a pair."""
+    """Return every pair of plans on the same machines, as a folded table; empty without a pair."""
     if not pairs:
         return ""
     name, *numbers = PAIR_COLUMNS

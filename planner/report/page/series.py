@@ -72,7 +72,7 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
 
 
 def _opening(comparison: Comparison) -> list[str]:
-    """Labels of plans in the order in which the page prefers to show their motion."""
+    """Return the labels of plans in the order in which the page prefers to show their motion."""
     take = comparison.recommended
     labels = [] if take is None else [take.label]
     labels += ["collocation", *(row.label for row in comparison.rows if row.solved)]
@@ -100,7 +100,7 @@ def _plan(drawn: Curve, replay: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def _motion(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
-    """Points of the body, and each shown coordinate in its display unit, over time."""
+    """Return the points of the body, and each shown coordinate in its display unit, over time."""
     problem = plan.problem
     shown, w = shown_coordinates(problem.system), problem.system.user(q)
     values = np.column_stack([to_display(w[:, i], c.unit) for i, c in shown])
@@ -178,7 +178,7 @@ def _spreads(
 
 
 def _times(plan: Plan) -> Array:
-    """Times at which to draw a plan: dense near corners, limited in number."""
+    """Return the times at which to draw a plan: dense near corners, limited in number."""
     every = times(plan, CURVE_POINTS)
     if len(every) <= 2 * CURVE_POINTS:
         return every

@@ -24,7 +24,7 @@ def colour_places(comparison: Comparison) -> dict[str, int]:
 
 
 def question(problem: Problem) -> str:
-    """The question of the comparison, one sentence of HTML."""
+    """Return the question of the comparison, one sentence of HTML."""
     arm = hasattr(problem.system, "arm_points")
     duration = "a free duration" if problem.duration is None else f"{problem.duration:g} s"
     if arm:
@@ -40,7 +40,7 @@ def question(problem: Problem) -> str:
 
 
 def answer(comparison: Comparison, row: Row) -> str:
-    """The answer for one row, one sentence of HTML: solved or not, effort, error."""
+    """Return the answer for one row, one sentence of HTML: solved or not, effort, error."""
     if not row.solved:
         note = "; replayed for study" if np.isfinite(row.E_median_deg) else ""
         advice = comparison.advice.get(row.label, "")
@@ -58,7 +58,7 @@ def answer(comparison: Comparison, row: Row) -> str:
 
 
 def verdict_html(comparison: Comparison) -> str:
-    """The overall answer in a few sentences of HTML."""
+    """Return the overall answer in a few sentences of HTML."""
     rows = [row for row in comparison.rows if not row.feedback]
     solved = sum(row.solved for row in rows)
     text = html.escape(comparison.headline.replace(" deg", "°"))
@@ -73,7 +73,7 @@ def verdict_html(comparison: Comparison) -> str:
 
 
 def task_facts(comparison: Comparison) -> list[tuple[str, str]]:
-    """Names and values (plain text) that describe the task."""
+    """Return the names and values (plain text) that describe the task."""
     problem = comparison.problem
     system, limits = problem.system, problem.limits
     first = system.coordinates[0]
@@ -143,7 +143,7 @@ def _plain(value: object) -> str:
 
 
 def _arm_goal(problem: Problem) -> str:
-    """The joint angles; or the tip's goal, with the joints that are given."""
+    """Return the joint angles; or the tip's goal, with the joints that are given."""
     goal, tip = problem.goal[1:], "" if problem.tip is None else str(problem.tip)
     if np.all(np.isnan(goal)):
         return tip
@@ -156,7 +156,7 @@ def _angles(radians: Sequence[float] | np.ndarray) -> str:
 
 
 def _places(problem: Problem, w: np.ndarray) -> str:
-    """Values of the user coordinates; a path coordinate comes from the travel."""
+    """Return the values of the user coordinates; a path coordinate comes from the travel."""
     parts, no_travel = [], problem.travel is None or problem.system.has_user_coordinates
     for c, value in zip(problem.system.user_coordinates, w, strict=True):
         if not np.isfinite(value):

@@ -94,11 +94,11 @@ class Bernstein:
         return np.diff(self.x)
 
     def piece(self, t: Array) -> Pieces:
-        """Index of the piece that contains each time (…)."""
+        """Return the index of the piece that contains each time (…)."""
         return np.asarray(self.x[1:-1].searchsorted(t, side="right"))
 
     def piece_values(self, piece: Pieces, fraction: Array) -> Array:
-        """Values (P, C, …) at fractions (P, C) of the pieces (C,)."""
+        """Return the values (P, C, …) at fractions (P, C) of the pieces (C,)."""
         c = self.c[:, piece].reshape(len(self.c), len(piece), -1)
         if np.all(fraction == fraction[:, :1]):  # equal in all pieces: one matrix does
             out = product(basis(self.degree, fraction[:, 0]).T, c.reshape(len(c), -1))
@@ -108,7 +108,7 @@ class Bernstein:
         return np.asarray(out.reshape(*fraction.shape, *self.c.shape[2:]))
 
     def derivative(self, order: int = 1) -> Bernstein:
-        """The time derivative of this order; the degree falls by the order."""
+        """Return the time derivative of this order; the degree falls by the order."""
         c = self.c
         for _ in range(order):
             c = (len(c) - 1) * np.diff(c, axis=0) / self._wide if len(c) > 1 else np.zeros_like(c)
@@ -129,7 +129,7 @@ class Bernstein:
         return Bernstein(self.c * gain, self.x * factor)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form.
+        """Return JSON-ready form.
 
         Raises:
             InputError: If its file would be too long to be read.
@@ -184,7 +184,8 @@ def elevate(c: Array, degree: int) -> Array:
 
 @lru_cache(maxsize=256)
 def _elevation(low: int, high: int) -> Array:
-    """Matrix (high+1, low+1) from coefficients of degree `low` to those of degree `high`."""
+    """Return the matrix (high+1, low+1) from coefficients of degree `low` to those of degree
+    `high`."""
     out = np.eye(low + 1)
     for d in range(low + 1, high + 1):
         share = (np.arange(d + 1) / d)[:, None]
@@ -193,7 +194,7 @@ def _elevation(low: int, high: int) -> Array:
 
 
 def integral(c: Array) -> Array:
-    """The integral from 0, one degree higher."""
+    """Return the integral from 0, one degree higher."""
     return np.concatenate([np.zeros_like(c[:1]), np.cumsum(c, axis=0)]) / len(c)
 
 

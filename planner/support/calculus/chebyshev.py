@@ -21,50 +21,51 @@ from planner.support.calculus.bernstein import Bernstein, elevate
 
 @lru_cache(maxsize=64)
 def points(count: int) -> Array:
-    """The Chebyshev–Lobatto points on [0, 1], increasing, shape (count,)."""
+    """Return the Chebyshev–Lobatto points on [0, 1], increasing, shape (count,)."""
     return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1)))
 
 
 @lru_cache(maxsize=16)
 def to_series(count: int) -> Array:
-    """Matrix from values at the points to coefficients of the series."""
+    """Return the matrix from values at the points to coefficients of the series."""
     return np.asarray(np.linalg.inv(chebyshev.chebvander(2 * points(count) - 1, count - 1)))
 
 
 @lru_cache(maxsize=16)
 def from_series(width: int, count: int) -> Array:
-    """Matrix from coefficients of the series to values at `count` points."""
+    """Return the matrix from coefficients of the series to values at `count` points."""
     return np.asarray(chebyshev.chebvander(2 * points(count) - 1, width - 1))
 
 
 @lru_cache(maxsize=16)
 def resampling(count: int, new: int) -> Array:
-    """Matrix from values at the points to values at `new` points."""
+    """Return the matrix from values at the points to values at `new` points."""
     return np.asarray(from_series(count, new) @ to_series(count))
 
 
 @lru_cache(maxsize=16)
 def integration(count: int) -> Array:
-    """Matrix from values at the points to values there of the integral from 0."""
+    """Return the matrix from values at the points to values there of the integral from 0."""
     integrals = chebyshev.chebint(np.eye(count), lbnd=-1) / 2
     return np.asarray(chebyshev.chebval(2 * points(count) - 1, integrals).T @ to_series(count))
 
 
 @lru_cache(maxsize=16)
 def series_slopes(count: int) -> Array:
-    """Matrix from coefficients of the series to the derivative's values at the points."""
+    """Return the matrix from coefficients of the series to the derivative's values at the
+    points."""
     return np.asarray(from_series(count - 1, count) @ (2 * chebyshev.chebder(np.eye(count))))
 
 
 @lru_cache(maxsize=16)
 def differentiation(count: int) -> Array:
-    """Matrix from values at the points to the derivative's values there."""
+    """Return the matrix from values at the points to the derivative's values there."""
     return np.asarray(series_slopes(count) @ to_series(count))
 
 
 @lru_cache(maxsize=16)
 def to_bernstein(count: int) -> Array:
-    """Matrix from values at the points to Bernstein coefficients.
+    """Return the matrix from values at the points to Bernstein coefficients.
 
     Tₙ(2x−1) has the coefficients (−1)^{n−i} C(2n, 2i)/C(n, i) at degree n; they are raised to the
     common degree.
@@ -82,7 +83,8 @@ def to_bernstein(count: int) -> Array:
 
 @lru_cache(maxsize=64)
 def from_bernstein(width: int) -> Array:
-    """Matrix (width, width) from Bernstein to Chebyshev coefficients, in exact arithmetic.
+    """Return the matrix (width, width) from Bernstein to Chebyshev coefficients, in exact
+    arithmetic.
 
     With τ = 2x − 1 the basis is C(d, i) (1+τ)^i (1−τ)^{d−i} / 2^d, and τⁿ = 2^{1−n} Σ C(n, (n−k)/2)
     Tₖ over all k of the parity of n, with the term of T₀ halved.
@@ -136,11 +138,11 @@ class Grid:
         return _on_pieces(differentiation(DEGREE + 1), f) / self._width(f)
 
     def tail(self, f: Array) -> Array:
-        """Magnitude of the last two series coefficients (the larger), shape (P, …)."""
+        """Return the magnitude of the last two series coefficients (the larger), shape (P, …)."""
         return np.asarray(np.max(np.abs(_on_pieces(to_series(DEGREE + 1)[-2:], f)), axis=1))
 
     def curve(self, f: Array) -> Bernstein:
-        """The interpolating piecewise polynomial."""
+        """Return the interpolating piecewise polynomial."""
         c = _on_pieces(to_bernstein(DEGREE + 1), f)
         return Bernstein(np.swapaxes(c, 0, 1), self.breaks)
 

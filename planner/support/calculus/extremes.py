@@ -107,7 +107,8 @@ def _nan_negative(values: Array) -> Array:
 
 
 def _dips(values: Array) -> tuple[NDArray[np.int_], Array]:
-    """Indices of finite interior local minima, and their depths below the higher finite side."""
+    """Return the indices of finite interior local minima, and their depths below the higher finite
+    side."""
     middle, sides = values[1:-1], np.stack([values[:-2], values[2:]])
     with np.errstate(invalid="ignore"):
         is_dip = np.all(middle <= sides, axis=0) & np.isfinite(middle)
@@ -118,7 +119,7 @@ def _dips(values: Array) -> tuple[NDArray[np.int_], Array]:
 def _narrow_samples(
     function: Function, times: Array, dips: NDArray[np.int_]
 ) -> tuple[Array, Array]:
-    """Least value between the two samples beside each dip, and its time."""
+    """Return the least value between the two samples beside each dip, and its time."""
 
     def together(x: Array) -> Array:
         return function(x.ravel()).reshape(x.shape)

@@ -238,15 +238,15 @@ FULL_PASSES = 12
 
 MOST_PASSES = 100
 HALVINGS, NEAR_END = 40, 1e-6
-"""Bisections of the line search, and the last fraction of a step in which its end is taken as the
-minimum. There rounding would decide, and with rigid laws an error of 1e-12 rad/s in the speed makes
-one of 1e-4 N m in the torque."""
+"""Number of bisections of the line search, and the fraction of a step before its end within which
+the search returns the end. So near to it rounding would decide, and with rigid laws an error of
+1e-12 rad/s in a speed changes a torque by 1e-4 N m."""
 
 EDGE_NM = 1e-8
-"""Tolerance for the value of a limited law outside its piece, N m."""
+"""A limited law keeps its piece until its torque leaves that piece by more than this, N m."""
 
 EDGE_RAD = 1e-16
-"""Tolerance for the value of a play law outside its piece, rad."""
+"""A play law keeps its piece until its twist leaves that piece by more than this, rad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,7 +322,8 @@ class StageLaws:
     # -- the laws ------------------------------------------------------------------------------
 
     def relative(self, v: Array) -> tuple[Array, Array]:
-        """w of the limited laws, (4+4m, S), and of the play laws, (2+m, S), rad/s."""
+        """Return the relative speeds w of the limited laws, (4+4m, S), and of the play laws, (2+m,
+        S), rad/s."""
         rows, stages = self.rows, v[self.rows.stages]
         limited = np.concatenate(
             [
@@ -348,8 +349,8 @@ class StageLaws:
         return limited_torque, self.stiff * wound
 
     def _pieces(self, v: Array, before: Array) -> Array:
-        """Return the pieces at these speeds; a piece in `before` stays if it is valid within
-        rounding."""
+        """Return the piece of each law at these speeds; keep the piece in `before` if it is valid
+        within rounding."""
         limited, play = self.relative(v)
         value = np.concatenate([self.offset + self.slope * limited, self.ahead + self.h * play])
         edge = np.concatenate([self.limit, self.half_gap])
@@ -365,7 +366,8 @@ class StageLaws:
         return new
 
     def _lines(self, pieces: Array) -> tuple[Array, Array, Array, Array]:
-        """c and s of the torque c + s w of the limited laws, then of the play laws, by piece."""
+        """Return c and s of each law's torque c + s w on its piece: limited laws, then play
+        laws."""
         count = len(self.limit)
         limited_pieces, touching = pieces[:count], pieces[count:]
         moving = limited_pieces == 0
@@ -380,7 +382,7 @@ class StageLaws:
     # -- the tree ------------------------------------------------------------------------------
 
     def _speeds(self, pieces: Array) -> Array:
-        """Return the speeds (rows, S) of all bodies with every law on a known piece."""
+        """Return the speeds (rows, S) of all bodies if every law stays on its given piece."""
         rows, lines = self.rows, self._lines(pieces)
         v = self._tree(lines, self.push, self.reference)
         if not self.coupling.any():
@@ -396,7 +398,7 @@ class StageLaws:
         return np.asarray(v - np.einsum("ijs,js->is", answers, pull))
 
     def _tree(self, lines: tuple[Array, ...], all_push: Array, reference: Array) -> Array:
-        """Return the speeds (rows, S) if the links were not coupled, for laws c + s w (see
+        """Return the speeds (rows, S) without the coupling between links, for laws c + s w (see
         `_lines`)."""
         rows, m = self.rows, self.rows.m
         c, s, c_play, s_play = lines
@@ -438,7 +440,7 @@ class StageLaws:
     # -- the convex function -------------------------------------------------------------------
 
     def _search(self, start: Array, end: Array) -> Array:
-        """Return the minimum of the convex function on the segment from start to end."""
+        """Return the point between start and end at which the convex function is least."""
         way = end - start
         low, high = np.zeros(start.shape[1]), np.ones(start.shape[1])
         falling = self._slope_along(end - NEAR_END * way, way) <= 0
@@ -461,8 +463,8 @@ class StageLaws:
 
 
 def _reflected_load(c: Array, s: Array, drag: Array, push: Array) -> tuple[Array, Array]:
-    """Return the torque of a body, and of all bodies after it, on the body before it through a law
-    c + s w.
+    """Return the torque with which a body, and all bodies behind it, load the body before it
+    through a law c + s w.
 
     Returns:
         a and b of the torque a + b (input speed without slip), N m and N m s/rad.

@@ -19,7 +19,7 @@ from planner.systems.triangular_system import TriangularSystem
 
 
 class Controller(Protocol):
-    """Commands S samples that follow a plan together.
+    """Commands the motors of S samples that follow one plan.
 
     Time 0 is the plan's start. Before the first command and after the last the command is zero.
 
@@ -61,7 +61,7 @@ class Feedback(Protocol):
 
 
 def encoder_readings(system: TriangularSystem, draws: Draws, q: Array) -> Array:
-    """Encoder readings.
+    """Return what the encoders read.
 
     Args:
         system: The system, for which coordinates are angles.
@@ -83,7 +83,8 @@ def encoder_readings(system: TriangularSystem, draws: Draws, q: Array) -> Array:
 
 
 class FeedbackCommand:
-    """The commands of one controller on the time grid of a stretch; see `CommandGrid`.
+    """The commands of one controller on the time grid of a stretch (a part of a run); see
+    `CommandGrid`.
 
     `begin` starts each stretch. Delayed commands of earlier stretches are kept while needed.
 
@@ -144,7 +145,7 @@ class FeedbackCommand:
 
     @property
     def reading_steps(self) -> list[int]:
-        """The steps that start with a reading."""
+        """Return the numbers of the steps at whose start the encoders are read."""
         close = 4 * ROUNDING * max(1.0, float(np.max(np.abs(self.t))))
         return [int(k) for k in np.searchsorted(self.t, self.readings - close)]
 

@@ -244,7 +244,7 @@ ROUNDING = 1e-12
 """Times are equal if they differ by less than this fraction of the largest time, or of 1 s."""
 
 EXACT_S = 1000.0
-"""Up to this time the lengths of steps are correct to eleven digits in spite of rounding, s."""
+"""Time up to which rounding leaves eleven correct digits in the lengths of steps, s."""
 
 InputOfTime = Callable[[Array], Array]
 
@@ -253,8 +253,8 @@ Steps = Callable[[int], None]
 
 
 def merge_times(*times: Array) -> Array:
-    """Return all these times, increasing; of times equal within rounding, the one from the first
-    array."""
+    """Merge arrays of times in increasing order. Of times that are equal within rounding, the one
+    from the first array is kept."""
     every = np.concatenate(times)
     rank = np.concatenate([np.full(len(t), i) for i, t in enumerate(times)])
     order = np.lexsort((rank, every))
@@ -361,7 +361,8 @@ def step_times(left: Array, right: Array, part: float) -> Array:
 
 
 def _simpson_gap(command: InputOfTime, left: Array, right: Array) -> Array:
-    """|Simpson on halves − Simpson on the whole|, the larger of both motors, shape (m,).
+    """Return how much Simpson's rule on the halves of each step differs from that on the whole
+    step, for the motor with the larger difference, shape (m,).
 
     For a smooth command it is fifteen times the error of the finer rule, so the estimate is safe.
     """

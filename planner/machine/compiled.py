@@ -40,7 +40,8 @@ SLOW_WARNING = (
     "planner: the compiled replay is {}, so replays are about ten times slower (50 machines at"
     " once: 30 times; 1000: 3 times); {}"
 )
-"""The factors are of process time, for the paper's plan and machine with one thread."""
+"""Warning of a replay without the kernel. Its factors compare process time, for the paper's plan
+and machine on one thread."""
 MISSING_WARNING = SLOW_WARNING.format("missing", "install a C compiler, then this package again")
 VERSION_WARNING = SLOW_WARNING.format(
     "of another version", "run make in the project's folder, or install this package again"
@@ -54,8 +55,8 @@ FLAGS = ("lagging", "second", "limited", "ramped", "geared_1", "geared_2", "lagg
 """Flags of `Model`: which effects are on, for all samples."""
 
 COUNTS = ("samples", "joints", "points", "steps", "rows", *FLAGS, "dynamic", "coordinates", "heavy")
-"""Integers of `Model`. dynamic: rows of a dynamic state, 0 if quasi-static; coordinates: first row
-of its coordinates; heavy: how many numbers `Masses` has."""
+"""Integers of `Model`. `dynamic` is the number of rows of a dynamic state (0 if quasi-static),
+`coordinates` the first row of its coordinates, `heavy` how many numbers `Masses` has."""
 
 ARRAYS = {
     "parameters": "const double",  # (samples, see `Own`)
@@ -109,7 +110,7 @@ LIMITED_LAWS, PLAY_LAWS = (4, 4), (2, 1)
 
 
 def _row_numbers(m: int) -> dict[str, int]:
-    """Return first rows of the parts of a dynamic state (`StateRows`)."""
+    """Return the first row of each part of a dynamic state (`StateRows`)."""
     state, bodies = StateRows(m), StateRows(m).bodies
     speeds = {"axes": bodies.axes.start, "disk": bodies.disk, "links": bodies.links.start}
     speeds |= {"stages": bodies.stages.start, "bodies": bodies.count}
@@ -154,7 +155,8 @@ VERSION = zlib.crc32(
 
 
 def places(table: dict[str, Size], m: int) -> dict[str, slice]:
-    """Return the position of each part of a table, for m passive joints."""
+    """Return the slice that each entry of a table takes in an array of its numbers, for m passive
+    joints."""
     ends = accumulate(a + b * m for a, b in table.values())
     return {
         name: slice(end - a - b * m, end)

@@ -47,7 +47,7 @@ from planner.systems.manipulator import Manipulator, gravity_torques
 
 
 class DiskChain:
-    """S manipulators.
+    """The quasi-static manipulator, for S samples.
 
     Args:
         system: The manipulator as the planner knows it.
@@ -86,7 +86,7 @@ class DiskChain:
 
     @property
     def axes(self) -> Array:
-        """Angles of the driven axes on the joints' scale, (n, S), rad."""
+        """Angles of the driven axes, counted like the joint angles, (n, S), rad."""
         return np.stack([joint.axis for joint in self._joints])
 
     @property
@@ -140,8 +140,8 @@ class DiskChain:
         return np.asarray(speed * np.where(still, 1.0, turned / np.where(still, 1.0, travel)))
 
     def _transmission(self, speed: Array) -> tuple[Array, Array]:
-        """Return the fractions of the rate V cosθ that P₁, and P₂ with P₃, of each stage transmit,
-        (n−1, S).
+        """Return the fractions of the ideal rate V cosθ that contact P₁, and contacts P₂ and P₃
+        together, transmit in each stage, (n−1, S).
 
         Args:
             speed: Speed of the first disk, (S,), rad/s.
@@ -161,7 +161,8 @@ class DiskChain:
         return parts[0], parts[1] * parts[2]
 
     def _rising(self, turning: Array, speed: Array) -> Array:
-        """Return the torques that the joints' damping adds at full speed, (n−1, S), N m."""
+        """Return the torques that viscous friction of the joints adds if no contact slips, (n−1,
+        S), N m."""
         torques, disk = np.empty_like(self._cosines), np.abs(speed)
         for j, joint in enumerate(self._joints[1:]):
             c = np.abs(self._cosines[j])
@@ -204,7 +205,7 @@ class Play:
     Attributes:
         theta: Joint angle, (S,), rad.
         axis: Angle of the driven axis, (S,), rad, on the same scale.
-        exact: Whether the two are always equal.
+        exact: Whether axis and joint always have the same angle.
         damped: Whether viscous friction acts on the axis directly, as through a rigid shaft.
     """
 
@@ -283,8 +284,8 @@ class Play:
         return np.asarray(place)
 
     def _deflection_weights(self, h: float) -> tuple[Array, Array]:
-        """Return the fractions of the deflections at start and end of a step that the joint makes
-        up in it.
+        """Return the fractions of the deflections at the start and at the end of a step by which
+        the joint moves within that step.
 
         The deflection is how far the shaft would be beyond rest if the joint stood still. The
         weights are exact if it changes linearly over the step. In the step in which the play is
@@ -332,7 +333,8 @@ class Play:
 def rest_range(
     load: Value, half_gap: Value, coulomb: Value, stiffness: Value
 ) -> tuple[Array, Array]:
-    """Return the least and largest lead of the axis over a joint at rest, rad.
+    """Return by how much the axis may lead a joint that stays at rest: least and largest angle,
+    rad.
 
     Args:
         load: Torque that pushes the joint forwards, N m; for the others see `Play`.
@@ -345,8 +347,9 @@ def rest_range(
 
 
 def rest_at(share: Value, middle: Value, least: Array, most: Array) -> Array:
-    """Return the lead of the axis over a joint at rest, rad: at the position `share`, −1 … 1, of
-    the range from least to most, or, where that is NaN, as near to `middle` as the range allows."""
+    """Return by how much the axis leads a joint at rest, rad. The lead lies at the position
+    `share`, −1 … 1, of the range from least to most; where `share` is NaN, it is as near to
+    `middle` as the range allows."""
     there = least + (np.asarray(share) + 1) / 2 * (most - least)
     return np.where(np.isnan(share), np.clip(middle, least, most), there)
 

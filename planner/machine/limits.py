@@ -87,8 +87,8 @@ def bounds(requirement: Requirement) -> tuple[Array, Array]:
 
 
 def parts_of(problem: Problem) -> Iterator[tuple[Requirement, Part, float, float]]:
-    """Yield the P parts of these limits, each with the least and the largest value for a
-    machine."""
+    """Yield the P parts of the limits that machines may break, each with its requirement and with
+    the least and the largest value for a machine."""
     for requirement in breakable_limits(problem):
         yield from zip(repeat(requirement), requirement.parts, *bounds(requirement), strict=False)
 
@@ -173,7 +173,7 @@ def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
 
 
 def _furthest(violations: Sequence[MachineLimit]) -> list[MachineLimit]:
-    """Return the limit of each requirement that machines come nearest to, or exceed most."""
+    """Return for each requirement the limit that machines exceed most, or else come nearest to."""
     worst: dict[Requirement, MachineLimit] = {}
     for each in violations:
         rival = worst.get(each.requirement)

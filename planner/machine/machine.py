@@ -37,7 +37,7 @@ DEFAULT_STEP_S = 0.001
 
 @dataclass(frozen=True)
 class Quantity:
-    """An effect that is on.
+    """Mean and spread of an effect that is on.
 
     Attributes:
         value: Mean: one number for all, or one for each motor, joint or gear constant.
@@ -174,7 +174,7 @@ class Machine:
         Args:
             name: The effect.
             joints: Number of coordinates after the first; a preset's list is then cut or extended
-                to that number, see `fitted`.
+                to that number, see `fit_to_joints`.
         """
         value = self.effects[name].value if name in self.effects else (EFFECTS[name].off_value,)
         return np.array(value if joints is None else fit_to_joints(name, value, joints))
@@ -189,7 +189,7 @@ class Machine:
 
     @property
     def origin(self) -> str:
-        """Its file, or else its preset, in words."""
+        """The file or preset that the machine comes from, in words."""
         return f"from {self.source}" if self.source else self.preset
 
     @property
@@ -198,8 +198,8 @@ class Machine:
         return f"{', '.join(self.start_state)} at the start"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the complete `[machine]` table with every effect: it stays valid if presets
-        change."""
+        """Return the `[machine]` table with every effect in it, so that it does not depend on
+        presets."""
         settings = {
             name: self.effects[name].to_setting() if name in self.effects else False
             for name in EFFECTS
@@ -405,7 +405,7 @@ _SHARES = {"unwound": np.nan, "forward": 1.0, "backward": -1.0}
 
 
 def draw_start(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -> Array:
-    """`Draws.start`, (1+n, S); an unknown position is drawn uniformly from the whole range.
+    """Return `Draws.start`, (1+n, S); draw an unknown position uniformly from the whole range.
 
     Raises:
         InputError: If there is not one word for each joint.
@@ -425,8 +425,8 @@ def draw_start(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: 
 
 
 def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int) -> Array:
-    """Return the entries `numbers` (S,) of an effect's stream, (count, S); skips the entries in
-    between."""
+    """Return uniform random numbers, (count, S): the entries `numbers` (S,) of the effect's
+    stream."""
     sequence = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),))
     bits = np.random.PCG64(
         sequence

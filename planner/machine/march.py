@@ -172,7 +172,7 @@ class March:
     def _stage(
         self, data: Masses, gears: _Gears, y: Array, reference: Array, h: float, pieces: Array
     ) -> _StageEnd:
-        """Return the state y + h f(new state), by the implicit Euler method."""
+        """Advance by a stage of length h with the implicit Euler method: new = y + h f(new)."""
         place, rows = self.place, self.place.bodies
         feedforward = data.inertia[rows.motors] / h * (reference - y[place.reference])
         stage = self._laws(data, gears, y, reference, feedforward, h)
@@ -248,7 +248,8 @@ def begin_march(system: Manipulator, draws: Draws, q: Array) -> March:
 
 
 def _settle(data: Masses, place: StateRows, y: Array, shares: Array) -> None:
-    """Set gears, shafts and velocity loops so that they hold the arm against gravity at first."""
+    """Set gears, shafts and velocity loops so that they hold the arm against gravity at the
+    start."""
     angles = y[place.q][1:]
     load = gravity_torques(data.weights, angles)
     ahead, k = np.zeros_like(data.half_gap), data.stiffness

@@ -121,7 +121,8 @@ class Servos:
         return np.where(is_held, (before + new) * (h / 2), travel)
 
     def _first_order(self, r0: Array, r1: Array, h: float) -> tuple[Array, Array]:
-        """ω = p + (ω₀ − p₀) e^{−bh} with the particular solution p = r − ṙ/b."""
+        """Return the speed ω = p + (ω₀ − p₀) e^{−bh}, with the particular solution p = r − ṙ/b, and
+        the travel."""
         (decay,) = self._lag(h)
         if r0 is r1:
             gap = self._speed - r0
@@ -134,7 +135,7 @@ class Servos:
         return r1 - behind + left, travel
 
     def _second_order(self, r0: Array, r1: Array, h: float) -> tuple[Array, Array]:
-        """Return the same with p = r − 2ζṙ/b and two states."""
+        """Return speed and travel of second-order servos, with p = r − 2ζṙ/b and two states."""
         assert self._damping is not None
         e11, e12, e21, e22 = self._lag(h)
         b, twice = self._bandwidth, 2 * self._damping / self._bandwidth
@@ -185,7 +186,7 @@ def integrals(f: Array, h: float) -> list[Array]:
 
 
 def to_end(f: Array, h: float) -> Array:
-    """Return the integral to the end of the step only."""
+    """Return the integral from the start to the end of the step."""
     if len(f) == 2:
         return np.asarray((h / 2) * (f[0] + f[1]))
     return np.asarray((h / 6) * (f[0] + f[2]) + (4 * h / 6) * f[1])

@@ -50,7 +50,8 @@ BLOCK_BYTES = 250_000_000
 """Limit on the memory for the motions of one block in one stretch."""
 
 FEWEST_TIMES = 3
-"""Start, end and rest are always recorded; they alone do not show whether limits are kept."""
+"""Number of times that are always recorded: start, end and rest. These alone do not show whether
+limits are kept."""
 
 Progress = Callable[[int, int], None]
 Tell = Callable[[float], None]
@@ -281,7 +282,7 @@ class _Run:
         begin[new] = orders.t[step[new]]
 
     def _end(self, chosen: slice, motion: MachineMotion) -> None:
-        """Store the results that are known at the end."""
+        """Store the results that are known only at the end of the run."""
         whole, plan = self._whole, self._plan
         whole.terminal_error[chosen] = motion.q[:, -1] - plan.wanted(plan.duration)
         whole.deviation[chosen] = motion.deviation
@@ -296,7 +297,7 @@ def _whole_periods(longest: float, period: float | None) -> float:
 
 
 def _at_start(plan: Plan, machine: Machine, draws: Draws) -> MachineMotion:
-    """Return the samples at the start of a plan."""
+    """Return the machines at the start of a plan, ready to run."""
     system = plan.problem.system
     if isinstance(system, Manipulator) and machine.fidelity == "quasi-static":
         refuse_sliding(plan, system, draws)
@@ -313,8 +314,8 @@ def _begin(
 
 
 def make_motion(plan: Plan, machine: Machine, draws: Draws, start: Array) -> MachineMotion:
-    """Return the samples at the start: in the compiled kernel if it is there, else a
-    `StepwiseMotion`."""
+    """Return the machines at the start, simulated by the compiled kernel if it is there, else in
+    NumPy."""
     system = plan.problem.system
     few = machine.fidelity == "quasi-static" or system.size - 2 <= MOST_PASSIVE
     if isinstance(system, Manipulator) and few and library() is not None:
@@ -342,7 +343,7 @@ def _start(plan: Plan, draws: Draws) -> Array:
 
 
 def _record_times(duration: float, settle: float, record: float | None) -> Array:
-    """Start, end and rest, and every `record` seconds except within rounding of those three."""
+    """Return the times to record: start, end and rest, and every `record` seconds between them."""
     ends = merge_times(np.array([0.0, duration, duration + settle]))
     if record is None:
         return ends

@@ -121,7 +121,7 @@ class StateEstimate:
         self._settling = np.zeros((joints, count))
 
     def take_forecast(self, pose: Pose) -> None:
-        """Advance the estimate to a forecast of it."""
+        """Replace the estimated pose by its forecast, and advance the covariance."""
         moved = pose.axis - self.pose.axis
         way = np.where(moved == 0, self._way, np.sign(moved))
         self._settling = (SETTLING_SHARE * (moved - self._last_turn)) ** 2
@@ -151,10 +151,14 @@ class StateEstimate:
         self.pose = Pose(inside, axis, self.pose.side)
 
     def _filter(self, surprise: Array, pushed: NDArray[np.bool_], late: NDArray[np.bool_]) -> None:
-        """Correct axis, lost motion and ε by the innovation, joint minus the pushed position.
+        """Correct the estimates of axis, lost motion and ε by the Kalman filter.
 
-        A joint that should be pushed by now but rests, or whose reading is implausible, corrects
-        the estimate but not its covariance.
+        Args:
+            surprise: Reading of each joint minus the position to which its axis should have pushed
+                it, (N−1, S).
+            pushed: Whether the axis pushes the joint, (N−1, S).
+            late: Whether the joint rests although its axis should push it by now, (N−1, S). Such a
+                reading, or an implausible one, corrects the estimate but not its covariance.
         """
         row = np.stack([np.ones_like(self._way), -self._way, np.zeros_like(self._way)])
         along = np.einsum("abjs,bjs->ajs", self._cov, row)

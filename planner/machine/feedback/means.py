@@ -19,8 +19,8 @@ from planner.systems.triangular_system import TriangularSystem
 
 
 def shift_of(system: TriangularSystem, machine: Machine) -> Array:
-    """Return the sum of delay, servo lag (1/b, or 2ζ/b for second order) and joints' lag d/k, (2,),
-    s."""
+    """Return the time from each motor's command to its effect, (2,), s: the sum of delay, servo lag
+    (1/b, or 2ζ/b for second order) and joints' lag d/k."""
     out = np.full(2, float(np.mean(machine.mean("delay_s"))))
     lag = 1 / machine.mean("servo_bandwidth_rad_s")
     if "servo_damping" in machine.effects:
@@ -101,8 +101,8 @@ def input_limit(plan: Plan, machine: Machine) -> Array:
 
 
 def input_scale(plan: Plan, machine: Machine) -> Array:
-    """Return the speeds for scaling corrections, (2,): the limit; without one the plan's peak, or
-    else 1."""
+    """Return the speeds by which corrections are scaled, (2,): the limits; without a limit the
+    plan's peak, or 1 if that is zero."""
     limit, peak = input_limit(plan, machine), peak_inputs(plan.trajectory)
     return np.where(np.isfinite(limit), limit, np.where(peak > 0, peak, 1.0))
 

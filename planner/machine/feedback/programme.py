@@ -76,7 +76,7 @@ class Decision:
 
 
 class TrackingProgramme:
-    """All control steps of one course.
+    """The quadratic programmes of all control steps of one course.
 
     Args:
         ref: The course.
@@ -184,8 +184,8 @@ class TrackingProgramme:
         return (clipped if result.c is None else result.c), True
 
     def _clip(self, step: ControlStep, values: Array) -> Array:
-        """Return the c of the regulator whose corrections are clipped to their limits, one by
-        one."""
+        """Return the c that results if each of the regulator's corrections is clipped to its
+        limits."""
         c = np.zeros(step.T.shape[1])
         for j in range(0, len(c), 2):
             columns = slice(j, j + 2)
@@ -199,7 +199,7 @@ class TrackingProgramme:
 def change_range(ref: Reference, i: int) -> tuple[Array, Array]:
     """Return the least and greatest change v − w of period i that the limit of input rates allows.
 
-    The change of the course itself is subtracted, that of its steepest tick.
+    The largest change of the course itself from one tick to the next is subtracted.
     """
     ramps = np.zeros((1, 2))
     if ref.timing.ticks > 1:

@@ -229,7 +229,8 @@ def _pushes(forecast: Forecast, q: Array, travel: Array, lost: Array) -> tuple[A
 
 @lru_cache(maxsize=32)
 def _derivatives(system: TriangularSystem) -> Pointwise:
-    """(q, u) → [∂q̇/∂q, ∂q̇/∂u, diagonal of the passive coordinates' q̇], (N, N + 2 + N − 2)."""
+    """Return a function of (q, u) for [∂q̇/∂q, ∂q̇/∂u, diagonal of the passive coordinates' q̇],
+    shape (N, N + 2 + N − 2)."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     f = ca.vertcat(*system.rates_expr(q, u))
     diagonal = ca.diag(f)[:, 2:]
@@ -241,7 +242,8 @@ def _derivatives(system: TriangularSystem) -> Pointwise:
 def _model(
     system: TriangularSystem, q: Array, u: Array, tick: float, ramp: bool
 ) -> tuple[Array, Array, Array, Array]:
-    """A, B_before, B and E by the midpoint rule, from q and u (K, M, ·) at the middle of ticks."""
+    """Return A, B_before, B and E of `Reference` by the midpoint rule, from q and u (K, M, ·) at
+    the middle of ticks."""
     size, (count, ticks) = system.size, q.shape[:2]
     slopes = _derivatives(system)(q, u)
     effects = slopes.shape[-1] - size

@@ -173,11 +173,11 @@ class TrackerControl:
         self._history.append(self._clip_commands(k, commands + self._crossing(k, commands, pose)))
 
     def _state(self, k: int, pose: Pose) -> Array:
-        """Deviation, last corrections, rate errors and lost motion, (n, S); see `Regulator`.
-
-        A joint ends where its axis pushes it to, or stays where it is if the axis does not reach
-        it: the course pushes it by `more`, or keeps away by −`more` if that is negative. A
-        deviation of the lost motion counts only as far as it changes the following push, `then`.
+        """Return deviations, last corrections, rate errors and lost motion, (n, S); see
+        `Regulator`. The deviation of a passive joint is that of the position where it will end:
+        there its axis pushes it to, or it stays if the axis does not reach it. In the course the
+        axis pushes it by `more`; a negative `more` is the gap that remains. A deviation of the lost
+        motion counts only as far as it changes the push after that, `then`.
         """
         ref, state = self._ref, self._estimate
         off, way = pose.q - ref.q[k][:, None], ref.way[k][:, None]

@@ -87,7 +87,8 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
 
 
 def _worst_joints(shape: CommandShape, system: Manipulator) -> list[dict[str, Any]]:
-    """For each leg: its start, s, the joint with the largest error, and that error, degrees."""
+    """Return for each leg its start, s, the joint with the largest error, and that error,
+    degrees."""
     out, earlier = list[dict[str, Any]](), 0.0
     for leg in shape.legs:
         if leg.uneven_rad > 0:

@@ -63,8 +63,8 @@ END_S = 1.0
 """Rest after a plan whose drive reverses, so that corrections up to the end take effect, s."""
 
 STOPS = 1 + math.sqrt(2)
-"""Time to stop at the right place, in times from the speed limit to zero: a motor stops, and turns
-back by as much as it went too far."""
+"""Time that a motor needs to stop at a given place, as a multiple of the time from its speed limit
+to zero: it stops, then turns back by the angle that it went too far."""
 
 PLACES = 401
 """Number of instants compared near a reversal, and of angles of joint 1."""
@@ -227,7 +227,8 @@ def _gentle_s(system: Manipulator, machine: Machine, swing: Array) -> Array:
     `SLIP_DEG`; 0 without inertia.
 
     After the take-up the shafts press the links as hard as friction allows. Any acceleration of
-    joint 1 towards the press then makes a link slip, by the twist that its inertia is worth.
+    joint 1 in the direction of that torque then makes a link slip, by its inertia torque over the
+    shaft's stiffness.
     """
     if machine.fidelity != "dynamic":
         return np.zeros(swing.shape)
@@ -266,7 +267,8 @@ def take_ups(
     tick: float,
     most_away: float,
 ) -> list[MotorLeg]:
-    """Return a leg for each reversal of the drive, whose first motion has the direction `way`."""
+    """Return a leg for each reversal of the drive; the drive's first motion has the direction
+    `way`."""
     edges = [0.0, *((a + b) / 2 for a, b in pairwise(turns)), plan.duration]
     out = []
     for turn, low, high in zip(turns, edges, edges[1:], strict=False):

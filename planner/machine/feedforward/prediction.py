@@ -57,7 +57,7 @@ def predict(plan: Plan, machine: Machine, progress: Progress | None = None) -> P
 
 
 def end_of(t: Array, q: Array, clock: Clock) -> Array:
-    """Return the ends (S, N) of motions q (S, R, N) at times t (R,).
+    """Return the coordinates at the end, (S, N), of motions q (S, R, N) at times t (R,).
 
     The travel of the path coordinate while the clock is held, before and during the plan, is left
     out: it is lost motion and moves no joint.

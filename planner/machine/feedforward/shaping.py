@@ -179,7 +179,7 @@ class CommandShape:
         return out
 
     def _pursue_by_speed(self, angle: Array, grain: Array) -> Array:
-        """`_pursue` without a limit on the change of speeds; grain (2, 1)."""
+        """Do as `_pursue` without a limit on the change of speeds; grain (2, 1)."""
         tick, limit = self.tick, self.limit[:, None]
         place = np.zeros(angle.shape[1:])
         if np.any(grain):

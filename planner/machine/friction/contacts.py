@@ -93,7 +93,8 @@ class Grip:
         return np.maximum(np.minimum(load, self.most), -MOST_SHARE * self._capacity)
 
     def hold(self, load: Array) -> Array:
-        """C cosψ under a load that it carries, N m: the friction left for sideways sliding."""
+        """Return the friction left for sideways sliding under a load that the contact carries, C
+        cosψ, N m."""
         left = np.sqrt(np.maximum(self._capacity * self._capacity - load * load, 0.0))
         return np.maximum(left, LEAST_TORQUE_NM)
 
@@ -103,13 +104,14 @@ class Grip:
         return np.asarray(load * self.cosine + self.sideways * self.hold(load))
 
     def transmission(self, load: Array) -> Array:
-        """V' / (V cosθ) under a load, the fraction transmitted; 0 in gross slip."""
+        """Return the fraction transmitted under a load, V' / (V cosθ); 0 in gross slip."""
         carried = self.contact_load(load)
         lost = self.sideways * carried / (self.cosine * self.hold(carried))
         return np.where(load < self.most, np.maximum(1.0 - lost, 0.0), 0.0)
 
     def slope(self, load: Array) -> Array:
-        """−d passed / d load, 1/(N m); 0 beyond the loads that the contact carries."""
+        """Return minus the derivative of `transmission` by the load, 1/(N m); 0 beyond the loads
+        that the contact carries."""
         carried = self.contact_load(load)
         slope = self.sideways * self._capacity**2 / (self.cosine * self.hold(carried) ** 3)
         return np.where(carried == load, slope, 0.0)

@@ -167,7 +167,7 @@ class _LeastSquares:
         return z[: self.machine], offsets
 
     def with_settled_offsets(self, z: Array) -> Array:
-        """z with the offsets that agree with the readings."""
+        """Return z with offsets that agree with the readings."""
         x = z[: self.machine]
         offsets = [model.settled_offsets(x[None])[0] for model in self._models]
         return np.concatenate([x, np.ravel(offsets) / OFFSET_RAD])

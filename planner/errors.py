@@ -110,14 +110,16 @@ Answer = TypeVar("Answer")
 
 
 def solver_answer(call: Callable[[], Answer], otherwise: Callable[[str], Answer]) -> Answer:
-    """Return what a solver answers; one that raises an error has not finished.
+    """Return the answer of a solver call; if the call raises an error, the solver has not finished.
 
     Args:
         call: Asks a solver of CasADi, OSQP or SciPy, and does nothing else.
-        otherwise: Makes an unfinished answer of the last line of the error's text.
+        otherwise: Makes the answer of a solver that has not finished from the last line of the
+            error.
 
     Raises:
-        Exception: What is no solver's error: time that is up, lack of memory, one of ours.
+        Exception: Any error that is not the solver's: time is up, memory ran out, or an error
+            of this package.
     """
     try:
         return call()

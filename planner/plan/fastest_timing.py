@@ -36,8 +36,8 @@ _RATE_POINTS = [0, DEGREE // 2, DEGREE]
 
 _MOST_ROUNDS = 5
 _LIMIT_TOLERANCE = 1e-5
-"""Relative excess of inputs and rates between these points that ends the rounds. The whole motion
-is then slowed to remove it."""
+"""The rounds end when inputs and rates between these points exceed their limits by less than this
+share. The whole motion is then slowed to remove the excess."""
 
 _CORNER_TOLERANCE = JUMP_TOLERANCE / 2
 """Change of direction at a node, in units of the limits, from which it counts as a corner. Below it
@@ -133,7 +133,7 @@ def fastest_clock(stretch: PathIntervals, top: Array, rate: Array) -> Bernstein:
 
 
 def _directions(path: Trajectory, length: Bernstein, grid: Grid) -> Array:
-    """w at the grid's points; the ends of each piece are evaluated slightly inside it."""
+    """Return w at the grid's points; at the ends of each piece slightly inside it."""
     left, right = grid.breaks[:-1, None], grid.breaks[1:, None]
     nudge = 1e-7 * (right - left)
     s = np.clip(grid.times, left + nudge, right - nudge)
@@ -153,13 +153,13 @@ def _stations(length: Bernstein, nodes: Array) -> Array:
 
 
 def _rates(stretch: PathIntervals, b: Array) -> Array:
-    """du/dt at every point, shape (M, D, 2)."""
+    """Return du/dt at every point, shape (M, D, 2)."""
     slope = np.diff(b) / (2 * np.diff(stretch.nodes))
     return np.asarray(stretch.dw * _interpolate(b)[..., None] + stretch.w * slope[:, None, None])
 
 
 def _interpolate(b: Array) -> Array:
-    """b at every point, shape (M, D)."""
+    """Return b at every point, shape (M, D)."""
     return np.asarray(b[:-1, None] + np.diff(b)[:, None] * Grid(np.array([0.0, 1.0])).times[0])
 
 
@@ -225,7 +225,7 @@ _QUIET_OPTIONS: dict[str, Any] = {
 
 
 def _clock(nodes: Array, b: Array) -> Bernstein:
-    """s(t) with ds/dt = √b at the nodes and constant acceleration between."""
+    """Return s(t) with ds/dt = √b at the nodes and constant acceleration between them."""
     speed, step = np.sqrt(b), np.diff(nodes)
     times = 2 * step / (speed[:-1] + speed[1:])
     c = np.stack([nodes[:-1], nodes[:-1] + speed[:-1] * times / 2, nodes[1:]])
@@ -281,8 +281,8 @@ def fastest_motion(
 
 
 CLOCK_SLOWING = 1.01
-"""The clock exceeds its own limits by a smaller factor. A larger factor comes from another limit,
-and the timing is then not the fastest of the path."""
+"""Largest slowing that is due to the clock's own small excess. A larger factor comes from another
+limit, and the timing is then not the fastest of the path."""
 
 
 def _time_by_input_limits(path: Trajectory, limits: Limits, moving: InputMask) -> RetimedTrajectory:

@@ -35,7 +35,7 @@ from planner.systems.triangular_system import TriangularSystem
 EFFORT = "integral of u1^2 + u2^2 dt"
 SMOOTHNESS = "integral of (du1/dt)^2 + (du2/dt)^2 dt"
 CLOSENESS = "mean closeness to the domain's edge"
-"""Terms of objectives, as their names say them."""
+"""Terms of an objective, in the words of its name."""
 
 EDGE_MARGIN = 0.05
 """Margin (for the manipulator, sin² of an angle) at which the closeness to an edge is 1/e."""
@@ -44,18 +44,19 @@ _GAUSS = np.polynomial.legendre.leggauss(4)
 
 
 def effort(trajectory: Trajectory) -> float:
-    """∫ u₁² + u₂² dt, by Gauss quadrature between samples that are denser near ends of pieces."""
+    """Return ∫ u₁² + u₂² dt, by Gauss quadrature between samples that are denser near ends of
+    pieces."""
     return float(np.sum(_efforts(trajectory)))
 
 
 def _efforts(trajectory: Trajectory) -> Array:
-    """∫ uᵢ² dt of both inputs, shape (2,)."""
+    """Return ∫ uᵢ² dt of both inputs, shape (2,)."""
     times, weights = _quadrature(trajectory)
     return np.asarray(np.einsum("ij,ijk->k", weights, trajectory.u(times) ** 2))
 
 
 def smoothness(trajectory: Trajectory) -> float:
-    """∫ (du₁/dt)² + (du₂/dt)² dt; infinite where an input jumps."""
+    """Return ∫ (du₁/dt)² + (du₂/dt)² dt; infinite where an input jumps."""
     reading = read_trajectory(trajectory)
     squares = np.sum(slopes(reading.cells, reading.u) ** 2, axis=-1)
     total = float(np.sum(apply(integration(POINTS)[-1:], squares) * reading.cells.width))

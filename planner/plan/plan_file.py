@@ -242,10 +242,10 @@ class ClockTable(Table):
 
 
 def plan_schema(problem: dict[str, Any]) -> dict[str, Any]:
-    """JSON Schema of a plan file.
+    """Return the JSON Schema of a plan file.
 
     Args:
-        problem: JSON Schema of a problem file.
+    problem: JSON Schema of a problem file.
     """
     schema = PlanFile.model_json_schema()
     inner = dict(problem)

@@ -175,11 +175,11 @@ class IntegratedMotion:
         return apply(to_series(POINTS), self.q)
 
     def samples(self) -> tuple[Array, Array]:
-        """x (33,) in [−1, 1], and q (33, C, N) at these points of every cell."""
+        """Return x (33,) in [−1, 1], and q (33, C, N) at these points of every cell."""
         return 2 * points(SAMPLES) - 1, apply(resampling(POINTS, SAMPLES), self.q)
 
     def q_in_cells(self, cell: Pieces, x: Array) -> Array:
-        """q (…, R, N) at x (…, R) in [−1, 1] of the cells with indices (R,)."""
+        """Return q (…, R, N) at x (…, R) in [−1, 1] of the cells with indices (R,)."""
         return _values_in_cells(self.series[:, cell], x)
 
     def input_distance(self, other: IntegratedMotion) -> float:
@@ -353,7 +353,7 @@ def _fixed_point(system: TriangularSystem, start: Array, width: Array, q: Array,
 
 
 def _jacobian(system: TriangularSystem, q: Array, u: Array) -> Array:
-    """∂(rates)/∂q by central differences, flattened to shape (16, C, N, N)."""
+    """Return ∂(rates)/∂q by central differences, flattened to shape (16, C, N, N)."""
     step = 1e-6
     nudged = q[..., None, :] + step * np.eye(system.size)
     back = q[..., None, :] - step * np.eye(system.size)
@@ -430,5 +430,6 @@ def slopes(cells: Cells, values: Array) -> Array:
 
 
 def _hidden_height(count: int) -> float:
-    """Bound on a maximum above its nearest of `count` samples, for |d²/dθ²| ≤ 1."""
+    """Return a bound on how far a maximum exceeds the nearest of `count` samples, for |d²/dθ²|
+    ≤ 1."""
     return (np.pi / (count - 1)) ** 2 / 8

@@ -222,7 +222,7 @@ class RetimedTrajectory(Trajectory):
         return self.stations[k], self.stations[k + 1]
 
     def _pace(self, t: ArrayLike) -> tuple[Array, Array]:
-        """σ and dσ/dt (…, 1) at t."""
+        """Return σ and dσ/dt (…, 1) at t."""
         times = self._clip(t)
         ends = self._stations_around(times)
         sigma, pace = self._moving_pace(self.sigma(t), *ends, self._rate(times))
@@ -231,7 +231,7 @@ class RetimedTrajectory(Trajectory):
     def _moving_pace(
         self, sigma: Array, low: Array, high: Array, rate: Array
     ) -> tuple[Array, Array]:
-        """σ and dσ/dt (…, 1) for a clock that runs at `rate`, between stations.
+        """Return σ and dσ/dt (…, 1) for a clock that runs at `rate`, between stations.
 
         If the path itself stands still, dσ/dt is infinite, but its product with the path's inputs
         has a limit, which is taken slightly inside the piece.
@@ -291,7 +291,8 @@ class Inverse:
         self._length, self.slope = length, length.derivative()
 
     def __call__(self, s: Array, low: Array, high: Array) -> Array:
-        """σ at lengths s (…), which lie between own times low and high (…) of one piece."""
+        """Return σ at lengths s (…), which lies between the path's own times low and high (…) of
+        one piece."""
         high = np.nextafter(high, low)  # `high` itself belongs to the next piece
         piece = self._length.piece(low)
         c = self._length.c[:, piece]

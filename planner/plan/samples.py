@@ -173,7 +173,7 @@ def _turns(plan: Plan, t: Array) -> Array:
 
 
 def held_miss(plan: Plan, rate_hz: float = RATE_HZ) -> Array:
-    """Difference between the ends of the sampled and the original motion, in user coordinates (N,).
+    """Return the end of the sampled motion minus that of the original, in user coordinates (N,).
 
     One motion has the samples' held inputs, the other the plan's own. Both are integrated by the
     kinematics, without a machine, from the plan's start. NaN for a plan without real inputs.
@@ -243,7 +243,7 @@ def _travel_unit(rate: Coordinate) -> str:
 
 
 def _column_name(coordinate: Coordinate) -> str:
-    """Name and unit in one word, as in theta1_rad and speed_m_s; "1" if it has no unit."""
+    """Return name and unit in one word, as in theta1_rad and speed_m_s; "1" if it has no unit."""
     return f"{coordinate.name}_{(coordinate.unit or '1').replace('/', '_').replace('^', '')}"
 
 
@@ -311,7 +311,7 @@ def import_library(name: str) -> Any:
 
 
 def plan_facts(plan: Plan) -> dict[str, Any]:
-    """Attributes of frames and datasets that describe their plan."""
+    """Return the attributes by which frames and datasets describe their plan."""
     return {
         "problem": plan.problem.name,
         "method": plan.method,

@@ -79,7 +79,7 @@ class Trajectory(ABC):
 
     @abstractmethod
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
-        """q (P, C, N) and u (P, C, 2) at fractions 0 … 1, shape (P, C), of the pieces (C,).
+        """Return q (P, C, N) and u (P, C, 2) at fractions 0 … 1, shape (P, C), of the pieces (C,).
 
         At a fraction of 0 or 1 the value inside the piece is taken, where q or u may jump at the
         break. Many points on few pieces cost a tenth of the same points by time.
@@ -197,7 +197,7 @@ class ChainedTrajectory(Trajectory):
         return chained_form(self.system).margins(self.z(t), self.branch)
 
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
-        """By the inverse chart and the feedback transformation; NaN outside the chart's domain."""
+        """Return q and u by the inverse chart and the feedback; NaN outside the chart's domain."""
         z, v = (
             self.z_curve.piece_values(piece, fraction),
             self.v_curve.piece_values(piece, fraction),

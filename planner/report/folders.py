@@ -252,7 +252,8 @@ def save_sensitivities(found: Sensitivities, path: str | Path) -> Path:
 
 
 def _csv(responses: Sensitivity) -> str:
-    """S(T): one row per coordinate, one column per parameter, with units in the heads."""
+    """Return S(T) as CSV: one row per coordinate, one column per parameter, with units in the
+    heads."""
     columns = zip(responses.parameters, responses.units, strict=True)
     rows = [["coordinate", *(f"{name} ({unit})" for name, unit in columns)]]
     for c, row in zip(responses.plan.problem.system.coordinates, responses.terminal, strict=True):

@@ -218,7 +218,8 @@ class PlanFigure:
 
 
 def chained_panels(drawn: DrawnPlans) -> list[TimePanel]:
-    """z₂ with its domain (one panel per plan), the least margin if it adds something, z₃ … z_N."""
+    """Return the panels of z₂ with its domain (one per plan), of the least margin if it adds
+    something, and of z₃ … z_N."""
     system = drawn[0].plan.problem.system
     if isinstance(system, Manipulator):
         panels = [_z2_panel(one) for one in drawn]
@@ -256,7 +257,8 @@ def z2_band(plan: Plan, t: Array) -> Array:
 
 
 def _z2_panel(one: PlanCurves) -> TimePanel:
-    """z₂, the band in which a real θ₁ exists, and the points where the path leaves or enters it."""
+    """Return the panel of z₂, with the band in which a real θ₁ exists and the points where the path
+    leaves or enters it."""
     plan = one.plan
     out = np.array([] if plan.executable else plan.domain.exits_s)
     return TimePanel(
@@ -301,7 +303,7 @@ def joint_panels(drawn: DrawnPlans) -> list[TimePanel]:
 
 
 def input_panels(drawn: DrawnPlans) -> list[TimePanel]:
-    """u₁ and u₂ with their limits; peaks far beyond are cut off and noted."""
+    """Return the panels of u₁ and u₂ with their limits; peaks far beyond are cut off and noted."""
     problem = drawn[0].plan.problem
     panels = []
     for i, coordinate in enumerate(problem.system.inputs):
@@ -324,7 +326,8 @@ def input_panels(drawn: DrawnPlans) -> list[TimePanel]:
 
 
 def near_limits(values: Array, limit: float) -> list[float]:
-    """±limit if the values come close to it; a distant line would only shrink the curves."""
+    """Return ±limit if the values come close to it, else nothing: a distant line would only shrink
+    the curves."""
     reach = [(side, np.nanmax(side * values, initial=-np.inf)) for side in (-1, 1)]
     return [side * limit for side, most in reach if most > DRAWN_LIMIT_SHARE * limit]
 

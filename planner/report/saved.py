@@ -86,7 +86,8 @@ def _task_tables(problem: Problem) -> dict[str, Any]:
 
 
 def _machine_errors(path: Path) -> dict[str, Array]:
-    """E and the error at the end on each machine, (2, S), degrees, by label; {} without a file."""
+    """Return E and the error at the end on each machine, (2, S), degrees, by label; {} without a
+    file."""
     if not path.exists():
         return {}
     pairs: dict[str, list[list[float]]] = {}

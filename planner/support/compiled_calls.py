@@ -39,6 +39,7 @@ class Pointwise:
 
     CasADi stores matrices by columns, so a row-major array (m, k) of m points is the (k, m) matrix
     that CasADi's `map` expects, and CasADi can read the array's memory directly.
+
     Args:
         name: The function's name in CasADi's messages.
         arguments: CasADi column vectors.

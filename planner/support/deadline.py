@@ -32,7 +32,8 @@ LEAST_FINISH_S, FINISH_SHARE = 3.0, 0.25
 
 
 class TimeUpError(Exception):
-    """No time is left. Not a refusal: code that tries something else after those must stop too."""
+    """No time is left. It is not a refusal: code that tries something else after a refusal must
+    stop."""
 
 
 @dataclass(eq=False)

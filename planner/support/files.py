@@ -235,17 +235,19 @@ Value = TypeVar("Value")
 
 MB = 1_000_000
 TOML_BYTES = 4 * MB
-"""A problem has a few kB; a sweep of 50,000 cases with one line each has 4 MB."""
+"""Largest TOML file. A problem has a few kB; a sweep of 50,000 cases with one line each has 4
+MB."""
 JSON_BYTES = 200 * MB
-"""A plan has less than 1 MB; the motions of thousands of machines have some tens of MB."""
+"""Largest JSON file. A plan has less than 1 MB; the motions of thousands of machines have some tens
+of MB."""
 SAMPLES_BYTES = 2000 * MB
-"""Two million rows (the most that an export writes) with fifty columns."""
+"""Largest file of samples: two million rows (the most that an export writes) with fifty columns."""
 
 MOST_LEVELS = 50
-"""Levels of nested tables and lists; a problem has six, nested plans about twice as many."""
+"""Most levels of nested tables and lists; a problem has six, nested plans about twice as many."""
 
 MOST_BITS = 1023
-"""Bits of a whole number; a float holds no larger number."""
+"""Most bits of a whole number; a float holds no larger number."""
 
 # tomllib's time grows with the square of the parts of a key: a thousand parts take a second.
 _DEEP_KEY = re.compile(r"(?<![\w.\"'-])(?:[\w\"'-]++[ \t]*\.[ \t]*){100}")

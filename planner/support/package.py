@@ -65,7 +65,7 @@ def release() -> str:
 
 
 def provenance(*commands: str) -> str:
-    """Lines for a page that name the version and the commands that made it.
+    """Return lines for a page that name the version and the commands that made it.
 
     Returns:
         Markdown without a final newline.
@@ -115,7 +115,8 @@ LIBRARIES = ("casadi", "numpy", "scipy", "osqp")
 
 
 def versions() -> dict[str, str]:
-    """Versions of the planner, of Python, and of the libraries that affect the numbers."""
+    """Return the versions of the planner, of Python, and of the libraries that affect the
+    numbers."""
     from importlib import metadata
 
     return {

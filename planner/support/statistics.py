@@ -72,7 +72,7 @@ class Difference:
 
 
 def percentile_interval(values: Array, percent: float) -> tuple[float, float]:
-    """95 % confidence interval of a percentile of the distribution that values (S,) are drawn from.
+    """Return the 95 % confidence interval of a percentile of the distribution behind values (S,).
 
     Returns:
         The two ends, which are two of the values; NaN if there are too few values.

@@ -46,7 +46,7 @@ class Range(Table):
 
 
 class Distribution(Table):
-    """The distribution of a key; exactly one of these."""
+    """The distribution of a key; exactly one of these fields is given."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 

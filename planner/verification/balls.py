@@ -93,7 +93,7 @@ class Ellipses(NamedTuple):
         return np.asarray(np.fmin.reduce(self.r[:, 1:] * REMAINDER_FACTOR, axis=1))
 
     def integral(self, half: Array, middle: Array, doubt: Array) -> Ellipses:
-        """middle + ∫ from the middle of each cell: ∫ (c + bz + e) = cz + bz²/2 + ∫ e.
+        """Return middle + ∫ f from the middle of each cell, with ∫ (c + bz + e) = cz + bz²/2 + ∫ e.
 
         z² = 1/2 + (z² − 1/2), and |∫ e| ≤ r R along the straight line.
 
@@ -127,7 +127,7 @@ class Ball:
 
     @classmethod
     def constant(cls, value: float) -> Ball:
-        """Return one number on all cells, shape (1, 1)."""
+        """Return the ball of a number that is the same on all cells, shape (1, 1)."""
         return cls(np.full((1, 1), value), np.zeros((1, 1)), np.zeros((1, 1)))
 
     @classmethod
@@ -206,7 +206,8 @@ class Ball:
         return self + (-other)
 
     def __mul__(self, other: Ball | float) -> Ball:
-        """(c + bz + e)(c' + b'z + e'), where bb'z² = bb'/2 + bb'(z² − 1/2).
+        """Return the ball of the product (c + bz + e)(c' + b'z + e'), where bb'z² = bb'/2 + bb'(z²
+        − 1/2).
 
         Rounding: three units of |cc'| + |bb'|/2 + R (|cb'| + |bc'|). This is at most the product of
         the sizes, since R² ≥ 1/2 except at points.
@@ -233,12 +234,13 @@ class Ball:
 
 
 def choose(mask: Index, one: Triple, other: Triple) -> Triple:
-    """`one` where the mask is true, elsewhere the other."""
+    """Return `one` where the mask is true, `other` elsewhere."""
     return type(one)(*(np.where(mask, *pair) for pair in zip(one, other, strict=True)))
 
 
 def _compose(p: Ball, value: Array, slope: Array, rest: Array) -> Ball:
-    """g(p) from g(c), g'(c) and a bound of the rest; g(c) and g'(c) have errors of 8 units."""
+    """Return the ball of g(p) from g(c), g'(c) and a bound of the rest; g(c) and g'(c) have errors
+    of 8 units."""
     steep = np.abs(slope)
     rounding = 8 * ROUNDING_UNIT * (np.abs(value) + steep * p.reach)
     return Ball(value, slope * p.b, (steep * p.r + rest + rounding) * ROUNDING_FACTOR)
@@ -248,7 +250,8 @@ def _compose(p: Ball, value: Array, slope: Array, rest: Array) -> Ball:
 
 
 def sine_cosine(p: Ball) -> tuple[Ball, Ball]:
-    """sin and cos: rest of sin = |sin c| (cosh δ − 1) + |cos c| (sinh δ − δ), cos likewise.
+    """Return the balls of sin p and cos p. The rest of sin is |sin c| (cosh δ − 1) + |cos c| (sinh
+    δ − δ), that of cos likewise.
 
     sinh δ − δ ≤ δ (cosh δ − 1)/3, term by term; cosh δ − 1 = 2 sinh²(δ/2).
     """
@@ -269,7 +272,7 @@ def reciprocal(p: Ball) -> Ball:
 
 
 def power(p: Ball, a: float) -> Ball:
-    """p^a: for integers 0 ≤ a ≤ 8 by products, otherwise where c > δ.
+    """Return the ball of p^a: for integers 0 ≤ a ≤ 8 by products, otherwise only where c > δ.
 
     rest = c^a |a(a − 1)|/2 t² max((1 − t)^{a−2}, (1 + t)^{a−2}) with t = δ/c: Lagrange's bound, as
     |w^{a−2}| = |w|^{a−2} for real a.
@@ -287,7 +290,8 @@ def power(p: Ball, a: float) -> Ball:
 
 
 def exponential(p: Ball) -> Ball:
-    """e^p: rest = e^c (e^δ − 1 − δ), and e^δ − 1 − δ ≤ δ (e^δ − 1)/2 term by term.
+    """Return the ball of e^p; its rest is e^c (e^δ − 1 − δ), and e^δ − 1 − δ ≤ δ (e^δ − 1)/2 term
+    by term.
 
     For large δ the bound is e^(c + δ), which stays small for very negative c even if e^δ overflows.
     A result that underflows is less than the least normal float.
@@ -300,14 +304,15 @@ def exponential(p: Ball) -> Ball:
 
 
 def logarithm(p: Ball) -> Ball:
-    """log p where c > δ: rest = Σ tᵏ/k over k ≥ 2, at most t²/(2 (1 − t)) with t = δ/c."""
+    """Return the ball of log p where c > δ; its rest is Σ tᵏ/k over k ≥ 2, at most t²/(2 (1 − t))
+    with t = δ/c."""
     t = p.reach / p.c * ROUNDING_FACTOR
     rest = np.where((p.c > 0) & (t < 1), t * t / 2 / (1 - t), np.inf)
     return _compose(p, np.log(p.c), 1 / p.c, rest)
 
 
 def arctangent(p: Ball) -> Ball:
-    """arctan where δ < h = √(1 + c²), the distance to its poles ±i.
+    """Return the ball of arctan p where δ < h = √(1 + c²), the distance to its poles ±i.
 
     |g''| = |2z/((z − i)² (z + i)²)| ≤ 2 (|c| + δ)/(h − δ)⁴.
     """
@@ -318,7 +323,7 @@ def arctangent(p: Ball) -> Ball:
 
 
 def arcsine(p: Ball) -> Ball:
-    """arcsin where |c| + δ < 1.
+    """Return the ball of arcsin p where |c| + δ < 1.
 
     g'' = z (1 − z²)^{−3/2} and |1 − z²| ≥ (1 − |c| − δ)(1 + |c| − δ).
     """
@@ -343,7 +348,8 @@ def arctangent2(y: Ball, x: Ball) -> Ball:
 
 
 def polynomial_balls(c: Array, r: Array) -> list[Ball]:
-    """k polynomials with coefficients (k, C, width), whose errors sum to at most r (k, C).
+    """Return the balls of k polynomials with coefficients (k, C, width), whose errors sum to at
+    most r (k, C).
 
     On an ellipse |Tₖ| ≤ (ρᵏ + ρ⁻ᵏ)/2. Values at points are sums of `width` terms whose factors have
     errors of 4 units.
@@ -371,7 +377,8 @@ def _chebyshev_bounds(width: int) -> Array:
 
 
 def models(balls: Sequence[Ball], cells: int) -> list[Model]:
-    """Interpolants and their remainders; the segment's c + b τ if the ellipses give no bound.
+    """Return the models of balls: the interpolant and its remainder, or the segment's c + b τ if
+    the ellipses give no bound.
 
     Errors of the values grow at most by Lebesgue's constant. A sum of 16 products whose factors
     have errors of 4 units has an error below 28 units of the sum of their sizes.
@@ -404,14 +411,16 @@ def _sign(p: Ball) -> Array:
 
 
 def absolute(p: Ball) -> Ball:
-    """±p if the sign does not change; else, on real columns only, the range [0, |c| + δ]."""
+    """Return the ball of |p|: ±p if the sign does not change, else, on real columns only, the range
+    [0, |c| + δ]."""
     sign, half = _sign(p), np.where(REAL_COLUMNS, (np.abs(p.c) + p.reach) / 2, np.inf)
     c = np.where(sign == 0, half, p.c * sign)
     return Ball(c, p.b * sign, np.where(sign == 0, half * (1 + 4 * ROUNDING_UNIT), p.r))
 
 
 def signum(p: Ball) -> Ball:
-    """±1 if the sign does not change; else, on real columns only, [−1, 1]."""
+    """Return the ball of the sign of p: ±1 if it does not change, else, on real columns only, [−1,
+    1]."""
     sign = _sign(p) + 0.0 * p.c
     doubt = np.where(sign == 0, np.where(REAL_COLUMNS, 1.0, np.inf), 0.0)
     return Ball(sign, np.zeros_like(sign), doubt)

@@ -106,7 +106,7 @@ def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Encl
 
 
 def integral(f: Ball, width: Array, start: float) -> Ball:
-    """start + ∫ f over all cells.
+    """Return the ball of start + ∫ f over all cells.
 
     On the real line it is the integral of the interpolant, and the errors of f add up. Rounding: an
     integral is a sum of 16 products whose factors have errors of a few units of one. In total these
@@ -136,7 +136,7 @@ def full_ball(f: Ball, cells: Cells) -> Ball:
 
 @lru_cache(maxsize=32)
 def rates_of(system: TriangularSystem) -> Expression:
-    """q̇ as a function of (q, u) on balls."""
+    """Return q̇ as a function of (q, u) on balls."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     return Expression([q, u], ca.vertcat(*system.rates_expr(q, u)))
 
@@ -202,8 +202,8 @@ def _growth(
     u: list[Ball],
     block: list[int],
 ) -> tuple[Array, Array]:
-    """|∂q̇/∂q| between coordinates of a block on the cells' segments, shape (N, N, C), and its
-    diagonal from above, (N, C)."""
+    """Return |∂q̇/∂q| between coordinates of a block on the cells' segments, shape (N, N, C),
+    and its diagonal from above, (N, C)."""
     entries, row, column, _ = _jacobian(system)
     done: dict[object, Ball] = {}
     size = np.zeros((system.size, system.size, len(cells.piece)))
@@ -247,7 +247,7 @@ def perturbed_motion(system: TriangularSystem, motion: Enclosure, off: Array) ->
 
 
 def _logarithmic_norm(size: Array, high: Array, block: list[int]) -> Array:
-    """μ of a block (C,), from |J| (N, N, C) and upper bounds of J's diagonal (N, C)."""
+    """Return μ of a block (C,), from |J| (N, N, C) and upper bounds of J's diagonal (N, C)."""
     off = size[block][:, block].copy()
     off[range(len(block)), range(len(block))] = high[block]
     return np.asarray(np.max(np.sum(off, axis=1), axis=0))

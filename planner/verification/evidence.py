@@ -75,8 +75,8 @@ class EnclosedMotion:
         return edges if self.retimed is None else self.retimed.time_of(edges)
 
     def at(self, time_s: float) -> tuple[Array, Array]:
-        """Return the coordinates (N,) and inputs (2,) at a time of its own, to the accuracy of the
-        models."""
+        """Return the coordinates (N,) and inputs (2,) at a time, given in the motion's own time, to
+        the accuracy of the models."""
         ends = self.enclosure.cells.times(np.array([-1.0, 1.0]))
         k = int(np.clip(np.searchsorted(ends[:, 0], time_s, side="right") - 1, 0, len(ends) - 1))
         x = 2 * (time_s - ends[k, 0]) / (ends[k, 1] - ends[k, 0]) - 1

@@ -102,7 +102,7 @@ class Expression:
 
 
 def _product(a: Ball, b: Ball) -> Ball:
-    """a · b, cheaper if one of them is a number."""
+    """Return a · b, computed more cheaply if one of them is a number."""
     for one, other in ((a, b), (b, a)):
         if one.number is not None:
             return other.scaled(np.float64(one.number))
@@ -174,7 +174,7 @@ def polynomials(curve: Bernstein, cells: Cells, order: int = 0) -> list[Model]:
 
 
 def balls_on_cells(curve: Bernstein, cells: Cells, order: int = 0) -> list[Ball]:
-    """Piecewise polynomials on the cells as balls."""
+    """Return the balls of piecewise polynomials on the cells."""
     return polynomial_balls(*_cell_coefficients(curve, cells, order))
 
 
@@ -201,7 +201,8 @@ def refine_curve(curve: Bernstein, breaks: Array) -> Bernstein:
 
 
 def _cell_coefficients(curve: Bernstein, cells: Cells, order: int) -> tuple[Array, Array]:
-    """Chebyshev coefficients (k, C, d+1) on the cells, and bounds (k, C) of their summed errors."""
+    """Return Chebyshev coefficients (k, C, d+1) on the cells, and bounds (k, C) of their summed
+    errors."""
     c, slip = derivative(curve, order)
     c, degree = c[:, cells.piece], len(c) - 1
     size, slips = np.max(np.abs(c), axis=0).T, slip.T[:, cells.piece]

@@ -115,7 +115,8 @@ def _path(trajectory: Trajectory) -> Trajectory:
 
 
 def _omitted_inputs(trajectory: Trajectory, motion: Enclosure) -> Array:
-    """Bound on the integral of the path's inputs that a retimed motion may skip, shape (2,).
+    """Return a bound on the integral of the path's inputs that a retimed motion may skip, shape
+    (2,).
 
     The clock follows the length, so it skips any stretch of the path over which the length does not
     grow. If |u| ≤ M length' + η everywhere, the skipped inputs add up to at most η times the
@@ -260,7 +261,7 @@ def _inverse_by_links(system: TriangularSystem, branch: tuple[float, ...]) -> St
 
 @lru_cache(maxsize=32)
 def feedback_law(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[Law, Law]:
-    """u as a function of (z, v), and du/dt of (z, v, ż, v̇), on one branch."""
+    """Return u as a function of (z, v), and du/dt of (z, v, ż, v̇), on one branch."""
     n = system.size
     z, v, dz, dv = (ca.SX.sym(name, k) for name, k in (("z", n), ("v", 2), ("dz", n), ("dv", 2)))
     u = chained_form(system).inputs_expr(z, v, ca.DM(branch))
@@ -379,7 +380,8 @@ def derivative_on_balls(
 
 
 def composite(c: Array, slip: Array, x: Ball) -> list[Ball]:
-    """p(x) = Σ cₖ Tₖ(x) for coefficients (k, C, width) whose errors sum to `slip` (k, C, 1).
+    """Return the balls of p(x) = Σ cₖ Tₖ(x) for coefficients (k, C, width) whose errors sum to
+    `slip` (k, C, 1).
 
     rest = δ²/2 max|p''|. All points within δ of c lie in the ellipse about [−1, 1] with the greater
     half axis a = max(|c|, 1) + δ, where |Tₖ| ≤ Tₖ(a). Clenshaw's sums have errors of at most
@@ -399,7 +401,7 @@ def composite(c: Array, slip: Array, x: Ball) -> list[Ball]:
 
 
 def _clenshaw(c: Array, x: Array) -> Array:
-    """Σ cₖ Tₖ(x), for x (C, E) and coefficients (…, C, width)."""
+    """Return Σ cₖ Tₖ(x), for x (C, E) and coefficients (…, C, width)."""
     later = last = np.zeros((*c.shape[:-1], x.shape[-1]))
     twice = 2 * x
     for k in range(c.shape[-1] - 1, 0, -1):

@@ -131,7 +131,8 @@ POINTS = 16
 
 
 def _cosines(m: NDArray[np.int_]) -> Array:
-    """cos(π m/(2 POINTS)) for integers m, reduced to the first quadrant; errors of 4 units."""
+    """Return cos(π m/(2 POINTS)) for integers m, reduced to the first quadrant; errors of 4
+    units."""
     m = m % (4 * POINTS)
     m = np.minimum(m, 4 * POINTS - m)
     near = np.cos(np.pi / (2 * POINTS) * np.minimum(m, 2 * POINTS - m))
@@ -276,7 +277,8 @@ def least_values(functions: list[Margin], cells: Cells, scales: Array) -> list[L
 
 
 def _curved_bounds(c: Array) -> tuple[Index, Array, Array, Array]:
-    """For each row: whether one of the cases above applies; a value, its position, a lower bound.
+    """Return for each row whether its polynomial is monotonic, concave or convex on the cell; a
+    value near its least, the position of that value, and a lower bound.
 
     All sums have errors of at most (POINTS + 4) units of the sum of their terms' magnitudes; those
     of p'(y) and p(y), with Tₖ(y) = cos kθ, of 6 POINTS units, which for p the row's remainder

@@ -81,7 +81,7 @@ def joints(system: TriangularSystem, motion: Enclosure) -> list[Ball]:
 
 @lru_cache(maxsize=32)
 def _links(system: TriangularSystem) -> Expression:
-    """|P − C|², a and a² of each link as functions of (q, C)."""
+    """Return |P − C|², a and a² of each link as functions of (q, C)."""
     arm: Any = system
     q, centre = ca.SX.sym("q", system.size), ca.SX.sym("C", 2)
     offset, heading, out = -centre, ca.SX(0), []
@@ -96,7 +96,7 @@ def _links(system: TriangularSystem) -> Expression:
 
 @lru_cache(maxsize=32)
 def _points(system: TriangularSystem) -> Expression:
-    """x and y of the base, the joints and the tip as functions of q."""
+    """Return x and y of the base, the joints and the tip as functions of q."""
     q, arm = ca.SX.sym("q", system.size), cast("Any", system)
     points = arm_points_expr([q[i] for i in range(1, system.size)], arm.link_lengths)
     return Expression([q], ca.vertcat(*(x for point in points for x in point)))
@@ -126,7 +126,8 @@ def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple
 
 
 def lower_model(square: Model, along: Model, twice: Model, length: float) -> Model:
-    """|P − C|² + m(a), with the chord of m on cells across two of its ranges."""
+    """Return the model of |P − C|² + m(a), with the chord of m on cells across two of its
+    ranges."""
     low, high = np.clip(along.low, -1e6, 1e6), np.clip(along.high, -1e6, 1e6)
     behind, beyond, beside = low >= 0, high <= -length, (high <= 0) & (low >= -length)
     at_low, at_high = _least_quadratic(low, length), _least_quadratic(high, length)

@@ -1,4 +1,5 @@
-"""The figures of a plan, each defined once, and the flat summary that commands print.
+"""The figures of a plan (numbers such as its effort), each defined once, and the flat summary that
+commands print.
 
 All tables of plans take names, titles, units and digits from the fields of `PlanFigures` and its
 subclasses (such as the rows of a comparison): one more field is one more column.

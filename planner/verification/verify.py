@@ -149,13 +149,15 @@ def verify(plan: Plan) -> Check:
 def examine(
     plan: Plan, times: Array | None = None, coarse: IntegratedMotion | None = None
 ) -> tuple[Check, IntegratedMotion | None]:
-    """As `verify`, with the motion that was judged; None if there is none.
+    """Verify a plan as `verify` does, and also return the motion that was judged; None if there is
+    none.
 
     Args:
         plan: Any plan.
         times: Ends of the cells on which it is read, or of larger ones, seconds.
-        coarse: The motion that was judged without them. Limits on slopes of inputs are judged by
-            it, unless it missed some of the inputs: their rounding over a short time is a slope.
+        coarse: The motion judged before, without `times`. Limits on the rates of inputs are
+            judged by it, since rounding over a short cell looks like a rate; but not if it missed a
+            part of the inputs.
     """
     expect_plan(plan)
     if flaw := _flaw(plan):

@@ -56,7 +56,8 @@ def parse_unit(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Lower case, with plain digits for subscripts and superscripts, and one degree sign."""
+    """Return the text in lower case, with plain digits for raised and lowered ones, and one degree
+    sign."""
     text = unicodedata.normalize("NFKC", text.replace("º", "°")).casefold()
     return text.replace("\u2212", "-").strip()
 

@@ -44,7 +44,8 @@ SEPARATORS = (";", "\t", "|")
 
 
 def _number(decimal: str, other: str) -> re.Pattern[str]:
-    """Pattern of a number with this decimal mark; thousands in groups of three; not "0,123"."""
+    """Return the pattern of a number with this decimal mark and thousands in groups of three;
+    "0,123" is no such number."""
     groups = rf"[1-9]\d{{0,2}}(?P<group>[{other}' ])\d{{3}}(?:(?P=group)\d{{3}})*"
     return re.compile(
         rf"[+-]?(?:(?:{groups}|\d+)(?:[{decimal}]\d*)?|[{decimal}]\d+)(?:e[+-]?\d+)?",

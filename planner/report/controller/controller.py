@@ -314,7 +314,7 @@ def _guard(name: str, lines: list[str]) -> str:
 
 
 def _readme(plan: Plan, machine: Machine, design: TrackerDesign, real: str) -> str:
-    """README.md: which function to call when, with this plan's numbers."""
+    """Return README.md, which says when to call which function, with this plan's numbers."""
     ref, clock, system = design.ref, design.ref.timing, plan.problem.system
     size, horizon = 8 if real == "double" else 4, 2 * design.programme.horizon
     rows = horizon * (2 if design.ramp else 1) + horizon // 2 * ref.rows.shape[1]

@@ -96,7 +96,7 @@ def body_points(problem: Problem, q: Array) -> Array:
 
 
 def _position(system: TriangularSystem, w: Array) -> Array:
-    """x and y of user coordinates w (…, N), shape (…, 2)."""
+    """Return x and y of user coordinates w (…, N), shape (…, 2)."""
     names = [c.name for c in system.user_coordinates]
     return np.stack([w[..., names.index("x")], w[..., names.index("y")]], axis=-1)
 

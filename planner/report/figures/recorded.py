@@ -80,7 +80,8 @@ def _differences(ax: Any, t: Array, values: Array, style: dict[str, Any]) -> Non
 
 
 def start_of(log: Log, plan: Plan) -> float:
-    """Time in the log at which the plan began, s; the first commands of both coincide."""
+    """Return the time in the log at which the plan began, s; the first commands of both
+    coincide."""
     first = log.t[np.argmax(moving(log.u))]
     t = np.linspace(0.0, plan.duration, 1 + round(plan.duration / log.interval_s))
     return float(first - t[np.argmax(moving(plan.trajectory.u(t)))])

@@ -291,7 +291,7 @@ def _bars(ax: Any, places: Any, values: Any, reach: Any, colour: int, label: str
 
 
 def _reach(costs: tuple[Cost, ...], kind: str) -> Any:
-    """Half widths of the interval on both sides, (2, effects); zero if unknown."""
+    """Return the half widths of the interval on both sides, (2, effects); zero if unknown."""
     middle = np.array([getattr(c, f"{kind}_deg") for c in costs])
     ends = np.array([getattr(c, f"{kind}_interval_deg") for c in costs]).reshape(-1, 2)
     return np.nan_to_num(np.maximum([middle - ends[:, 0], ends[:, 1] - middle], 0.0))

@@ -164,7 +164,7 @@ def find_covered(labels: Iterable[str]) -> set[str]:
 
 
 def colours(labels: Sequence[str]) -> dict[str, str]:
-    """Colour of each plan, by label; with feedback a plan keeps its colour."""
+    """Return the colour of each plan, by label; with feedback a plan keeps its colour."""
     return {label: COLOURS[k] for label, k in colour_numbers(labels).items()}
 
 
@@ -183,7 +183,7 @@ def colour_numbers(labels: Sequence[str]) -> dict[str, int]:
 
 
 def colour_of(method: str) -> str:
-    """Colour of a method's plans in pictures."""
+    """Return the colour of a method's plans in pictures."""
     return COLOURS[METHOD_COLOURS[method]]
 
 
@@ -279,7 +279,8 @@ _DIGITS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 
 def readable_name(name: str) -> str:
-    """theta1 becomes θ₁, u2 becomes u₂; other names lose their underscores."""
+    """Return a name as it is drawn: theta1 becomes θ₁, u2 becomes u₂, others lose their
+    underscores."""
     match = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
     if not match:
         return name.replace("_", " ")
@@ -293,7 +294,7 @@ def escape_math(text: str) -> str:
 
 
 def axis_label(coordinate: Coordinate) -> str:
-    """Name and unit of a coordinate; angles are drawn in degrees."""
+    """Return name and unit of a coordinate; angles are drawn in degrees."""
     return f"{symbol(coordinate.name)} ({escape_math(unit_of(coordinate))})"
 
 

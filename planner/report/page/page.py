@@ -165,7 +165,7 @@ def _typeset(column: Column[R], title: str) -> Column[R]:
 
 
 def _symbols(title: str) -> str:
-    """|u1| becomes |u₁|; a percent sign stays on the line of its number."""
+    """Typeset a title: |u1| becomes |u₁|; a percent sign stays on the line of its number."""
     text = "|".join(readable_name(part) for part in title.split("|"))
     return text.replace(" %", "\N{NO-BREAK SPACE}%")
 
@@ -225,7 +225,7 @@ on the same machine. p: sign test, corrected for all pairs.</p></details>"""
 
 
 def _worst(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Commands that replay each plan's worst machine alone, folded."""
+    """Return the commands that replay each plan's worst machine alone, as a folded section."""
     finite = [
         f"# {row['label']}: machine {row['worst']}\n{row['worst_command']}"
         for row in rows

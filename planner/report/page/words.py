@@ -19,7 +19,7 @@ from planner.systems.triangular_system import Coordinate
 
 
 def colour_places(comparison: Comparison) -> dict[str, int]:
-    """Colour number of each row; a row with feedback has that of its plan without feedback."""
+    """Return the colour number of each row; a row with feedback has that of its plan without it."""
     return colour_numbers([row.label for row in comparison.rows])
 
 

@@ -26,8 +26,8 @@ Pieces = NDArray[np.int_]
 """Indices of pieces, or of cells, from 0."""
 
 MOST_COEFFICIENTS = 100_000
-"""Maximum per curve of a file, each for one or more components; the judge needs some 5 kB for each.
-A compensated plan of 500 s has this many."""
+"""Largest number of coefficients of a curve in a file; verification needs some 5 kB for each. A
+compensated plan of 500 s has this many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,8 @@ class Bernstein:
         return Bernstein(c, self.x)
 
     def antiderivative(self) -> Bernstein:
-        """∫ p dt from the first break, one degree higher, exactly continuous at the breaks."""
+        """Return ∫ p dt from the first break, one degree higher, exactly continuous at the
+        breaks."""
         c = integral(self.c) * self._wide
         c[:, 1:] += np.cumsum(c[-1], axis=0)[:-1]
         return Bernstein(c, self.x)

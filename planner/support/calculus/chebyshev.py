@@ -128,13 +128,13 @@ class Grid:
         return np.asarray(left + width * points(DEGREE + 1))
 
     def integral(self, f: Array) -> Array:
-        """∫ f dt from the first break to every point."""
+        """Return ∫ f dt from the first break to every point."""
         integrals = _on_pieces(integration(DEGREE + 1), f) * self._width(f)
         before = np.cumsum(integrals[:, -1], axis=0) - integrals[:, -1]
         return integrals + before[:, None]
 
     def derivative(self, f: Array) -> Array:
-        """df/dt at the points."""
+        """Return df/dt at the points."""
         return _on_pieces(differentiation(DEGREE + 1), f) / self._width(f)
 
     def tail(self, f: Array) -> Array:

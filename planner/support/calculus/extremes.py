@@ -14,7 +14,8 @@ Function = Callable[[Array], Array]
 
 
 def sample_times(breaks: Array, count: int = 2000, least: int = 9) -> Array:
-    """About `count` times over the pieces between `breaks`, denser near the ends of each piece.
+    """Return about `count` times over the pieces between `breaks`, denser near the ends of each
+    piece.
 
     Each piece has at least `least` times, including its two ends.
 

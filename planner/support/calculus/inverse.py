@@ -34,7 +34,8 @@ class Preimage:
             has the wanted sign, and where the value is NaN.
         exists: Whether there is a solution.
         short_low: If the value is below f at the low end (on the scale sign·f): by how much; else
-        0. short_high: If it is above f at the high end: by how much; else 0.
+            0.
+        short_high: If it is above f at the high end: by how much; else 0.
         short_turn: If it is beyond f at the turning point: by how much; else 0.
     """
 

@@ -170,7 +170,7 @@ class DesignFile(Table):
 
 
 def design_schema() -> dict[str, Any]:
-    """JSON Schema of a design file, for editors."""
+    """Return the JSON Schema of a design file, for editors."""
     return DesignFile.model_json_schema()
 
 

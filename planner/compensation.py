@@ -252,7 +252,8 @@ def _fastest(plan: Plan) -> Plan | None:
 
 
 def _plan_near(problem: Problem, near: Plan) -> Plan:
-    """Plan by the method of `near`, starting from it if the method can; return a verified plan."""
+    """Plan by the method of the plan `near`, starting from that plan if the method can; return a
+    verified plan."""
     entry = find_method(near.method)
     options = merged_options(problem, entry, dict(near.options))
     refuse_too_short(problem)

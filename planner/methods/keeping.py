@@ -122,12 +122,12 @@ def steps(travel: float | None) -> tuple[Keeping, Keeping]:
 
 
 def answers(problem: Problem, keeps: Keeps) -> dict[str, Keeping]:
-    """A method's answer for each part of each demand of a problem, by the part's label."""
+    """Return a method's answer for each part of each demand of a problem, by the part's label."""
     return {p.label: keeps(problem, each, p) for each in problem.demands for p in each.parts}
 
 
 def not_promised(problem: Problem, keeps: Keeps) -> tuple[str, ...]:
-    """Labels of the parts that a method does not guarantee."""
+    """Return the labels of the parts that a method does not guarantee."""
     return tuple(label for label, answer in answers(problem, keeps).items() if answer != "kept")
 
 

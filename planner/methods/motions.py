@@ -58,7 +58,7 @@ the axes would hardly exceed twice the prototype's lost motion of 4.7 degrees.""
 
 
 def excitation(problem: Problem) -> Plan:
-    """A motion of 30 s to record, from which `planner.identify` learns the machine.
+    """Return a motion of 30 s to record, from which `planner.identify` learns the machine.
 
     The drive reverses in a square wave of 5.3 s while θ₁ follows two sines of 11 and 3.1 s. It
     starts at the problem's start, which should be near θ₁ = 0, and keeps every limit except that of
@@ -125,7 +125,7 @@ MOST_STRETCH = 2.5
 
 
 def homing(problem: Problem) -> Plan:
-    """A motion after which backlash and torsion are known: every axis is ahead of its joint.
+    """Return a motion after which backlash and torsion are known: every axis is ahead of its joint.
 
     The drive turns back by 0.6 rad, forward by 0.5 rad at 0.3 rad/s, then slowly until every
     passive encoder has risen by 1.5 degrees above its least reading in that turn. Joint 1 then
@@ -208,7 +208,8 @@ def _arm(problem: Problem, what: str) -> Manipulator:
 
 
 def _within_rate(u: Array, rate: Array) -> Array:
-    """Speeds (K+1, …, 2) that follow u from rest to rest and change no faster than `rate`."""
+    """Return the speeds (K+1, …, 2) that follow u from rest to rest and change no faster than
+    `rate`."""
     most, out = rate * KNOT_S, u.copy()
     out[0] = 0.0
     for k in range(1, len(u)):
@@ -220,7 +221,8 @@ def _within_rate(u: Array, rate: Array) -> Array:
 
 
 def _course(system: Manipulator, start: Array, t: Array, u: Array) -> Array:
-    """Coordinates (K+1, …, n+1) under inputs (K+1, …, 2) that are linear between times t."""
+    """Return the coordinates (K+1, …, n+1) under inputs (K+1, …, 2) that are linear between times
+    t."""
     nodes = [np.broadcast_to(start, (*u.shape[1:-1], system.size))]
     for k, h in enumerate(np.diff(t)):
         inputs = np.stack([u[k], (u[k] + u[k + 1]) / 2, u[k + 1]])

@@ -59,7 +59,7 @@ BY_COLLOCATION = Change(method="collocation", words=", which plans in joint coor
 
 
 def duration_change(seconds: float) -> Change:
-    """The change to another duration, rounded up."""
+    """Return the change to another duration, rounded up."""
     text = round_up(seconds)
     return Change({"goal.duration": float(text)}, f"goal.duration = {text}")
 
@@ -117,7 +117,7 @@ def path_changes(problem: Problem) -> list[Change]:
 
 
 def round_up(value: float) -> str:
-    """A number rounded up to about four digits."""
+    """Return a number rounded up to about four digits."""
     scale = 10.0 ** (3 - int(np.floor(np.log10(value))))
     return f"{np.ceil(value * scale) / scale:.10g}"
 

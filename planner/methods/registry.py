@@ -206,7 +206,7 @@ def register_method(
 
 
 def _faults(method: Any) -> Iterator[str]:
-    """Reasons why an entry is not a valid method."""
+    """Yield the reasons why an entry is not a valid method."""
     for key in ("plan", "keeps", "replan"):
         function = getattr(method, key)
         if not callable(function) and not (key == "replan" and function is None):

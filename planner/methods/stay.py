@@ -26,7 +26,7 @@ verification could not distinguish them."""
 
 
 def plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
-    """A plan that stays at the start, if that solves the problem.
+    """Return a plan that stays at the start, if that solves the problem.
 
     Args:
         problem: The problem.

@@ -159,7 +159,7 @@ def _rates(stretch: PathIntervals, b: Array) -> Array:
 
 
 def _interpolate(b: Array) -> Array:
-    """Return b at every point, shape (M, D)."""
+    """Interpolate b linearly from the nodes to every point, shape (M, D)."""
     return np.asarray(b[:-1, None] + np.diff(b)[:, None] * Grid(np.array([0.0, 1.0])).times[0])
 
 

@@ -53,7 +53,7 @@ class End:
         return not (self.singular or self.crossed or np.any(np.isnan(self.z[1:])))
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form (NaN where undefined)."""
+        """Return JSON-ready form (NaN where undefined)."""
         return {
             "q": self.q.tolist(),
             "z": self.z.tolist(),
@@ -159,7 +159,7 @@ def refuse_too_short(problem: Problem) -> None:
 
 
 def _top_rates(problem: Problem) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Largest |q̇| within the input limits, shape (N,); infinite if unknown."""
+    """Return the largest |q̇| within the input limits, shape (N,); infinite if unknown."""
     rates = np.full(problem.system.size, np.inf)
     u1, u2 = problem.limits.input
     rates[1] = u2

@@ -48,7 +48,8 @@ MOST_PARTS = 20_000
 
 
 def clearance(problem: Problem, theta: Array) -> Array:
-    """Least distance between links and discs minus the required one, shape (…), at θ (…, n), m."""
+    """Return the least distance between links and discs minus the required one, shape (…), at θ (…,
+    n), m."""
     points = problem.system.arm_points(theta)  # type: ignore[attr-defined]
     every = (disc.clearances(points).min(axis=-1) - disc.clearance for disc in problem.obstacles)
     least = next(every)
@@ -59,7 +60,7 @@ def clearance(problem: Problem, theta: Array) -> Array:
 
 @lru_cache(maxsize=8)
 def is_blocked(problem: Problem) -> bool:
-    """Whether discs and joint limits provably separate the goal from the start."""
+    """Return whether discs and joint limits provably separate the goal from the start."""
     fits = problem.obstacles and COARSEST ** (problem.system.size - 1) <= MOST_CELLS
     if not fits or not np.isfinite(problem.limits.joint[1:]).all():
         return False
@@ -149,7 +150,7 @@ def _shorten(problem: Problem, way: list[Array], rng: np.random.Generator) -> Ar
 
 
 def is_clear(problem: Problem, one: Array, other: Array) -> bool:
-    """Whether links clear all discs on the straight segment between two poses (n,)."""
+    """Return whether links clear all discs on the straight segment between two poses (n,)."""
     beyond, ends = _beyond(problem), np.stack([one, other])[None]
     while len(ends):
         least = clearance(problem, ends.mean(axis=1))
@@ -177,16 +178,17 @@ class Grid:
     cells: NDArray[np.int8]
 
     def centres(self, index: NDArray[np.int64]) -> Array:
-        """Angles at the cells' centres, shape (…, n)."""
+        """Return the angles at the cells' centres, shape (…, n)."""
         return np.asarray(self.low + (index + 0.5) * self.widths)
 
     def index(self, theta: Array) -> tuple[int, ...]:
-        """Index of the cell that contains angles (n,)."""
+        """Return the index of the cell that contains angles (n,)."""
         cell = np.floor((theta - self.low) / self.widths).astype(int)
         return tuple(np.clip(cell, 0, np.array(self.cells.shape) - 1).tolist())
 
     def goal_cells(self, problem: Problem) -> NDArray[np.bool_]:
-        """Mask of cells that may contain a goal: several if the goal leaves joints free."""
+        """Return the mask of cells that may contain a goal: several if the goal leaves joints
+        free."""
         goal, tip = problem.goal[1:], problem.tip
         mask = np.zeros(self.cells.shape, dtype=bool)
         index = zip(self.index(np.nan_to_num(goal)), np.isnan(goal), strict=True)
@@ -208,7 +210,7 @@ class Grid:
     def connects(
         self, start: Array, goal: NDArray[np.bool_], may_pass: NDArray[np.bool_], corners: bool
     ) -> bool:
-        """Whether a chain of cells that `may_pass` marks leads from start to goal.
+        """Return whether a chain of cells that `may_pass` marks leads from start to goal.
 
         Consecutive cells share a face or, if `corners`, at least a corner.
         """
@@ -239,12 +241,12 @@ def _grids(problem: Problem) -> Iterator[Grid]:
 
 
 def _box(problem: Problem) -> Array:
-    """Largest angle of each joint in the search, shape (n,), rad."""
+    """Return the largest angle of each joint in the search, shape (n,), rad."""
     ends = np.fmax(np.abs(problem.start[1:]), np.nan_to_num(np.abs(problem.likely.goal[1:])))
     limit = problem.limits.joint[1:]
     return np.where(np.isfinite(limit), limit, np.fmax(WIDEST_RAD, ends))
 
 
 def _beyond(problem: Problem) -> Array:
-    """Length of the arm from each joint to its tip, shape (n,), m."""
+    """Return the length of the arm from each joint to its tip, shape (n,), m."""
     return np.cumsum(problem.system.link_lengths[::-1])[::-1]  # type: ignore[attr-defined]

@@ -194,7 +194,7 @@ class Probe:
     finding: Controllability | None
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form."""
+        """Return JSON-ready form."""
         finding = None if self.finding is None else self.finding.to_dict()
         return {"at": self.name, "controllability": finding}
 
@@ -237,7 +237,7 @@ class Nonholonomy:
         return f"{text} (it belongs to a sine law); corrected for cos^3 it {corrected}"
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form."""
+        """Return JSON-ready form."""
         verdict = self.recursion_verdict or None
         return {"places": [p.to_dict() for p in self.places], "paper_recursion": verdict}
 

@@ -434,7 +434,7 @@ class Problem:
         return any(requirement.divides for requirement in self.requirements)
 
     def reads(self, name: str) -> bool:
-        """Whether a requirement depends on the argument `name`: "q", "u" or "du"."""
+        """Return whether a requirement depends on the argument `name`: "q", "u" or "du"."""
         return any(name in requirement.reads for requirement in self.requirements)
 
     @property

@@ -56,7 +56,7 @@ class Reach:
     reach: float
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form."""
+        """Return JSON-ready form."""
         return {
             "branches_theta_deg": [np.rad2deg(q[1:]).tolist() for q in self.branches],
             "blocked_branches": self.blocked,
@@ -151,7 +151,8 @@ def _improved_angles(problem: Problem, theta: Array, free: Array, most: Array) -
 
 
 def _tip_errors(problem: Problem, theta: Array) -> Array:
-    """Errors of the m tip quantities at angles (S, n), shape (S, m): relative to reach, or rad."""
+    """Return the errors of the m tip quantities at angles (S, n), shape (S, m): relative to reach,
+    or rad."""
     if problem.tip is None:
         return np.zeros((len(theta), 0))
     q = np.column_stack([np.zeros(len(theta)), theta])
@@ -173,7 +174,8 @@ def _tip_slopes(problem: Problem, theta: Array) -> Array:
 
 
 def _keeps_requirements(problem: Problem, theta: Array) -> Array:
-    """Whether configurations (S, n) satisfy the requirements that depend on q only, shape (S,)."""
+    """Return whether configurations (S, n) satisfy the requirements that depend on q only, shape
+    (S,)."""
     q = np.column_stack([np.zeros(len(theta)), theta])
     points, out = MotionPoint.of(problem.system, q), np.ones(len(theta), dtype=bool)
     for requirement in problem.requirements:

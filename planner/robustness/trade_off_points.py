@@ -86,7 +86,7 @@ def solved_point(
 
 
 def point_of(plan: Plan, options: DesensitisedOptions, limit: float) -> TradeOffPoint:
-    """Return the point of a verified plan."""
+    """Return the point of the curve that a verified plan makes."""
     spread = spreads(plan.problem.system, options)
     responses = sensitivity(plan)
     passive, total = responses.passive_block_deg(spread), responses.total_deg(spread)

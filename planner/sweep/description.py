@@ -157,7 +157,7 @@ def check_keys(
     """Refuse keys and values that are invalid in every case.
 
     Values that are invalid only in combination are left to their cases. Each row of `cases` is
-    tried as a whole; every other key is tried alone with the rest of the first point.
+    tried as a whole; every other key is tried alone, with the other values of the first point.
 
     Raises:
         InputError: For a key that does not exist, a value it can never have, or a key that has no

@@ -69,7 +69,8 @@ class BallGear(PlanarArm, TangentSystem):
     # -- numeric form --------------------------------------------------------------------------
 
     def _ratios(self, q: Array) -> Array:
-        """Speed of each ball relative to k_g u₁, shape (…, n): 1, cosθ₁, cosθ₁cosθ₂, …"""
+        """Return the speed of each ball relative to k_g u₁, shape (…, n): 1, cosθ₁, cosθ₁cosθ₂,
+        …"""
         ones = np.ones_like(q[..., :1])
         return np.asarray(np.cumprod(np.concatenate([ones, np.cos(q[..., 1:-1])], -1), axis=-1))
 

@@ -54,7 +54,7 @@ class ChainedForm:
         return 1e-5 if both is None else 2e-6 + 1e-8 * float(both.function.n_instructions())
 
     def z_expr(self, q: Any) -> Any:
-        """Chained coordinates as a CasADi expression in q (N)."""
+        """Return the chained coordinates as a CasADi expression in q (N)."""
         return self._z.function(q)
 
     def q_expr(self, z: Any, branch: Any) -> Any | None:
@@ -66,17 +66,18 @@ class ChainedForm:
         return None if self._inputs is None else self._inputs.function(z, v, branch)
 
     def z(self, q: Array) -> Array:
-        """Chained coordinates (…, N) of q (…, N); eq. (3)."""
+        """Return the chained coordinates (…, N) of q (…, N); eq. (3)."""
         return self._z(q)
 
     def v(self, q: Array, u: Array) -> Array:
-        """Chained inputs (…, 2) of inputs u (…, 2) at q (…, N); eq. (4)."""
+        """Return the chained inputs (…, 2) of inputs u (…, 2) at q (…, N); eq. (4)."""
         drive, slope, drift = np.moveaxis(self._feedback(q), -1, 0)
         v1 = drive * u[..., 0]
         return np.stack([v1, slope * u[..., 1] + drift * v1], axis=-1)
 
     def u(self, q: Array, v: Array) -> Array:
-        """Inputs (…, 2) for chained inputs v (…, 2) at q (…, N); not finite where singular."""
+        """Return the inputs (…, 2) for chained inputs v (…, 2) at q (…, N); not finite where
+        singular."""
         drive, slope, drift = np.moveaxis(self._feedback(q), -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             u1 = v[..., 0] / drive
@@ -84,13 +85,14 @@ class ChainedForm:
         return np.stack([u1, u2], axis=-1)
 
     def q(self, z: Array, branch: Array) -> Array:
-        """Coordinates (…, N) of z (…, N) on the given branch; NaN outside the domain."""
+        """Return the coordinates (…, N) of z (…, N) on the given branch; NaN outside the domain."""
         if self._state is None:
             return self._invert(z, branch)
         return self._state(z, np.broadcast_to(branch, z.shape))
 
     def inputs(self, z: Array, v: Array, branch: Array) -> Array:
-        """Inputs (…, 2) for chained inputs v (…, 2) at z (…, N): `q`, then `u`, in one call."""
+        """Return the inputs (…, 2) for chained inputs v (…, 2) at z (…, N): `q`, then `u`, in one
+        call."""
         if self._inputs is None:
             return self.u(self.q(z, branch), v)
         return self._inputs(z, v, np.broadcast_to(branch, z.shape))
@@ -104,7 +106,7 @@ class ChainedForm:
         return values[..., : self.system.size], values[..., self.system.size :]
 
     def margins(self, z: Array, branch: Array) -> Array:
-        """Signed margins (…, M) of the chart's domain at z (…, N); > 0 strictly inside.
+        """Return the signed margins (…, M) of the chart's domain at z (…, N); > 0 strictly inside.
 
         Their labels are `system.margin_labels`. If a coordinate has no real value, the margins of
         the earlier coordinates are NaN.
@@ -130,7 +132,7 @@ class ChainedForm:
 
 @lru_cache(maxsize=64)
 def chained_form(system: TriangularSystem) -> ChainedForm:
-    """The chained form of a system, built once and cached.
+    """Return the chained form of a system, built once and cached.
 
     Raises:
         InputError: If the argument is not a system.

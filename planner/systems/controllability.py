@@ -76,7 +76,7 @@ class Controllability:
         return self.neighbours == (self.growth,)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready form."""
+        """Return JSON-ready form."""
         return {
             "system": self.system,
             "q": list(self.q),
@@ -283,11 +283,11 @@ class Brackets:
         self._values: dict[int, tuple[list[str], Pointwise]] = {}
 
     def names(self, length: int) -> list[str]:
-        """Names of the brackets of exactly that length."""
+        """Return the names of the brackets of exactly that length."""
         return self._fields_of_length(length)[0]
 
     def values(self, q: Array, length: int) -> Array:
-        """The brackets of exactly that length at q (…, N), shape (…, count, N)."""
+        """Return the brackets of exactly that length at q (…, N), shape (…, count, N)."""
         names, function = self._fields_of_length(length)
         return function(q).reshape(*q.shape[:-1], len(names), q.shape[-1])
 

@@ -125,7 +125,8 @@ class CustomSystem(TriangularSystem):
     # -- the chart -----------------------------------------------------------------------------
 
     def branch(self, q: Array) -> Array:
-        """Sign of ∂fᵢ₊₁/∂qᵢ at index i; 0 where it vanishes or qᵢ is outside its interval."""
+        """Return the sign of ∂fᵢ₊₁/∂qᵢ at index i; 0 where it vanishes or qᵢ is outside its
+        interval."""
         out = np.ones(self.size)
         point = np.nan_to_num(np.asarray(q, dtype=float))
         for i, (low, high) in self._intervals.items():
@@ -251,7 +252,8 @@ class CustomSystem(TriangularSystem):
 
 
 def _no_such_branch(solution: Preimage, slope: Array) -> NDArray[np.bool_]:
-    """Mask of the slopes (not NaN) for which the derivative nowhere has the branch's sign."""
+    """Return the mask of the slopes (not NaN) for which the derivative nowhere has the branch's
+    sign."""
     return np.isnan(solution.x) & ~np.isnan(np.ravel(slope))
 
 

@@ -64,7 +64,7 @@ class Linearisation:
 
 @lru_cache(maxsize=32)
 def parameters(system: TriangularSystem) -> tuple[ErrorParameter, ...]:
-    """The errors of a system, in the order of the module's table."""
+    """Return the errors of a system, in the order of the module's table."""
     u = system.inputs
     return (
         *(ErrorParameter(f"gain {i.name}", "1") for i in u),
@@ -77,7 +77,7 @@ def parameters(system: TriangularSystem) -> tuple[ErrorParameter, ...]:
 
 
 def gear_count(system: TriangularSystem) -> int:
-    """Number of gear constants Kᵢ; 0 for systems other than arms."""
+    """Return the number of gear constants Kᵢ; 0 for systems other than arms."""
     return system.n - 1 if isinstance(system, PlanarArm) else 0
 
 

@@ -204,7 +204,7 @@ class Manipulator(PlanarArm):
     # -- the chart -----------------------------------------------------------------------------
 
     def branch(self, q: Array) -> Array:
-        """Signs of θ₁ … θₙ₋₁ (the chart has two branches in each); 1 for φ and θₙ."""
+        """Return the signs of θ₁ … θₙ₋₁ (the chart has two branches in each); 1 for φ and θₙ."""
         signs = np.ones(self.size)
         signs[1:-1] = np.sign(q[1:-1])
         return signs
@@ -262,7 +262,7 @@ class Manipulator(PlanarArm):
 
 
 def gravity_torques(weights: Array, theta: Array) -> Array:
-    """Torque of gravity on each joint of an arm on an inclined plane.
+    """Return the torque of gravity on each joint of an arm on an inclined plane.
 
     It follows from the potential Σ weightⱼ sin(θ₁ + … + θⱼ); the plane rises along the y axis of
     the base.
@@ -279,7 +279,7 @@ def gravity_torques(weights: Array, theta: Array) -> Array:
 
 
 def chain_inertia(inertia: Array, lengths: Array, moments: Array, angles: Array) -> Array:
-    """Matrix of the kinetic energy of a planar chain of links, (n, n, S), kg m^2.
+    """Return the matrix of the kinetic energy of a planar chain of links, (n, n, S), kg m^2.
 
     With the links' angles ψᵢ = θ₁ + … + θᵢ the energy is
 

@@ -189,7 +189,8 @@ class TriangularSystem(ABC):
 
     @abstractmethod
     def branch(self, q: Array) -> Array:
-        """Numbers (N,) that identify the chart's branch on which q lies; 0 on a singularity."""
+        """Return the numbers (N,) that identify the chart's branch on which q lies; 0 on a
+        singularity."""
 
     @abstractmethod
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
@@ -215,7 +216,8 @@ class TriangularSystem(ABC):
 
     @abstractmethod
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
-        """Margins of `link_from_slope` at index i, one array (…,) per label; > 0 inside."""
+        """Return the margins of `link_from_slope` at index i, one array (…,) per label; > 0
+        inside."""
 
     @abstractmethod
     def chart_margins(self, q: Array, branch: Array) -> Array:
@@ -233,7 +235,7 @@ class TriangularSystem(ABC):
     # -- identity ------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
-        """The `[system]` table of a problem file that describes this system.
+        """Return the `[system]` table of a problem file that describes this system.
 
         By default the table has the kind and the public attributes of the object. So the
         constructor must store each constant under the name of its key.
@@ -296,7 +298,8 @@ class TangentSystem(TriangularSystem):
         return offset, self.slopes(state)[..., i - 1] - offset
 
     def branch(self, q: Array) -> Array:
-        """Branch number of each link: 2k + 1 if the angle is within 90° of kπ; 0 on the edge.
+        """Return the branch number of each link: 2k + 1 if the angle is within 90° of kπ; 0 on the
+        edge.
 
         For the usual branch, |qᵢ| < 90°, and for coordinates without a link it is 1.
         """
@@ -312,7 +315,7 @@ class TangentSystem(TriangularSystem):
             return np.asarray((slope - offset) / gain)
 
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
-        """The angle on the given branch; it exists for every finite slope."""
+        """Return the angle on the given branch; it exists for every finite slope."""
         return np.asarray(np.arctan(self._tangent(i, slope, q)) + _centre(branch)[i])
 
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
@@ -353,7 +356,7 @@ class TangentSystem(TriangularSystem):
 
 
 def _centre(branch: Array) -> Array:
-    """Centre angle of each branch, radians."""
+    """Return the centre angle of each branch, radians."""
     return np.asarray(np.pi * (branch - 1) / 2)
 
 

@@ -53,11 +53,11 @@ class UserMap:
         self._check_shared()
 
     def there(self, q: Any) -> list[Any]:
-        """The user coordinates w as CasADi expressions in q."""
+        """Return the user coordinates w as CasADi expressions in q."""
         return self._parse("expressions", self.own, q)
 
     def back(self, w: Any) -> list[Any]:
-        """The coordinates q as CasADi expressions in w."""
+        """Return the coordinates q as CasADi expressions in w."""
         return self._parse("inverse", self.coordinates, w)
 
     def _parse(self, key: str, names: Sequence[Coordinate], x: Any) -> list[Any]:

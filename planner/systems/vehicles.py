@@ -59,7 +59,7 @@ class Unicycle(TangentSystem):
         return np.stack(np.broadcast_arrays(velocity.real, u[..., 1], velocity.imag), axis=-1)
 
     def axle_points(self, q: Array) -> Array:
-        """Contact point of the wheel with the ground, shape (…, 1, 2), m."""
+        """Return the contact point of the wheel with the ground, shape (…, 1, 2), m."""
         return np.stack([q[..., 0], q[..., -1]], axis=-1)[..., None, :]
 
     def _link(self, i: int, q: Array) -> tuple[Array, Array]:

@@ -165,7 +165,8 @@ class Ball:
         return (np.abs(self.b) * RADIUS_COLUMN + self.r) * ROUNDING_FACTOR
 
     def replace_rows(self, rows: Index, fresh: Index, new: Ball) -> Ball:
-        """Select `rows`, and replace those of the mask `fresh` by the rows of `new`."""
+        """Select rows of the ball, then replace those that the mask `fresh` marks by the rows of
+        `new`."""
         out = [x[rows] for x in self]
         for part, other in zip(out, new, strict=True):
             part[fresh] = other

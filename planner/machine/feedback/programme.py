@@ -298,7 +298,7 @@ class Solver:
         return osqp_result(self._osqp)
 
     def _set_up(self) -> None:
-        """Give OSQP the shape of all programmes, with limits that hold nowhere."""
+        """Give OSQP the shape of all programmes, with limits so wide that none is active."""
         unknowns = self._shape[1]
         free = np.full(len(self._length), np.inf)
         self._osqp.setup(

@@ -302,7 +302,7 @@ class Correction:
     def _pin_steps(self, now: Runs) -> Array:
         """Return the changes that remove the misses and change the motion least, (m, 2, S), rad.
 
-        There is one for all knots, and one for each half and quarter of them, with each probe. The
+        One changes all knots, others only a half or a quarter of them, each with every probe. The
         variety helps where motors reverse or are at their limits, since one derivative is not
         reliable there.
         """

@@ -190,7 +190,7 @@ class Identification:
         return figure
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
+        """Return JSON-ready data."""
         return {
             "machine": self.machine.to_dict(),
             "parameters": [

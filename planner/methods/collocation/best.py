@@ -89,7 +89,7 @@ class Best:
         return [each for each in self.candidates.values() if each.solution.ok]
 
     def holds(self) -> bool:
-        """Whether any candidate can become a plan."""
+        """Return whether any candidate can become a plan."""
         return bool(self.motions)
 
     def take(self, candidate: Candidate) -> None:

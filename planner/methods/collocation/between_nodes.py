@@ -71,7 +71,7 @@ class Inspection:
         return _savings(self.task, self.solution)
 
     def fine(self, accuracy: float) -> bool:
-        """Whether the motion needs no finer mesh."""
+        """Return whether the motion needs no finer mesh."""
         return self.end_error <= accuracy and self.largest_error <= INTERPOLANT * accuracy
 
 
@@ -87,7 +87,8 @@ def inspect(task: Task, solution: Solution) -> Inspection:
 
 
 def _savings(task: Task, solution: Solution) -> Array:
-    """Estimated cost of each interval due to inputs that bend or jump only at its edges, (K,).
+    """Return the estimated cost of each interval due to inputs that bend or jump only at its edges,
+    (K,).
 
     The optimal input differs from the piecewise one by about its kinks: where a linear input must
     begin at rest or bend at a limit, the cost is a tenth of a squared triangle. Kinks that change
@@ -115,13 +116,14 @@ def _savings(task: Task, solution: Solution) -> Array:
 
 @lru_cache(maxsize=16)
 def _basis(kind: Kind, degree: int) -> Array:
-    """Matrix (M, d+1) from values at the left edge and collocation points to samples between."""
+    """Return the matrix (M, d+1) from values at the left edge and collocation points to samples
+    between."""
     tau = np.arange(STEPS + 1) / STEPS
     return np.asarray(basis(degree, tau).T @ scheme(kind, degree).bernstein)
 
 
 def clears(task: Task, solution: Solution) -> bool:
-    """Whether links clear all discs between the points of the mesh too.
+    """Return whether links clear all discs between the points of the mesh too.
 
     A link that enters a disc by less than half its radius counts as clear, since refinement can
     move it out.

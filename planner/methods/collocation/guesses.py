@@ -66,7 +66,7 @@ class Seed:
 
 
 def seeds(kind: str, count: int = 12, sides: int = 1) -> list[Seed]:
-    """Seeds of one kind, or for "auto" all of them in the order in which they are tried.
+    """Return the seeds of one kind, or for "auto" all of them in the order in which they are tried.
 
     - straight: a line with a slight excursion of q₂; if `sides` is 2, one seed for each side.
     - reverse: q₁ first leaves the line, then returns late; q₂ goes out and back.
@@ -101,7 +101,8 @@ def guess(
     seed: Seed,
     about: StateTrajectory | None = None,
 ) -> Iterate:
-    """Initial values of the unknowns for a seed added to a straight line or to a given motion."""
+    """Return the initial values of the unknowns for a seed added to a straight line or to a given
+    motion."""
     s = np.linspace(0.0, 1.0, SAMPLES)
     q = _states(problem, mesh, seed, s, about)
     rates = np.gradient(q[:, :2], s, axis=0)
@@ -151,14 +152,15 @@ def _states(
 
 
 def sides(problem: Problem) -> int:
-    """Number of sides of θ₁ = 0 on which a motion may begin: two if its ends are on both sides."""
+    """Return the number of sides of θ₁ = 0 on which a motion may begin: two if its ends are on both
+    sides."""
     if not _has_mirror(problem):
         return 1
     return 2 if problem.start[1] * problem.likely.goal[1] < 0 else 1
 
 
 def _has_mirror(problem: Problem) -> bool:
-    """Whether motions may be mirrored at θ₁ = 0."""
+    """Return whether motions may be mirrored at θ₁ = 0."""
     is_arm = isinstance(problem.system, Manipulator)
     return is_arm and not problem.divided and not problem.waypoints
 
@@ -179,7 +181,8 @@ def _on_one_side(problem: Problem, line: Array, excursion: Array) -> Array:
 
 
 def lines_through_waypoints(problem: Problem, knots: Array, travel: float, s: Array) -> Array:
-    """Straight lines from start to goal through the waypoints at s (S,), shape (S, N)."""
+    """Return the straight lines from start to goal through the waypoints at s (S,), shape (S,
+    N)."""
     goal = problem.likely.goal.copy()
     goal[0] = problem.start[0] + travel
     points = np.array([problem.start, *(w.q for w in problem.waypoints), goal])
@@ -279,7 +282,8 @@ def routes(problem: Problem) -> list[Problem]:
 
 
 def mesh_through(problem: Problem, intervals: int) -> Mesh:
-    """A mesh of about `intervals` intervals: evenly spaced between waypoints, an edge at each.
+    """Return a mesh of about `intervals` intervals: evenly spaced between waypoints, an edge at
+    each.
 
     A waypoint's edge is at its time; without a time it is placed in proportion to distance.
     """
@@ -310,7 +314,7 @@ def rebalance(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
 
 
 def _orders(problem: Problem) -> list[tuple[Waypoint, ...]]:
-    """Every order of the waypoints that agrees with their times."""
+    """Return every order of the waypoints that agrees with their times."""
     timed = [w for w in problem.waypoints if w.time_s is not None]
     orders = [tuple(sorted(timed, key=lambda w: w.time_s or 0.0))]
     for free in (w for w in problem.waypoints if w.time_s is None):

@@ -136,7 +136,7 @@ def _plan(
     options: CollocationOptions,
     began: float,
 ) -> Plan:
-    """The plan of a refined candidate; `began` is the time at which the search began."""
+    """Return the plan of a refined candidate; `began` is the time at which the search began."""
     job, solution, search = candidate.task, candidate.solution, progress.current_progress()
     assert search is not None
     wall, trajectory = time.perf_counter() - began, job.curve(solution.iterate)

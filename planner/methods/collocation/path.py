@@ -145,7 +145,7 @@ def search(
 
 
 def is_sure(problem: Problem) -> bool:
-    """Whether a motion whose drive never reverses ends the search, see `SURE_ONE_WAY`."""
+    """Return whether a motion whose drive never reverses ends the search, see `SURE_ONE_WAY`."""
     return problem.system.size <= SURE_ONE_WAY
 
 
@@ -189,7 +189,7 @@ def _try(
 
 
 def _thicknesses(job: Task) -> list[Task]:
-    """The job with thickened discs, from thick to thin, then the job itself."""
+    """Return the job with thickened discs, from thick to thin, then the job itself."""
     *thick, _ = thicknesses(job.problem)
     return [*(job.for_problem(each, job.objective) for each in thick), job]
 
@@ -215,7 +215,7 @@ def _shrink(tasks: list[Task], start: Iterate) -> Solution:
 
 
 def path_task(job: Task) -> Task:
-    """The path problem of a task: least effort, no limits on inputs, a reference duration.
+    """Return the path problem of a task: least effort, no limits on inputs, a reference duration.
 
     It depends only on system, ends and geometry, so the same paths are found for every duration: if
     a motion is found, every slower one is found too.
@@ -285,7 +285,7 @@ def path_intervals(free: Task, path: Iterate) -> int:
 
 
 def _round_up(count: float) -> int:
-    """The number of intervals, rounded up to one that other meshes share."""
+    """Return the number of intervals, rounded up to one that other meshes share."""
     return INTERVAL_STEP * int(np.ceil(count / INTERVAL_STEP))
 
 
@@ -328,7 +328,7 @@ def on_mesh(job: Task, free: Task, mesh: Mesh) -> Task:
 
 
 def _repeats_shortest(paths: Sequence[SeedPath]) -> bool:
-    """Whether the shortest path has been found repeatedly."""
+    """Return whether the shortest path has been found repeatedly."""
     shortest = min(path.solution.objective for path in paths)
     again = sum(same_path(shortest, path) for path in paths)
     if len(paths) < LEAST_PATHS:
@@ -337,12 +337,12 @@ def _repeats_shortest(paths: Sequence[SeedPath]) -> bool:
 
 
 def same_path(effort: float, path: SeedPath) -> bool:
-    """Whether a path of that effort counts as the same path."""
+    """Return whether a path of that effort counts as the same path."""
     return abs(effort - path.solution.objective) <= 1e-6 * path.solution.objective
 
 
 def never_reverses(iterate: Iterate) -> bool:
-    """Whether the drive never reverses."""
+    """Return whether the drive never reverses."""
     drive = iterate.inputs[:, 0]
     slack = STANDSTILL_SHARE * np.max(np.abs(drive))
     return bool(np.all(drive >= -slack) or np.all(drive <= slack))
@@ -371,7 +371,8 @@ def solve_timing(job: Task, start: Iterate) -> Solution:
 
 
 def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
-    """Duration of a path, s, when its time is stretched uniformly to keep limits on the speed."""
+    """Return the duration of a path, s, when its time is stretched uniformly to keep limits on the
+    speed."""
     u = np.stack(iterate.input_ends())
     slope = (u[1] - u[0]) / (mesh.widths[:, None] * iterate.duration)
     q = np.stack([iterate.nodes[:-1], iterate.nodes[1:]])[..., : problem.system.size]

@@ -262,7 +262,8 @@ class Pipeline:
         return self.paths[k]
 
     def _leg_motion(self, k: int, job: Task) -> Candidate | None:
-        """The motion between discs that is found leg by leg, refined; it need not be the best."""
+        """Return the motion between discs that is found leg by leg, refined; it need not be the
+        best."""
         problem, options = job.problem, self.options
         if not (self._free and problem.obstacles and not problem.waypoints):
             return None
@@ -275,7 +276,7 @@ class Pipeline:
         return polish(motion, options.accuracy, options.refinements)
 
     def _ladder_motions(self) -> Iterator[Candidate]:
-        """The motion along a path found by the ladder; first the path itself as a motion."""
+        """Yield the motion along a path found by the ladder; first the path itself as a motion."""
         problem = self.routes[0].likely
         job = collocation_task(problem, self.options, search_intervals(problem))
         path = find_arm_path(job)
@@ -292,7 +293,8 @@ class Pipeline:
             yield motion
 
     def _slower_motions(self) -> Iterator[Candidate]:
-        """The fastest motion, slowed to the given duration and optimised there, or only slowed."""
+        """Yield the fastest motion, slowed to the given duration and optimised there, or only
+        slowed."""
         target, limits = self.routes[0].duration, self.routes[0].limits
         if any(point.time_s is not None for point in self.routes[0].waypoints):
             return
@@ -336,7 +338,7 @@ class Pipeline:
 
 
 def _goal_words(problem: Problem) -> str:
-    """The expected goal of the search in words, if the goal leaves joints free; else ""."""
+    """Return the expected goal of the search in words, if the goal leaves joints free; else ""."""
     if not problem.free or problem.system.has_user_coordinates:  # then there is only one goal
         return ""
     angles = ", ".join(f"{angle:.3g}" for angle in np.rad2deg(problem.likely.goal[1:]))
@@ -353,7 +355,7 @@ def _can_go_one_way(problem: Problem) -> bool:
 
 
 def search_intervals(problem: Problem) -> int:
-    """Number of mesh intervals on which motions and paths are searched."""
+    """Return the number of mesh intervals on which motions and paths are searched."""
     return SEARCH_INTERVALS if problem.system.size <= 5 else LONG_ARM_INTERVALS
 
 
@@ -398,7 +400,7 @@ def input_kind(
     slopes: bool = False,
     auto: InputKind = "linear",
 ) -> InputKind:
-    """The kind of input to use.
+    """Return the kind of input to use.
 
     Args:
         problem: The problem.

@@ -147,7 +147,7 @@ def _exact_path(now: Inspection, accuracy: float) -> Inspection | None:
 
 
 def _add_build_time(before: Task, task: Task) -> Task:
-    """The task with the build time of the previous one added."""
+    """Return the task with the build time of the previous one added."""
     return replace(task, build_time_s=before.build_time_s + task.build_time_s)
 
 

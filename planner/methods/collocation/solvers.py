@@ -145,7 +145,7 @@ a path; and the least number for the timing of a long path that is already a mot
 
 
 def strategy(nlp: Transcription, settings: Settings) -> Strategy:
-    """The entry of `STRATEGIES` for a transcription and a kind of start."""
+    """Return the entry of `STRATEGIES` for a transcription and a kind of start."""
     form = nlp.form
     short = nlp.system.size <= SHORT_CHAIN and not form.augmented
     if settings.near and form.intervals > MANY_INTERVALS:
@@ -163,7 +163,7 @@ def strategy(nlp: Transcription, settings: Settings) -> Strategy:
 
 
 def names(nlp: Transcription, settings: Settings) -> tuple[SolverName, ...]:
-    """The solvers to try, in this order."""
+    """Return the solvers to try, in this order."""
     return strategy(nlp, settings).order if settings.solver == "auto" else (settings.solver,)
 
 
@@ -291,7 +291,7 @@ SOLVERS: dict[SolverName, Callable[[Transcription, Settings], Backend]] = {
 
 
 def backend(nlp: Transcription, settings: Settings) -> Backend:
-    """The solver of the settings, cached for each transcription and settings."""
+    """Return the solver of the settings, cached for each transcription and settings."""
     if settings not in nlp.solvers:
         assert settings.solver != "auto", "choose a solver of `names` first"
         nlp.solvers[settings] = SOLVERS[settings.solver](nlp, settings)
@@ -300,7 +300,8 @@ def backend(nlp: Transcription, settings: Settings) -> Backend:
 
 
 def _draw_in(lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Bounds tightened by the amount that Fatrop relaxes them; fixed values are unchanged."""
+    """Return the bounds tightened by the amount that Fatrop relaxes them; fixed values are
+    unchanged."""
     low, high = lower + _relaxation(lower), upper - _relaxation(upper)
     wide = low < high
     return np.where(wide, low, lower), np.where(wide, high, upper)

@@ -134,11 +134,11 @@ class Task:
         return _check(self.nlp, data, answer, FEASIBLE_RESIDUAL)
 
     def curve(self, iterate: Iterate) -> StateTrajectory:
-        """The motion that an iterate describes."""
+        """Return the motion that an iterate describes."""
         return curve(self.nlp.system, self.nlp.form, self.mesh, iterate)
 
     def motion(self, iterate: Iterate) -> Array:
-        """The true motion under the iterate's input, see `resimulate`."""
+        """Return the true motion under the iterate's input, see `resimulate`."""
         nlp = self.nlp
         states = resimulate(nlp.model, self.mesh, iterate, nlp.start(self.problem))
         return states[..., : nlp.system.size]
@@ -149,7 +149,7 @@ class Task:
         return states[..., : self.nlp.system.size]
 
     def on_mesh(self, mesh: Mesh) -> Task:
-        """The same task on another mesh, without tightened limits."""
+        """Return the same task on another mesh, without tightened limits."""
         form = replace(self.nlp.form, intervals=len(mesh.widths))
         return task(self.problem, self.objective, form, mesh, self.demands, self.settings)
 
@@ -159,7 +159,7 @@ class Task:
         return replace(task(problem, objective, *parts), inset=self.inset)
 
     def with_inner_rows(self) -> Task:
-        """The same task with limits kept at the collocation points too."""
+        """Return the same task with limits kept at the collocation points too."""
         form = replace(self.nlp.form, inner=True)
         return task(self.problem, self.objective, form, self.mesh, self.demands, self.settings)
 
@@ -195,7 +195,7 @@ def task(
 
 
 def _check(nlp: Transcription, data: Bounds, answer: SolverAnswer, accepted: float) -> Solution:
-    """A solver's answer as a solution, with its rows evaluated again."""
+    """Return a solver's answer as a solution, with its rows evaluated again."""
     objective, rows, iterate = nlp.outcome(answer.vector, data.parameters)
     values = np.concatenate([rows, answer.vector])
     lower = np.concatenate([data.row_lower, data.lower])
@@ -232,13 +232,14 @@ def iterate_of_inputs(job: Task, duration: float, inputs: Array) -> Iterate:
 
 
 def stretch_to(iterate: Iterate, duration: float) -> Iterate:
-    """The same path in another duration; it remains a motion, since the systems are driftless."""
+    """Return the same path in another duration; it remains a motion, since the systems are
+    driftless."""
     factor = iterate.duration / duration
     return replace(iterate, duration=duration, inputs=iterate.inputs * factor)
 
 
 def _ask(nlp: Transcription, settings: Settings, start: Array, data: Bounds) -> SolverAnswer:
-    """The answer of a solver; if it raises an error, a failed answer with the start."""
+    """Return the answer of a solver; if it raises an error, a failed answer with the start."""
 
     def unfinished(words: str) -> SolverAnswer:
         nlp.solvers.pop(settings, None)  # its state is unknown after an error

@@ -96,7 +96,7 @@ class Band:
         return np.asarray(3 * self.cap_factor * self.K[0] * self.K[1] * c2 * np.sqrt(1 - c2))
 
     def tangent(self, z3: Array) -> tuple[Array, Array]:
-        """The cap's tangent, slope · z₃ + offset, at z₃ (moved slightly inside its domain).
+        """Return the cap's tangent, slope · z₃ + offset, at z₃ (moved slightly inside its domain).
 
         Returns:
             (slope, offset), each of the shape of z₃; no cap value lies above the tangent.
@@ -110,7 +110,7 @@ class Band:
 
 
 def band_of(problem: Problem, start: Array, goal: Array, edge: float) -> Band:
-    """The band of a problem whose ends lie in one branch.
+    """Return the band of a problem whose ends lie in one branch.
 
     Args:
         problem: The problem, for the constants, the margin of z₂ and, for n = 2, the limit of θ₁.

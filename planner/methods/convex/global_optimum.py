@@ -210,7 +210,8 @@ def _violations(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch,
 
 
 def _radius(frame: Frame, band: Band) -> float:
-    """A bound on |y| of every path inside the band, from 0 ≤ p ≤ top and Markov's inequality.
+    """Return a bound on |y| of every path inside the band, from 0 ≤ p ≤ top and Markov's
+    inequality.
 
     Without a cap there is no such bound, and paths beyond `MOST_SLOPE` are not considered.
     """

@@ -176,7 +176,7 @@ def _best_path(
 
 
 def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
-    """The path with constant v₁ over the problem's duration, or over one second."""
+    """Return the path with constant v₁ over the problem's duration, or over one second."""
     duration = problem.duration or 1.0
     breaks = frame.shape.breaks
     omega, *rest = frame.bernstein(y)

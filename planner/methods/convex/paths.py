@@ -54,7 +54,7 @@ class Shape:
         return np.asarray(hats @ self.whiten)
 
     def bernstein(self, x: Array) -> Array:
-        """Bernstein coefficients of ω on every piece, shape (degree+1, pieces)."""
+        """Return the Bernstein coefficients of ω on every piece, shape (degree+1, pieces)."""
         c = self.whiten @ x
         return c[None, :] if self.degree == 0 else np.stack([c[:-1], c[1:]])
 
@@ -122,7 +122,7 @@ class Frame:
         return np.asarray(q1 @ np.linalg.solve(r.T, np.array(ends)))
 
     def x(self, y: Array) -> Array:
-        """All coefficients, shape (m,), from the free ones y."""
+        """Return all coefficients, shape (m,), from the free ones y."""
         return np.asarray(self.least + self._basis[2] @ y)
 
     def z_rows(self, i: int, tau: Array) -> tuple[Array, Array]:

@@ -162,7 +162,8 @@ def desensitised_task(problem: Problem, options: DesensitisedOptions) -> Task:
 
 
 def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str, float]:
-    """Standard deviation of each error by name, in SI units, without those that are zero.
+    """Return the standard deviation of each error by name, in SI units, without those that are
+    zero.
 
     Raises:
         InputError: If a list does not have one number per input, joint or constant, or is all zero.
@@ -245,7 +246,7 @@ FREE_DURATION_RATIO = 3.0
 
 
 def excursions(reversal: bool) -> list[Seed]:
-    """First guesses in the order tried; without `reversal` only q₂ makes excursions."""
+    """Return first guesses in the order tried; without `reversal` only q₂ makes excursions."""
 
     def wave(size: float, count: int) -> Excursion:
         return lambda s: size * np.sin(count * np.pi * s)

@@ -90,7 +90,7 @@ _SCANS = (60, 600)
 def travel_of(
     problem: Problem, law: Callable[[Array], Motion], options: TravelOptions
 ) -> tuple[float, Ranges]:
-    """The problem's travel if it is given, else one that stays inside the chart's domain.
+    """Return the problem's travel if it is given, else one that stays inside the chart's domain.
 
     Args:
         problem: Supplies the travel if given, the window of travels to scan, and the limits. They
@@ -261,7 +261,7 @@ def choose_swing(
     law: Callable[[Array, Array], Motion],
     options: SinusoidOptions | SinusoidStepsOptions,
 ) -> tuple[float, float, dict[str, Any]]:
-    """Travel and amplitude: as given, or the best by the criterion if free.
+    """Return the travel and amplitude: as given, or the best by the criterion if free.
 
     The amplitude is a₁/ω or α/ω, in the unit of z₁; if the options give one amplitude for each
     period, it is a common factor on them. If no choice stays inside the domain, the one that leaves

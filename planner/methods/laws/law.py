@@ -65,7 +65,7 @@ class Ends:
         return self.goal(0.0 * reach if self.problem.travel == 0 else reach)
 
     def trajectory(self, motion: Motion) -> ChainedTrajectory:
-        """The trajectory of a single motion."""
+        """Return the trajectory of a single motion."""
         return ChainedTrajectory(self.problem.system, motion.z, motion.v, self.problem.branch)
 
     @property

@@ -88,7 +88,8 @@ def steer(start: Array, goal: Array, legs: Sequence[Leg], points: Sequence[Point
 
 @lru_cache(maxsize=64)
 def _basis(terms: int) -> Array:
-    """Bernstein coefficients, (terms, terms), of the orthonormal shifted Legendre polynomials."""
+    """Return the Bernstein coefficients, (terms, terms), of the orthonormal shifted Legendre
+    polynomials."""
     out = np.zeros((terms, terms))
     for j in range(terms):
         coefficients = np.array([(-1.0) ** (j + i) * comb(j, i) for i in range(j + 1)])
@@ -97,7 +98,8 @@ def _basis(terms: int) -> Array:
 
 
 def _propagate(start: Array, legs: Sequence[Leg], v2: Sequence[Array]) -> list[Array]:
-    """Bernstein coefficients of z on every leg, each (degree+1, N, …, C), from start (N, …)."""
+    """Return the Bernstein coefficients of z on every leg, each (degree+1, N, …, C), from start (N,
+    …)."""
     out = []
     for leg, w in zip(legs, v2, strict=True):
         columns = [

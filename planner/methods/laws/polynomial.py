@@ -71,7 +71,7 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
 
 
 def _given_points(problem: Problem, options: PolynomialOptions) -> tuple[Point, ...] | None:
-    """The constraint points of the options, checked; None if the program chooses them."""
+    """Return the constraint points of the options, checked; None if the program chooses them."""
     if options.points == "auto":
         return None
     points = tuple(Point(*p) for p in options.points)

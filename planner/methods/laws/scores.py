@@ -146,13 +146,14 @@ def _dips(values: Array, places: Array) -> Array:
 
 
 def end_margin(problem: Problem) -> float:
-    """Least chart margin of start and goal: no path between them has a larger one."""
+    """Return the least chart margin of start and goal: no path between them has a larger one."""
     ends = np.stack([problem.start, np.nan_to_num(problem.goal)])
     return float(np.min(problem.system.chart_margins(ends, problem.branch)))
 
 
 def end_slack(problem: Problem) -> float:
-    """Return the slack to limits that a choice must leave: that of the ends, at most `SLACK`."""
+    """Return the slack to limits that a chosen motion must leave: that of start and goal, at most
+    `SLACK`."""
     ends = np.stack([problem.start, np.nan_to_num(problem.goal)])
     z = chained_form(problem.system).z(ends)
     return float(np.clip(np.min(list(_rooms(problem, z, ends)), initial=SLACK), 0.0, SLACK))
@@ -308,7 +309,7 @@ def _sample_places(problem: Problem, curves: Curves) -> Array:
 def zoom(
     cost: Callable[[Array], Array], x: Array, steps: Array, rounds: int, spread: float
 ) -> tuple[Array, Array]:
-    """Least cost over one number: a grid about each start, refined about its best point.
+    """Return the least cost over one number: a grid about each start, refined about its best point.
 
     Arguments and results are as for `evolve`, with d = 1.
     """

@@ -270,7 +270,7 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
 
 
 def _times(t: Array, table: NumberTable) -> Array:
-    """Shift times to start at 0; make them even if they are even up to rounding."""
+    """Shift times to start at 0; space them evenly if only rounding keeps them from it."""
     t = t - t[0]
     steps = np.diff(t)
     if np.any(steps <= 0):

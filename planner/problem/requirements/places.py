@@ -61,7 +61,7 @@ class Waypoint(Demand):
         return tuple(i for i in indices if some and i not in self.system.shared)
 
     def distance(self, q: Array) -> Array:
-        """Largest error of a given user coordinate, shape (…,), at q (…, N)."""
+        """Return the largest error of a given user coordinate, shape (…,), at q (…, N)."""
         return np.asarray(np.nanmax(np.abs(self.system.user(q) - self.user), axis=-1))
 
 
@@ -168,7 +168,7 @@ class Obstacle(Requirement):
         return np.array([self.x, self.y])
 
     def clearances(self, points: Array) -> Array:
-        """Distance of each link from the disc, negative inside, shape (…, L).
+        """Return the distance of each link from the disc, negative inside, shape (…, L).
 
         Args:
             points: Ends of the links in order, shape (…, L+1, 2), metres.

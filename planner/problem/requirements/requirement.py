@@ -221,7 +221,8 @@ class Requirement(Demand):
         return low, high, scale
 
     def slowing_factor(self, least: Array, most: Array) -> Array:
-        """Factor by which to slow a motion whose R values range from `least` to `most` (R,)."""
+        """Return the factor by which to slow a motion whose R values range from `least` to `most`
+        (R,)."""
         low, high, _ = self.bounds
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(high > 0, most / high, 0.0), np.where(low < 0, least / low, 0.0)

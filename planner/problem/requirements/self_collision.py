@@ -64,7 +64,7 @@ class SelfCollision(Requirement):
 
     @cached_property
     def link_pairs(self) -> list[Pair]:
-        """Pairs of links, from 1, that are not neighbours."""
+        """Pairs of links that are not neighbours, numbered from 1."""
         pairs = product(range(1, self.links + 1), repeat=2)
         return [(i, j) for i, j in pairs if j >= i + 2]
 

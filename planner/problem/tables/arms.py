@@ -57,11 +57,11 @@ class ArmLimits(BaseLimits):
     )
 
     def inputs(self) -> Array:
-        """Largest |u|, shape (2,), rad/s."""
+        """Return the largest |u|, shape (2,), rad/s."""
         return bound(self.input_rad_s, 2)
 
     def input_rates(self) -> Array:
-        """Largest |du/dt|, shape (2,), rad/s²."""
+        """Return the largest |du/dt|, shape (2,), rad/s²."""
         return bound(self.input_rate_rad_s2, 2)
 
 
@@ -240,7 +240,7 @@ class ArmFile(ProblemFile):
         return {"goal.travel": "free" if travel is None else travel}
 
     def joint_limits(self) -> Array:
-        """Largest |q|, shape (n+1,), radians; infinite without a limit."""
+        """Return the largest |q|, shape (n+1,), radians; infinite without a limit."""
         return np.array([np.inf, *bound_deg(self.limits.joint_deg, self.system.joints)])
 
     def waypoint_states(self) -> list[Array]:
@@ -253,7 +253,7 @@ class ArmFile(ProblemFile):
         return out
 
     def discs(self) -> list[ObstacleTable]:
-        """The obstacles, as discs in the plane."""
+        """Return the obstacles, as discs in the plane."""
         return self.obstacles
 
 

@@ -143,11 +143,11 @@ class CustomLimits(BaseLimits):
     )
 
     def inputs(self) -> Array:
-        """Largest |u|, shape (2,)."""
+        """Return the largest |u|, shape (2,)."""
         return bound(self.input, 2)
 
     def input_rates(self) -> Array:
-        """Largest |du/dt|, shape (2,)."""
+        """Return the largest |du/dt|, shape (2,)."""
         return bound(self.input_rate, 2)
 
 
@@ -230,7 +230,7 @@ class OwnFile(NamedFile):
         return np.append(np.nan, self.built.fixed_by(self.user_goal())[1:])
 
     def user_goal(self) -> Array:
-        """The goal in user coordinates, shape (N,), NaN if free."""
+        """Return the goal in user coordinates, shape (N,), NaN if free."""
         values = {name: value for name, value in self.goal.q.items() if value != "free"}
         w = np.array([values.get(name, np.nan) for name in self.names], dtype=float)
         if (path := self.path_index) is not None and self.goal.travel != "free":
@@ -249,14 +249,14 @@ class OwnFile(NamedFile):
         return {"goal.travel": "free" if travel is None else travel}
 
     def joint_limits(self) -> Array:
-        """Largest |q|, shape (N,); infinite without a limit."""
+        """Return the largest |q|, shape (N,); infinite without a limit."""
         most = np.full(len(self.names), np.inf)
         shared = self.built.shared
         most[list(shared.values())] = self.user_limits()[list(shared)]
         return most
 
     def user_limits(self) -> Array:
-        """Largest |user coordinate|, shape (N,); infinite without a limit."""
+        """Return the largest |user coordinate|, shape (N,); infinite without a limit."""
         return np.array([self.limits.q.get(name, np.inf) for name in self.names])
 
 

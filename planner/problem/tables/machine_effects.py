@@ -112,7 +112,7 @@ class Effect:
         return [_check_finite(v) for v in value]
 
     def count(self, joints: int) -> int:
-        """Number of values of this effect on a system with this many joints."""
+        """Return the number of values of this effect on a system with this many joints."""
         return {"machine": 1, "motor": 2, "joint": joints, "passive": joints - 1}[self.owner]
 
     def mismatch(self, key: str, numbers: Sequence[float], joints: int) -> str | None:

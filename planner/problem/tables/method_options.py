@@ -45,7 +45,8 @@ Rest = Annotated[
 
 
 def rests(option: Rest, input_rate: Array) -> bool:
-    """Whether inputs are zero at both ends; "auto": if one of the rate limits (2,) is finite."""
+    """Return whether inputs are zero at both ends; "auto": if one of the rate limits (2,) is
+    finite."""
     return bool(np.any(np.isfinite(input_rate))) if option == "auto" else option
 
 

@@ -89,11 +89,11 @@ class BaseLimits(Table):
 
     @abstractmethod
     def inputs(self) -> Array:
-        """Largest |u|, shape (2,), in the inputs' units; infinite without a limit."""
+        """Return the largest |u|, shape (2,), in the inputs' units; infinite without a limit."""
 
     @abstractmethod
     def input_rates(self) -> Array:
-        """Largest |du/dt|, shape (2,); infinite without a limit."""
+        """Return the largest |du/dt|, shape (2,); infinite without a limit."""
 
 
 class FeedbackTable(Table):
@@ -287,17 +287,17 @@ class ProblemFile(Table):
 
     @abstractmethod
     def joint_limits(self) -> Array:
-        """Largest |q|, shape (N,); infinite without a limit."""
+        """Return the largest |q|, shape (N,); infinite without a limit."""
 
     def user_goal(self) -> Array:
-        """The goal in user coordinates, shape (N,), NaN if free.
+        """Return the goal in user coordinates, shape (N,), NaN if free.
 
         By default it is the goal's q, for a system whose user coordinates are the triangular ones.
         """
         return self.goal_state()
 
     def user_limits(self) -> Array:
-        """Largest |user coordinate|, shape (N,); infinite without a limit."""
+        """Return the largest |user coordinate|, shape (N,); infinite without a limit."""
         return self.joint_limits()
 
     @abstractmethod

@@ -80,11 +80,11 @@ class VehicleLimits(BaseLimits):
     )
 
     def inputs(self) -> Array:
-        """Largest |u|, shape (2,), m/s and rad/s."""
+        """Return the largest |u|, shape (2,), m/s and rad/s."""
         return self._bounds_of("speed_m_s", f"{self.second}_rate_rad_s")
 
     def input_rates(self) -> Array:
-        """Largest |du/dt|, shape (2,), m/s² and rad/s²."""
+        """Return the largest |du/dt|, shape (2,), m/s² and rad/s²."""
         return self._bounds_of("acceleration_m_s2", f"{self.second}_acceleration_rad_s2")
 
     def _bounds_of(self, *keys: str) -> Array:
@@ -110,7 +110,8 @@ class VehicleFile(NamedFile):
     goal: PoseGoal
 
     def angles(self, table: Any, missing: float) -> list[float]:
-        """The system's angles in a table, radians, in triangular order; `missing` if left out."""
+        """Return the system's angles in a table, radians, in triangular order; `missing` if left
+        out."""
         degrees = []
         for name in [c.name for c in self.build_system().coordinates[1:-1]]:
             word = name.rstrip("0123456789")
@@ -169,7 +170,7 @@ class VehicleFile(NamedFile):
         return f"{turn:.4g} deg, {way}"
 
     def joint_limits(self) -> Array:
-        """Largest |q|, shape (N,); infinite without a limit, as for x and y."""
+        """Return the largest |q|, shape (N,); infinite without a limit, as for x and y."""
         return np.array([np.inf, *self.angles(self.limits, np.inf), np.inf])
 
     def path_travel(self) -> float | None:

@@ -144,8 +144,7 @@ def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, A
 
 
 def needs_log_axis(values: ArrayLike) -> bool:
-    """Return whether values span over a factor of ten and get a logarithmic axis, also on the
-    page."""
+    """Return whether values span more than a factor of ten, so that their axis is logarithmic."""
     every = np.asarray(values, dtype=float)
     return bool(np.min(every) > 0 and np.max(every) > 10 * np.min(every))
 

@@ -36,7 +36,7 @@ NEAREST_SHARE = 0.9
 
 
 def thicknesses(problem: Problem) -> Iterator[Problem]:
-    """The problem with thickened discs, from thick to thin, then the problem itself."""
+    """Yield the problem with thickened discs, from thick to thin, then the problem itself."""
     if problem.obstacles and isinstance(problem.system, PlanarArm):
         thickness = LEAST_THICKNESS * float(np.sum(problem.system.link_lengths))
         thinnest = min(disc.radius + disc.clearance for disc in problem.obstacles)
@@ -47,8 +47,8 @@ def thicknesses(problem: Problem) -> Iterator[Problem]:
 
 
 def _thicken(problem: Problem, thickness: float) -> Problem:
-    """The problem with thin discs thickened to `thickness`, as far as start, goal and waypoints
-    allow."""
+    """Return the problem with thin discs thickened to `thickness`, as far as start, goal and
+    waypoints allow."""
     places = (problem.start, problem.likely.goal, *(point.q for point in problem.waypoints))
     whole = np.array([q[1:] for q in places if not np.isnan(q[1:]).any()])
     points = problem.system.arm_points(whole)  # type: ignore[attr-defined]

@@ -73,7 +73,8 @@ class ChainEnds:
 
     @classmethod
     def of(cls, problem: Problem, share: float = 1.0) -> ChainEnds:
-        """The ends of a problem with a share of its limits, widened to contain start and goal."""
+        """Return the ends of a problem with a share of its limits, widened to contain start and
+        goal."""
         ends = np.fmax(np.abs(problem.start), np.abs(problem.target))
         limit = np.fmax(share * problem.limits.joint, ends)
         return cls(problem.start, problem.target, limit)
@@ -82,7 +83,7 @@ class ChainEnds:
 def cut_finer(
     system: TriangularSystem, chain: PieceChain, limited: list[int], turn: float, least: int = 1
 ) -> PieceChain:
-    """The chain cut so that no limited coordinate turns by more than `turn` in a piece.
+    """Return the chain cut so that no limited coordinate turns by more than `turn` in a piece.
 
     Each piece is cut into at least `least` parts. The integration errors of the long pieces become
     gaps between the short ones.
@@ -110,7 +111,7 @@ def cuts(q: Array, limited: list[int], turn: float, least: int = 1) -> tuple[Ind
 def close_gaps(
     system: TriangularSystem, chain: PieceChain, ends: ChainEnds
 ) -> tuple[PieceChain | None, float]:
-    """The chain without its gaps, or None if the continuation fails; and the share closed.
+    """Return the chain without its gaps, or None if the continuation fails; and the share closed.
 
     Args:
         system: The system.
@@ -148,7 +149,7 @@ def make_exact(system: TriangularSystem, chain: PieceChain, ends: ChainEnds) -> 
 
 
 def _fine_ends(system: TriangularSystem, chain: PieceChain) -> Array:
-    """Ends of the pieces, shape (K, N), integrated in `PARTS` parts each."""
+    """Return the ends of the pieces, shape (K, N), integrated in `PARTS` parts each."""
     q = chain.q[:-1]
     for _ in range(PARTS):
         q = ends_of(system, q, chain.u / PARTS)
@@ -231,7 +232,8 @@ def chain_programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any
 
 
 def _jacobian(size: int, count: int, by_q: Any, by_u: Any) -> Any:
-    """Jacobian of the gaps: in the rows of piece k, its negative slopes, and ones at q_(k+1)."""
+    """Return the Jacobian of the gaps: in the rows of piece k, its negative slopes, and ones at
+    q_(k+1)."""
     blocks = ca.vertcat(ca.reshape(by_q, size * size, count), ca.reshape(by_u, size * 2, count))
     entries = ca.vertcat(ca.vec(-blocks), ca.MX(ca.DM.ones(size * count)))
     k, column, row = np.meshgrid(
@@ -245,7 +247,8 @@ def _jacobian(size: int, count: int, by_q: Any, by_u: Any) -> Any:
 
 
 def _hessian(size: int, count: int, scale: Any, curved: Any) -> Any:
-    """Upper triangle of the Hessian: a block for each piece, and the distance on the diagonal."""
+    """Return the upper triangle of the Hessian: a block for each piece, and the distance on the
+    diagonal."""
     m = size + 2
     row, column = np.triu_indices(m)
     inside = (row + m * column).tolist()
@@ -321,5 +324,5 @@ def piece(system: TriangularSystem) -> Piece:
 
 
 def ends_of(system: TriangularSystem, q: Array, u: Array) -> Array:
-    """Ends of pieces, shape (M, N), from q (M, N) under u (M, 2)."""
+    """Return the ends of pieces, shape (M, N), from q (M, N) under u (M, 2)."""
     return np.asarray(piece(system).end.map(len(q))(q.T, u.T)).T

@@ -41,7 +41,8 @@ FREE_LIMIT_SHARE = 1e-4
 
 
 def has_only_limits(job: Task) -> bool:
-    """Whether a task limits only joints and inputs, and lets inputs jump, also at the ends."""
+    """Return whether a task limits only joints and inputs, and lets inputs jump, also at the
+    ends."""
     may_jump = not (job.demands.rest or job.objective.smooth or job.problem.reads("du"))
     plain = all(requirement.is_direct for requirement in job.problem.requirements)
     return may_jump and plain and not (job.problem.waypoints or job.nlp.form.augmented)
@@ -79,7 +80,8 @@ def exact_motion(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, S
 
 
 def _duration(job: Task, path: Iterate) -> float | None:
-    """The given duration, or the least that the limits allow; None if the given is too short."""
+    """Return the given duration, or the least that the limits allow; None if the given is too
+    short."""
     given, needed = job.problem.duration, needed_duration(job.problem, job.mesh, path)
     if given is None:
         return needed or path.duration

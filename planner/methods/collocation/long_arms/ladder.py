@@ -170,7 +170,7 @@ def _search_path(job: Task) -> tuple[PieceChain, int] | None:
 
 
 def _shorter_arm_task(job: Task) -> Task:
-    """The job of the arm without its first joint."""
+    """Return the job of the arm without its first joint."""
     problem, form = job.problem, job.nlp.form
     assert isinstance(problem.system, Manipulator)
     start, goal = (np.delete(q, 1) for q in (problem.start, problem.goal))
@@ -219,7 +219,8 @@ def lift(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> 
 def _lifted_chain(
     system: Manipulator, path: PieceChain, length: Array, ends: ChainEnds, edges: Array
 ) -> tuple[PieceChain, Index]:
-    """The chain for stretches between the path lengths `edges`, and the stretch of each piece.
+    """Return the chain for stretches between the path lengths `edges`, and the stretch of each
+    piece.
 
     `length` are the path lengths at the path's own nodes.
     """
@@ -233,7 +234,8 @@ def _lifted_chain(
 def _stretches(
     short: Manipulator, path: PieceChain, length: Array, edges: Array
 ) -> tuple[Array, Array]:
-    """Coordinates between the stretches, (S+1, n), and drive and turn in each, (S, 2)."""
+    """Return the coordinates between the stretches, (S+1, n), and drive and turn in each, (S,
+    2)."""
     sums = np.vstack([np.zeros(2), np.cumsum(path.u, axis=0)])
     values = np.stack([np.interp(edges, length, column) for column in sums.T], axis=-1)
     piece = np.clip(np.searchsorted(length, edges[:-1], side="right") - 1, 0, len(path.u) - 1)
@@ -262,7 +264,7 @@ def _drives(system: Manipulator, moves: Array, ends: ChainEnds) -> tuple[Array, 
 def _angles_and_drives(
     drive: float, turn: float, angle: float, other: float
 ) -> list[tuple[float, float]]:
-    """Angles αₖ of joint 1 and drives xₖ at them, the nearer angle first.
+    """Return the angles αₖ of joint 1 and drives xₖ at them, the nearer angle first.
 
     They satisfy Σ xₖ cosαₖ = drive and Σ xₖ cos³αₖ = turn; one angle is enough if the ratio allows.
     """

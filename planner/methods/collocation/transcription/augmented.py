@@ -90,7 +90,7 @@ class Augmented:
         return self._formulas.response(x)
 
     def sizes_deg(self, x: Array) -> tuple[float, float]:
-        """Size of the passive block and of the whole response at x (N + m), degrees."""
+        """Return the size of the passive block and of the whole response at x (N + m), degrees."""
         W = DEGREES * self.response(x)
         return float(np.linalg.norm(W[2:, self._passive])), float(np.linalg.norm(W[1:]))
 
@@ -157,7 +157,7 @@ MovingSystem = TriangularSystem | Augmented
 
 
 def backs_off(requirement: Requirement) -> bool:
-    """Whether a requirement is backed off: limits on coordinates, but not obstacles.
+    """Return whether a requirement is backed off: limits on coordinates, but not obstacles.
 
     Rows that depend on fields of the requirement (`row_fields`) are not backed off, since their
     slope is not a function of q alone.

@@ -118,7 +118,8 @@ class ChainRule:
         self.Z = ca.vertcat(*rows)
 
     def jacobian(self, value: Any) -> Any:
-        """Matrix of first derivatives by w, with a row for each entry of the column `value`."""
+        """Return the matrix of first derivatives by w, with a row for each entry of the column
+        `value`."""
         return ca.jacobian(value, self.w) + ca.jacobian(value, self.v) @ self.Z
 
     def second(self, of: Any) -> tuple[Any, Any]:

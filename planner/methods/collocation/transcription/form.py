@@ -51,7 +51,7 @@ class Scheme:
 
 @lru_cache(maxsize=16)
 def scheme(kind: Kind, degree: int) -> Scheme:
-    """The scheme of that kind and degree d (1 to 5).
+    """Return the scheme of that kind and degree d (1 to 5).
 
     "radau": the right end point is a collocation point, order 2d − 1 at the end of an interval;
     "legendre": order 2d.
@@ -108,7 +108,7 @@ class Units:
     objective: float = 1.0
 
     def weights(self, weights: Array) -> Array:
-        """Weights of the terms of an objective, shape (6,), in these units."""
+        """Return the weights of the terms of an objective, shape (6,), in these units."""
         T, squares = self.time_s, np.square(self.inputs)
         units = np.array([T, *(squares * T), *(squares / T), 1.0])
         return np.asarray(weights * units / self.objective)
@@ -188,8 +188,8 @@ class Form:
         return scheme(self.scheme_kind, self.degree)
 
     def input_places(self, mesh: Mesh) -> Array:
-        """Fractions of the duration at which `Iterate.inputs` are sampled from a curve: the
-        middles, (K,), for constant inputs, or the edges, (K+1,), for linear ones."""
+        """Return the fractions of the duration at which `Iterate.inputs` are sampled from a curve:
+        the middles, (K,), for constant inputs, or the edges, (K+1,), for linear ones."""
         return mesh.edges if self.input == "linear" else mesh.edges[:-1] + mesh.widths / 2
 
 
@@ -285,7 +285,7 @@ class Objective:
 
 
 def objective(problem: Problem, options: CollocationOptions) -> Objective:
-    """The objective of the options, or the default for the problem.
+    """Return the objective of the options, or the default for the problem.
 
     Raises:
         InputError: If the objective has no minimum with a free duration (slower is always better),
@@ -350,7 +350,7 @@ def fastest(problem: Problem) -> Objective:
 
 
 def shortest_path(problem: Problem) -> Objective:
-    """The objective of a path before its timing: the effort, in units of the inputs' limits.
+    """Return the objective of a path before its timing: the effort, in units of the inputs' limits.
 
     The systems are driftless. At a fixed duration without limits on inputs, least effort gives the
     path of least length in the metric of the inputs, for any duration.

@@ -125,7 +125,7 @@ class _RowList:
 
 
 def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
-    """The symbols of one interval of a transcription."""
+    """Return the symbols of one interval of a transcription."""
     model = form.augmented or system
     x, rows = _Symbols(model, form, order.lifted), _RowList()
     points, rates, defects, inside = _collocation(model, form, order, x)
@@ -156,7 +156,7 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
 def _collocation(
     system: MovingSystem, form: Form, order: Order, x: _Symbols
 ) -> tuple[list[list[Any]], dict[int, list[Any]], dict[int, list[Any]], list[tuple[Any, Any]]]:
-    """Values and rates at the collocation points, one coordinate after the other.
+    """Return the values and rates at the collocation points, one coordinate after the other.
 
     Returns:
         Values, whose first index is the point; rates of each coordinate at the points; for each
@@ -279,7 +279,7 @@ def _backed_off_rows(form: Form, model: Augmented, places: list[Any], rows: _Row
 
 
 def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) -> Any:
-    """The interval's share of the objective; for the terms see `Form` and `Objective`.
+    """Return the interval's share of the objective; for the terms see `Form` and `Objective`.
 
     Closeness (`planner.plan.measures.closeness`) is a sum over the margins of the chart's domain,
     in which the least margin dominates. It grows towards an edge from both sides, so it does not

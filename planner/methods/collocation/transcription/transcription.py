@@ -114,7 +114,7 @@ class _Assembly:
         return list(out) if isinstance(out, tuple) else [out]
 
     def _rows(self, rows: Any) -> Any:
-        """The rows of all intervals; the next state is added to the first rows of each."""
+        """Return the rows of all intervals; the next state is added to the first rows of each."""
         following = ca.horzcat(self.columns[: self.ny, 1:], self.last)
         return ca.vec(ca.vertcat(rows[: self.ny, :] + following, rows[self.ny :, :]))
 
@@ -191,7 +191,8 @@ class Transcription:
     solvers: dict[Any, Any] = field(default_factory=dict)
 
     def start(self, problem: Problem) -> Array:
-        """The state at the start; the states beyond the system's coordinates begin at zero."""
+        """Return the state at the start; the states beyond the system's coordinates begin at
+        zero."""
         return np.append(problem.start, np.zeros(self.model.size - self.system.size))
 
     def outcome(self, vector: Array, parameters: Array) -> tuple[float, Array, Iterate]:

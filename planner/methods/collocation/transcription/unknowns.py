@@ -53,7 +53,7 @@ class Iterate:
     inputs: Array
 
     def input_ends(self) -> tuple[Array, Array]:
-        """Inputs at the left and right end of each interval, shapes (K, 2)."""
+        """Return the inputs at the left and right end of each interval, shapes (K, 2)."""
         if len(self.inputs) == len(self.points):
             return self.inputs, self.inputs
         return self.inputs[:-1], self.inputs[1:]
@@ -91,7 +91,7 @@ class Layout:
         return self.intervals * (self.state + self.control) + self.state
 
     def units(self, units: Units) -> Array:
-        """Natural units of the unknowns, shape (size,)."""
+        """Return the natural units of the unknowns, shape (size,)."""
         w = np.ones(self.size)
         w[self.durations], w[self.inputs] = units.time_s, units.inputs
         w[self.slopes] = np.array(units.inputs) / units.time_s
@@ -111,7 +111,7 @@ class Layout:
 
 
 def layout(form: Form, size: int, lifted: tuple[int, ...]) -> Layout:
-    """The layout for a system of `size` coordinates, some of them lifted."""
+    """Return the layout for a system of `size` coordinates, some of them lifted."""
     K, d = form.intervals, form.degree
     linear = form.input == "linear"
     corners = size + form.free_duration

@@ -55,7 +55,7 @@ from planner.methods.collocation.solvers import Settings
 from planner.methods.collocation.task import Solution, Task, stretch_to, task
 from planner.methods.collocation.transcription.bounds import InputDemands
 from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
-from planner.problem.feasibility import travel_window
+from planner.problem.feasibility import travel_window, why_too_short
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions, rests
 from planner.support import deadline, progress
@@ -251,6 +251,8 @@ class Pipeline:
             return self.paths[k]
         problem, options = self.routes[k], self.options
         enough = options.starts if options.start in ("auto", "wander") else 1
+        if why_too_short(problem):
+            enough = 1  # only the fastest motion is asked for, and shorter paths are seldom faster
         enough = -(-enough // len(self.routes)) if problem.free else enough
         guesses = seeds(options.start, options.attempts // part, sides(problem))
         simple = self._free and not problem.divided

@@ -15,11 +15,11 @@ from planner.report.figures.arm import body_points, can_draw, tips_to_pass
 from planner.report.figures.style import colour_numbers, length_unit, times
 from planner.report.panels import (
     PLAN_FIGURES,
-    Band,
     Panel,
     PlanCurves,
     PlanePanel,
     Series,
+    Shade,
     TimePanel,
     merge,
     screen_data,
@@ -93,7 +93,7 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
     words = [f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg"]
     note = "; ".join(filter(None, [*words, run.slip_words, run.limit_words]))
     series = [Series(0, middle, t=t, name="median machine")]
-    band = Band(low, high, "90 % of the machines")
+    band = Shade(low, high, "90 % of the machines")
     return screen_data(TimePanel("error", "error", "deg", series, band=band, note=note, zero=True))
 
 

@@ -128,7 +128,7 @@ def simulate(
     _refuse_too_large(plan, records, settle_s, record_s)
     times = _record_times(plan.duration, settle_s, record_s)
     whole = _blank(plan, times, count, records, feedback is not None)
-    run = _Run(plan, machine, draws, whole)
+    run = _ReplayRun(plan, machine, draws, whole)
     block = max(1, min(CHUNK_SAMPLES, count, int(BLOCK_BYTES / (run.most_rows * _row_bytes(plan)))))
     firsts = range(0, count, block)
     for i, first in enumerate(firsts):
@@ -200,7 +200,7 @@ def _refuse_too_large(plan: Plan, records: int, settle: float, record: float | N
     )
 
 
-class _Run:
+class _ReplayRun:
     """A replay whose samples run block after block.
 
     Args:

@@ -164,7 +164,7 @@ def is_clear(problem: Problem, one: Array, other: Array) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class JointGrid:
     """The box of joint angles, divided into equal cells.
 
     Attributes:
@@ -222,14 +222,14 @@ class Grid:
         return bool(part and (parts[goal] == part).any())
 
 
-def _grids(problem: Problem) -> Iterator[Grid]:
+def _grids(problem: Problem) -> Iterator[JointGrid]:
     """Yield finer and finer grids; only the mixed cells of the previous grid are tested again."""
     limit = _box(problem)
     size = len(limit)
     beyond = _beyond(problem)
     cells = np.full((COARSEST,) * size, MIXED, dtype=np.int8)
     while cells.size <= MOST_CELLS:
-        grid = Grid(-limit, 2 * limit / cells.shape[0], cells)
+        grid = JointGrid(-limit, 2 * limit / cells.shape[0], cells)
         mixed = np.argwhere(cells == MIXED)
         bound = float(beyond @ grid.widths) / 2
         least = clearance(problem, grid.centres(mixed))

@@ -64,7 +64,7 @@ class Series:
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
+class Shade:
     """A shaded range: `low` and `high` (m,) at the times of the first series."""
 
     low: Array
@@ -117,7 +117,7 @@ class TimePanel(Panel):
         notes: Peaks outside the view.
     """
 
-    band: Band | None = None
+    band: Shade | None = None
     limits: Sequence[float] = ()
     floor: float | None = None
     zero: bool = False
@@ -262,7 +262,7 @@ def _z2_panel(one: PlanCurves) -> TimePanel:
     plan = one.plan
     out = np.array([] if plan.executable else plan.domain.exits_s)
     return TimePanel(
-        "z2", "z2", "", [Series(one.number, one.z[:, 1])], band=Band(*z2_band(plan, one.t)),
+        "z2", "z2", "", [Series(one.number, one.z[:, 1])], band=Shade(*z2_band(plan, one.t)),
         marks=np.stack([out - plan.lead_s, plan.z(out)[:, 1]], axis=1).tolist(),
     )  # fmt: skip
 

@@ -202,8 +202,8 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
         )
     if not warm.executable:
         raise InputError(
-            f"{problem.source}: warm is a path that leaves the chart's domain ({warm.status});"
-            " it has no coordinates to start from"
+            f"{problem.source}: the plan given as warm leaves the chart's domain ({warm.status}),"
+            " so it has no joint angles to start from; give a verified plan"
         )
 
 

@@ -47,8 +47,8 @@ def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
         best = motion(reach)
     except np.linalg.LinAlgError:
         raise SingularError(
-            f"{problem.source}: travel {reach:g} {problem.system.coordinates[0].unit} leaves the"
-            " slots' constants undetermined",
+            f"{problem.source}: travel {reach:g} {problem.system.coordinates[0].unit} does not"
+            " determine the constants of the slots",
             advice=f"another {problem.travel_key}",
         ) from None
     notes |= {"slots": slots, **best.summary}

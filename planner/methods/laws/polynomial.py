@@ -60,8 +60,8 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
         # The travel only scales rows of the conditions, so the rank depends only on the times.
         times = " and ".join(f"{p.time_s:.4g} s" for p in points)
         raise SingularError(
-            f"{problem.source}: constraint points at {times} leave the polynomial's"
-            " coefficients undetermined, at every travel",
+            f"{problem.source}: constraint points at {times} do not determine the coefficients of"
+            " the polynomial, at any travel",
             advice="constraint points at other times",
         ) from None
     plan = finish(problem, NAME, options, ends.trajectory(motion), notes | motion.summary, began)

@@ -54,8 +54,8 @@ def plan_sinusoid(problem: Problem, options: SinusoidOptions) -> Plan:
     except np.linalg.LinAlgError:
         raise SingularError(
             f"{problem.source}: amplitude {amplitude:g} with travel {travel:g}"
-            f" {ends.problem.system.coordinates[0].unit} leaves the sinusoids'"
-            " coefficients undetermined",
+            f" {ends.problem.system.coordinates[0].unit} does not determine the coefficients of the"
+            " sinusoids",
             advice="another method.sinusoid.amplitude",
         ) from None
     notes |= {

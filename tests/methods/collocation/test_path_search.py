@@ -58,9 +58,12 @@ def test_paths_that_differ_are_counted_once() -> None:
     assert [path.seed for path in found.distinct] == ["1", "2", "0"]
 
 
-@pytest.mark.parametrize(("branches", "enough"), [(1, 7), (2, 4), (3, 3), (9, 1)])
-def test_branches_of_a_goal_share_the_starts(
-    monkeypatch: pytest.MonkeyPatch, branches: int, enough: int
+@pytest.mark.parametrize(
+    ("branches", "proof", "enough"),
+    [(1, None, 7), (2, None, 4), (3, None, 3), (9, None, 1), (1, "too short", 1)],
+)
+def test_branches_of_a_goal_share_the_starts_and_a_proven_refusal_needs_one(
+    monkeypatch: pytest.MonkeyPatch, branches: int, proof: str | None, enough: int
 ) -> None:
     asked: list[int] = []
 
@@ -69,6 +72,7 @@ def test_branches_of_a_goal_share_the_starts(
         yield PathSearch()
 
     monkeypatch.setattr(pipeline, "search", nothing)
+    monkeypatch.setattr(pipeline, "why_too_short", lambda _: proof)
     monkeypatch.setattr(pipeline.RoutePaths, "of", lambda *_: None)
     goal: Any = SimpleNamespace(free=(2,), divided=False, system=None)
     job: Any = SimpleNamespace(mesh=SimpleNamespace(marks=()))

@@ -140,25 +140,33 @@ def tips_to_pass(problem: Problem) -> Array:
     return np.array([tip for tip in tips if np.all(np.isfinite(tip))]).reshape(-1, 2)
 
 
+MOST_ABREAST = 4
+"""Panels in a row of a new figure; more would be too small on a page."""
+
+
 def plane_axes(drawn: Sequence[Curve], axes: Any = None) -> tuple[Figure, Any]:
     """Return a figure with axes in the plane, one per plan; wide motions are stacked vertically."""
     extents = [
         body_points(c.plan.problem, c.plan.q(times(c.plan, 200))).reshape(-1, 2) for c in drawn
     ]
     wide, high = np.ptp(np.concatenate(extents), axis=0)
-    shape, size = (1, len(drawn)), (3.8, 3.6)
+    count, columns, size = len(drawn), MOST_ABREAST, (3.8, 3.6)
     if wide >= 2 * high:
-        shape, size = (len(drawn), 1), (7.5, max(1.4, 7 * float(high / wide) + 0.8))
+        columns, size = 1, (7.5, max(1.4, 7 * float(high / wide) + 0.8))
+    shape = (1, count) if axes is not None else (-(-count // columns), min(count, columns))
     figure, axes, _ = grid(*shape, axes, size=size, share=("all", "all"))
     unit = length_unit(drawn[0].plan.problem.system)
-    for curve, ax in zip(drawn, axes.flat, strict=True):
+    for ax in axes.flat[count:]:
+        ax.remove()
+    for k, (curve, ax) in enumerate(zip(drawn, axes.flat, strict=False)):
         ax.set_title(curve.title, fontsize=10)
         ax.set_aspect("equal", adjustable="box")
-    for ax in axes[-1]:
-        ax.set_xlabel(f"x ({unit})")
-    for ax in axes[:, 0]:
-        ax.set_ylabel(f"y ({unit})")
-    return figure, axes
+        if k + shape[1] >= count:
+            ax.set_xlabel(f"x ({unit})")
+            ax.tick_params(labelbottom=True)
+        if k % shape[1] == 0:
+            ax.set_ylabel(f"y ({unit})")
+    return figure, axes.flat[:count].reshape(-1, 1) if columns == 1 else axes.flat[:count][None]
 
 
 def _draw(ax: Any, curve: Curve, scale: Any, poses: int) -> None:

@@ -245,7 +245,7 @@ def _errors(ax: Any, result: Sensitivities) -> None:
         ax.bar(places, values, width, color=colour[label], label=escape_math(label))
     texts = [f"{parameter_symbol(n)}\n{size_of(*s)}" for n, s in zip(names, sizes, strict=True)]
     ax.set_xticks(range(len(names)), texts, fontsize=8)
-    ax.set_ylabel("response of all angles at the end (deg)")
+    ax.set_ylabel("response at the end (deg)")
     ax.legend(fontsize=8)
 
 

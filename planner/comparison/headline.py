@@ -112,7 +112,7 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
     reason += f" {_degrees(row.end_median_deg)} instead of {_degrees(other.end_median_deg)} at the"
     reason += f" end{_fidelity(row, fidelity)}."
     if other is not rival and (costs := _costs(row, other)):
-        reason += f" Compensation costs {costs}." if other is plain else f" It costs {costs}."
+        reason += f" {'With compensation it' if other is plain else 'It'} takes {costs}."
     if rival is not None:
         reason += _against(row, rival, rival.label in _worse_than(row, rows, threshold_deg))
     tail += f"{_what_decides(solved)}{_follow_up(rows, row)}{refused}"
@@ -222,7 +222,7 @@ def _costs(row: Row, other: Row) -> str:
         f"{number(mine)} {unit} instead of {number(theirs)}"
         for mine, theirs, unit in (
             (row.duration_s, other.duration_s, "s"),
-            (row.effort, other.effort, unit),
+            (row.effort, other.effort, f"{unit} of effort"),
         )
         if mine > LEAST_SHARE * theirs
     )

@@ -145,7 +145,11 @@ class Row(PlanFigures):
     @property
     def remark(self) -> str:
         """Why the plan is refused; for a verified plan a remark, if there is one."""
-        leaves = "leaves the chart (allowed)" if self.solved and self.domain_ok is False else ""
+        leaves = (
+            "leaves the chart, as this method may"
+            if self.solved and self.domain_ok is False
+            else ""
+        )
         beyond = ""
         if self.solved and self.beyond_limits > 0:
             beyond = f"{number(self.beyond_limits)} % of machines break a limit"

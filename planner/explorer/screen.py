@@ -183,7 +183,7 @@ def path_line(outcome: ScreenOutcome, took_s: float) -> str:
     if plan.objective_name.startswith("effort") and np.isfinite(spent):
         parts.append(f"effort {spent:.4g} {effort_unit(plan.problem.system)}")
     if plan.verified and not plan.domain.ok:
-        parts.append("leaves the chart (allowed)")
+        parts.append("leaves the chart, as this method may")
     if plan.compensates is not None:
         errors_deg = plan.notes["compensation"]
         now, plain = (f"{errors_deg[key]:.3g} deg" for key in ("E_deg", "plain_E_deg"))

@@ -125,7 +125,8 @@ class Certificate:
         more = f" (and {len(self.open) - 1} more)" if len(self.open) > 1 else ""
         if not self.open or self.open[0].status == "violated":
             return f"{counted}; {self.open[0]}{more}" if self.open else "no requirement to prove"
-        return f"{counted}; only sampled: {shown_labels(self.only_sampled)} ({self.open[0].why})"
+        sampled = f"the others were only sampled: {shown_labels(self.only_sampled)}"
+        return f"{counted}; {sampled} ({self.open[0].why})"
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready form; unknown numbers are null. `certificate_from_dict` reads it."""

@@ -74,7 +74,7 @@ def test_by_default_every_plan_is_compensated_once_it_is_there(
     assert words.startswith(f"Take {taken.label}: E {number(taken.E_median_deg)} deg in the median")
     base = taken.label.replace(" compensated", "")
     assert f"instead of {number(result[base].E_median_deg)} deg ({base})" in words
-    assert "Compensation costs " in words
+    assert "With compensation it takes " in words
     assert f"cannot tell it from {better.label} (E " in words
     now, was = (
         [r.E_p95_deg for r in result.rows if r.solved and (COMPENSATED.split()[1] in r.label) == it]
@@ -118,7 +118,9 @@ def test_of_plans_that_the_test_cannot_tell_apart_the_cheapest_is_taken(
     assert result.best == dear.label
     assert result.recommended is better
     words = result.headline
-    assert f"{dear.label} (E {number(less)} deg), which takes 4 rad²/s instead of" in words
+    assert (
+        f"{dear.label} (E {number(less)} deg), which takes 4 rad²/s of effort instead of" in words
+    )
     assert "on machines without inertia (quasi-static)" in words
     table = " ".join(printed(rich_differences(result)))
     assert f"{COMPENSATED} against the others" in " ".join(table.split())
@@ -149,7 +151,7 @@ def test_the_headline_prices_a_plan_against_the_next_best_of_its_kind(
     plain, better = compensated.rows
     worse = replace(plain, label="sinusoid compensated", effort=0.2)
     words = replace(compensated, rows=(plain, better, worse)).headline
-    priced = f"{number(better.effort)} rad²/s instead of 0.2"
+    priced = f"{number(better.effort)} rad²/s of effort instead of 0.2"
     assert f"Next best of its kind is {worse.label} (E {number(worse.E_median_deg)} deg)." in words
     assert words.split("Compared with it: ")[1].split(". ")[0].endswith(priced)
 

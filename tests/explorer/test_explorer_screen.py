@@ -300,7 +300,7 @@ def test_a_plan_that_may_leave_the_chart_says_so() -> None:
     shown = screen("parking", "collocation")
     shown.judge()
     assert shown.words()["kind"] == "verified"
-    assert "leaves the chart (allowed)" in shown.words()["facts"]
+    assert "leaves the chart, as this method may" in shown.words()["facts"]
 
 
 def test_what_was_stopped_before_it_was_fine_enough_is_called_stopped() -> None:

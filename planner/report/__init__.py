@@ -1,13 +1,14 @@
 """Figures, films and pages of plans and comparisons.
 
-`figures` (one `plot_*` function each), `film`, `charts` (drawn by a browser), `page` (a comparison
-as a web page), `panels` (the data that all of these draw), `folders` (write everything to a folder)
-and `saved` (read it back), `export` (a plan for other programs, `urdf` the arm for ROS,
-`controller` the tracker in C).
+`figures` has the `plot_*` functions, one per figure; `film` animates the motion. `page` writes a
+comparison as a web page, on which `charts` draws in the browser. `panels` computes the data of all
+figures of plans. `folders` writes results with their figures to a folder, and `saved` reads a
+comparison back. `export` writes a plan for other programs, including the arm as URDF for ROS
+(`urdf`) and the tracker, the feedback controller that follows the plan, in C (`controller`).
 
-Every `plot_*` function takes plans (or replays), draws into your axes or a new figure, and returns
-both: `figure, axes = plot_z({"one": plan, "other": plan2})`. `plot_mechanism` takes an arm,
-`plot_design` a study of designs.
+Every `plot_*` function takes plans (or replays), draws into the given axes or a new figure, and
+returns the figure and its axes: `figure, axes = plot_z({"one": plan, "other": plan2})`.
+`plot_mechanism` takes an arm, `plot_design` a study of designs.
 """
 
 import lazy_loader

@@ -45,7 +45,7 @@ Real = Literal["double", "float"]
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Options that only some formats have; see `export`."""
+    """Options that only some formats have; `export` documents them."""
 
     rate_hz: float = field(default=RATE_HZ, metadata={"words": "samples per second"})
     joint_names: Sequence[str] | None = field(default=None, metadata={"words": "joint names"})
@@ -55,18 +55,19 @@ class ExportOptions:
 
 @dataclass(frozen=True)
 class Format:
-    """One kind of file or folder.
+    """An export format: one kind of file or folder.
 
     Attributes:
         holds: Its content in words, for the command's completion and the documentation.
-        endings: File name endings that select it, and no other format; a folder has none.
-        content: Builds the whole file (text or bytes), or a folder's files by name.
-        reader: The Python function that reads it, or "".
-        options: Names of the `ExportOptions` it has.
+        endings: File name endings that select this format only; empty if the format is a folder.
+        content: Builds the whole file (text or bytes), or the files of a folder by name.
+        reader: Name of the Python function that reads the file back, or "".
+        options: Names of the fields of `ExportOptions` that the format uses.
         is_command: Whether a machine or robot executes it directly, so that `export` warns of a
             plan that does not start at rest.
-        sample_and_hold: Whether motors hold each row until the next.
-        command_columns: Names of the columns for the motors, in a table with named columns.
+        sample_and_hold: Whether motors hold the command of each row until the next row.
+        command_columns: Returns the names of the columns with the motors' commands; empty for
+            formats without named columns.
     """
 
     holds: str
@@ -129,7 +130,7 @@ FORMATS: dict[str, Format] = {
 
 
 def fitting(option: str) -> str:
-    """Return the names of the formats that have an option, as one text."""
+    """Return the names of the formats that use an option, separated by commas."""
     return ", ".join(name for name, one in FORMATS.items() if option in one.options)
 
 
@@ -143,11 +144,12 @@ def export(
     real: Real = "double",
     machine: Machine | None = None,
 ) -> Path:
-    """Write a plan as a file or a folder for another program, all or nothing.
+    """Write a plan as a file or a folder for another program, completely or not at all.
 
-    Commands end with zeros. In tables they are means from each row to the next, so that motors that
-    hold each row turn as far as the plan asks for; `planner.plan.samples.held_miss` gives the error
-    at the arm's end. If the plan does not start at rest, an `InputWarning` says so.
+    The last commands are zero. In tables, the command of a row is the mean from this row to the
+    next: motors that hold it until the next row turn as far as planned.
+    `planner.plan.samples.held_miss` computes how far the motion with held commands ends from the
+    planned end. If the plan does not start at rest, an `InputWarning` says so.
 
     Args:
         plan: The plan. For a refused plan the samples are NaN (in CSV: empty) where no real angles
@@ -161,8 +163,8 @@ def export(
         machine: Machine whose mean values the tracker in C knows; by default the `[machine]` table.
 
     Raises:
-        InputError: If the format is unknown or lacks an option, it cannot hold the plan, or the
-            file cannot be written.
+        InputError: If the format is unknown, does not have one of the given options, or cannot
+            hold the plan; or if the file cannot be written.
     """
     expect_plan(plan)
     name = find_format(path, format)
@@ -188,7 +190,7 @@ def export(
 
 
 def refuse_target(path: str | Path, format: str) -> None:
-    """Refuse a target that cannot be written: a file, or a folder if the format is one.
+    """Check that the target, a file or a folder according to the format, can be written.
 
     Raises:
         InputError: If it cannot be written.
@@ -278,17 +280,18 @@ REST_SHARE = 1e-6
 """Largest |u| at an end that counts as rest, relative to the input's peak."""
 
 DIFFERENCE_SHARE = 1e-6
-"""Half width of the difference quotients for accelerations, relative to the smooth piece."""
+"""Half width of the difference quotients for accelerations, as a share of the smooth piece."""
 
 
 def joint_trajectory(
     plan: Plan, rate_hz: float = RATE_HZ, joint_names: Sequence[str] | None = None
 ) -> dict[str, Any]:
-    """Build the message as nested dictionaries and lists.
+    """Build a trajectory_msgs/JointTrajectory message as nested dictionaries and lists.
 
-    Positions are those of the two motors' axes (`planner.plan.samples.motor_angles`). Velocities
-    are the inputs, accelerations their slopes (at a corner, the slope after it). With the names of
-    the joints all are those of the joints, as RViz shows them with the format `urdf`.
+    Positions are the angles of the two motors (`planner.plan.samples.motor_angles`), velocities
+    the inputs, and accelerations the inputs' time derivatives (at a corner, the right-hand one). If
+    `joint_names` are those of all joints of an arm, positions, velocities and accelerations are
+    those of the joints, which RViz can show with the arm's description (format `urdf`).
 
     Args:
         plan: A plan that starts and ends at rest and passes `verify`.
@@ -343,10 +346,9 @@ def _joint_rates(plan: Plan, t: Array) -> Array:
 
 
 def time_slopes(plan: Plan, function: Callable[[Array], Array], t: Array) -> Array:
-    """Return the slopes of a function of a plan's time at times t (m,); at a corner, the right-hand
-    slope.
+    """Return the time derivative of a function at times t (m,); at a corner, the right-hand one.
 
-    Central differences inside the smooth piece that contains t.
+    It uses central differences inside the plan's smooth piece that contains t.
     """
     k = np.clip(np.searchsorted(plan.t, t, side="right") - 1, 0, len(plan.t) - 2)
     left, right = plan.t[k], plan.t[k + 1]
@@ -357,7 +359,7 @@ def time_slopes(plan: Plan, function: Callable[[Array], Array], t: Array) -> Arr
 
 
 def moving_inputs(plan: Plan, time: float) -> list[str]:
-    """Describe the inputs that are not zero at a time; an undefined input counts as moving."""
+    """Describe the inputs that are not zero at a time, including undefined (NaN) ones."""
     u, peaks = np.abs(plan.u(time)), np.maximum(peak_inputs(plan.trajectory), 1e-12)
     return [
         f"|{each.name}| = {u[i]:.4g} {each.unit}"
@@ -395,7 +397,7 @@ def _refuse_unfit(plan: Plan) -> None:
 
 
 def _joints(plan: Plan) -> list[str]:
-    """Return the names of an arm's joints; empty for a vehicle."""
+    """Return the names of an arm's joints; [] for a vehicle."""
     system = plan.problem.system
     return [c.name for c in system.coordinates[1:]] if hasattr(system, "arm_points") else []
 
@@ -421,7 +423,7 @@ def _stamp(t: float) -> dict[str, int]:
 
 
 def _flow(value: Any) -> str:
-    """Write a value as YAML: as JSON, but YAML 1.1 needs a decimal point before an exponent."""
+    """Write a value as JSON, which is also YAML; YAML 1.1 needs a point before an exponent."""
     if isinstance(value, float):
         text = repr(value)
         return text if "e" not in text or "." in text else text.replace("e", ".0e")

@@ -71,7 +71,8 @@ def animate(
     """Write a film of one or several plans, side by side with a common clock.
 
     Args:
-        plans: One plan, several, or several by label; plans without real angles are left out.
+        plans: One plan, several, or several by label; plans that are not executable (no real angles
+            at some time) are left out.
         path: A file name that ends in .gif, or in .mp4, which needs ffmpeg (on the search path, or
             from the extra `video`). An existing file is replaced.
         fps: Frames per second, 1 to 60; a GIF stores times in hundredths of a second.
@@ -103,10 +104,11 @@ def animate(
 
 
 def check_film(path: str | Path, fps: int, speed: float) -> str:
-    """Refuse arguments that `animate` could not use, before the work; return the file's ending.
+    """Check the arguments of `animate` and return the ending of `path`, ".gif" or ".mp4".
 
     Raises:
-        InputError: As for `animate`.
+        InputError: If the name has another ending, the file cannot be written, a number is out of
+            range, or ffmpeg is missing.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
@@ -183,7 +185,7 @@ GIF_COLOURS = 64
 
 
 def gif(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
-    """Encode a GIF that loops; the last frame stays for `hold` more frames."""
+    """Encode a GIF that loops; the last frame stays for the time of `hold` more frames."""
     from PIL import Image
 
     pictures = [Image.fromarray(frame) for frame in frames]
@@ -200,7 +202,7 @@ def gif(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
 
 
 def mp4(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
-    """Encode an H.264 film that every browser plays.
+    """Encode an H.264 film that every browser plays; the last frame is repeated `hold` times.
 
     Raises:
         InputError: If ffmpeg is missing or fails; the message quotes ffmpeg.

@@ -1,4 +1,7 @@
-"""Write comparisons with their figures, and sensitivities, as folders, all or nothing."""
+"""Write comparisons, error budgets and sensitivities, with their figures, as folders.
+
+A folder is written completely or not at all.
+"""
 
 from __future__ import annotations
 
@@ -41,13 +44,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOTION_INSTANTS = 300
-"""Number of stored instants of the median machine's motion."""
+"""Number of instants at which the motion of the machine with median E is stored."""
 
 
 def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> Path:
     """Write table.md, table.csv, comparison.json, replays.json, problem.toml, plans/ and figures/.
 
-    Plans that were refused are saved as `<label>.refused.json`.
+    Refused plans are saved as `<label>.refused.json`. If the plans were compared machine by
+    machine, differences.md, differences.csv and machines.csv are added. problem.toml is left out
+    if the problem does not come from a file.
 
     Args:
         comparison: The comparison.
@@ -78,9 +83,9 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
 
 
 def replay_data(comparison: Comparison) -> dict[str, Any]:
-    """Return the stored part of the replays, by label, JSON-ready.
+    """Return the part of the replays that replays.json stores, by label, as JSON-ready data.
 
-    `E_deg` is the error index of every machine, in the order of their numbers. `median` is the
+    `E_deg` lists the error index E of every machine, in the order of their numbers. `median` is the
     motion of the machine with the median E: its `number`, times `t` (s), coordinates `q` (rad, m).
     """
     out = {}
@@ -96,7 +101,7 @@ def replay_data(comparison: Comparison) -> dict[str, Any]:
 
 
 def _copy_problem(comparison: Comparison, place: Path) -> None:
-    """Copy the problem file unchanged; the command in comparison.json lists changes to it."""
+    """Copy the problem file unchanged, if there is one; comparison.json lists changes to it."""
     try:
         text = read_text(comparison.problem.source, TOML_BYTES, "a problem file is TOML")
     except InputError:
@@ -133,7 +138,7 @@ def _write_figures(comparison: Comparison, place: Path) -> None:
 
 
 def save_figure(figure: Figure, stem: Path) -> None:
-    """Write a figure as every kind of file, `stem` with each ending; reproducible byte by byte."""
+    """Write a figure as `stem`.png and `stem`.svg; the same figure gives the same bytes."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -176,9 +181,10 @@ def save_budget(
 
 
 def figures(comparison: Comparison) -> dict[str, Figure]:
-    """Draw all figures by name, except those for which no plan has the data.
+    """Draw all figures of a comparison, by name, except those for which no plan has the data.
 
-    Names in `PLAN_FIGURES` must differ from those of the other pictures here, such as "effort".
+    The names in `PLAN_FIGURES` must differ from the other names that are used here: "arm",
+    "errors", "effort", "replay".
     """
     plans, system = comparison.plans, comparison.problem.system
     motions = [plan for plan in plans.values() if plan is not None]
@@ -252,8 +258,7 @@ def save_sensitivities(found: Sensitivities, path: str | Path) -> Path:
 
 
 def _csv(responses: Sensitivity) -> str:
-    """Return S(T) as CSV: one row per coordinate, one column per parameter, with units in the
-    heads."""
+    """Return S(T), the sensitivities at the end, as CSV: coordinates by parameters, with units."""
     columns = zip(responses.parameters, responses.units, strict=True)
     rows = [["coordinate", *(f"{name} ({unit})" for name, unit in columns)]]
     for c, row in zip(responses.plan.problem.system.coordinates, responses.terminal, strict=True):

@@ -1,11 +1,13 @@
-"""Figures of plans as panels, which pictures, the page and the explorer draw.
+"""The data of all figures of plans; Matplotlib pictures, the page and the explorer draw them.
 
-`PLAN_FIGURES` lists the figures. A panel is a `TimePanel` or a `PlanePanel`. Titles and names are
-the problem's names of coordinates, or words; the code that draws formats them. `screen_data` makes
-a panel JSON data with the same keys, for the browser.
+A figure consists of panels. A `TimePanel` shows curves over time, a `PlanePanel` paths in a plane.
+`PLAN_FIGURES` lists the figures. Titles and names are words, or names of coordinates such as
+"theta1", which the drawing code formats. `screen_data` converts a panel to JSON data with the same
+keys for the browser.
 
-Panels with the same `id` can be drawn as one, see `merge`. Angles are in degrees, times in seconds
-since the start of the path, preparatory motions before it; undefined numbers are NaN.
+Panels with the same `id` can be drawn as one (see `merge`). Angles are in degrees. Times are in
+seconds since the start of the path; they are negative during the preparatory motion of a
+compensated plan. Undefined numbers are NaN.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ DRAWN_LIMIT_SHARE = 0.75
 """A limit is drawn if the values reach this share of it."""
 
 OVERSHOOT = 1.6
-"""The view extends to this multiple of the limit; peaks beyond it are named."""
+"""The view extends at most to this multiple of the limit, or of 1.5 times the usual values if these
+are larger; peaks beyond it are cut off and noted."""
 
 PEAK_RATIO = 5.0
 """Without a limit, peaks are cut off only above this multiple of the usual values."""
@@ -45,13 +48,14 @@ class Series:
     """A curve of a panel.
 
     Attributes:
-        plan: Number of its plan among the drawn plans.
-        y: Values (m,) at the plan's times.
-        x: Values across (m,), in a plane.
-        t: Times (m,), seconds, if they are not the plan's.
-        name: Name, if it is not the plan's.
-        colour: Index of its colour, if it is not the plan's.
-        machine: Whether it is the motion of the machine with median error, at that machine's times.
+        plan: Index of its plan among the drawn plans.
+        y: Vertical values (m,).
+        x: Horizontal values (m,) in a `PlanePanel`; None in a `TimePanel`.
+        t: Times (m,), seconds; None for the times of the plan.
+        name: Name; None for that of the plan.
+        colour: Index of its colour; None for that of the plan.
+        machine: Whether it is the motion of the machine with median error. Its times are then
+            those at which this motion is stored.
     """
 
     plan: int
@@ -64,8 +68,8 @@ class Series:
 
 
 @dataclass(frozen=True, eq=False)
-class Shade:
-    """A shaded range: `low` and `high` (m,) at the times of the first series."""
+class Band:
+    """A shaded range from `low` to `high` (m,), at the times of the panel's first series."""
 
     low: Array
     high: Array
@@ -83,10 +87,10 @@ class Peak:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """What panels of both kinds have.
+    """Common base of `TimePanel` and `PlanePanel`.
 
     Attributes:
-        id: Name; panels of one name can be drawn as one.
+        id: Identifier; panels with the same identifier can be drawn as one.
         title: Title.
         unit: Unit of the values.
         series: The curves.
@@ -107,10 +111,10 @@ class TimePanel(Panel):
 
     Attributes:
         band: A shaded range.
-        limits: Values of horizontal lines.
-        floor: Shade below this value.
+        limits: Limits, drawn as horizontal lines.
+        floor: The panel is shaded below this value.
         zero: Whether the browser's axis includes zero.
-        ends: Values at start and end.
+        ends: Values at start and goal, drawn as dots.
         stops: Waypoints, as points (t, value).
         marks: Points (t, value) where the path leaves or enters the domain.
         view: Range of the values shown; None for all.
@@ -130,18 +134,18 @@ class TimePanel(Panel):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlanePanel(Panel):
-    """A panel in a plane; both axes have its unit.
+    """A panel in a plane; both axes have the unit of the panel.
 
     Attributes:
         names: Names of the axes.
-        ends: Points at start and end.
+        ends: Points at start and goal.
         view: Range shown of each axis; None for all, at equal scale.
-        region: A range of each axis; outside of this box is shaded.
-        limits: Lines, as pairs (axis, value).
-        poses: Bodies, each a list of points.
+        region: Range of each axis; the plane outside this box is shaded.
+        limits: Limits, drawn as lines: pairs (index of the axis, value).
+        poses: Poses of the arm or vehicle, each a list of points.
         discs: Obstacles: x, y, radius.
-        tips: Waypoints of the tip.
-        key: Pairs of a kind of line and its meaning.
+        tips: Points that the tip must pass or reach.
+        key: Entries of the legend: pairs of a kind of line and its meaning.
     """
 
     names: Sequence[str]
@@ -202,7 +206,7 @@ class PlanFigure:
         executable: Whether folders and pages draw it only for executable plans; the explorer draws
             it for all, so its panels must accept NaN.
         columns: Whether a picture has one column per plan.
-        fits: Tells which systems have it.
+        fits: Returns whether a system has this figure.
     """
 
     id: str
@@ -218,8 +222,11 @@ class PlanFigure:
 
 
 def chained_panels(drawn: DrawnPlans) -> list[TimePanel]:
-    """Return the panels of z₂ with its domain (one per plan), of the least margin if it adds
-    something, and of z₃ … z_N."""
+    """Return panels of the chained coordinates z₂, z₃ … z_N over time.
+
+    For a manipulator, z₂ has one panel per plan, which shows its domain. Where the domain of the
+    chart has more conditions (n > 3, and other systems), a panel shows the least margin of all.
+    """
     system = drawn[0].plan.problem.system
     if isinstance(system, Manipulator):
         panels = [_z2_panel(one) for one in drawn]
@@ -236,7 +243,7 @@ def chained_panels(drawn: DrawnPlans) -> list[TimePanel]:
 
 
 def z2_band(plan: Plan, t: Array) -> Array:
-    """Return the values of z₂ for which a real θ₁ exists, given the later angles of a manipulator.
+    """Return the range of z₂ in which a real θ₁ exists, given θ₂ … θₙ of a manipulator.
 
     z₂ is affine in cos²θ₁ (n = 2: monotone in cosθ₁), so the band runs between θ₁ = 0 and θ₁ = 90°.
 
@@ -245,7 +252,7 @@ def z2_band(plan: Plan, t: Array) -> Array:
         t: Times (m,), seconds.
 
     Returns:
-        Lower and upper edge, shape (2, m); NaN if the later angles are not real.
+        Lower and upper edge, shape (2, m); NaN where θ₂ … θₙ are not real.
     """
     form = chained_form(plan.problem.system)
     q = plan.q(t)
@@ -257,8 +264,7 @@ def z2_band(plan: Plan, t: Array) -> Array:
 
 
 def _z2_panel(one: PlanCurves) -> TimePanel:
-    """Return the panel of z₂, with the band in which a real θ₁ exists and the points where the path
-    leaves or enters it."""
+    """Return a panel of z₂, the band with a real θ₁, and points where the path crosses its edge."""
     plan = one.plan
     out = np.array([] if plan.executable else plan.domain.exits_s)
     return TimePanel(
@@ -273,14 +279,15 @@ def _z2_panel(one: PlanCurves) -> TimePanel:
 def shown_coordinates(system: TriangularSystem) -> list[tuple[int, Coordinate]]:
     """Return the user coordinates that are drawn, with their indices.
 
-    All of them; if they are the triangular ones, all but the first, which is the path coordinate.
+    The first is left out if the user coordinates are those of the triangular system, where it is
+    the path coordinate.
     """
     every = list(enumerate(system.user_coordinates))
     return every if system.has_user_coordinates else every[1:]
 
 
 def joint_panels(drawn: DrawnPlans) -> list[TimePanel]:
-    """Return the user coordinates, with start, goal, waypoints, and limits that are close."""
+    """Return a panel of each user coordinate, with start, goal, waypoints, and limits if close."""
     problem = drawn[0].plan.problem
     panels, start = [], problem.system.user(problem.start)
     user = [(one, one.plan.user(one.t)) for one in drawn]
@@ -303,7 +310,7 @@ def joint_panels(drawn: DrawnPlans) -> list[TimePanel]:
 
 
 def input_panels(drawn: DrawnPlans) -> list[TimePanel]:
-    """Return the panels of u₁ and u₂ with their limits; peaks far beyond are cut off and noted."""
+    """Return panels of u₁ and u₂ with their limits; peaks far beyond are cut off and noted."""
     problem = drawn[0].plan.problem
     panels = []
     for i, coordinate in enumerate(problem.system.inputs):
@@ -326,14 +333,18 @@ def input_panels(drawn: DrawnPlans) -> list[TimePanel]:
 
 
 def near_limits(values: Array, limit: float) -> list[float]:
-    """Return ±limit if the values come close to it, else nothing: a distant line would only shrink
-    the curves."""
+    """Return −limit and limit if values come close to them; far lines would shrink the curves."""
     reach = [(side, np.nanmax(side * values, initial=-np.inf)) for side in (-1, 1)]
     return [side * limit for side, most in reach if most > DRAWN_LIMIT_SHARE * limit]
 
 
 def view_range(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tuple[float, float]:
-    """Return the lowest and highest value to show of inputs (plan, times, values) with a limit."""
+    """Return the lowest and highest value of an input to show.
+
+    Args:
+        values: The plan, times and values of each curve.
+        limit: Limit of the input; infinite if it has none.
+    """
     every = np.concatenate([u for _, _, u in values])
     most = float(np.max(np.abs(every)))
     # Times are denser near the ends of pieces, so a quantile over them would follow the peaks.
@@ -352,8 +363,10 @@ def view_range(values: Sequence[tuple[Any, Array, Array]], limit: float) -> tupl
 
 
 def map_panels(drawn: DrawnPlans) -> list[PlanePanel]:
-    """Return the paths in the plane (θ₁, θ₂), and the edges of the chart that contains the
-    start."""
+    """Return a panel of the paths in the plane of θ₁ and θ₂, and of the chart around the start.
+
+    The chart is the region in which the chained coordinates are valid.
+    """
     problem = drawn[0].plan.problem
     limits = np.rad2deg(problem.limits.joint[1:3])
     names = [coordinate.name for coordinate in problem.system.coordinates[1:3]]
@@ -382,12 +395,14 @@ def map_panels(drawn: DrawnPlans) -> list[PlanePanel]:
 
 
 MAP_MARGIN_DEG, NO_EDGE_DEG = 6.0, 1e4
-"""Margin of the map around its content, degrees; and the value that stands for no edge."""
+"""Margin of the map around its content, and the value that stands for "no edge"; degrees."""
 
 
 def _chart_range(problem: Problem, i: int) -> tuple[float, float] | None:
-    """Return the range of coordinate i alone inside the chart around the start, degrees; None on an
-    edge."""
+    """Return how far coordinate i alone can move from the start inside the chart, degrees.
+
+    It is a range (low, high), or None if the start lies on an edge of the chart.
+    """
     system, steps = problem.system, np.arange(0.0, 180.25, 0.5)
     branch = system.branch(problem.start)
     margins = [k for k, (index, _) in enumerate(system.margin_labels) if index == i]
@@ -442,11 +457,11 @@ PLAN_FIGURES = {
         ),
     )
 }
-"""All figures of plans by name, in order; pictures, page and explorer draw every entry."""
+"""All figures of plans, by name; the pictures, the page and the explorer draw each of them."""
 
 
 def merge(panels: Sequence[Panel]) -> Iterator[Panel]:
-    """Merge panels of one plan with the same id and unit into one, with one colour per curve."""
+    """Yield one plan's panels; merge those with the same id and unit, with one colour per curve."""
     groups: dict[tuple[str, str], list[Panel]] = {}
     for panel in panels:
         groups.setdefault((panel.id, panel.unit), []).append(panel)
@@ -468,16 +483,16 @@ def merge(panels: Sequence[Panel]) -> Iterator[Panel]:
 
 
 def common_view(panels: Sequence[TimePanel]) -> Pair | None:
-    """Return the range that includes the views of panels that share an axis; None if none has
-    one."""
+    """Return the range that includes the views of panels that share an axis; None without views."""
     views = [panel.view for panel in panels if panel.view]
     return (min(low for low, _ in views), max(high for _, high in views)) if views else None
 
 
 def span(plan: Plan) -> dict[str, Any]:
-    """Return the times at which a plan begins and ends on an axis whose 0 is the start of its path.
+    """Return `begin` and `end` of a plan on a time axis whose 0 is the start of its path.
 
-    Also the times at which the clock of a compensated plan is held to take up lost motion.
+    `holds` lists the intervals in which the clock of a compensated plan is held (stands still) to
+    take up lost motion.
     """
     lead = plan.lead_s
     holds = [[begin - lead, end - lead] for begin, end in plan.clock.holds]
@@ -487,7 +502,7 @@ def span(plan: Plan) -> dict[str, Any]:
 # -- for a browser ------------------------------------------------------------------------------
 
 ROUNDING = 1e-12
-"""Smaller numbers are rounding and would be shown with an exponent."""
+"""Smaller numbers are rounding errors; they are shown as 0, not with an exponent."""
 
 SCREEN_DIGITS = 5
 """Significant digits for the browser, more than a screen shows."""
@@ -520,7 +535,7 @@ def _screen_value(value: Any) -> Any:
 
 
 def to_screen_digits(values: Array) -> list[Any]:
-    """Round numbers for display; None for numbers that are not finite."""
+    """Round numbers for display, as nested lists; None replaces numbers that are not finite."""
     values = np.asarray(values, dtype=float)
     finite, size = np.isfinite(values), np.abs(values)
     visible = finite & (size >= ROUNDING)

@@ -24,9 +24,10 @@ from planner.verification.load_plan import load_plan
 def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
     """Read the folder that `Comparison.save` wrote, and verify its plans again.
 
-    Rows, plans and the errors on each machine are restored, replays are not (see `load_replays`). A
-    row that is marked as solved but has no valid plan of this problem becomes unsolved: its `why`
-    says what is wrong, and its numbers, which belong to another motion, are dropped.
+    Rows, plans and the errors on each machine are restored; replays are not (see `load_replays`).
+    If a row is marked as solved but its file has no valid plan of this problem, the row becomes
+    unsolved: its `why` says what is wrong, and its numbers, which belong to another motion, are
+    dropped.
 
     Args:
         folder: The folder.
@@ -69,9 +70,9 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
 
 
 def load_replays(folder: str | Path) -> dict[str, Any]:
-    """Read the stored part of the replays, by label: see `planner.report.folders.replay_data`.
+    """Read replays.json, the data that `planner.report.folders.replay_data` returned, by label.
 
-    Empty if the folder has none.
+    Returns {} if the folder has no such file.
 
     Raises:
         InputError: If the file is damaged.
@@ -81,13 +82,12 @@ def load_replays(folder: str | Path) -> dict[str, Any]:
 
 
 def _task_tables(problem: Problem) -> dict[str, Any]:
-    """Return the problem's tables without its title."""
+    """Return the problem as tables, without its title."""
     return {key: value for key, value in problem.to_dict().items() if key != "title"}
 
 
 def _machine_errors(path: Path) -> dict[str, Array]:
-    """Return E and the error at the end on each machine, (2, S), degrees, by label; {} without a
-    file."""
+    """Read E and the end error of each machine, (2, S), degrees, by label; {} without a file."""
     if not path.exists():
         return {}
     pairs: dict[str, list[list[float]]] = {}

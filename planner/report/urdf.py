@@ -21,9 +21,9 @@ THICKNESS = 0.08
 def urdf_text(plan: Plan) -> str:
     """Describe the arm of a plan: a base, and for each joint a link that turns about the vertical.
 
-    Lengths are those of `link_lengths`, in m. A joint's range is its limit in the problem, or one
-    turn each way. URDF also requires a maximum speed, which is the plan's, and a maximum torque
-    (`effort`), which is 0 because it is unknown.
+    Lengths are those of `link_lengths`, in m. A joint's range is its limit in the problem or,
+    without a limit, one turn each way. URDF also requires a maximum speed, which is the plan's, and
+    a maximum torque (`effort`), which is 0 because it is unknown.
 
     Raises:
         InputError: If the plan's system is not a planar arm.
@@ -59,7 +59,7 @@ def urdf_text(plan: Plan) -> str:
 
 
 def _add_link(robot: ET.Element, name: str, length: float, width: float, middle: float) -> None:
-    """Add a box along x whose centre has the given distance from the link's joint."""
+    """Add a link, drawn as a box along x whose centre lies at x = `middle` from its joint, in m."""
     visual = ET.SubElement(ET.SubElement(robot, "link", name=name), "visual")
     ET.SubElement(visual, "origin", xyz=f"{middle!r} 0 0", rpy="0 0 0")
     box = ET.SubElement(visual, "geometry")

@@ -1,5 +1,5 @@
-"""Charts in a browser, which the page and the explorer draw from `planner.report.panels`.
+"""Charts in a browser: the page and the explorer draw `planner.report.panels` with them.
 
-In this order: `scripts` (joins the files), `scale.js`, `chart.js`, `over_time.js`, `plane.js`,
-`charts.css`.
+`scripts` joins the files. Read them in this order: `scale.js` (scales and numbers), `chart.js`
+(parts common to all charts), `over_time.js`, `plane.js` (the two kinds of panel), `charts.css`.
 """

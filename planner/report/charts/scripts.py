@@ -14,13 +14,13 @@ STYLE = "charts.css"
 
 
 def script(room: str, names: Sequence[str]) -> str:
-    """Return the charts' scripts, followed by those of a package, as one text."""
+    """Return the charts' scripts, followed by the files `names` of the package `room`."""
     charts = [source(CHARTS, name) for name in SCRIPTS]
     return "\n".join(charts + [source(room, name) for name in names])
 
 
 def stylesheet(room: str, name: str) -> str:
-    """Return the charts' style sheet, followed by that of a package, with the colours of plans."""
+    """Return the charts' style sheet and the file `name` of `room`, with the plans' colours."""
     text = Template(source(CHARTS, STYLE) + source(room, name))
     each = range(len(PALETTE))
     return text.substitute(
@@ -31,5 +31,5 @@ def stylesheet(room: str, name: str) -> str:
 
 
 def source(package: str, name: str) -> str:
-    """Read a file of a package."""
+    """Return the text of a file in a package."""
     return files(package).joinpath(name).read_text(encoding="utf-8")

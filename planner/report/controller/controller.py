@@ -1,9 +1,9 @@
-"""Write the tracker of one plan as a folder of C code for the controller of a real machine.
+"""Write the tracker (feedback controller) of one plan as a folder of C code for a real machine.
 
-tracker.h, tracker.c and selftest.c are the same for every plan. The rest comes from the tracker's
-design in Python, so that both follow the same reference: sizes.h (types and sizes), tables.h
-(numbers, and the system's nominal rates as C code), recording.h (readings of one emulated machine
-and the expected commands).
+tracker.h, tracker.c and selftest.c are the same for every plan. Other files come from the tracker's
+design in Python, so that both versions follow the same reference: sizes.h (types and sizes),
+tables.h (numbers, and the system's nominal rates as C code), recording.h (readings of one emulated
+machine and the expected commands).
 """
 
 from __future__ import annotations
@@ -39,23 +39,27 @@ ROUNDING: dict[str, dict[str, float]] = {
     "double": {"TOLERANCE": 1e-9, "DEPENDENT": 1e-12, "ROUNDING_TICKS": 1e-9},
     "float": {"TOLERANCE": 1e-5, "DEPENDENT": 1e-6, "ROUNDING_TICKS": 1e-4},
 }
-"""Tolerances for rounding by type: violation of a constraint (in c), squared norm above which a
-unit vector counts as independent, and ticks by which a time may belong to the next one."""
+"""Rounding tolerances, by type of numbers.
+
+TOLERANCE is the allowed violation of a constraint, as a distance in the space of the optimisation
+variables c. DEPENDENT is the squared norm up to which an orthogonalised unit vector counts as zero.
+A time that is less than ROUNDING_TICKS ticks before a tick counts as this tick.
+"""
 
 ALLOWED_SHARE: dict[str, float] = {"double": 5e-4, "float": 0.02}
-"""Tolerance of commands in the self-test, relative to the greatest command. In double it covers the
-inaccuracy of OSQP in Python."""
+"""Tolerance of commands in the self-test, relative to the greatest command. For double it covers the
+inaccuracy of OSQP, the solver in Python."""
 
 ODD_SHARE: dict[str, float] = {"double": 0.0, "float": 0.02}
-"""Share of the self-test's periods in which commands may differ by more. Rounding can decide
-whether a joint has moved; the next readings then bring both versions together again."""
+"""Share of the self-test's periods in which commands may differ by more than `ALLOWED_SHARE`.
+Rounding can decide whether a joint has moved; later readings bring both versions together."""
 
 MAX_STEPS = 400
 """Maximum steps of the active-set method; the worst of 200 arms needs a tenth of it."""
 
 
 def controller_files(plan: Plan, machine: Machine | None, real: str) -> dict[str, str]:
-    """Build every file of the folder, by name.
+    """Build the text of every file of the folder, by file name.
 
     Args:
         plan: The plan; may be compensated.
@@ -135,7 +139,7 @@ def _tables(design: TrackerDesign, system: TriangularSystem, real: str) -> str:
 
 
 def _arrays(design: TrackerDesign) -> dict[str, Array]:
-    """Return the controller's tables of numbers, by name."""
+    """Return the tracker's tables of numbers, by their names in C."""
     ref, law, clock = design.ref, design.law, design.ref.timing
     count = len(ref.feed)
     arrays = {
@@ -177,7 +181,7 @@ def _arrays(design: TrackerDesign) -> dict[str, Array]:
 
 
 def _recording(plan: Plan, machine: Machine, follower: Tracker, real: str) -> str:
-    """Return one emulated machine: its encoder readings, some of them lost, and the commands."""
+    """Build recording.h: encoder readings of one emulated machine, some lost, and the commands."""
     recorder = Recorder(follower, _lose)
     replay(plan, machine, samples=1, seed=0, feedback=recorder, record_s=None)
     write = _writer(real)
@@ -197,7 +201,7 @@ def _recording(plan: Plan, machine: Machine, follower: Tracker, real: str) -> st
 
 
 LOST_EVERY = 23
-"""Period of lost readings in the recording; alternately one joint's and all."""
+"""One reading of this many is lost in the recording: alternately the last joint's and all."""
 
 
 def _lose(k: int, measured: Array) -> Array:
@@ -212,7 +216,8 @@ class Recorder:
 
     Args:
         feedback: The feedback that computes the commands.
-        tamper: Maps the number of a reading and the reading (N, S) to the reading it receives.
+        tamper: Called with the number of a reading and the reading (N, S); returns the reading that
+            the feedback receives instead.
 
     Attributes:
         log: Time, reading and commands (M, 2, S) of each period.
@@ -225,7 +230,7 @@ class Recorder:
         self.log: list[tuple[float, Array, Array]] = []
 
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Controller:
-        """See `Feedback`."""
+        """Start the feedback, as in `Feedback`, and clear the log."""
         self._control = self._feedback.start(plan, machine, numbers)
         self.log.clear()
         return cast("Controller", self)
@@ -234,7 +239,7 @@ class Recorder:
         return getattr(self._control, name)
 
     def __call__(self, t: float, measured: Array) -> Array:
-        """See `Controller`."""
+        """Return the commands for a reading, as in `Controller`, and record both."""
         read = self._tamper(len(self.log), measured)
         out = self._control(t, read)
         self.log.append((t, read.copy(), out))
@@ -245,7 +250,7 @@ class Recorder:
 
 
 def _writer(real: str) -> Callable[[float], str]:
-    """Return a function that writes a number as a C constant of the type."""
+    """Return a function that writes a number as a C constant of the type `real`."""
 
     def write(value: float) -> str:
         value = float(np.clip(value, -FREE, FREE))  # NaN stays
@@ -260,7 +265,7 @@ def _writer(real: str) -> Callable[[float], str]:
 
 
 def _array(head: str, values: Any, write: Callable[[Any], str]) -> str:
-    """Write a table of any dimension; an empty one gets one entry, since C has no empty arrays."""
+    """Write an array as C; an empty one gets one entry per axis, since C has no empty arrays."""
     values = np.asarray(values)
     values = values if values.size else np.zeros([max(1, n) for n in values.shape])
 
@@ -294,7 +299,7 @@ def _rates_in_c(system: TriangularSystem, write: Callable[[float], str]) -> list
             value = text.format(*(f"w[{i}]" for i in inputs))
         else:
             raise InputError(
-                f"the rates of {system} cannot be written in C: they hold a function beside"
+                f"the rates of {system} cannot be written in C: they use a function other than"
                 f" {', '.join(sorted(set(re.findall('[a-z]+[0-9]?', ' '.join(signs.values())))))}"
             )
         lines.append(f"w[{outputs[0]}] = {value};")
@@ -314,7 +319,7 @@ def _guard(name: str, lines: list[str]) -> str:
 
 
 def _readme(plan: Plan, machine: Machine, design: TrackerDesign, real: str) -> str:
-    """Return README.md, which says when to call which function, with this plan's numbers."""
+    """Build README.md, which explains the calls with this plan's numbers."""
     ref, clock, system = design.ref, design.ref.timing, plan.problem.system
     size, horizon = 8 if real == "double" else 4, 2 * design.programme.horizon
     rows = horizon * (2 if design.ramp else 1) + horizon // 2 * ref.rows.shape[1]

@@ -37,12 +37,14 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
     Vehicles are drawn by their axles, other systems with coordinates x and y as a point.
 
     Args:
-        plans: One plan, several, or several by label; plans without real angles are left out.
+        plans: One plan, several, or several by label; plans that are not executable (no real angles
+            at some time) are left out.
         axes: Axes to draw into, one per executable plan.
         poses: Number of poses.
 
     Returns:
-        The figure and its axes, shape (1, plans), or (plans, 1) for motions wider than high.
+        The figure and its axes, shape (1, plans), or (plans, 1) for motions at least twice as
+            wide as high.
 
     Raises:
         InputError: If no plan is executable, `axes` do not fit, or the system has no position in
@@ -66,10 +68,10 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
 
 
 def drawable(plans: Plans) -> list[Curve]:
-    """Select the executable plans.
+    """Return the executable plans as curves to draw in the plane.
 
     Raises:
-        InputError: If there is none, or the system has no position in the plane.
+        InputError: If no plan is executable, or the system has no position in the plane.
     """
     drawn = curves(plans, executable=True)
     system = drawn[0].plan.problem.system
@@ -79,14 +81,13 @@ def drawable(plans: Plans) -> list[Curve]:
 
 
 def can_draw(system: TriangularSystem) -> bool:
-    """Return whether `plot_arm` can draw the system."""
+    """Return whether `plot_arm` can draw the system: it is an arm or has coordinates x and y."""
     names = {c.name for c in system.user_coordinates}
     return hasattr(system, "arm_points") or {"x", "y"} <= names
 
 
 def body_points(problem: Problem, q: Array) -> Array:
-    """Return the points of the body in the plane at q (…, N): shape (…, P, 2); the tip, or (x, y),
-    is last."""
+    """Return points of the body at q (…, N), shape (…, P, 2); the last one is the tip or (x, y)."""
     system: Any = problem.system
     if hasattr(system, "arm_points"):
         return np.asarray(system.arm_points(q[..., 1:]))
@@ -102,9 +103,10 @@ def _position(system: TriangularSystem, w: Array) -> Array:
 
 
 def draw_places(ax: Any, problem: Problem) -> None:
-    """Draw obstacles as discs, waypoints as dotted poses if every joint is given, the tip's goal.
+    """Draw obstacles (discs), waypoints and the tip's goal (a cross).
 
-    A waypoint that gives only x and y is drawn as a point.
+    A waypoint is drawn as a dotted pose if it gives every joint, as a point if it gives only x and
+    y.
     """
     from matplotlib.patches import Circle
 
@@ -124,8 +126,7 @@ def draw_places(ax: Any, problem: Problem) -> None:
 
 
 def _pose_to_pass(problem: Problem, point: Waypoint) -> Array:
-    """Return the points of the body at a waypoint, shape (P, 2); NaN where the waypoint does not
-    fix them."""
+    """Return points of the body at a waypoint, (P, 2); NaN where the waypoint leaves them free."""
     system = problem.system
     if system.has_user_coordinates and np.any(np.isnan(point.q)):
         return _position(system, point.user)[None]
@@ -133,7 +134,7 @@ def _pose_to_pass(problem: Problem, point: Waypoint) -> Array:
 
 
 def tips_to_pass(problem: Problem) -> Array:
-    """Return the positions of the tip at waypoints that fix it, and at its goal, shape (m, 2)."""
+    """Return positions of the tip at its goal and at waypoints that fix it, shape (m, 2)."""
     tips = [_pose_to_pass(problem, point)[-1] for point in problem.waypoints]
     if problem.tip is not None and problem.tip.place is not None:
         tips.append(problem.tip.place)

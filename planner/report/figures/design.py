@@ -1,4 +1,4 @@
-"""A study of designs as one picture: the trade-off, and each figure of merit over the designs."""
+"""A study of designs as one picture: the trade-off, and figures of merit over the designs."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ MAX_LABELS = 8
 
 
 def plot_design(study: DesignStudy, *, axes: Any = None) -> tuple[Picture, Any]:
-    """Draw the front of the traded figures, and maps or bars of the decisive figures.
+    """Draw the Pareto front, and maps or bars of the most important figures of merit.
 
-    With two numeric design variables the figures are maps over both, otherwise bars. A ring or box
-    marks the recommended design, a cross contacts that would slip, hatching a design that cannot be
-    built.
+    Figures of merit are maps if the designs form a grid over two numeric design variables,
+    otherwise bars. A ring, box or colour marks the recommended design, a cross or the word "slips"
+    contacts that would slip, hatching or words a design that cannot be built.
 
     Args:
         study: The study.
@@ -71,7 +71,11 @@ def plot_design(study: DesignStudy, *, axes: Any = None) -> tuple[Picture, Any]:
 
 
 def _decisive_figures(study: DesignStudy) -> list[DesignFigure]:
-    """Choose up to five figures: traded ones, contacts, one-way tasks, another method's tasks."""
+    """Choose up to five figures of merit to draw.
+
+    These are, in order: those of the front, the contacts' load, tasks with a one-way
+    motion, tasks solved by a second method, errors at the end.
+    """
     by_key = {figure.key: figure for figure in study.figures}
     solved = [key for key in by_key if key.startswith("solved ")]
     after = [key for key in ("compensated_end_deg", "end_deg") if key in by_key]
@@ -80,7 +84,7 @@ def _decisive_figures(study: DesignStudy) -> list[DesignFigure]:
 
 
 def _front(ax: Any, study: DesignStudy) -> None:
-    """Plot the designs over the first two traded figures, or over one and the contacts' load."""
+    """Plot designs and their front over the first two figures of the front, or one and the load."""
     x, *rest = study.front_by
     load = next(figure for figure in study.figures if figure.key == CONTACT_LOAD)
     y = rest[0] if rest else load
@@ -125,7 +129,7 @@ def _front(ax: Any, study: DesignStudy) -> None:
 
 
 def _scale_axis(axis: Any, values: Sequence[float]) -> tuple[float, float]:
-    """Set and return the ends of an axis; logarithmic if values are far apart."""
+    """Set and return the ends of an axis; make it logarithmic if values are far apart."""
     numbers = [v for v in values if np.isfinite(v)] or [0.0, 1.0]
     low, high = min(numbers), max(numbers)
     if low > 0 and high > LOG_RATIO * low:
@@ -157,7 +161,7 @@ def _figure_title(study: DesignStudy, figure: DesignFigure) -> str:
 
 
 def _value(study: DesignStudy, figure: DesignFigure, row: DesignRow) -> tuple[float, str]:
-    """Return the value as a number and as text."""
+    """Return a figure of merit as a number and as text; a share of tasks becomes their number."""
     value = row.figures.get(figure.key, np.nan)
     if figure.reduction == "part":
         return value * study.tasks, number(value * study.tasks, 4)
@@ -165,7 +169,7 @@ def _value(study: DesignStudy, figure: DesignFigure, row: DesignRow) -> tuple[fl
 
 
 def _variables(study: DesignStudy) -> tuple[str, str] | None:
-    """Return the two variables of a map; None if a map would show nothing."""
+    """Return the two variables over which maps are drawn; None unless the designs form a grid."""
     rows = [row.design.values for row in study.rows if row.design.values]
     keys = list(rows[0]) if rows else []
     if len(keys) != 2 or any(values.keys() != rows[0].keys() for values in rows):

@@ -1,9 +1,9 @@
 """The manipulator's mechanism: motors, friction disks, bevel gears, belts, contacts.
 
 The parts, contacts and radii are those of the paper (section 3.1, Figs 2 and 3). The paper does not
-say which link carries which part; we assume the assignment for which eq. (6) follows contact by
-contact. Each joint i = 1 … n−1 has a *stage*, a stack of three contacts on the joint's axis, here
-from the side:
+say which link carries which part; we assume the assignment from which eq. (6) follows, contact by
+contact. Each joint i = 1 … n−1 has a *stage*: a stack of three contacts on the joint's axis. From
+the side:
 
     wheel B    turned by motor 1 or by the stage before; its axle lies along link i−1
       P₁       on the face of disk A, at distance R from the axle of A, which stands on link i
@@ -47,7 +47,7 @@ NOTE_LETTERS = 62
 """Letters per line of the text beside the view from above, 5 inches wide."""
 
 RIM_RATIO = 1.12
-"""Radius of a drawn disk over the distance of its contact, which lies inside the rim."""
+"""Ratio of a drawn disk's radius to the distance of its contact, which lies inside the rim."""
 
 THICKNESS = 0.07
 """Thickness of disks and wheels, in largest radii."""
@@ -62,8 +62,8 @@ class MechanismLayout:
 
     Attributes:
         gears: Geometry of the stages 1 … n−1.
-        unit: The largest radius.
-        inferred: Assumptions about the geometry; empty if it was given.
+        unit: The largest radius, which is the unit of the positions.
+        inferred: Text on the assumed geometry; empty if the geometry was given.
         joints: x of the joints' axes, shape (n,).
     """
 
@@ -84,7 +84,7 @@ class MechanismLayout:
 
     @property
     def p3(self) -> float:
-        """Height of the contact P₃. P₁ is at zero, P₂ on the other face of A."""
+        """Height of the contact P₃; that of P₁ is zero, P₂ is on the lower face of disk A."""
         return -THICKNESS - 2 * self.r2
 
     @property
@@ -146,9 +146,9 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
 
     The upper part is a side view of all stages with the arm stretched out. The lower part shows the
     first contact from above with joint 1 bent, which explains the factor cosθ. Radii are to scale
-    if they are known; link lengths are not. An arm given by K and k_g has no geometry, and one with
-    different stages does not fit the drawing. Then a geometry with the same joint rates and
-    λ = η = R = 1 is inferred, and the figure says that it is not to scale.
+    if they are known; link lengths are not. An arm that is given by K and k_g has no radii, and an
+    arm whose stages differ does not fit the drawing. For both, a geometry with the same joint rates
+    and λ = η = R = 1 is inferred, and the figure says that it is not to scale.
 
     Args:
         system: A `Manipulator`.
@@ -188,7 +188,7 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
 
 @lru_cache(maxsize=8)  # drawing takes a second, and few sliders change the mechanism
 def mechanism_svg(system: TriangularSystem) -> str:
-    """Return the drawing of `plot_mechanism` as one SVG picture; empty for other systems."""
+    """Return the drawing of `plot_mechanism` as SVG; "" if the system is not a `Manipulator`."""
     if not isinstance(system, Manipulator):
         return ""
     import matplotlib as mpl  # slow to import
@@ -260,7 +260,7 @@ AXIS_DASHES = (0, (8, 3, 1, 3))
 
 
 def _bands(pen: _Drawing, plan: MechanismLayout) -> None:
-    """Shade the regions between joints; each is carried by the link between them."""
+    """Shade the region between each two joints; its parts are carried by the link between them."""
     low = plan.link - 0.75
     for k, (a, b) in enumerate(pairwise([plan.left, *plan.joints.tolist(), plan.right])):
         middle, height = ((a + b) / 2, (plan.top + low) / 2), plan.top - low
@@ -271,7 +271,7 @@ def _bands(pen: _Drawing, plan: MechanismLayout) -> None:
 
 
 def _base(pen: _Drawing, plan: MechanismLayout) -> None:
-    """The base with motor 1 on the axle of the first wheel, motor 2 on the axis of joint 1."""
+    """Draw the base, motor 1 on the axle of the first wheel and motor 2 on the axis of joint 1."""
     wall, floor, top = plan.left + 0.25, plan.link - 0.45, plan.r1 + 0.4
     motor, look = (wall + 0.75, plan.r1), {"hatch": "///"}
     pen.box((wall, (top + floor) / 2), 0.14, top - floor + 0.14, "base", LINK_COLOUR, **look)
@@ -287,7 +287,7 @@ def _base(pen: _Drawing, plan: MechanismLayout) -> None:
 
 
 def _stage(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
-    """Draw the stack of joint i, and the parts that lead to joint i + 1."""
+    """Draw the stage (stack of contacts) of joint i, and the parts that lead to joint i + 1."""
     gear, (x, next_x) = plan.gears[i - 1], plan.joints[i - 1 : i + 1].tolist()
     wheel_z, r1 = -THICKNESS - plan.r2, gear.r1
     pen.axle((x - 0.5, wheel_z), (x, wheel_z), BRANCH_COLOUR)

@@ -105,11 +105,12 @@ FEEDBACK_LABEL = "the same plan with feedback"
 def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, Any]:
     """Plot the effort of each plan against its error on the machines.
 
-    The dot is the median of E with its 95 % confidence interval; the line extends to the 95th
-    percentile. Plans with feedback have hollow dots in the same colour, connected to those without.
+    A dot is the median of E, a thick bar its 95 % confidence interval; a thin line extends to the
+    95th percentile. A plan with feedback has a hollow dot, to which an arrow leads from the same
+    plan without feedback.
 
     Args:
-        comparison: What to draw; rows without replay are left out.
+        comparison: The comparison; rows without replay are left out.
         axes: Axes to draw into.
 
     Returns:
@@ -144,13 +145,13 @@ def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, A
 
 
 def needs_log_axis(values: ArrayLike) -> bool:
-    """Return whether values span more than a factor of ten, so that their axis is logarithmic."""
+    """Return whether values span more than a factor of ten; their axis is then logarithmic."""
     every = np.asarray(values, dtype=float)
     return bool(np.min(every) > 0 and np.max(every) > 10 * np.min(every))
 
 
 def _scale(axis: Any, log: bool) -> None:
-    """Make an axis logarithmic, with plain numbers and a note in its label; or start it at zero."""
+    """If `log`, make an axis logarithmic and say so in its label; otherwise start it at zero."""
     if not log:
         axis.axes.set(**{f"{axis.axis_name}lim": (0, None)})
         return
@@ -186,13 +187,14 @@ def _join(ax: Any, rows: list[Row], colour: dict[str, str]) -> None:
 def plot_errors(
     errors: Mapping[str, ArrayLike | None], *, refused: Collection[str] = (), axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Plot the share of machines with an error below each value; dots: median, 95th percentile.
+    """Plot the share of machines whose error is below each value; dots: median, 95th percentile.
 
-    Plans with feedback are dotted, in the colour of the plan without; refused ones are dashed.
+    Curves of plans with feedback are dotted, in the colour of the same plan without feedback;
+    curves of refused plans are dashed.
 
     Args:
         errors: For each plan its error index E on every sampled machine, shape (samples,), degrees;
-            None for a plan that was not replayed (it keeps its colour).
+            None for a plan that was not replayed (its colour stays reserved).
         refused: Labels of refused plans that were replayed for study.
         axes: Axes to draw into.
 
@@ -232,6 +234,6 @@ def _distribution(ax: Any, label: str, error: Array, colour: str, refused: bool)
 
 
 def error_range(errors: list[Array]) -> tuple[float, float]:
-    """Return the first percentile of all errors, and the largest error."""
+    """Return the first percentile of all errors and the largest error, as ends of an axis."""
     every = np.concatenate(errors)
     return float(np.percentile(every, 1)), float(np.max(every))

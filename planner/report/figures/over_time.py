@@ -50,13 +50,14 @@ PANEL_SIZES = {"inputs": (4.8, 3.4), "map": (6.4, 4.6)}
 
 
 def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot u₁ and u₂ over time with their limits as lines, all plans in each of two panels.
+    """Plot u₁ and u₂ over time in two panels, with all plans in both and limits as lines.
 
     Peaks far beyond the limits (or, without limits, far beyond most of the motion) are cut off and
     named above the panel, so that the rest stays readable.
 
     Args:
-        plans: One plan, several, or several by label; plans without real inputs are left out.
+        plans: One plan, several, or several by label; plans that are not executable (no real inputs
+            at some time) are left out.
         axes: Two axes to draw into.
 
     Returns:
@@ -75,7 +76,8 @@ def plot_joints(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
     close to them.
 
     Args:
-        plans: One plan, several, or several by label; plans without real angles are left out.
+        plans: One plan, several, or several by label; plans that are not executable (no real angles
+            at some time) are left out.
         axes: Axes to draw into, one per coordinate after the first.
 
     Returns:
@@ -90,10 +92,12 @@ def plot_joints(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
 def plot_map(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
     """Plot paths in the plane of θ₁ and θ₂, degrees, with the chart that contains the start.
 
-    Outside the chart the plane is shaded; start and goal are dots, joint limits dotted lines.
+    The chart is the region in which the chained coordinates are valid. The plane outside is shaded.
+    Start and goal are dots, joint limits dotted lines.
 
     Args:
-        plans: One plan, several, or several by label; plans without real angles are left out.
+        plans: One plan, several, or several by label; plans that are not executable (no real angles
+            at some time) are left out.
         axes: Axes to draw into.
 
     Returns:
@@ -109,8 +113,8 @@ def plot_map(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
 def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
     """Plot z₂ with its domain shaded, and z₃ … z_N, over time; one column per plan.
 
-    For the manipulator the shaded band is where a real θ₁ exists, given the later angles: for n = 3
-    and θ₂ > 0 it is −g(z₃) < z₂ < 0. If the domain has further conditions (n > 3, and other
+    For the manipulator, the shaded band is where a real θ₁ exists, given θ₂ … θₙ: for n = 3 and
+    θ₂ > 0 it is −g(z₃) < z₂ < 0. If the domain has further conditions (n > 3, and other
     systems), a row with the least margin of the full domain is added; margins < 0 are shaded.
 
     Args:
@@ -135,7 +139,7 @@ def plot(
         name: Name of the figure.
         plans: One plan, several, or several by label; plans that it cannot show are left out.
         axes: Axes to draw into, one per panel.
-        machine: The machine compared; by default that of the plans' problem.
+        machine: The machine whose effects the figure shows; by default that of the plans' problem.
 
     Returns:
         The figure and its axes, shape (rows, columns).
@@ -219,7 +223,7 @@ def _draw(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
 
 
 def _draw_same(ax: Any, same: Sequence[Any], drawn: Sequence[Curve]) -> None:
-    """Draw panels of one plan on the same axes; each curve is thinner, and named at its peak."""
+    """Draw one plan's panels on the same axes; each curve is thinner than the one before."""
     _frame(ax, same[0], drawn)
     names = [symbol(panel.title) for panel in same]
     ax.set_ylabel(names[0] if len(same) == 1 else f"{names[0]} … {names[-1]}")
@@ -235,7 +239,7 @@ def _draw_same(ax: Any, same: Sequence[Any], drawn: Sequence[Curve]) -> None:
 
 
 def _name(ax: Any, name: str, t: Array, y: Array) -> None:
-    """Write a curve's name at its maximum."""
+    """Write a curve's name where its magnitude is largest."""
     top = int(np.argmax(np.abs(y)))
     late = t[top] > (t[0] + t[-1]) / 2
     ax.margins(y=0.15)
@@ -244,14 +248,13 @@ def _name(ax: Any, name: str, t: Array, y: Array) -> None:
 
 
 def _times(series: panels.Series, drawn: Sequence[Curve]) -> Array:
-    """Return the times of a curve; 0 is the start of the path, and preparatory motions come
-    before."""
+    """Return the times of a curve; 0 is the start of the path, after any preparatory motion."""
     plan = drawn[series.plan].plan
     return np.asarray(times(plan) - plan.lead_s if series.t is None else series.t)
 
 
 def _frame(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
-    """Draw everything in a panel over time except its curves."""
+    """Draw a panel over time without its curves: limits, shades, dots and labels."""
     for number in {series.plan for series in panel.series}:
         shade_holds(ax, drawn[number].plan)
     unit = escape_math(panel.unit)
@@ -301,7 +304,7 @@ def _view(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
 
 
 def _plane(ax: Any, panel: PlanePanel) -> None:
-    """Draw everything in a panel in the plane except its paths."""
+    """Draw a panel in the plane without its paths: region, limits, end points and labels."""
     from matplotlib.patches import Rectangle
 
     x_label, up = (f"{symbol(name)} ({escape_math(panel.unit)})" for name in panel.names)

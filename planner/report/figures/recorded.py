@@ -20,7 +20,7 @@ RECORDED_STYLE = {"color": COLOURS[0], "linewidth": 1.0}
 PLAN_STYLE = {"color": "black", "linewidth": 1.1, "linestyle": "--", "zorder": 3}
 PREDICTION_STYLE = {"color": COLOURS[1], "linewidth": 1.2}
 MEAN_S = 0.3
-"""Window of the running mean, s; it shows differences that steps of the encoders hide."""
+"""Window of the running mean, s; the mean shows differences that the encoders' steps hide."""
 
 
 def plot_run(
@@ -29,12 +29,12 @@ def plot_run(
     """Plot the angles of a recorded run, of its plan and of a machine's prediction over time.
 
     Below each angle, the reading minus the plan and the reading minus the prediction are shown
-    pale, with their running means over 0.3 s. The plan of a compensated plan is the motion expected
-    of its machine, not the original path.
+    pale, with their running means over 0.3 s. If the plan is compensated, its curve is the motion
+    that it expects of its machine, not the original path.
 
     Args:
-        log: The run; its first command is taken as the plan's first (`Log.part` cuts off what came
-            before).
+        log: The run; its first nonzero command is taken to be that of the plan (`Log.part` cuts off
+            earlier commands).
         plan: The executed plan.
         prediction: A machine's motion under the log's commands: `Identification.predict(log)`.
         axes: Axes to draw into: two rows, one column for each joint.
@@ -72,7 +72,7 @@ def plot_run(
 
 
 def _differences(ax: Any, t: Array, values: Array, style: dict[str, Any]) -> None:
-    """Draw values at even times t in a pale colour, and their running mean."""
+    """Draw values at equally spaced times t in a pale colour, and their running mean."""
     window = np.ones(min(len(t), 1 + 2 * round(MEAN_S / 2 * (len(t) - 1) / float(t[-1] - t[0]))))
     mean = np.convolve(values, window, "same") / np.convolve(np.ones_like(values), window, "same")
     ax.plot(t, values, color=style["color"], linewidth=0.5, alpha=0.25, zorder=1)
@@ -80,30 +80,29 @@ def _differences(ax: Any, t: Array, values: Array, style: dict[str, Any]) -> Non
 
 
 def start_of(log: Log, plan: Plan) -> float:
-    """Return the time in the log at which the plan began, s; the first commands of both
-    coincide."""
+    """Return the time in the log, s, at which the plan began, from the first nonzero commands."""
     first = log.t[np.argmax(moving(log.u))]
     t = np.linspace(0.0, plan.duration, 1 + round(plan.duration / log.interval_s))
     return float(first - t[np.argmax(moving(plan.trajectory.u(t)))])
 
 
 def moving(u: Array) -> Array:
-    """Return whether commands (m, 2) exceed the noise of zero commands, (m,)."""
+    """Return at which of m times a command (m, 2) exceeds the noise of zero commands, (m,)."""
     return np.asarray(np.max(np.abs(u), axis=1) > 1e-3)
 
 
 def identification_figure(result: Identification) -> Figure:
     """Plot readings minus prediction of every run, and what the runs say about each parameter.
 
-    One row per run, the run kept out of the fit last: for the identified machine and, paler, for
-    the preset. Then each parameter's shift from the preset and its spread, in standard deviations
-    of its prior.
+    Each run has one row, with the prediction of the identified machine and, paler, of the preset;
+    a run kept out of the fit comes last. The bottom row shows how far each parameter is from the
+    preset, with its spread as error bar, in standard deviations of its prior.
 
     Args:
         result: The result of `planner.identify`.
 
     Raises:
-        InputError: If it is something else.
+        InputError: If `result` is not an `Identification`.
     """
     from planner.report.figures.notebook_figure import NotebookFigure  # slow to import
 

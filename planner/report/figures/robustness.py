@@ -1,5 +1,7 @@
-"""Figures of robustness: heat maps of the effect of errors at the end of a plan, the response along
-the plan, sensitivities of several plans, error budgets as bars, and a trade-off curve.
+"""Figures of robustness: how errors of the plan and the machine move the end of a motion.
+
+These are heat maps for one plan, responses along the plan, bars that compare several plans, error
+budgets, and trade-off curves between response and cost.
 """
 
 from __future__ import annotations
@@ -45,11 +47,13 @@ def plot_sensitivity(
 ) -> tuple[Figure, Any]:
     """Draw the error of each angle at the end, degrees, for one reference error of each parameter.
 
-    Boxes mark the passive block, dots the entries that depend only on start and goal (irreducible).
+    Boxes mark the passive block: the response of the joints without a motor (θ₂ … θₙ) to the start
+    of θ₁ and the gain of u₂. Dots mark irreducible entries, which depend only on start and goal.
 
     Args:
         found: The sensitivities.
-        spread: Standard deviations; parameters without one get their usual size.
+        spread: Standard deviation of each parameter, which is its reference error; a parameter
+            without one gets a typical size (see `Sensitivity.reference`).
         axes: Axes to draw into.
 
     Returns:
@@ -81,11 +85,13 @@ def plot_sensitivity(
 def plot_machine_sensitivity(
     found: MachineSensitivity, *, most: int = 24, axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Draw the error of each angle at the end, degrees, for one spread (or step) of each parameter.
+    """Draw how far each angle ends off, degrees, if a machine parameter changes by its spread.
+
+    A parameter without spread changes by a step.
 
     Args:
         found: The sensitivities.
-        most: Number of parameters shown, those with the largest response.
+        most: Largest number of parameters shown; those with the largest response are chosen.
         axes: Axes to draw into.
 
     Returns:
@@ -106,11 +112,11 @@ def plot_machine_sensitivity(
 def plot_responses(
     found: Sensitivity, spread: Mapping[str, float] = PAPER_SPREAD, *, axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Plot the standard deviation of each angle along the plan, degrees.
+    """Plot the standard deviation of each angle along the plan, degrees, due to its errors.
 
     Args:
         found: The sensitivities.
-        spread: Standard deviations of the errors.
+        spread: Standard deviation of each parameter's error, by name.
         axes: Axes to draw into.
 
     Returns:
@@ -167,13 +173,13 @@ def entry_name(entry: MachineEntry) -> str:
 
 
 def parameter_symbol(parameter: str) -> str:
-    """Return the name of an error, with mathematical symbols."""
+    """Return the name of a parameter of the plan, with mathematical symbols."""
     word, _, which = parameter.partition(" ")
     return f"{word} {symbol(which)}" if which else symbol(f"k{word[1:]}").replace("k", "K")
 
 
 def size_of(value: float, unit: str) -> str:
-    """Return the size of an error with its unit; angles in degrees."""
+    """Return the size of an error with its unit: fractions in percent, angles in degrees."""
     if unit == "1":
         return f"{100 * value:.3g} %"
     if unit == "rad":
@@ -189,7 +195,7 @@ BAR_SPAN = 0.8
 
 
 def plot_sensitivities(found: Sensitivities, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Draw passive block and total of each plan, and its response to each error.
+    """Draw the passive block and the total of each plan, and its response to each error.
 
     Args:
         found: The sensitivities.
@@ -250,7 +256,9 @@ def _errors(ax: Any, result: Sensitivities) -> None:
 
 
 def plot_budget(budget: Budget, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Draw the cost of each effect and its share of the variance, as bars with 95 % intervals.
+    """Draw what each machine effect adds to the error E and to its variance, as bars.
+
+    Error bars are 95 % intervals. `planner.robustness.budget.Cost` explains "saves" and "alone".
 
     Args:
         budget: The budget.
@@ -291,7 +299,7 @@ def _bars(ax: Any, places: Any, values: Any, reach: Any, colour: int, label: str
 
 
 def _reach(costs: tuple[Cost, ...], kind: str) -> Any:
-    """Return the half widths of the interval on both sides, (2, effects); zero if unknown."""
+    """Return how far the intervals reach below and above the values, (2, effects); 0 if unknown."""
     middle = np.array([getattr(c, f"{kind}_deg") for c in costs])
     ends = np.array([getattr(c, f"{kind}_interval_deg") for c in costs]).reshape(-1, 2)
     return np.nan_to_num(np.maximum([middle - ends[:, 0], ends[:, 1] - middle], 0.0))
@@ -306,7 +314,9 @@ KNEE_STYLE = {"marker": "o", "markersize": 11, "fillstyle": "none", "markeredgew
 
 
 def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot response against cost, errors on machines against cost, and the paths of three points.
+    """Plot response and errors on machines against cost, and the paths of three points.
+
+    The three points of the curve are the first, the knee and the last one.
 
     Args:
         curve: The curve.
@@ -328,12 +338,12 @@ def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
 
 
 PASSIVE_SHARE = 0.99
-"""The sentence on the knee names the passive block if it fell below this share of the first
-point's; otherwise the change is not visible, and the sentence names the total."""
+"""`knee_sentence` reports the passive block if, at the knee, it is less than this share of that at
+the first point. Otherwise the change would not be visible, and it reports the total."""
 
 
 def knee_sentence(curve: TradeOff) -> str:
-    """Describe what the knee of a curve gains for its cost, in one sentence without full stop."""
+    """Return a sentence (without full stop) on what the knee of a curve gains for its cost."""
     first, knee = curve.points[0], curve.knee
     unit = {"effort": f" {effort_unit(curve.problem.system)}", "duration": " s", "peak": ""}
     cost = f"{curve.kind} {number(_cost(curve, knee))}{unit[curve.kind]}"
@@ -356,7 +366,7 @@ def distinct_texts(*angles: float) -> list[str]:
 
 
 def _degrees(angle: float, digits: int) -> str:
-    """Format an angle; below an encoder's resolution write "less than", never 0."""
+    """Format an angle; if it is below an encoder's resolution, write "less than" instead of 0."""
     if abs(angle) < ENCODER_DEG:
         return f"less than {ENCODER_DEG:g} deg"
     places = max(digits - 1 - int(np.floor(np.log10(abs(angle)))), 0)
@@ -418,7 +428,7 @@ def _paths(ax: Any, curve: TradeOff) -> None:
 
 
 def reversals(count: int) -> str:
-    """Return the number of reversals of the drive, in words."""
+    """Return the number of reversals of the drive in words."""
     return {0: "one way", 1: "1 reversal"}.get(count, f"{count} reversals")
 
 

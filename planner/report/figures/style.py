@@ -39,7 +39,7 @@ PALETTE = (
     ("#332288", "#332288", "#a79be8"),
     ("#117733", "#0f6a2e", "#a9e5a0"),
 )
-"""Each colour in pictures, and as text in a browser on a light and on a dark background.
+"""Each colour in three variants: for pictures, and for a browser on light and dark background.
 
 The colours are distinct for all common kinds of colour vision (M. Okabe, K. Ito, 2008; P. Tol,
 2021)."""
@@ -60,7 +60,7 @@ METHOD_COLOURS = {
     "sinusoid_steps": 8,
 }
 """Index in `PALETTE` of each method's colour in all figures. A second plan of the same method, and
-a method that is missing here, take a colour that no method in the picture has."""
+a plan of a method that is missing here, take a colour that is still free in the picture."""
 
 DOMAIN_COLOUR = "#DCEBF5"
 OUTSIDE_COLOUR = "#F3D9D0"
@@ -125,14 +125,14 @@ class Curve:
 
 
 def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
-    """Assign labels and colours to plans; each keeps its colour if others are left out.
+    """Assign labels and colours to plans; colours do not depend on which plans are left out.
 
     Args:
-        plans: See `Plans`.
-        executable: Whether to leave out plans without real coordinates.
+        plans: One plan, several, or several by label.
+        executable: Whether to leave out plans that are not executable.
 
     Raises:
-        InputError: If one is not a plan, or nothing is left to draw.
+        InputError: If `plans` contains something else than plans, or no plan is left to draw.
     """
     if isinstance(plans, str) or not isinstance(plans, Iterable):
         expect_plan(plans)
@@ -157,20 +157,18 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
 
 
 def find_covered(labels: Iterable[str]) -> set[str]:
-    """Return the labels of plans whose compensated plan is also present; both have the same
-    path."""
+    """Return the labels of plans whose compensated plan, with the same path, is also present."""
     plain = {label for label in labels if not label.endswith(FEEDBACK)}
     return {plain_label(label) for label in plain if plain_label(label) != label} & plain
 
 
 def colours(labels: Sequence[str]) -> dict[str, str]:
-    """Return the colour of each plan, by label; with feedback a plan keeps its colour."""
+    """Return each plan's colour by label; a plan with feedback has that of the plan without."""
     return {label: COLOURS[k] for label, k in colour_numbers(labels).items()}
 
 
 def colour_numbers(labels: Sequence[str]) -> dict[str, int]:
-    """Return the index in `PALETTE` of each plan's colour; plans of a method usually have its
-    colour."""
+    """Return the index in `PALETTE` of each plan's colour by label: its method's colour if free."""
     plans = list(dict.fromkeys(label.removesuffix(FEEDBACK) for label in labels))
     usual = {plan: METHOD_COLOURS.get(plan, METHOD_COLOURS.get(_method(plan))) for plan in plans}
     spare = [k for k in range(len(PALETTE)) if k not in usual.values()]
@@ -193,23 +191,22 @@ def _method(label: str) -> str:
 
 
 def times(plan: Plan, count: int = 1500) -> Array:
-    """Return the times at which to draw a plan, denser near its breaks; shape (m,), seconds."""
+    """Return times at which to draw a plan, denser near the ends of its pieces; (m,), seconds."""
     return sample_times(plan.t, max(count, 12 * (len(plan.t) - 1)))
 
 
 def shade_holds(ax: Any, plan: Plan) -> None:
-    """Shade the times at which a compensated plan's clock is held; 0 is the plan's start."""
+    """Shade the times at which a compensated plan's clock is held to take up lost motion."""
     for begin, end in plan.clock.holds:
         ax.axvspan(begin - plan.lead_s, end - plan.lead_s, color=HOLD_COLOUR, linewidth=0, zorder=0)
 
 
 HOLD_COLOUR = "#EEEEEE"
-"""Shade of times at which the plan's clock is held."""
+"""Colour of the times at which a compensated plan's clock is held."""
 
 
 def time_label(plans: Iterable[Plan]) -> str:
-    """Return the label of a time axis on which 0 is the plan's start; preparatory motions come
-    before."""
+    """Return the label of a time axis on which 0 is the plan's start, after preparatory motions."""
     return "time since the plan's start (s)" if any(p.lead_s for p in plans) else "time (s)"
 
 
@@ -221,7 +218,7 @@ def grid(
     size: tuple[float, float] = (3.4, 2.6),
     share: tuple[Sharing, Sharing] = ("none", "none"),
 ) -> tuple[Figure, Any, bool]:
-    """Return a figure, its axes (rows, columns), and whether it is new, not that of given axes.
+    """Return a figure, its axes of shape (rows, columns), and whether the figure is new.
 
     Args:
         rows: Number of rows.
@@ -279,8 +276,7 @@ _DIGITS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 
 def readable_name(name: str) -> str:
-    """Return a name as it is drawn: theta1 becomes θ₁, u2 becomes u₂, others lose their
-    underscores."""
+    """Write theta1 as θ₁ and u2 as u₂; in other names, replace underscores by spaces."""
     match = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
     if not match:
         return name.replace("_", " ")
@@ -289,23 +285,22 @@ def readable_name(name: str) -> str:
 
 
 def escape_math(text: str) -> str:
-    """Escape foreign text for Matplotlib, which reads text between two $ as mathematics."""
+    """Escape the user's text for Matplotlib, which reads text between two $ as mathematics."""
     return clean_text(text).replace("$", r"\$")
 
 
 def axis_label(coordinate: Coordinate) -> str:
-    """Return name and unit of a coordinate; angles are drawn in degrees."""
+    """Return the name of a coordinate and the unit in which it is drawn."""
     return f"{symbol(coordinate.name)} ({escape_math(unit_of(coordinate))})"
 
 
 def unit_of(coordinate: Coordinate) -> str:
-    """Return the unit in which a coordinate is shown."""
+    """Return the unit in which a coordinate is drawn: degrees for angles."""
     return "deg" if coordinate.unit == "rad" else coordinate.unit
 
 
 def length_unit(system: TriangularSystem) -> str:
-    """Return the unit of positions in the plane: metres, or link lengths if an arm has none
-    given."""
+    """Return the unit of positions in the plane: m, or link lengths if an arm's lengths are all 1."""
     lengths = getattr(system, "link_lengths", None)
     return "m" if lengths is None or np.any(lengths != 1) else "link lengths"
 
@@ -331,7 +326,7 @@ def line(curve: Curve) -> Any:
 def legend(
     figure: Figure, axes: Any, handles: Sequence[Any], *, ours: bool, abreast: int = 3
 ) -> None:
-    """Draw one legend: below the axes of our own figure, inside the first of the caller's axes."""
+    """Draw a legend: below the axes if the figure is `ours`, else inside the first of the axes."""
     if ours:
         columns = min(abreast, len(handles))
         figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
@@ -340,7 +335,7 @@ def legend(
 
 
 def heading(figure: Figure, text: str, *, ours: bool) -> None:
-    """Set a title above the figure if we made it."""
+    """Set a title above the figure if it is `ours`, that is not the caller's."""
     if ours:
         letters = int(11 * figure.get_figwidth())
         figure.suptitle(escape_math(textwrap.fill(text, letters)), fontsize=11)

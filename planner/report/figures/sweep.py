@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
-    """Draw the solved cases of each method, and the effort of each solved case (or E of replays).
+    """Draw the solved cases of each method, the effort of each solved case, and E if replayed.
 
-    Refused cases have no mark. Cases are drawn over the varied key if it is one number, else over
-    the number of the point in the order of the sweep.
+    Refused cases have no dot. If only one key is varied and its values are numbers, they are the
+    horizontal axis; otherwise the axis counts the points of the sweep.
 
     Args:
         columns: Names of the columns; those before `method` are the varied keys.
@@ -59,14 +59,14 @@ def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
 
 
 _PAPER = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
-"""Background of the counts, so that they are readable on every colour."""
+"""Background of the counts that makes them readable on every colour."""
 
 
 POINT = "point (in the order of the sweep)"
 
 
 def _places(keys: Sequence[str], records: Sequence[Record]) -> tuple[list[float], str]:
-    """Return the position of each case along the axis, and the axis label."""
+    """Return the position of each case along the horizontal axis, and the label of the axis."""
     if len(keys) == 1 and all(type(r[keys[0]]) in (int, float) for r in records):
         return [float(r[keys[0]]) for r in records], keys[0]
     points: dict[str, int] = {}

@@ -63,7 +63,8 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mappin
     Args:
         comparison: The comparison with its plans.
         replays: The result of `load_replays`.
-        data: `command` and `versions`, as in comparison.json.
+        data: The content of comparison.json, of which `command`, `versions`, `differences` and
+            `rows` are used.
     """
     page = json.dumps(page_data(comparison, replays), separators=(",", ":"), ensure_ascii=False)
     return Template(source(PACKAGE, "page.html")).substitute(
@@ -95,7 +96,7 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mappin
 
 
 def _mechanism(comparison: Comparison) -> str:
-    """Return the arm's mechanism as a section with one figure; empty for other systems."""
+    """Return a section with a figure of the arm's mechanism; "" for systems without a drawing."""
     drawing = mechanism_svg(comparison.problem.system)
     if not drawing:
         return ""
@@ -137,8 +138,10 @@ def _definitions(pairs: Sequence[tuple[str, str]]) -> str:
 
 
 def _figures() -> str:
-    """Return an empty place with a caption for each figure of plans; the page shows those it
-    fills."""
+    """Return a hidden, empty figure with a caption for each entry of `PLAN_FIGURES`.
+
+    The page's script fills and shows those for which there is data.
+    """
     return "\n".join(
         f'<figure id="fig-{one.id}" hidden>\n<figcaption><b>{html.escape(one.title)}.</b>'
         f' {html.escape(one.caption)}</figcaption>\n<div class="panels"></div>\n</figure>'
@@ -160,12 +163,12 @@ def _table(comparison: Comparison) -> str:
 
 
 def _typeset(column: Column[R], title: str) -> Column[R]:
-    """Return a column with another title, and with typographic minus signs."""
+    """Return the column with another title, and with typographic minus signs."""
     return Column(title, column.unit, lambda row: column.text(row).replace("-", "−"))
 
 
 def _symbols(title: str) -> str:
-    """Typeset a title: |u1| becomes |u₁|; a percent sign stays on the line of its number."""
+    """Write |u1| as |u₁|, and keep each percent sign on the line of its number."""
     text = "|".join(readable_name(part) for part in title.split("|"))
     return text.replace(" %", "\N{NO-BREAK SPACE}%")
 
@@ -210,7 +213,7 @@ PAIR_COLUMNS: list[Column[Pair]] = [
 
 
 def _differences(pairs: Sequence[Pair]) -> str:
-    """Return every pair of plans on the same machines, as a folded table; empty without a pair."""
+    """Return a collapsed table that compares each two plans on the same machines; "" if none."""
     if not pairs:
         return ""
     name, *numbers = PAIR_COLUMNS
@@ -225,7 +228,7 @@ on the same machine. p: sign test, corrected for all pairs.</p></details>"""
 
 
 def _worst(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return the commands that replay each plan's worst machine alone, as a folded section."""
+    """Return a collapsed list of commands; each replays one plan on its worst machine alone."""
     finite = [
         f"# {row['label']}: machine {row['worst']}\n{row['worst_command']}"
         for row in rows

@@ -44,7 +44,7 @@ MOTION_PICTURES = 240
 
 
 def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, Any]:
-    """Build the plans with their times and motions, and the figures with their panels.
+    """Build the page's data: plans with their times and motions, and figures with their panels.
 
     Args:
         comparison: The comparison with its plans.
@@ -72,7 +72,7 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
 
 
 def _opening(comparison: Comparison) -> list[str]:
-    """Return the labels of plans in the order in which the page prefers to show their motion."""
+    """Return labels of plans in the order in which the page prefers to show their motion."""
     take = comparison.recommended
     labels = [] if take is None else [take.label]
     labels += ["collocation", *(row.label for row in comparison.rows if row.solved)]
@@ -100,7 +100,7 @@ def _plan(drawn: Curve, replay: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def _motion(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
-    """Return the points of the body, and each shown coordinate in its display unit, over time."""
+    """Return points of the body, and shown coordinates in their display units, over time."""
     problem = plan.problem
     shown, w = shown_coordinates(problem.system), problem.system.user(q)
     values = np.column_stack([to_display(w[:, i], c.unit) for i, c in shown])
@@ -119,7 +119,7 @@ def _motion(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
 def _figures(
     machine: Machine, drawn: Sequence[Curve], closed: Collection[str], replays: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the figures of `PLAN_FIGURES`; plans with feedback are left out (same path)."""
+    """Yield the figures of `PLAN_FIGURES`, without plans with feedback, whose path is the same."""
     system = drawn[0].plan.problem.system
     every = [
         PlanCurves(k, one.plan, _times(one.plan), machine)
@@ -178,7 +178,7 @@ def _spreads(
 
 
 def _times(plan: Plan) -> Array:
-    """Return the times at which to draw a plan: dense near corners, limited in number."""
+    """Return the times at which to draw a plan: dense near its corners, limited in number."""
     every = times(plan, CURVE_POINTS)
     if len(every) <= 2 * CURVE_POINTS:
         return every

@@ -1,4 +1,4 @@
-"""Write the sentences of a comparison's page: the question, the answer, names, numbers."""
+"""Write the texts of a comparison's page: question, answers, and facts of the task."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from planner.systems.triangular_system import Coordinate
 
 
 def colour_places(comparison: Comparison) -> dict[str, int]:
-    """Return the colour number of each row; a row with feedback has that of its plan without it."""
+    """Return the index of each row's colour; a plan with feedback has that of the plan without."""
     return colour_numbers([row.label for row in comparison.rows])
 
 
 def question(problem: Problem) -> str:
-    """Return the question of the comparison, one sentence of HTML."""
+    """Return the question that the comparison answers, as one sentence of HTML."""
     arm = hasattr(problem.system, "arm_points")
     duration = "a free duration" if problem.duration is None else f"{problem.duration:g} s"
     if arm:
@@ -40,7 +40,7 @@ def question(problem: Problem) -> str:
 
 
 def answer(comparison: Comparison, row: Row) -> str:
-    """Return the answer for one row, one sentence of HTML: solved or not, effort, error."""
+    """Return the answer for one row, as one sentence of HTML: solved or not, effort, error."""
     if not row.solved:
         note = "; replayed for study" if np.isfinite(row.E_median_deg) else ""
         advice = comparison.advice.get(row.label, "")
@@ -58,7 +58,7 @@ def answer(comparison: Comparison, row: Row) -> str:
 
 
 def verdict_html(comparison: Comparison) -> str:
-    """Return the overall answer in a few sentences of HTML."""
+    """Return the overall answer, as a few sentences of HTML."""
     rows = [row for row in comparison.rows if not row.feedback]
     solved = sum(row.solved for row in rows)
     text = html.escape(comparison.headline.replace(" deg", "°"))
@@ -73,7 +73,7 @@ def verdict_html(comparison: Comparison) -> str:
 
 
 def task_facts(comparison: Comparison) -> list[tuple[str, str]]:
-    """Return the names and values (plain text) that describe the task."""
+    """Return pairs of name and value, in plain text, that describe the task."""
     problem = comparison.problem
     system, limits = problem.system, problem.limits
     first = system.coordinates[0]
@@ -143,7 +143,7 @@ def _plain(value: object) -> str:
 
 
 def _arm_goal(problem: Problem) -> str:
-    """Return the joint angles; or the tip's goal, with the joints that are given."""
+    """Return the goal of an arm in words: joint angles, or the tip's goal with any given angles."""
     goal, tip = problem.goal[1:], "" if problem.tip is None else str(problem.tip)
     if np.all(np.isnan(goal)):
         return tip
@@ -156,7 +156,7 @@ def _angles(radians: Sequence[float] | np.ndarray) -> str:
 
 
 def _places(problem: Problem, w: np.ndarray) -> str:
-    """Return the values of the user coordinates; a path coordinate comes from the travel."""
+    """Return user coordinates w in words; a path coordinate that is NaN follows from the travel."""
     parts, no_travel = [], problem.travel is None or problem.system.has_user_coordinates
     for c, value in zip(problem.system.user_coordinates, w, strict=True):
         if not np.isfinite(value):

@@ -1,6 +1,6 @@
 """Calibrate the prototype preset to the paper's statements about its experiment.
 
-Also writes the page and the figure of a calibration: the calibrated prototype on the paper's
+Also writes a page with a figure of the result: how the calibrated prototype executes the paper's
 motion, and how well its parameters are known.
 """
 
@@ -68,11 +68,11 @@ class Calibration:
     Attributes:
         plan: The plan that represents the paper's experiment.
         fit: The most probable parameters.
-        sideways: The fit for each ratio of sideways to driving friction.
-        data: How well the parameters are determined by the paper's words, its curves and better
-            records.
-        motions: The plan on the nominal machine, by fidelity.
-        replays: The plan on machines with all spreads, by fidelity.
+        sideways: A fit for each ratio of sideways to driving friction, by this ratio.
+        data: How well the parameters are determined by the paper's words, by its curves and by
+            better records.
+        motions: Motion of the nominal machine, by fidelity ("quasi-static", "dynamic").
+        replays: Motions of random machines with all spreads, by fidelity.
     """
 
     plan: Plan
@@ -115,7 +115,7 @@ class Calibration:
 
 
 def preset_settings(parameters: Mapping[str, float]) -> dict[str, Any]:
-    """Return effects as numbers, or as value and spread if they differ between machines."""
+    """Convert parameters to effects: numbers, or value and spread if machines differ in them."""
     out: dict[str, Any] = {}
     for name, value in settings(parameters).items():
         share = SPREADS.get(name, 0.0)
@@ -157,11 +157,11 @@ def calibrate(progress: Tell | None = None, seed: int = 0) -> Calibration:
 
 
 def write(calibration: Calibration, path: str | Path) -> Path:
-    """Write README.md and the figure.
+    """Write README.md and the figure calibration.png to a folder.
 
     Args:
         calibration: The result to write.
-        path: The folder; that of an earlier run is replaced, once everything is written.
+        path: The folder. An earlier run's folder is replaced after everything is written.
 
     Raises:
         InputError: If the folder cannot be written or holds something else.
@@ -192,7 +192,7 @@ method, at the travel of least peak input that stays inside the chart's domain.
 
 
 def page(calibration: Calibration) -> str:
-    """Return the page as Markdown."""
+    """Return the text of README.md."""
     return "\n".join(
         [
             _HEAD.format(provenance=provenance("planner calibrate --out results/calibration")),
@@ -304,7 +304,7 @@ def _parameters(settings: Mapping[str, Any], data: Sequence[DataSet]) -> str:
 
 
 def remaining_share(data: DataSet, parameter: Parameter) -> float:
-    """Return the share of a parameter's range that remains given the data; 1: unidentifiable."""
+    """Return the share of a parameter's range that remains given the data; 1: not identifiable."""
     return float(data.remaining[FITTED_PARAMETERS.index(parameter)])
 
 
@@ -315,7 +315,7 @@ def _preset(value: Any, joint: int | None = None) -> str:
 
 
 def _entry(number: Any, joint: int | None) -> float:
-    """Return a number, or its entry for a joint 2 … n if it is a list."""
+    """Return a number or, if it is a list for joints 2 … n, its entry for the joint."""
     return float(number if joint is None else number[joint - 2])
 
 

@@ -1,4 +1,4 @@
-"""The plans of the paper's section 4.3, and valid plans in place of those that fail."""
+"""The plans of the paper's section 4.3, and valid plans that replace those that fail."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class Cases:
     """The plans of the paper's example.
 
     Attributes:
-        free: Polynomial without a constraint point (the paper's Fig. 4).
-        point: Polynomial with the constraint point (its Fig. 5); not executable.
-        valid: Polynomial at the travel of least peak input inside the domain.
+        free: Polynomial plan without a constraint point (the paper's Fig. 4).
+        point: Polynomial plan with the constraint point (its Fig. 5); not executable.
+        valid: Polynomial plan inside the domain, at the travel with the least peak input.
         best: Plan of least effort with free travel.
-        crossing: Plan of least effort at the travel of Figs. 4 and 5: z₂ changes sign.
+        crossing: Plan of least effort at the travel of Figs. 4 and 5, on which z₂ changes sign.
         kept: Plan of least effort at that travel with z₂ ≤ −`Z2_MARGIN`.
-        replay: `valid` on samples of the emulated prototype.
+        replay: Replay of `valid` on random machines like the emulated prototype.
     """
 
     free: Plan

@@ -7,16 +7,17 @@ statements, computed by replays. The most probable x minimises
 
 (least squares; a normal prior on x and normal reading errors). A statement that says "at most"
 counts only if it is exceeded. The largest errors of θ₃ and θ₂ are computed with the quasi-static
-model, the default; how well the motors follow, with the dynamic model, in which the load acts on
-them.
+model, the default. The deviations of the motors from their commands are computed with the dynamic
+model, in which the load acts on the motors.
 
-`planner.identify` has a different fit: thousands of readings, a robust loss, offsets of each log
-and a bootstrap, instead of five numbers, two of them bounds. Both use SciPy's `least_squares`; a
-common function would save about ten lines.
+`planner.identify` solves a different problem: it fits thousands of readings with a robust loss,
+offsets of each log and a bootstrap. Here there are five numbers, two of them bounds. Both use
+SciPy's `least_squares`, but a common function would save only about ten lines.
 
 Identifiability: for observables f(x) with reading errors σ, the scaled sensitivity S = (∂f/∂x)/σ at
-standardised parameters x has the singular values s₁ ≥ s₂ ≥ … The data determine more than the
-ranges along directions in parameter space with s > 1, and nothing where s = 0. Of a parameter's
+standardised parameters x has the singular values s₁ ≥ s₂ ≥ … Along a direction
+in parameter space with s > 1 the data determine more than the ranges do; with s = 0 they determine
+nothing. Of a parameter's
 spread over its range remains the share √((1 + SᵀS)⁻¹)ᵢᵢ (linear theory, normal errors): 1 means not
 identifiable, 0 known.
 """
@@ -41,7 +42,7 @@ from planner.plan.plan import Plan
 from planner.support.arrays import Array
 
 HALF_STEP = 0.1
-"""Half of a central difference, in standard deviations of the range."""
+"""Half the step of central differences, in standard deviations of a parameter's range."""
 
 FIT_TOLERANCE = 5e-3
 """Tolerance of the fit, in standard deviations of the ranges."""
@@ -77,19 +78,19 @@ class Fit:
 
 
 def difference_points(x: Array) -> list[dict[str, float]]:
-    """Return parameters at x, then with each coordinate a step up, then a step down; 1 + 2 P."""
+    """Return 1 + 2 P parameter sets: x, then x with each coordinate one step up, then one down."""
     steps = HALF_STEP * np.eye(len(x))
     return [values(p) for p in (x, *(x + steps), *(x - steps))]
 
 
 def central_differences(values: Array) -> Array:
-    """Return derivatives by standardised parameters (…, P), from values at `difference_points`."""
+    """Return derivatives (…, P) by standardised parameters, from values at `difference_points`."""
     count = len(values) // 2
     return np.moveaxis((values[1 : 1 + count] - values[1 + count :]) / (2 * HALF_STEP), 0, -1)
 
 
 def statement_values(plan: Plan, points: list[dict[str, float]], **changes: Any) -> Array:
-    """Return the quantities in the paper's statements, (S, 5)."""
+    """Compute the quantities of the five `STATEMENTS` at S parameter sets, shape (S, 5)."""
     machine = nominal_machine(points[0], **changes)
     still = move(plan, machine, points).statements
     moving = move(plan, machine.with_(fidelity="dynamic"), points).statements
@@ -97,13 +98,14 @@ def statement_values(plan: Plan, points: list[dict[str, float]], **changes: Any)
 
 
 def fit(plan: Plan, **changes: Any) -> Fit:
-    """Fit `FITTED_PARAMETERS` without the bounds, then again with the bounds that are exceeded.
+    """Fit `FITTED_PARAMETERS` without the bounds, then again with those that are exceeded.
 
-    A one-sided bound in the residuals would have a kink, where least squares stops too early.
+    Bounds ("at most") are not residuals from the beginning, because a one-sided residual has a kink
+    at which least squares stops too early.
 
     Args:
         plan: The paper's motion.
-        changes: Values of effects that are not fitted.
+        changes: Values of effects of the machine that are not fitted.
     """
     from scipy.optimize import least_squares  # slow to import
 
@@ -155,7 +157,8 @@ class DataSet:
         name: What was measured.
         count: Number of measured values.
         singular: Singular values of the scaled sensitivity, (P,), decreasing.
-        directions: Their directions in the space of standardised parameters, (P, P), one per row.
+        directions: Direction in the space of standardised parameters for each of them, one per row,
+            (P, P).
         remaining: Share of each parameter's spread that remains given the data, (P,).
     """
 
@@ -172,9 +175,11 @@ class DataSet:
 
 
 def identify(plan: Plan, fit: Fit) -> tuple[DataSet, ...]:
-    """Return what three data sets determine: the paper's words, its curves, and possible records.
+    """Return how well three data sets determine the parameters.
 
-    Bounds are left out, because an inequality gives no value.
+    These are the paper's words (its statements), the curves in its figures, and records that the
+    prototype's encoders and tachometers could have given at three speeds. Bounds are left out,
+    because an inequality gives no value.
     """
     points = difference_points(fit.x)
     machine = nominal_machine(points[0], fidelity="dynamic")
@@ -202,7 +207,7 @@ def _run(
 
 
 def _curves(motion: PaperReplays, degrees: float, percent: float) -> Array:
-    """Return scaled sensitivities of all recorded angles and motor speeds, (numbers, P)."""
+    """Return scaled sensitivities of all recorded angles and motor speeds, shape (readings, P)."""
     curves = np.concatenate([motion.error / degrees, motion.motors / percent], axis=2)
     return central_differences(curves[:, ::CURVE_STRIDE].reshape(len(curves), -1))
 
@@ -216,7 +221,7 @@ def _data(name: str, scaled: Array) -> DataSet:
 
 
 def main_parameters(data: DataSet, k: int, least: float = 0.15) -> dict[str, float]:
-    """Return the components of direction k of at least `least` in magnitude, by parameter."""
+    """Return the components of direction k, by parameter, whose magnitude is at least `least`."""
     names = list(values(np.zeros(len(data.remaining))))
     row = data.directions[k] * np.sign(data.directions[k][np.argmax(np.abs(data.directions[k]))])
     order = np.argsort(-np.abs(row))

@@ -1,6 +1,7 @@
-"""The paper's printed numbers and claims compared with ours, each with a verdict.
+"""Compare the paper's printed numbers and claims with our results, each with a verdict.
 
-Also finds the travels and constraint points at which the paper's singularity avoidance works.
+The module also finds travels and constraint points with which the paper's singularity avoidance
+works. A constraint point prescribes z₂ at one time, eq. (28).
 """
 
 from __future__ import annotations
@@ -71,12 +72,12 @@ def findings(cases: Cases) -> list[PaperNumber]:
 
 
 def turned_ratio(degrees: Array, lateral: float, share: float = 0.0) -> Array:
-    """Return the speed ratio of a joint behind three equal turned contacts; eq. (6) has cos³θ.
+    """Return the speed ratio of a joint behind three equally turned contacts; eq. (6) says cos³θ.
 
     Args:
-        degrees: Angle of the contacts, any shape.
+        degrees: Angle by which all contacts are turned, any shape.
         lateral: Ratio of sideways friction to friction along the drive.
-        share: Load of the last contact over its capacity.
+        share: Load of the last contact, relative to its capacity.
     """
     cosines, one = np.cos(np.deg2rad(np.asarray(degrees, dtype=float)))[None], np.ones((1, 1))
     load = np.full_like(cosines, share)
@@ -253,7 +254,7 @@ def _sensitivity(cases: Cases) -> PaperNumber:
 
 
 CALM_LIMITS = {"limits": {"input_rad_s": [0.6, 0.6]}}
-"""Limits for the desensitised plan: without them it would run ever faster."""
+"""Input limits of the desensitised plan; without them its inputs would grow without bound."""
 
 
 def _drive_torque(plan: Plan) -> PaperNumber:
@@ -326,14 +327,16 @@ def _detour_text(plan: Plan) -> str:
 
 
 def margins_at_paper_point(travels: int = 301) -> Array:
-    """Return the smallest chart margin with the paper's point, at travels from 0.7 to 1 rad."""
+    """Return the least chart margin with the paper's point, for travels from 0.7 to 1 rad."""
     motions = _motions(np.linspace(0.70, 1.00, travels), [Point(*POINT)])
     return score(paper_problem(), motions.curves).margin
 
 
 @dataclass(frozen=True)
 class Scan:
-    """Where the value of the paper's point helps, for travels whose plain cubic crosses z₂ = 0.
+    """Constraint points with the paper's value of z₂ that keep the path inside the domain.
+
+    Only travels are tried at which the plain cubic, without a constraint point, crosses z₂ = 0.
 
     Attributes:
         trials: Number of pairs of travel and time tried.
@@ -345,7 +348,7 @@ class Scan:
 
 
 def scan() -> Scan:
-    """Try the value of the paper's point at many times and travels, more densely where it works."""
+    """Try the paper's value of z₂ at many times and travels, more densely where it helps."""
     travels = np.concatenate([np.linspace(0.70, 1.00, 61), np.linspace(0.7929, 0.7936, 8)])
     times = np.concatenate([np.linspace(0.5, 9.5, 37), np.linspace(3.8, 4.2, 9)])
     plain = _motions(travels, []).z

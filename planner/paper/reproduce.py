@@ -48,7 +48,7 @@ def reproduce(
     """Regenerate the paper's figures and check its numbers.
 
     Args:
-        path: Folder to write; it is written completely or not at all.
+        path: The folder to write; it is written completely or not at all.
         samples: Number of machines for Figs 9 and 10.
         seed: Seed of the machines.
         progress: Called with the current step and the finished share, 0 … 1.
@@ -79,7 +79,7 @@ VALID_LABEL = "same law, travel chosen inside the domain"
 
 
 def figures(cases: Cases) -> dict[str, Figure]:
-    """Return the figures by file name without ending."""
+    """Draw the figures; return them by file name without ending."""
     free = {"no constraint point": cases.free}
     point = {f"constraint point ({POINT[0]:g} s, {POINT[1]:g})": cases.point}
     return {
@@ -98,7 +98,7 @@ def figures(cases: Cases) -> dict[str, Figure]:
 
 
 def _turned_contacts() -> Figure:
-    """Plot a joint's speed that passes three rotated contacts, for several friction ratios."""
+    """Plot the speed of a joint behind three turned contacts, for several ratios of friction."""
     figure, axes, _ = grid(1, 1, size=(6.4, 4.0))
     ax, degrees = axes[0, 0], np.linspace(0, 60, 241)
     ax.plot(degrees, np.cos(np.deg2rad(degrees)) ** 3, "k--", label="eq. (6): $\\cos^3\\theta$")
@@ -265,7 +265,7 @@ PAPER_FIGURES = (
 
 
 def _escape_separators(text: str) -> Markup:
-    """Escape only the separators of tables: our text is Markdown with formulas."""
+    """Escape only the separators of tables, since the texts are Markdown with formulas."""
     return Markup(text.replace("|", "\\|"))
 
 
@@ -278,7 +278,7 @@ FINDING_COLUMNS: list[Column[PaperNumber]] = [
 
 
 def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
-    """Return the page as Markdown."""
+    """Return the text of README.md."""
     command = f"planner reproduce --out results/paper --samples {samples} --seed {seed}"
     parts = [_HEAD.format(provenance=provenance(command)), "## Numbers and claims\n"]
     parts.append(markdown_table(FINDING_COLUMNS, findings) + "\n")

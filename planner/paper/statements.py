@@ -1,6 +1,6 @@
-"""The paper's statements about its prototype, as numbers that replays compute.
+"""The paper's statements about its prototype, and the quantities that replays compute for them.
 
-Also the range of each parameter of the prototype, with its source.
+It also lists the range of each parameter of the prototype, with its source.
 
 The paper gives no data sheet, but its Figs 2 and 3 show two servo motors, friction disks, bevel
 gears, timing belts and long shafts on a bench. So the range of each parameter is that of typical
@@ -29,13 +29,13 @@ STEP_S = 0.01
 figure.
 
 The motion is recorded at the same step. Where a gearhead reverses, the motor deviates from its
-command for less than 0.05 s; with records every 0.05 s the rms depended on the time of the reversal
-(0.26 to 0.38 %)."""
+command for less than 0.05 s. With one record per 0.05 s, the rms would depend on the time of the
+reversal (0.26 to 0.38 %)."""
 
 SETTLE_S = 0.5
 
 COUNT_FROM_S = 0.5
-"""Earlier times do not count: in the paper's figure the first jump hides any deviation. Seconds."""
+"""Earlier times (s) do not count: there the first jump hides any deviation in the figure."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class PaperReplays:
         t: Recorded times, (R,), s.
         error: True minus planned angle, (S, R, n), deg.
         motors: Speed of the motors, (S, R, 2), as a percentage of each command's peak.
-        gap: Speed minus command of the motors, in the same unit and shape.
+        gap: Speed minus command of the motors, in the unit and shape of `motors`.
         largest: Largest |error| over all steps, (S, n), deg.
         torque_share: Largest torque that the contacts require of motor 1, (S,), % of its limit.
     """
@@ -106,19 +106,19 @@ class PaperReplays:
 
     @property
     def statements(self) -> Array:
-        """The quantities in the paper's statements, (S, 5)."""
+        """The quantities of the five `STATEMENTS` on each machine, shape (S, 5)."""
         counted = (self.t >= COUNT_FROM_S) & (self.t < self.t[-1] - SETTLE_S - 1e-9)
         rms = np.sqrt(np.mean(self.gap[:, counted] ** 2, axis=1))
         return np.column_stack([self.largest[:, [2, 1]], rms, self.torque_share])
 
 
 def nominal_machine(values: Mapping[str, float], **changes: object) -> Machine:
-    """Return the prototype with these parameters, without spread, and with the given changes."""
+    """Return the prototype with these parameters and the given changes, without any spread."""
     return Machine.prototype(step_s=STEP_S).nominal().with_(**{**settings(values), **changes})
 
 
 def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) -> PaperReplays:
-    """Replay a plan on single machines that differ from `machine` in some parameters."""
+    """Replay a plan on one machine per parameter set; other effects are those of `machine`."""
     joints = plan.problem.system.size - 1
     base = draw(machine, joints, np.arange(len(points)), 0)
     rows = [settings(p) for p in points]
@@ -153,7 +153,7 @@ def values(x: Array) -> dict[str, float]:
 
 
 def settings(parameters: Mapping[str, float]) -> dict[str, float | list[float]]:
-    """Return the machine's effects for parameters; parameters of single joints become lists."""
+    """Convert parameters by key to effects of the machine; values of single joints form a list."""
     out: dict[str, float | list[float]] = {}
     for key, value in parameters.items():
         name, *joint = key.split(JOINT_MARK)
@@ -261,7 +261,7 @@ FIXED_PARAMETERS: dict[str, str] = {
     "initial_angle_error_deg": "set by eye or against a stop before each run; mean 0, drawn",
     "encoder_resolution_deg": "1024 lines, four edges each; affects the readings, not the motion",
 }
-"""Parameters not fitted, with sources: no statement of the paper depends on them."""
+"""Sources of the parameters that are not fitted: no statement of the paper determines them."""
 
 SPREADS: dict[str, float] = {
     "friction_capacity_nm": 0.1,

@@ -1,4 +1,4 @@
-"""Sliders in a notebook, and a figure that follows them.
+"""The explorer: sliders in a notebook, and figures of the plan that follow them.
 
 Read in this order: `explore`, `widget`, `state`, `control`, `controls`, `screen`, `outcome`,
 `picture`.

@@ -33,7 +33,8 @@ class Control:
         kind: "slider", "choice" or "switch".
         key: Dotted key of the problem file ("limits.joint_deg"), or "method" or "samples".
         whole: Current value of that key; if the control is off, the value it would have if on.
-        part: Index of this control's number in `whole`, if that is a list or table.
+        part: Indices or keys that lead to this control's number in `whole`, if that is a list or
+            table.
         shown: Number or word shown; for a slider that is off, the value it gets when switched on.
         low: Smallest number of a slider.
         high: Largest number of a slider.
@@ -43,8 +44,8 @@ class Control:
         on: Whether it is switched on.
         off: The key's value when the slider is switched off ("free", None, False).
         off_word: The word shown for `off`; empty if the slider cannot be switched off.
-        choices: Words of a choice.
-        writes: The key's value for each word. By default the word itself.
+        choices: The words of a choice.
+        writes: The key's value for each of `choices`; by default the word itself.
         help: One line of explanation.
     """
 
@@ -103,13 +104,13 @@ def round_digits(value: float, digits: int = 6) -> float:
 
 
 def log_range(value: float, factor: float = 10.0) -> tuple[float, float]:
-    """Return ends of a logarithmic slider around a positive value, with one significant digit."""
+    """Return the ends of a logarithmic slider around a positive value, with one digit each."""
     low, high = (10.0 ** np.floor(np.log10(v)) for v in (value / factor, value * factor))
     return float(low), float(np.ceil(value * factor / high) * high)
 
 
 def travel_range(problem: Problem) -> tuple[float, float, float]:
-    """Return the smallest and largest travel of the slider, and one between them."""
+    """Return the smallest and largest travel of the slider, and a travel in the middle."""
     window = travel_window(problem)
     travel = problem.travel
     if window is not None and not window.empty and np.isfinite(window.high):
@@ -126,7 +127,7 @@ def travel_range(problem: Problem) -> tuple[float, float, float]:
 
 
 def z2_reach(problem: Problem) -> float:
-    """Return a |z₂| larger than that of start and goal, as the end of a slider."""
+    """Return the end of a slider for z₂: twice the larger |z₂| of start and goal (or 0.001)."""
     form = chained_form(problem.system)
     ends = [form.z(np.nan_to_num(q))[1] for q in (problem.start, problem.goal)]
     return round_digits(max(1e-3, 2 * float(np.max(np.abs(ends)))), 2)
@@ -161,7 +162,7 @@ UNITS = {
     "_m": "m",
     "_s": "s",
 }
-"""Units by the ending of a key; longer endings come first."""
+"""Units by the ending of a key; longer ones come first ("_rad_s" before "_s")."""
 
 
 def key_words(key: str) -> tuple[str, str]:
@@ -182,7 +183,7 @@ WHOLE_KEYS = (JOINTS_KEY, "goal.turns")
 
 
 def task_controls(state: State, travel_key: str) -> list[Control]:
-    """Return a slider for each number in the tables `system`, `start` and `goal`."""
+    """Return a slider for each number in the problem's tables `system`, `start` and `goal`."""
     file, first = parse_file(state.base.to_dict(), state.base.source), State(state.base)
     controls: list[Control] = []
     for table, group in GROUPS.items():

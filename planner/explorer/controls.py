@@ -1,8 +1,8 @@
-"""The controls of the explorer: motion, machine, limits, and the method's options.
+"""The controls of the explorer: motion, machine, limits, and options of the method.
 
-The motion has method, travel, duration and constraint points; the machine has the number of samples
-and each effect. Limits are the keys of the problem's kind. Options (objective, weights, mesh) are
-those of the method's table.
+Controls of the motion set method, travel, duration and constraint points; those of the machine set
+the number of random machines and each effect. There is a control for each limit of this kind of
+problem and for each option of the current method (objective, weights, mesh).
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _duration(state: State, plan: Plan | None) -> Control:
 def _free_slider(
     label: str, key: str, whole: Any, shown: float, low: float, high: float, **about: Any
 ) -> Control:
-    """Return a slider whose value can be free."""
+    """Return a slider that can be switched off; the value of its key is then "free"."""
     free: dict[str, Any] = {"on": whole != "free", "off": "free", "off_word": "free"}
     return Control(GOAL_TITLE, label, "slider", key, whole, (), shown, low, high, **free, **about)
 
@@ -125,7 +125,7 @@ MACHINE_TITLE = "Machine"
 
 
 def machine_controls(state: State, problem: Problem) -> list[Control]:
-    """Return controls of the number of machines and of each effect of the machine.
+    """Return the controls of the number of machines and of each effect of the machine.
 
     Effects that act only with dynamic fidelity are left out if the machine is quasi-static.
     """
@@ -145,7 +145,7 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
 
 
 def _start_state(machine: Machine) -> Control:
-    """Return the choice of the state before the start, on which the backlash depends."""
+    """Return the choice of `start_state`, the state of backlash and shafts before the start."""
     words, help_text = get_args(StartState), MachineTable.model_fields["start_state"].description
     now = machine.start_state[0] if len(set(machine.start_state)) == 1 else "joint by joint"
     choices = [*words, *([now] if now not in words else [])]
@@ -207,7 +207,7 @@ def _effect_range(effect: Effect, usual: float, *, spread: bool) -> tuple[float,
 LIMITS_TITLE = "Limits"
 
 USUAL_LIMITS: Mapping[str, float] = {"deg": 80.0, "": 0.01, "m": 0.02}
-"""Initial value of a limit that is switched on, by unit; 1 for other units."""
+"""Value of a limit that is switched on, by unit, if the problem has none; 1 for other units."""
 
 
 def limit_controls(state: State, problem: Problem) -> list[Control]:

@@ -1,6 +1,7 @@
-"""Plan for a state of the screen, verify the plan, and replay it on machines, in three steps.
+"""Plan for the settings on the screen, verify the plan, and replay it on random machines.
 
-Planning is quick; the other two steps run when the user stops moving sliders.
+These are three steps: `path`, `judge` and `errors`. Planning is quick; the other steps run when the
+user stops moving sliders.
 """
 
 from __future__ import annotations
@@ -35,9 +36,10 @@ class ScreenOutcome:
     """The result of planning for a state.
 
     Attributes:
-        state: The state.
-        problem: Its problem; None if the state makes no valid problem.
-        plan: The motion to draw; after a refusal a path for study; None if there is no path.
+        state: The settings.
+        problem: The problem that they make; None if it is not valid.
+        plan: The motion to draw, which after a refusal is only a path for study; None if there is
+            no path.
         error: Why there is no plan, or None.
         judged: Whether the plan has been verified or refused.
     """
@@ -59,7 +61,7 @@ class ScreenOutcome:
 
 
 def path(state: State) -> ScreenOutcome:
-    """Plan without verification. Takes as long as the method does, up to the time limit."""
+    """Plan for a state, up to its time limit. Only compensated plans are already verified."""
     try:
         problem = state.problem()
         method = find_method(state.method)
@@ -93,7 +95,7 @@ def path(state: State) -> ScreenOutcome:
 
 
 def judge(outcome: ScreenOutcome) -> ScreenOutcome:
-    """Verify a path that is neither verified nor refused."""
+    """Verify the plan of an outcome, unless it is already verified or refused."""
     if outcome.judged or outcome.plan is None:
         return outcome
     try:
@@ -113,7 +115,7 @@ def judge(outcome: ScreenOutcome) -> ScreenOutcome:
 
 
 def errors(outcome: ScreenOutcome) -> Replay | None:
-    """Replay the motion on random machines; None if it cannot be executed."""
+    """Replay the motion on random machines; None if it cannot be executed or time is up."""
     plan, state = outcome.plan, outcome.state
     if plan is None or not plan.executable or not state.samples:
         return None
@@ -128,7 +130,7 @@ def errors(outcome: ScreenOutcome) -> Replay | None:
 
 
 def _study_path(problem: Problem, method: Method, options: Any) -> Plan | None:
-    """Return a path that the method gives if singular paths are allowed, for study."""
+    """Return a path to show after a refusal, which may leave the domain; None if there is none."""
     if "allow_singular" in method.options.model_fields:
         options = options.model_copy(update={"allow_singular": True})
     tasks = [problem]

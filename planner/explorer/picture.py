@@ -33,14 +33,15 @@ CURVE_SAMPLES = 160
 POSES = 10
 
 TITLES = {"z2": "z₂ and its domain", "z": "the other chained coordinates"}
-"""Titles that replace those of panels with more contents here."""
+"""Titles, by panel id, of panels that show more in the explorer than elsewhere."""
 
 
 def picture(outcome: ScreenOutcome) -> dict[str, Any]:
-    """Return the plan and the panels that need no replay, in the order of the screen.
+    """Return the data of the plan and of all panels that need no replay, in their order.
 
-    See `planner.report.panels`. The panel of z2 also has `handles`, one per constraint point: its
-    position `at` [t, z2] and, if it can be dragged, the `names` of its controls.
+    `planner.report.panels` describes the data. The panel of z2 also has `handles`, one per
+    constraint point: its position `at` [t, z2] and, if it can be dragged, the `names` of the
+    controls that it sets.
     """
     plan = outcome.plan
     if plan is None:
@@ -65,7 +66,7 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
 
 
 def _with_words(panel: Panel, plan: Plan) -> Panel:
-    """Add what only the screen shows: the limit of the margin, names, notes and titles."""
+    """Add to a panel what only the explorer shows: the limit on z₂, names, notes and titles."""
     if isinstance(panel, PlanePanel):
         return replace(panel, key=[("path", "path"), *panel.key])
     assert isinstance(panel, TimePanel)
@@ -98,7 +99,7 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
 
 
 def _handles(plan: Plan) -> list[dict[str, Any]]:
-    """Return the constraint points; only points set in the problem have controls to drag."""
+    """Return the handles of constraint points; only points set in the problem can be dragged."""
     if plan.method != "polynomial":
         return []
     options = plan.options["points"]

@@ -1,6 +1,7 @@
 """The logic of the explorer, without any widget.
 
-A `Screen` holds a state; `change` applies what the user did, `picture` returns what to show.
+A `Screen` holds the settings and the plan for them. `change` applies new settings and plans,
+`picture` returns what the browser shows.
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ class Screen:
         self.outcome = judge(self.outcome)
 
     def picture(self) -> dict[str, Any]:
-        """Return panels, controls and texts of the current state of planning."""
+        """Return all panels, controls and texts to show for the current result of planning."""
         return {
             **picture(self.outcome),
             "controls": self.shown_controls(),
@@ -113,7 +114,7 @@ class Screen:
         return [control.to_dict() for control in self.controls.values()]
 
     def words(self) -> dict[str, Any]:
-        """Return the texts: kind of outcome, full refusal, and a line about the path."""
+        """Return the kind of outcome, the text of a refusal, and a line of facts about the path."""
         outcome = self.outcome
         early = "" if outcome.plan is None else str(outcome.plan.notes.get("ended_early", ""))
         return {
@@ -123,11 +124,11 @@ class Screen:
         }
 
     def errors(self) -> dict[str, Any] | None:
-        """Return the panel of errors on the machine."""
+        """Return the panel of joint errors on random machines; None if there is nothing to show."""
         return error_panel(errors(self.outcome))
 
     def mechanism(self) -> dict[str, str]:
-        """Return the drawing of the mechanism (SVG), and the `system` that it shows."""
+        """Return the drawing of the mechanism (SVG, "" if there is none) and its system as text."""
         problem = self.outcome.problem
         return {
             "mechanism": "" if problem is None else mechanism_svg(problem.system),
@@ -135,7 +136,7 @@ class Screen:
         }
 
     def _system(self) -> str:
-        """Return the constants of a system whose mechanism can be drawn; "" for other systems."""
+        """Return the constants of the system as text; "" if its mechanism cannot be drawn."""
         problem = self.outcome.problem
         if problem is None or not isinstance(problem.system, Manipulator):
             return ""
@@ -149,10 +150,10 @@ class Screen:
             return {"code": f"# {error}", "file": f"# {error}"}
 
     def plan(self) -> Plan:
-        """Return the verified plan on the screen.
+        """Verify the plan on the screen and return it.
 
         Raises:
-            PlannerError: The refusal on the screen, if there is no plan.
+            PlannerError: The refusal on the screen, if the plan is refused.
         """
         self.judge()
         if self.outcome.error is not None:
@@ -173,7 +174,7 @@ class Screen:
 
 
 def path_line(outcome: ScreenOutcome, took_s: float) -> str:
-    """Return one line about the path: travel, duration, effort, planning time."""
+    """Return one line of facts about the path: travel, duration, effort, planning time."""
     plan = outcome.plan
     if plan is None:
         return ""

@@ -21,7 +21,7 @@ QUICK_SETTINGS: Mapping[str, Any] = {
     "machine.step_s": 0.01,
 }
 """Settings that make the explorer respond quickly: collocation searches less, and the machine is
-simulated in coarser steps. The code and the problem file list them like any other change."""
+simulated in coarser steps. `code` and `problem_file` list them like any other change."""
 
 
 JOINTS_KEY = "system.joints"
@@ -33,17 +33,18 @@ PER_JOINT = {
     "goal.theta_deg": 0,
     "limits.joint_deg": 0,
 }
-"""Keys with lists of an arm. The value is the number of joints minus the length of the list."""
+"""Keys whose values are lists that grow with the number of an arm's joints, each with the number of
+joints minus the length of the list."""
 
 
 @dataclass(frozen=True)
 class State:
-    """Everything that the figures depend on; immutable.
+    """All settings on which the figures depend; immutable.
 
     Attributes:
         base: The initial problem.
         method: Name of the method.
-        changes: Dotted keys of the problem file to values, in the order of first change.
+        changes: Changed values by dotted key of the problem file, in the order of first change.
         samples: Number of random machines on which the plan is replayed; 0 for none.
         time_limit_s: Seconds for planning, unless the problem's options set a limit; None means no
             limit.
@@ -81,7 +82,7 @@ class State:
         return replace(self, changes={**self.changes, **more, key: value})
 
     def _resize(self, joints: int) -> dict[str, Any]:
-        """Return the lists that change with the number of joints; new joints copy the last."""
+        """Return the lists, resized for this number of joints; a new joint is like the last one."""
         changes: dict[str, Any] = {}
         for key, lacking in PER_JOINT.items():
             now, base, count = self.value(key), value_at(self._data, key), joints - lacking
@@ -101,7 +102,7 @@ class State:
         return changes
 
     def problem(self) -> Problem:
-        """Return the problem on the screen, without the options of other methods.
+        """Return the problem on the screen, without changed options of other methods.
 
         Raises:
             InputError: If a change makes it invalid.
@@ -117,7 +118,7 @@ class State:
         }
 
     def _method_changes(self) -> dict[str, Any]:
-        """Return the changes, without options of other methods."""
+        """Return the changes, without those to options of other methods."""
         return {
             key: value
             for key, value in self.changes.items()

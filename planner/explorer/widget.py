@@ -1,6 +1,7 @@
-"""The explorer as a notebook widget: messages to and from the browser; the logic is in `Screen`.
+"""The explorer as a notebook widget, which exchanges messages with the browser.
 
-Planning runs in a thread of its own, so that the kernel can receive "stop" meanwhile.
+The logic is in `Screen`. Planning runs in its own thread, so that the kernel can receive "stop"
+meanwhile.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ CLOSE_S = 5.0
 class PlanningThread:
     """A thread that runs one task after the other.
 
-    It is kept between tasks, because compiled functions have separate buffers in each thread.
+    It lives on between tasks, because compiled functions allocate buffers for each thread.
     """
 
     def __init__(self) -> None:
@@ -57,7 +58,7 @@ class PlanningThread:
         return future
 
     def stop(self, future: Future[Any], at_once: bool) -> None:
-        """Stop a task; unless `at_once`, it returns the best result so far, if there is one."""
+        """Stop a task; unless `at_once`, it returns its best result so far, if there is one."""
         self._stopped.add(future)
         if self._current is not None and self._current[2] is future:
             self._end(self._current[1], at_once)
@@ -77,7 +78,7 @@ class PlanningThread:
             self._stopped.discard(future)
 
     def _run_limited(self, work: Callable[[], Value], future: Future[Value]) -> Value:
-        """Run a task with its own time limit; if already stopped, it ends at the first check."""
+        """Run a task that can be stopped; if it is stopped already, it ends at its first check."""
         with deadline.time_limit(None):
             if future in self._stopped:
                 deadline.end(copy_context(), STOP_BUTTON)
@@ -95,12 +96,12 @@ class PlanningThread:
 
 @cache
 def worker() -> PlanningThread:
-    """Return the only planning thread of the process: two plans at a time would only be slower."""
+    """Return the planning thread; a process has only one, since two plans at a time are slower."""
     return PlanningThread()
 
 
 INLINE_ERRORS_S = 0.05
-"""Errors that took less time than this are sent with the figures; others later. In seconds."""
+"""Joint errors are sent with the figures if computing them took less time, s; otherwise later."""
 
 logger = logging.getLogger("planner")
 
@@ -109,7 +110,7 @@ SCRIPTS = ("static/controls.js", "static/explorer.js")
 
 
 class Explorer(anywidget.AnyWidget):
-    """A widget with sliders that replan a problem and show the plan; made by `planner.explore`."""
+    """A widget with sliders that plan anew and show the plan; `planner.explore` returns it."""
 
     _esm = script(PACKAGE, SCRIPTS)
     _css = stylesheet(PACKAGE, "static/explorer.css")
@@ -141,7 +142,7 @@ class Explorer(anywidget.AnyWidget):
         """The verified plan on the screen.
 
         Raises:
-            PlannerError: The refusal on the screen, if there is no plan.
+            PlannerError: The refusal on the screen, if the plan is refused.
         """
         return worker().do(lambda: self._screen.plan()).result()
 
@@ -157,7 +158,7 @@ class Explorer(anywidget.AnyWidget):
 
     @property
     def _screen(self) -> Screen:
-        """The screen; it is created in the worker on first use, which plans."""
+        """The screen; the planning thread creates it on first use and makes the first plan."""
         if self._shown_screen is None:
             self._shown_screen = Screen(self._state)
         return self._shown_screen
@@ -166,7 +167,7 @@ class Explorer(anywidget.AnyWidget):
         return self._screen.texts()
 
     def _hear(self, _: Any, content: Mapping[str, Any], buffers: Any) -> None:
-        """Receive one message of the browser, which waits for an answer in every case."""
+        """Handle a message from the browser: stop the current answer, or prepare the next one."""
         if content.get("ask") == "stop":
             if self._answer_in_work is not None:
                 worker().stop(self._answer_in_work, at_once=bool(content.get("at_once")))

@@ -1,4 +1,4 @@
-// Sliders, choices and switches from their descriptions; each tells `changed(name, value)`.
+// Makes sliders, choices and switches from their descriptions; each calls `changed(name, value)`.
 
 const STEPS = 1000;
 
@@ -19,7 +19,7 @@ function readable(c) {
   return [short(c.shown), c.unit, c.on ? "" : `(${c.off_word})`].filter(Boolean).join(" ");
 }
 
-/** The row of a control, and what marks its input: "θ₁" is in two groups. */
+/** The row of a control, and attributes of its input; the label has the group, as "θ₁" is in two. */
 function makeRow(c) {
   const row = make("div", { class: "px-row", title: c.help });
   return [row, { "data-control": c.name, "aria-label": `${c.group}: ${c.label}` }];
@@ -94,7 +94,7 @@ function makeSwitch(c, changed) {
   return { row, update };
 }
 
-// All controls under their headings; rebuilt only when the set of controls changes.
+// Shows all controls under their headings; rebuilds them only when the set of controls changes.
 function makeControls(place, changed) {
   let shape = "";
   const open = { System: true, Start: true, Goal: true, Method: true, Limits: true };

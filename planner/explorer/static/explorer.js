@@ -1,9 +1,9 @@
-// The explorer in the browser: sends what is set, draws what comes back.
+// The explorer in the browser: it sends the settings to Python and draws the answers.
 //
-// One question is under way at a time. While it is, further settings are gathered and the newest
-// of each goes out with the next question, so that a dragged slider never queues up work.
+// Only one request is pending at a time. Meanwhile, further settings are collected; the next request
+// sends the newest value of each, so that a dragged slider never queues up work.
 
-/** A figure over time whose handles can be dragged; `page.drag` hears where to. */
+/** A figure over time whose handles can be dragged; calls `page.drag` with the new position. */
 class DragChart extends TimeChart {
   listen() {
     super.listen();
@@ -15,7 +15,7 @@ class DragChart extends TimeChart {
       const far = (handle) => Math.hypot(this.x(handle.at[0]) - px, this.y(handle.at[1]) - py);
       const under = (this.panel.handles ?? []).find((handle) => handle.names && far(handle) < 14);
       if (!under) return;
-      this.held = { names: under.names, box, x: this.x, y: this.y }; // the axes may move under it
+      this.held = { names: under.names, box, x: this.x, y: this.y }; // the axes may change meanwhile
       svg.setPointerCapture(event.pointerId);
       event.preventDefault();
     });
@@ -31,14 +31,14 @@ class DragChart extends TimeChart {
   }
 }
 
-const SOON = 250; // ms; what takes longer is said to be under way, and can be stopped
-const LONG = 1000; // ms; after that new settings end what is under way, before they wait for it
-const PATIENCE = 10000; // ms; a search that is stopped has answered by then
+const SOON = 250; // ms; a request that takes longer is shown as running and can be stopped
+const LONG = 1000; // ms; after this time new settings stop the running plan instead of waiting
+const PATIENCE = 10000; // ms; a stopped search should have answered by then
 const DOING = { judge: "verifying", errors: "on the machines", texts: "writing", mechanism: "drawing" };
 
 function render({ model, el }) {
   const root = make("div", { class: "px charts" });
-  // JupyterLab takes arrows and letters for its own ("x" cuts the cell) unless what has the focus says no.
+  // JupyterLab uses arrows and letters as shortcuts ("x" cuts the cell) unless the focused element forbids it.
   root.addEventListener("focusin", ({ target }) => target.setAttribute("data-lm-suppress-shortcuts", "true"));
   const side = make("div", { class: "px-side" }), main = make("div", { class: "px-main" });
   const head = make("div", { class: "px-head" }), verdict = make("span", { class: "px-verdict", role: "status" });
@@ -64,9 +64,9 @@ function render({ model, el }) {
   };
   let panels = [];
   let stale = false;
-  let system = "", drawn = null; // the arm's constants: on the screen, in the mechanism's drawing
+  let system = "", drawn = null; // constants of the current arm, and of the drawn mechanism
   let waiting = new Map(), busy = null, resting = 0, ticking = 0;
-  let number = Math.floor(1e9 * Math.random()); // another view of the same widget counts elsewhere
+  let number = Math.floor(1e9 * Math.random()); // so that views of the same widget use different numbers
 
   const watch = new ResizeObserver((entries) => {
     for (const { target, contentRect } of entries) {
@@ -109,7 +109,7 @@ function render({ model, el }) {
     ticking = setInterval(tick, 100);
   }
 
-  // What is on the screen belongs to other settings from now on: no verdict stands beside it.
+  // Remove the verdict: the picture no longer belongs to the current settings.
   function old() {
     delete root.dataset.kind;
     verdict.className = "px-verdict px-open";
@@ -184,11 +184,11 @@ function render({ model, el }) {
     } else next(reply);
   }
 
-  // What is still open once the sliders rest: the errors, then the verdict.
+  // When the sliders rest, request the remaining steps: the errors, then the verdict.
   function next(reply) {
     clearTimeout(resting);
     if (!reply.todo || !reply.todo.length) {
-      if (stale) ask("texts"); // what is open follows the picture
+      if (stale) ask("texts"); // open code and problem file are updated too
       else if (!mechanism.hidden && system !== drawn) ask("mechanism");
       return;
     }
@@ -223,7 +223,7 @@ function render({ model, el }) {
     for (const panel of panels) {
       const drawn = charts.get(panel.id);
       drawn.panel = panel;
-      drawn.render(drawn.wide); // the width is known: to ask for it would lay out the page now
+      drawn.render(drawn.wide); // pass the known width; measuring it would force a layout of the page
     }
   }
 

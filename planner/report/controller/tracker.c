@@ -1,5 +1,5 @@
-/* Read, estimate, predict, optimise, command: the tracker of planner/machine/feedback for a single
- * machine. An exact active-set method replaces OSQP. */
+/* The tracker of planner/machine/feedback for a single machine. In each period it reads, estimates,
+ * predicts, optimises and commands. An exact active-set method replaces OSQP. */
 #include "tracker.h"
 
 #include <math.h>
@@ -31,7 +31,8 @@ static real negative(real x) { return x < 0 ? x : 0; }
 
 /* -- prediction on the nominal machine ---------------------------------------------------------- */
 
-/* The state after both motors have turned by `travel`; contacts transmit a part of each joint's rate. */
+/* Update the pose after both motors have turned by `travel`. `passing` is the share of each joint's
+ * rate that its contacts transmit. */
 static void turn(tracker_pose *pose, const real travel[2], const real *lost, const real *error,
                  const real *passing) {
     const real moved = pose->side + travel[0];
@@ -58,7 +59,7 @@ static void tell(tracker *self, const real speed[2]) {
     self->ticks++;
 }
 
-/* Commanded turn of motor m from tick `base` until `after` ticks later. */
+/* Commanded position of motor m `after` ticks after tick `base`. */
 static real travel_of(const tracker *self, int m, int base, real after) {
     int whole = base + (int)FN(floor)(after + ROUNDING_TICKS);
     real part = after - (real)(whole - base);
@@ -68,7 +69,7 @@ static real travel_of(const tracker *self, int m, int base, real after) {
     return self->travel[whole % TRACKER_RING][m] + part * TICK_S * self->told[whole % TRACKER_RING][m];
 }
 
-/* Apply each motor's commands from `done` to `until`, in ticks after tick `base`. */
+/* Predict the pose: apply each motor's commands from `done` to `until`, in ticks after `base`. */
 static void forecast(const tracker *self, tracker_pose *pose, int base, const real done[2],
                      const real until[2]) {
     const real span[2] = {until[0] - done[0], until[1] - done[1]};
@@ -142,7 +143,8 @@ static void read_joint(tracker *self, int j, real seen) {
 
 /* -- the programme of one period: least |c|^2 within low <= value + T c <= high ------------------- */
 
-/* c is the deviation from the regulator over the horizon; value is each row under the regulator. */
+/* c is the deviation from the regulator (linear control law) over the horizon. A row is a limited
+ * quantity: a correction, its change, or a combination of states. value is its value for c = 0. */
 static struct {
     real value[ROWS], low[ROWS], high[ROWS], length[ROWS], T[ROWS][C];
     real basis[C][C], triangle[C][C]; /* of the active rows */
@@ -155,7 +157,7 @@ static void set_row(int row, real value, real low, real high) {
     work.high[row] = high;
 }
 
-/* One period of the regulator: corrections from the state, and the state after it. */
+/* Advance the state by one period under the regulator, and compute its correction. */
 static void advance(int i, real state[X], real correction[2]) {
     real next[N];
     for (int m = 0; m < 2; m++) {
@@ -201,7 +203,7 @@ static int roll_out(int k, real state[X]) {
     return bound;
 }
 
-/* Derivatives of the rows by c. */
+/* Compute T, the derivatives of the rows by c, and their norms. */
 static void respond(int k) {
     memset(work.T, 0, sizeof work.T);
     memset(work.change, 0, sizeof work.change);
@@ -248,8 +250,8 @@ static real at(int row, const real c[C]) {
     return sum;
 }
 
-/* The inward unit normal of a row, orthogonalised against the first n basis vectors, with their
- * coefficients in d. Returns its squared norm. Done twice, against rounding. */
+/* Compute z, the inward unit normal of a row, orthogonalised against the first n basis vectors, and
+ * their coefficients d. Returns the squared norm of z. Two passes reduce rounding errors. */
 static real normal(int row, real side, int n, real z[C], real d[C]) {
     real square = 0;
     for (int a = 0; a < C; a++) z[a] = side * work.T[row][a] / work.length[row];
@@ -297,7 +299,7 @@ static int minimise(real c[C]) {
             }
         }
         if (worst < 0) return steps;
-        do { /* until the row is kept, active rows give way */
+        do { /* drop active rows until this row can be added */
             const real square = normal(worst, way, n, z, d);
             real reach = FREE, most = FREE, step;
             if (++steps > MAX_STEPS) return TOO_LONG;
@@ -336,7 +338,7 @@ static int minimise(real c[C]) {
     }
 }
 
-/* The c of the regulator if each correction is clipped to its limits, period by period. */
+/* Compute the c that results if the regulator's corrections are clipped to their limits in turn. */
 static void clipped_regulator(real c[C]) {
     memset(c, 0, C * sizeof(real));
     for (int j = 0; j < C; j += 2) {
@@ -353,8 +355,9 @@ static void clipped_regulator(real c[C]) {
     }
 }
 
-/* Corrections of the next H periods. State limits that cannot be kept are widened to the values
- * under the clipped regulator. If the method needs too many steps, earlier corrections are kept. */
+/* Compute the corrections of the next H periods. State limits that cannot be kept are widened to the
+ * values under the clipped regulator. If the method needs too many steps, the corrections of the
+ * last period are kept. */
 static void optimise(tracker *self, int k, real state[X]) {
     real c[C];
     self->steps = 0;
@@ -384,7 +387,7 @@ static void optimise(tracker *self, int k, real state[X]) {
 
 /* -- commands --------------------------------------------------------------------------------------- */
 
-/* The state: deviation from the course, last corrections, rate errors and lost motion. */
+/* Compute the state: deviation from the reference, last corrections, rate errors, lost motion. */
 static void state_of(const tracker *self, int k, const tracker_pose *pose, real state[X]) {
     state[0] = pose->q[0] - Q[k][0];
     state[1] = pose->q[1] - Q[k][1];
@@ -401,7 +404,7 @@ static void state_of(const tracker *self, int k, const tracker_pose *pose, real 
     }
 }
 
-/* Clip to the limits on speed and on its change per tick. */
+/* Clip commands to the limits on speed and on its change per tick. */
 static void limit_commands(const tracker *self, real speed[M][2]) {
     for (int i = 0; i < M; i++)
         for (int m = 0; m < 2; m++) speed[i][m] = clip(speed[i][m], -LIMIT[m], LIMIT[m]);
@@ -409,7 +412,7 @@ static void limit_commands(const tracker *self, real speed[M][2]) {
     for (int m = 0; m < 2; m++) {
         real before = self->ticks ? self->told[(self->ticks - 1) % TRACKER_RING][m] : 0;
         for (int i = 0; i < M; i++) {
-            if (self->ticks + i == LAST_TICK[m]) before = 0; /* it may stop at once, as the plan */
+            if (self->ticks + i == LAST_TICK[m]) before = 0; /* may stop at once, as in the plan */
             before = clip(speed[i][m], before - RATE[m] * TICK_S, before + RATE[m] * TICK_S);
             speed[i][m] = before;
         }
@@ -419,7 +422,7 @@ static void limit_commands(const tracker *self, real speed[M][2]) {
 #endif
 }
 
-/* Add the travel through the play of a reversing motor; hold it if it will soon turn by less. */
+/* Let a reversing motor cross its play in one period; hold it if its coming turn is short. */
 static void cross_play(const tracker *self, int k, const tracker_pose *pose, real speed[M][2]) {
     const real half[2] = {DRIVE_PLAY / 2, self->lost_motion[0]};
     const real side[2] = {pose->side, pose->axis[0] - pose->q[1]};
@@ -441,7 +444,7 @@ static void cross_play(const tracker *self, int k, const tracker_pose *pose, rea
     }
 }
 
-/* Commands of one period, from the first tick at which they can act. */
+/* Decide the commands of one period, from the first tick that they can still affect. */
 static void decide(tracker *self, int k) {
     const real now[2] = {-SHIFT_TICKS[0], -SHIFT_TICKS[1]};
     const real until[2] = {TRACKER_LATENCY_TICKS, TRACKER_LATENCY_TICKS};
@@ -453,7 +456,7 @@ static void decide(tracker *self, int k) {
     optimise(self, k, state);
     for (int i = 0; i < M; i++)
         for (int m = 0; m < 2; m++) {
-            /* Where rates are limited, corrections go straight from one to the next. */
+            /* If rates are limited, corrections change linearly from one period to the next. */
             const real share = RATED ? ((real)i + (real)0.5) / M : 1;
             const real change = self->corrections[0][m] - before[m];
             speed[i][m] = FEED[k][i][m] + before[m] + share * change;

@@ -1,18 +1,18 @@
-/* A controller that follows one plan on one machine; README.md says what to call when.
+/* A controller that follows one plan on one machine; README.md explains when to call what.
  *
- * sizes.h and tables.h hold the plan. C99, no heap; libm is all it needs. */
+ * sizes.h and tables.h contain the plan. It is C99, uses no heap, and needs only libm. */
 #ifndef TRACKER_H
 #define TRACKER_H
 
 #include "sizes.h"
 
-/* Where the arm is: coordinates, axes of the joints on the same scale (that of joint 1 is motor
- * 2's), and where in the play of its gearhead motor 1 stands. rad. */
+/* Pose of the arm, rad: its coordinates; angles of the axes that drive the joints, on the scale of
+ * the joints (the axis of joint 1 is motor 2's); position of motor 1 in its gearhead's play. */
 typedef struct {
     tracker_real q[TRACKER_COORDINATES], axis[TRACKER_COORDINATES - 1], side;
 } tracker_pose;
 
-/* What is known of the arm, and what its motors were told. */
+/* The estimated state of the arm, and the commands that its motors were given. */
 typedef struct {
     tracker_pose pose;
     tracker_real lost_motion[TRACKER_COORDINATES - 1], rate_error[TRACKER_COORDINATES - 1];
@@ -24,23 +24,23 @@ typedef struct {
     tracker_real told[TRACKER_RING][2], travel[TRACKER_RING][2];
     int period, ticks;  /* readings so far; ticks whose commands are known */
     int fallbacks;      /* periods whose correction could not be optimised as intended */
-    int steps;          /* of the active-set method in the last period; 0: no limit was in the way */
+    int steps;          /* of the active-set method in the last period; 0: no limit was active */
 } tracker;
 
 typedef enum { TRACKER_RUNS, TRACKER_LATE, TRACKER_OVER } tracker_status;
 
-/* Begin: the arm rests where the plan starts. */
+/* Start the tracker. The arm must be at rest where the plan starts. */
 void tracker_start(tracker *self);
 
-/* Take in a reading, one every TRACKER_PERIOD_S from the start on, in the order and the units that
- * README.md states. What is NaN or infinite counts as lost. Of a reading that was missed as a whole
- * every number is NaN. TRACKER_OVER once nothing is left to decide. */
+/* Process a reading, one every TRACKER_PERIOD_S from the start on, in the order and the units that
+ * README.md states. A number that is NaN or infinite counts as lost; if a whole reading is missed,
+ * pass NaN for every number. Returns TRACKER_OVER when all commands have been decided. */
 tracker_status tracker_read(tracker *self, const tracker_real measured[TRACKER_COORDINATES]);
 
-/* The speeds of both motors for the tick of this number, counted from the first reading on. Known
- * are the ticks of the period that the last reading began, and TRACKER_LATENCY_TICKS more. Zero if
- * the tick is not known yet (TRACKER_LATE: a reading is overdue), forgotten, or after the end
- * (TRACKER_OVER). */
+/* Get the speeds of both motors for a tick, counted from the first reading on. They are known for
+ * the period that began with the last reading, and for TRACKER_LATENCY_TICKS more. They are zero if
+ * they are not known yet or no longer stored (TRACKER_LATE; a reading may be overdue), and after
+ * the end (TRACKER_OVER). */
 tracker_status tracker_command(const tracker *self, int tick, tracker_real speed[2]);
 
 #endif

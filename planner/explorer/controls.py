@@ -211,7 +211,7 @@ USUAL_LIMITS: Mapping[str, float] = {"deg": 80.0, "": 0.01, "m": 0.02}
 
 
 def limit_controls(state: State, problem: Problem) -> list[Control]:
-    """Return one slider per limit, or one per coordinate or input if the limit is a list."""
+    """Return a slider per limit, or per coordinate or input where the limit is a list."""
     table = parse_file(state.base.to_dict(), state.base.source).limits
     controls = []
     for name, field in type(table).model_fields.items():

@@ -61,7 +61,7 @@ class ScreenOutcome:
 
 
 def path(state: State) -> ScreenOutcome:
-    """Plan for a state, up to its time limit. Only compensated plans are already verified."""
+    """Plan within the time limit, without verification, except that of compensated plans."""
     try:
         problem = state.problem()
         method = find_method(state.method)

@@ -110,7 +110,7 @@ SCRIPTS = ("static/controls.js", "static/explorer.js")
 
 
 class Explorer(anywidget.AnyWidget):
-    """A widget with sliders that plan anew and show the plan; `planner.explore` returns it."""
+    """A widget with sliders for a problem and figures of its plan; `planner.explore` returns it."""
 
     _esm = script(PACKAGE, SCRIPTS)
     _css = stylesheet(PACKAGE, "static/explorer.css")

@@ -100,8 +100,8 @@ def statement_values(plan: Plan, points: list[dict[str, float]], **changes: Any)
 def fit(plan: Plan, **changes: Any) -> Fit:
     """Fit `FITTED_PARAMETERS` without the bounds, then again with those that are exceeded.
 
-    Bounds ("at most") are not residuals from the beginning, because a one-sided residual has a kink
-    at which least squares stops too early.
+    A bound ("at most") is a residual only if it was exceeded without it: a one-sided residual has a
+    kink, at which least squares stops too early.
 
     Args:
         plan: The paper's motion.

@@ -72,7 +72,7 @@ def findings(cases: Cases) -> list[PaperNumber]:
 
 
 def turned_ratio(degrees: Array, lateral: float, share: float = 0.0) -> Array:
-    """Return the speed ratio of a joint behind three equally turned contacts; eq. (6) says cos³θ.
+    """Return the share of speed that three equally turned contacts transmit; in eq. (6), cos³θ.
 
     Args:
         degrees: Angle by which all contacts are turned, any shape.

@@ -377,7 +377,7 @@ def _refuse_unfit(plan: Plan) -> None:
     if plan.compensates:
         raise InputError(
             f"this {plan.method} plan is compensated: its commands are speeds held for a tick each,"
-            " but a controller interpolates a JointTrajectory; export csv"
+            " but a controller interpolates a JointTrajectory; export it as csv"
         )
     for time, when in ((0.0, "start"), (plan.duration, "end")):
         if moving := moving_inputs(plan, time):

@@ -45,7 +45,7 @@ BODY_COLOUR = "#222222"
 
 @dataclass(frozen=True)
 class _Scene:
-    """One plan's panel: its moving parts and their positions in each frame."""
+    """The panel of one plan: the moving parts and their positions in each frame."""
 
     axes: Any
     line: Any

@@ -78,7 +78,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Peak:
-    """A plan's greatest value outside the view, and its time in seconds."""
+    """The value of largest magnitude of a plan that is outside the view, and its time in s."""
 
     plan: int
     t: float

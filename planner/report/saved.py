@@ -44,8 +44,8 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
         raise InputError(f"{folder} is not the folder of a comparison: {error}") from None
     if data.get("format") != FORMAT or data.get("version") != VERSION:
         raise InputError(
-            f"{place / 'comparison.json'} is not a comparison this planner reads: format"
-            f" {data.get('format')!r:.60}, version {data.get('version')!r:.60}"
+            f"{place / 'comparison.json'} is not a comparison that this planner reads: format"
+            f" {data.get('format')!r:.60}, version {data.get('version')!r:.60}; compare again"
         )
     try:
         problem = Problem.from_dict(data["problem"], data["source"])
@@ -66,7 +66,9 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
             complete=data["complete"],
         )
     except (KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{place / 'comparison.json'} is damaged: {error!r}") from None
+        raise InputError(
+            f"{place / 'comparison.json'} is damaged: {error!r}; compare again"
+        ) from None
 
 
 def load_replays(folder: str | Path) -> dict[str, Any]:
@@ -95,7 +97,7 @@ def _machine_errors(path: Path) -> dict[str, Array]:
         for row in DictReader(read_text(path, JSON_BYTES, "it should be CSV").splitlines()):
             pairs.setdefault(row["plan"], []).append([float(row["E_deg"]), float(row["end_deg"])])
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path} is damaged: {error!r}") from None
+        raise InputError(f"{path} is damaged: {error!r}; compare again") from None
     return {label: np.array(each).T for label, each in pairs.items()}
 
 

@@ -62,7 +62,7 @@ def test_a_compensated_plan_with_limited_rates_starts_at_rest(
         warnings.simplefilter("error")
         samples = planner.load_samples(planner.export(plan, tmp_path / "x.csv"))
     np.testing.assert_array_equal(samples.u[-1], 0.0)
-    with pytest.raises(planner.InputError, match=r"is compensated: .* export csv"):
+    with pytest.raises(planner.InputError, match=r"is compensated: .* export it as csv"):
         planner.export(plan, tmp_path / "x.yaml")
     free = planner.compensate(planner.solve(paper, intervals=20))
     with pytest.warns(planner.InputWarning, match="start at rest.*limits.input_rate_rad_s2=2"):

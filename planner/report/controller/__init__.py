@@ -1,1 +1,1 @@
-"""The tracker of one plan in C: `controller` fills the source files beside it for one machine."""
+"""The tracker in C: `controller` adds the data of one plan and machine to the C files here."""

@@ -265,7 +265,7 @@ def _writer(real: str) -> Callable[[float], str]:
 
 
 def _array(head: str, values: Any, write: Callable[[Any], str]) -> str:
-    """Write an array as C; an empty one gets one entry per axis, since C has no empty arrays."""
+    """Write an array in C; an axis of length 0 gets length 1, since C has no empty arrays."""
     values = np.asarray(values)
     values = values if values.size else np.zeros([max(1, n) for n in values.shape])
 

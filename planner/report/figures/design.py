@@ -84,7 +84,10 @@ def _decisive_figures(study: DesignStudy) -> list[DesignFigure]:
 
 
 def _front(ax: Any, study: DesignStudy) -> None:
-    """Plot designs and their front over the first two figures of the front, or one and the load."""
+    """Plot the designs and their Pareto front.
+
+    The axes are the front's first two figures of merit, or its only one and the contacts' load.
+    """
     x, *rest = study.front_by
     load = next(figure for figure in study.figures if figure.key == CONTACT_LOAD)
     y = rest[0] if rest else load
@@ -161,7 +164,7 @@ def _figure_title(study: DesignStudy, figure: DesignFigure) -> str:
 
 
 def _value(study: DesignStudy, figure: DesignFigure, row: DesignRow) -> tuple[float, str]:
-    """Return a figure of merit as a number and as text; a share of tasks becomes their number."""
+    """Return a figure of merit as number and text; a share of tasks becomes a number of tasks."""
     value = row.figures.get(figure.key, np.nan)
     if figure.reduction == "part":
         return value * study.tasks, number(value * study.tasks, 4)

@@ -10,8 +10,9 @@ the side:
     wheel B'   below A, carried by link i−1;  P₂ is also at distance R from the axle of A
       P₃       on the face of disk A', at distance r₃ from its axle, which stands on link i
 
-Bevel gears and a shaft along link i lead from A to B of the next joint, a belt from A' to the
-joint. Wheels are turned against faces by θᵢ, so each contact transmits cosθᵢ of the speed:
+Bevel gears and a shaft along link i lead from A to B of the next joint, a belt leads from A' to the
+next joint itself. Each wheel is turned by θᵢ against the face that it touches, so each contact
+transmits cosθᵢ of the speed:
 
     φ̇ᵢ₊₁ = r₁/(λR) cosθᵢ φ̇ᵢ  (P₁)        θ̇ᵢ₊₁ = r₁/(ηr₃) cos³θᵢ φ̇ᵢ  (P₁, P₂ and P₃)
 """

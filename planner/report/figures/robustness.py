@@ -314,9 +314,9 @@ KNEE_STYLE = {"marker": "o", "markersize": 11, "fillstyle": "none", "markeredgew
 
 
 def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot response and errors on machines against cost, and the paths of three points.
+    """Plot response and errors on machines against cost, and three paths.
 
-    The three points of the curve are the first, the knee and the last one.
+    The paths are those of the first point of the curve, of its knee and of its last point.
 
     Args:
         curve: The curve.

@@ -168,7 +168,10 @@ def colours(labels: Sequence[str]) -> dict[str, str]:
 
 
 def colour_numbers(labels: Sequence[str]) -> dict[str, int]:
-    """Return the index in `PALETTE` of each plan's colour by label: its method's colour if free."""
+    """Return the index in `PALETTE` of each plan's colour, by label.
+
+    A plan has the colour of its method, unless an earlier plan has taken it.
+    """
     plans = list(dict.fromkeys(label.removesuffix(FEEDBACK) for label in labels))
     usual = {plan: METHOD_COLOURS.get(plan, METHOD_COLOURS.get(_method(plan))) for plan in plans}
     spare = [k for k in range(len(PALETTE)) if k not in usual.values()]

@@ -53,7 +53,9 @@ def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
     try:
         page = report_page(comparison, replays, data)
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{folder} is damaged, its files do not match: {error!r:.200}") from None
+        raise InputError(
+            f"{folder} is damaged, its files do not match: {error!r:.200}; compare again"
+        ) from None
     return write_text(target, page)
 
 

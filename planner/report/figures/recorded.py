@@ -95,8 +95,8 @@ def identification_figure(result: Identification) -> Figure:
     """Plot readings minus prediction of every run, and what the runs say about each parameter.
 
     Each run has one row, for the identified machine and, paler, for the preset; a run kept out of
-    the fit comes last. The bottom row shows how far each parameter is from the
-    preset, with its spread as error bar, in standard deviations of its prior.
+    the fit comes last. The bottom row shows how far each parameter is from the preset, with its
+    spread as error bar, in standard deviations of its prior.
 
     Args:
         result: The result of `planner.identify`.

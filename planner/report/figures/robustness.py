@@ -85,7 +85,7 @@ def plot_sensitivity(
 def plot_machine_sensitivity(
     found: MachineSensitivity, *, most: int = 24, axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Draw how far each angle ends off, degrees, if a machine parameter changes by its spread.
+    """Draw the error of each angle at the end, degrees, if a machine parameter is off by its spread.
 
     A parameter without spread changes by a step.
 

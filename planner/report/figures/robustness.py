@@ -85,9 +85,10 @@ def plot_sensitivity(
 def plot_machine_sensitivity(
     found: MachineSensitivity, *, most: int = 24, axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Draw the error of each angle at the end, degrees, if a machine parameter is off by its spread.
+    """Draw the error of each angle at the end, degrees, for one spread of each machine parameter.
 
-    A parameter without spread changes by a step.
+    The spread is the standard deviation between machines. A parameter without one changes by a
+    step.
 
     Args:
         found: The sensitivities.

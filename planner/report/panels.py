@@ -68,7 +68,7 @@ class Series:
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
+class Shade:
     """A shaded range from `low` to `high` (m,), at the times of the panel's first series."""
 
     low: Array

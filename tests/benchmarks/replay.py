@@ -258,9 +258,10 @@ def page(rows: list[tuple[str, Best, float]], samples: int) -> str:
         f"| {name} | {best.wall:.3g} | {best.cpu:.3g} | {best.cpu / ours:.3g} | {gap:.0e} |"
         for name, best, gap in rows
     ]
+    step = f"{1000 * MACHINE.step_s:g} ms"
     return f"""# How fast replays are
 
-{samples} machines (prototype, quasi-static) through 10 s in steps of {1000 * MACHINE.step_s:g} ms, on {CORES} cores:
+{samples} machines (prototype, quasi-static) through 10 s in steps of {step}, on {CORES} cores:
 
 | way | clock (s) | processors (s) | against ours | largest difference (rad) |
 | --- | ---: | ---: | ---: | ---: |

@@ -36,6 +36,15 @@ def test_what_arms_do_is_not_refused(paper: Problem, log: Log) -> None:
     refuse_misfit(emulate_log(excitation(paper), coarse), paper.system)
 
 
+def test_an_arm_far_from_the_prototype_is_not_refused(paper: Problem) -> None:
+    """Twice the friction and half the stiffness twist the shafts by eight degrees."""
+    arm = Machine.prototype(coulomb_friction_nm=[0.3, 0.4], shaft_stiffness_nm_per_rad=1.7)
+    log = emulate_log(excitation(paper), arm.nominal())
+    refuse_misfit(log, paper.system)
+    with pytest.raises(InputError, match="does not turn as the commands"):
+        refuse_misfit(replace(log, theta=log.theta[:, [0, 2, 1]]), paper.system)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -230,7 +230,7 @@ class NoPlanError(PlannerError):
         self.advise(*(str(change) for change in changes if not change.method), advice)
 
     def advise(self, *words: str | None) -> None:
-        """Set the advice to `words`, then the changes that use another method."""
+        """Set the advice: first `words`, then those of `changes` that use another method."""
         others = (str(change) for change in self.changes if change.method)
         self.advice = "; or ".join(each for each in (*words, *others) if each) or None
         self.args = (self._text(),)

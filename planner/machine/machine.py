@@ -270,7 +270,8 @@ def machine_for(table: MachineTable, given: Machine | str | None) -> Machine:
 
 
 def load_machine(path: str | Path) -> Machine:
-    """Read a machine from the `[machine]` table of a file, as of `planner identify` or a problem.
+    """Read a machine from the `[machine]` table of a file: a problem, or one that `planner
+    identify` wrote.
 
     Raises:
         InputError: If the file cannot be read, has no such table, or a key or value is wrong.

@@ -173,7 +173,7 @@ def integrals(f: Array, h: float) -> list[Array]:
     """Return the integrals from the start of a step of length h to each of its later points.
 
     Args:
-        f: Values at the points; the first axis has 2 or 3.
+        f: Values at the 2 or 3 equally spaced points, along the first axis.
         h: Length of the step.
 
     Returns:

@@ -56,12 +56,12 @@ class Plant(Protocol):
 
 
 class MachineMotion(Protocol):
-    """S samples that advance together, and whose state can be read in between.
+    """S sampled machines that are simulated in step, and whose state can be read in between.
 
     A run has one or more stretches; `begin` starts each.
 
     Attributes:
-        q: Recorded coordinates of the stretch, (S, R, N).
+        q: Coordinates at the R recorded points of the stretch, (S, R, N).
         speed: Recorded speeds of the motors, (S, R, 2), rad/s.
         deviation: Largest |true − plan| so far of each coordinate after the first, (S, N−1).
         slip: Time so far with a contact in gross slip, s; step of the stretch in which it began;

@@ -229,15 +229,16 @@ class Plan:
         return self.trajectory.q(self._times(t))
 
     def user(self, t: ArrayLike) -> Array:
-        """Return the system's user coordinates, shape (…, N), at times t (…); else `q`."""
+        """Return the user coordinates, shape (…, N), at times t (…); `q` if the system has none."""
         return self.problem.system.user(self.trajectory.q(self._times(t)))
 
     def u(self, t: ArrayLike) -> Array:
-        """Inputs, shape (…, 2), at times t (…); outside [0, duration] as `q`."""
+        """Inputs, shape (…, 2), at times t (…); RuntimeWarning outside [0, duration]."""
         return self.trajectory.u(self._times(t))
 
     def theta(self, t: ArrayLike) -> Array:
-        """Joint angles of an arm, radians, shape (…, n), at times t (…); outside as `q`.
+        """Joint angles of an arm, radians, shape (…, n), at times t (…); RuntimeWarning outside [0,
+        duration].
 
         Raises:
             InputError: If the system has no joints theta1, theta2, …
@@ -252,11 +253,13 @@ class Plan:
         return self.q(t)[..., joints]
 
     def z(self, t: ArrayLike) -> Array:
-        """Return the chained coordinates, shape (…, N), at times t (…); outside as `q`."""
+        """Return the chained coordinates, shape (…, N), at times t (…); RuntimeWarning outside [0,
+        duration]."""
         return self.trajectory.z(self._times(t))
 
     def v(self, t: ArrayLike) -> Array:
-        """Return the chained inputs, shape (…, 2), at times t (…); outside as `q`."""
+        """Return the chained inputs, shape (…, 2), at times t (…); RuntimeWarning outside [0,
+        duration]."""
         return self.trajectory.v(self._times(t))
 
     def _times(self, t: ArrayLike) -> Array:

@@ -291,8 +291,8 @@ class Inverse:
         self._length, self.slope = length, length.derivative()
 
     def __call__(self, s: Array, low: Array, high: Array) -> Array:
-        """Return σ at lengths s (…), which lies between the path's own times low and high (…) of
-        one piece."""
+        """Return the path's own time σ at which its length is s (…); it lies in one piece, between
+        the own times `low` and `high` (…)."""
         high = np.nextafter(high, low)  # `high` itself belongs to the next piece
         piece = self._length.piece(low)
         c = self._length.c[:, piece]

@@ -264,7 +264,8 @@ def z2_band(plan: Plan, t: Array) -> Array:
 
 
 def _z2_panel(one: PlanCurves) -> TimePanel:
-    """Return a panel of z₂, the band with a real θ₁, and points where the path crosses its edge."""
+    """Return a panel of z₂ with the band in which θ₁ is real, and marks where the path crosses the
+    band's edge."""
     plan = one.plan
     out = np.array([] if plan.executable else plan.domain.exits_s)
     return TimePanel(

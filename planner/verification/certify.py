@@ -159,7 +159,8 @@ def _open_plan_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = N
 
 @singledispatch
 def prove(demand: Demand, evidence: Evidence) -> Iterable[Proof]:
-    """Yield the obligations that prove a demand, or claims that are decided already."""
+    """Yield the obligations (statements still to prove) that together imply a demand, or claims
+    that are decided already."""
     return _open_claims(demand, "there is no proof for this kind of requirement")
 
 

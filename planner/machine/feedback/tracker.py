@@ -151,7 +151,8 @@ class TrackerControl:
 
     @property
     def _passing(self) -> Array:
-        """Fraction that the mean arm's contacts transmit at the course's position, (N−1, 1)."""
+        """Return the fraction of the ideal joint rates that the contacts of the mean arm transmit
+        at the current point of the reference motion, (N−1, 1)."""
         last = len(self._ref.feed) - 1
         passing: Array = self._design.passing[min(self._k, last)][:, None]
         return passing

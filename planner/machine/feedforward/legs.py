@@ -101,8 +101,8 @@ class MotorLeg:
 
 
 def start_shares(machine: Machine, system: Manipulator) -> Array:
-    """Return the positions of the gears before the start, as in `Draws.start`, (1+n,); the middle,
-    0, if they are unwound or unknown."""
+    """Return where each gear rests before the start within the range that friction allows, −1 … 1
+    as in `Draws.start`, (1+n,); 0, the middle, if the arm is unwound or its state unknown."""
     first = np.zeros(1, dtype=np.int64)
     return np.nan_to_num(draw_start(machine.nominal(), system.n, first, 0))[:, 0]
 

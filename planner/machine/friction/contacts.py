@@ -14,9 +14,11 @@ Of all friction forces inside an ellipse of axes C and ε C these dissipate most
 J. Papadopoulos, Wear 143, 1991, 307). A plain disk has ε = 1; rollers have less. All torques are
 forces at the rims times r₁, the radius of disk B.
 
-Along the chain (paper, Fig. 2) disk B of stage j drives disk A at P₁. Disk A turns the next disk B,
-φ̇ⱼ₊₁ = ρⱼ cosθⱼ φ̇ⱼ, and drives joint j+1 through P₂ and P₃, θ̇ⱼ₊₁ = κ cos³θⱼ φ̇ⱼ. By geometry κ = k₂
-and ρⱼ = kⱼ₊₂/kⱼ₊₁ = r₁/(λR). So with τ the torque of joint j+1, the loads at the driven rims are
+Along the chain (paper, Fig. 2) each stage has three contacts, P₁, P₂ and P₃. Disk B of stage j, at
+angle φⱼ, drives disk A at P₁. Disk A turns the next disk B, φ̇ⱼ₊₁ = ρⱼ cosθⱼ φ̇ⱼ, and drives joint
+j+1 through P₂ and P₃, θ̇ⱼ₊₁ = κ cos³θⱼ φ̇ⱼ. By geometry κ = k₂ and ρⱼ = kⱼ₊₂/kⱼ₊₁ = r₁/(λR), with
+kᵢ the gear constant of joint i, R the distance of P₁ from the axle of disk A, and λ the ratio of
+the bevel gears. So with τ the torque of joint j+1, the loads at the driven rims are
 
     X₃ = κ τ
     X₂ = driver's torque at P₃

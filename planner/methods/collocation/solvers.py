@@ -174,8 +174,9 @@ Backend = Callable[[Array, Bounds], SolverAnswer]
 class _Ipopt:
     """IPOPT. Bounds are not relaxed, so every iterate keeps them exactly.
 
-    A near start keeps its distance to the bounds and begins with a small barrier. IPOPT's warm
-    start with multipliers saved a few more iterations on easy problems and failed on long ones.
+    If the start is close to the answer (`Settings.near`), IPOPT moves it hardly away from the
+    bounds and begins with a small barrier parameter. IPOPT's warm start with multipliers saved a
+    few more iterations on easy problems and failed on long ones.
     """
 
     def __init__(self, nlp: Transcription, settings: Settings) -> None:

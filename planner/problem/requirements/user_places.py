@@ -16,7 +16,7 @@ from planner.systems.triangular_system import Coordinate
 
 
 class _UserPart(Requirement):
-    """A requirement on the user coordinates that `index` of its parts selects."""
+    """A requirement on some user coordinates; each of its parts names one by its `index`."""
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
         """Return these user coordinates as expressions."""

@@ -103,7 +103,7 @@ FEEDBACK_LABEL = "the same plan with feedback"
 
 
 def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot the effort of each plan against its error on the machines.
+    """Plot the effort of each plan against its error index E on the machines.
 
     A dot is the median of E, a thick bar its 95 % confidence interval; a thin line extends to the
     95th percentile. A plan with feedback has a hollow dot, to which an arrow leads from the same

@@ -113,7 +113,8 @@ def plot_machine_sensitivity(
 def plot_responses(
     found: Sensitivity, spread: Mapping[str, float] = PAPER_SPREAD, *, axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Plot the standard deviation of each angle along the plan, degrees, due to its errors.
+    """Plot the standard deviation of each angle along the plan, degrees, that errors of the
+    parameters cause.
 
     Args:
         found: The sensitivities.

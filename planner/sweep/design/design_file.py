@@ -189,7 +189,8 @@ class StudyInput:
         base: The problem that all designs share.
         designs: The mechanisms, including those that cannot be built.
         tasks: The tasks by number of joints.
-        methods: The methods as in the file; `compensated` applies only to the last.
+        methods: The methods in the file; if plans are compensated, then the first method once
+            more, with compensation.
         figures: The criteria that compare the designs.
         front_by: The criteria to trade off.
     """

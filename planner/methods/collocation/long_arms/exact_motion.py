@@ -89,7 +89,8 @@ def _duration(job: Task, path: Iterate) -> float | None:
 
 
 def chain_of(job: Task, solution: Solution) -> PieceChain:
-    """Cut a solution's path into pieces of constant input, whose errors become small gaps."""
+    """Approximate a solution's path by pieces of constant input. Where a piece misses the path's
+    next node, the miss is a gap before the next piece."""
     iterate, limited = solution.iterate, list(job.problem.system.limited)
     parts, interval, share = cuts(iterate.nodes, limited, COARSE_TURN)
     width = job.mesh.widths[interval]

@@ -45,7 +45,8 @@ class Program:
     """A nonlinear programme min f(x, p), with bounds on x and on g(x, p).
 
     Attributes:
-        problem: The expressions x, p, f, g; p = (`Form.parameters` numbers, K widths).
+        problem: The expressions x, p, f, g; p holds `Form.parameters` numbers, then the widths
+            of the K mesh intervals.
         f: Function from (x, p) to f.
         g: Function from (x, p) to g.
         gradient: Function from (x, p) to the gradient of f.

@@ -93,7 +93,7 @@ def goal_reach(problem: Problem) -> Reach | None:
     errors = _tip_errors(problem, theta)
     size = np.max(np.abs(errors), axis=1, initial=0.0)
     solved, arm = size < TIP_TOLERANCE, _arm(problem)
-    allowed = solved & _keeps_requirements(problem, theta)
+    allowed = solved & _keeps_requirements(problem, theta)  # type: ignore[operator, unused-ignore]
     branches = _nearest_by_branch(problem, theta[allowed])
     best = theta[solved][0] if np.any(solved) else _closest_angles(problem, theta)
     reach = float(np.sum(arm.link_lengths))

@@ -339,7 +339,7 @@ def _cells_to_divide(balls: list[Ball], before: Array) -> tuple[Index, Array]:
     parents."""
     rough = np.max([x.relative_remainder for x in balls], axis=0)
     fine = (rough <= FINE_REMAINDER) | ((rough < NOISE_REMAINDER) & (rough > 0.5 * before))
-    return ~fine, rough
+    return ~fine, rough  # type: ignore[return-value, unused-ignore]  # NumPy 2.5's np.max
 
 
 def path_times(trajectory: RetimedTrajectory, cells: Cells) -> tuple[Ball, Ball, Ball]:

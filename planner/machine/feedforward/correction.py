@@ -275,7 +275,7 @@ class Correction:
         trials = self.values[:, :, None] + np.concatenate([p * steps for p in PARTS], axis=2)
         runs = self._variants.run(trials, is_sent=True)
         margins = np.min(runs.margins, axis=1, initial=0.0)
-        margins = margins >= min(-SAFE, float(np.min(now.margins, initial=0.0)))
+        margins = margins >= min(-SAFE, float(np.min(now.margins, initial=0.0)))  # type: ignore[assignment, unused-ignore]
         misses = np.where(margins, np.abs(runs.pins).max(axis=1), np.inf)
         if np.min(misses) >= missed:
             return None

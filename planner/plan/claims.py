@@ -23,10 +23,10 @@ class Claim:
         status: "proven", "violated" (also by proof), or "undecided".
         guaranteed: Proven lower bound of the margin; −inf if there is none.
         attained: Proven upper bound of the least margin, reached at `time_s`; NaN if unknown.
-        time_s: Time of the least margin, in seconds, if known; None if there is none.
+        time_s: Time of the least margin, in seconds; None if it is unknown or no single time.
         unit: Unit of the margin.
         required: Whether the problem requires it; otherwise it is informative.
-        why: Reason why it is undecided; empty otherwise.
+        why: Reason why the claim is undecided; empty otherwise.
     """
 
     label: str
@@ -75,9 +75,9 @@ class Certificate:
             in the coordinates' units; infinite if no bound is proven.
         cells: Number of subintervals used in the proof.
         seconds: Computing time, in seconds.
-        edges: Ends of all the cells that the proofs rest on, seconds, in order: closest where the
-            motion's expressions change fast. Empty if the motion is not enclosed, or the
-            certificate was read from a file.
+        edges: Increasing times, seconds, that divide the motion into the subintervals of the
+            proofs; they are closest where the motion's expressions change fast. Empty if the motion
+            is not enclosed, or the certificate was read from a file.
     """
 
     claims: tuple[Claim, ...]
@@ -100,7 +100,7 @@ class Certificate:
 
     @property
     def only_sampled(self) -> tuple[str, ...]:
-        """Labels of required claims that are undecided; for these a plan was only sampled."""
+        """Labels of requirements that are undecided: `verify` samples them, nothing proves them."""
         return tuple(c.label for c in self.open if c.status == "undecided")
 
     def __getitem__(self, label: str) -> Claim:
@@ -154,7 +154,7 @@ MOST_LABELS = 3
 
 
 def shown_labels(labels: Sequence[str]) -> str:
-    """Join labels into one text, and count those beyond `MOST_LABELS`."""
+    """Join up to `MOST_LABELS` labels into one text that ends with the number of the others."""
     more = len(labels) - MOST_LABELS
     return ", ".join(labels[:MOST_LABELS]) + (f" and {more} more" if more > 0 else "")
 
@@ -178,5 +178,5 @@ def _finite(value: float) -> float | None:
 
 
 def undecided_claim(label: str, unit: str, why: str, required: bool = True) -> Claim:
-    """Make a claim about which nothing is known."""
+    """Make an undecided claim, without a bound or a time, for the reason `why`."""
     return Claim(label, "undecided", -np.inf, np.nan, None, unit, required, why)

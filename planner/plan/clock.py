@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from planner.support.arrays import Array
 
 RATE_TOLERANCE = 1e-6
-"""Tolerance of the clock's rate around 0 or 1, because sums of time steps are rounded."""
+"""Largest difference of the clock's rate from 0 or 1: sums of time steps are rounded."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Clock:
 
     Attributes:
         t: The machine's times at which the rate changes, and both ends, shape (m,), s, from 0.
-        s: The plan's times at these, shape (m,), s.
+        s: The plan's times at the times `t`, shape (m,), s.
     """
 
     t: tuple[float, ...]
@@ -79,10 +79,10 @@ class Clock:
         return np.asarray(np.interp(np.asarray(t, dtype=float), self.t, self.s))
 
     def when(self, s: float) -> float:
-        """Return the machine's time at which the plan's clock leaves s; for the plan's end, reaches
-        it.
+        """The machine's time at which the plan's clock shows s.
 
-        For s = 0 this is the end of the preparatory motion.
+        If the clock is held at s this is the end of the hold (for s = 0, of the preparatory
+        motion); for the plan's end it is the start of the hold.
         """
         last = self.s[-1]
         if s >= last:

@@ -15,7 +15,7 @@ from planner.support.calculus.bernstein import Bernstein, Pieces
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Parts of the pieces of a trajectory, as fractions that floats represent exactly.
+    """Subintervals (cells) of a trajectory's pieces, which floats represent exactly as fractions.
 
     Attributes:
         breaks: Times of the breaks between the pieces, shape (K+1,), seconds.
@@ -37,8 +37,7 @@ class Cells:
 
     @classmethod
     def between(cls, breaks: Array, times: Array, finest: float) -> Cells:
-        """Return the pieces, divided near given times, at fractions that are multiples of
-        `finest`."""
+        """The pieces, divided near the given times at multiples of the fraction `finest`."""
         piece = np.clip(np.searchsorted(breaks, times, side="right") - 1, 0, len(breaks) - 2)
         share = np.round((times - breaks[piece]) / np.diff(breaks)[piece] / finest) * finest
         begins = np.array(
@@ -98,8 +97,9 @@ def join_cells(parts: Sequence[Cells]) -> Cells:
 
 
 MOST_DEGREE = 50
-"""Maximum degree of a curve. A law through twenty points has degree 35 with eight joints. The judge
-evaluates each polynomial at more points than its degree, and the binomials stay exact."""
+"""Maximum degree of a curve: methods need less (35 for an input law of eight joints through
+twenty points), and up to this degree floats hold the binomial coefficients exactly. The
+verification evaluates each polynomial at more points than its degree."""
 
 
 def expect_curve(name: str, curve: Bernstein, values: tuple[int, ...]) -> Bernstein:
@@ -120,6 +120,6 @@ def expect_curve(name: str, curve: Bernstein, values: tuple[int, ...]) -> Bernst
 
 
 def nonfinite_part(**parts: Array) -> str:
-    """Name the arrays that contain NaN or infinity, in words; empty if none does."""
+    """Say which of the arrays contain NaN or infinity; empty if none does."""
     bad = [name for name, part in parts.items() if not np.all(np.isfinite(part))]
     return f"{' and '.join(bad)} hold numbers that are not finite" if bad else ""

@@ -32,19 +32,19 @@ from planner.support.calculus.bernstein import Bernstein
 from planner.support.calculus.chebyshev import DEGREE, Grid
 
 _RATE_POINTS = [0, DEGREE // 2, DEGREE]
-"""Indices of the points in each interval at which the program limits the rates."""
+"""Indices of the Chebyshev points of each interval at which the program limits the rates."""
 
 _MOST_ROUNDS = 5
 _LIMIT_TOLERANCE = 1e-5
-"""The rounds end when inputs and rates between these points exceed their limits by less than this
-share. The whole motion is then slowed to remove the excess."""
+"""`fastest_clock` stops tightening limits when inputs and rates exceed them by less than this share
+between these points. Slowing the whole motion then removes the excess."""
 
 _CORNER_TOLERANCE = JUMP_TOLERANCE / 2
-"""Change of direction at a node, in units of the limits, from which it counts as a corner. Below it
-the motion does not stop, and its inputs must not jump there."""
+"""A larger change of direction at a node, in units of the limits, is a corner, where the motion
+stops. At a smaller one it goes on; the step of its inputs is then too small to count as a jump."""
 
 _STRAIGHT_TOLERANCE = 1e-6
-"""Change of direction over a whole path, in units of the limits, that counts as rounding."""
+"""A path whose direction changes by less in total, in units of the limits, counts as straight."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,8 @@ class PathIntervals:
     Attributes:
         nodes: Lengths at the nodes, shape (M+1,).
         stations: The path's own times at the nodes, shape (M+1,).
-        stops: Whether the motion must stop there, shape (M+1,): corners, and the ends if at rest.
+        stops: Whether the motion must stop at each node, shape (M+1,): at corners, and at both ends
+            if it starts and ends at rest.
         w: Inputs per unit of ds/dt at each interval's Chebyshev points, shape (M, D, 2).
         dw: dw/ds at the same points.
     """
@@ -69,7 +70,15 @@ class PathIntervals:
 def cut_path(
     path: Trajectory, length: Bernstein, scale: Array, intervals: int, rest: bool
 ) -> PathIntervals:
-    """Divide a path into about `intervals` intervals, finer where its direction changes."""
+    """Divide a path into about `intervals` intervals, finer where its direction changes.
+
+    Args:
+        path: The path.
+        length: Its length over its own time, from `arc_length`.
+        scale: Scale of each input, shape (2,), as for `arc_length`.
+        intervals: Approximate number of intervals.
+        rest: Whether the motion starts and ends at rest.
+    """
     edges = np.append(length.c[0], length.c[-1, -1])
     rough = _directions(path, length, Grid(edges))
     turning = np.sum(np.linalg.norm(np.diff(rough / scale, axis=1), axis=-1), axis=1)
@@ -112,7 +121,7 @@ def fastest_clock(stretch: PathIntervals, top: Array, rate: Array) -> Bernstein:
     them, it is tightened in that interval and the program is solved again.
 
     Args:
-        stretch: The path.
+        stretch: The divided path.
         top: Limits on |u|, shape (2,); infinite without a limit.
         rate: Limits on |du/dt|, shape (2,); infinite without a limit.
 
@@ -133,7 +142,10 @@ def fastest_clock(stretch: PathIntervals, top: Array, rate: Array) -> Bernstein:
 
 
 def _directions(path: Trajectory, length: Bernstein, grid: Grid) -> Array:
-    """Return w at the grid's points; at the ends of each piece slightly inside it."""
+    """Inputs w per unit of ds/dt at the grid's points (lengths s), shape (M, D, 2).
+
+    The ends of each piece are evaluated slightly inside it.
+    """
     left, right = grid.breaks[:-1, None], grid.breaks[1:, None]
     nudge = 1e-7 * (right - left)
     s = np.clip(grid.times, left + nudge, right - nudge)
@@ -144,7 +156,7 @@ def _directions(path: Trajectory, length: Bernstein, grid: Grid) -> Array:
 
 
 def _stations(length: Bernstein, nodes: Array) -> Array:
-    """Return the path's own times at the nodes; exact at the edges of pieces."""
+    """The path's own times at the nodes; exact where a node is a break of `length`."""
     edges = np.append(length.c[0], length.c[-1, -1])
     k = np.minimum(np.searchsorted(edges, nodes, side="right") - 1, len(edges) - 2)
     sigma = Inverse(length)(nodes, length.x[k], length.x[k + 1])
@@ -153,13 +165,13 @@ def _stations(length: Bernstein, nodes: Array) -> Array:
 
 
 def _rates(stretch: PathIntervals, b: Array) -> Array:
-    """Return du/dt at every point, shape (M, D, 2)."""
+    """du/dt at the Chebyshev points of every interval, shape (M, D, 2)."""
     slope = np.diff(b) / (2 * np.diff(stretch.nodes))
     return np.asarray(stretch.dw * _interpolate(b)[..., None] + stretch.w * slope[:, None, None])
 
 
 def _interpolate(b: Array) -> Array:
-    """Interpolate b linearly from the nodes to every point, shape (M, D)."""
+    """Interpolate b linearly from the nodes to the Chebyshev points, shape (M, D)."""
     return np.asarray(b[:-1, None] + np.diff(b)[:, None] * Grid(np.array([0.0, 1.0])).times[0])
 
 
@@ -173,7 +185,7 @@ def _ceiling(stretch: PathIntervals, top: Array) -> Array:
 
 
 def _solve(stretch: PathIntervals, top: Array, rate: Array) -> Array:
-    """Solve for b at the nodes, with limits (M, 2) for each interval."""
+    """Solve the convex program for b at the nodes, with limits (M, 2) for each interval."""
     ceiling = _ceiling(stretch, top)
     free = np.flatnonzero(~stretch.stops)
     spread = ca.DM.zeros(len(stretch.nodes), len(free))
@@ -281,8 +293,8 @@ def fastest_motion(
 
 
 CLOCK_SLOWING = 1.01
-"""Largest slowing that is due to the clock's own small excess. A larger factor comes from another
-limit, and the timing is then not the fastest of the path."""
+"""A slowing factor up to this value only corrects the clock's small excess over its own limits. A
+larger one comes from another limit, under which the timing is not the fastest one."""
 
 
 def _time_by_input_limits(path: Trajectory, limits: Limits, moving: InputMask) -> RetimedTrajectory:

@@ -35,7 +35,7 @@ from planner.systems.triangular_system import TriangularSystem
 EFFORT = "integral of u1^2 + u2^2 dt"
 SMOOTHNESS = "integral of (du1/dt)^2 + (du2/dt)^2 dt"
 CLOSENESS = "mean closeness to the domain's edge"
-"""Terms of an objective, in the words of its name."""
+"""Terms of an objective, as they appear in its name."""
 
 EDGE_MARGIN = 0.05
 """Margin (for the manipulator, sin² of an angle) at which the closeness to an edge is 1/e."""
@@ -86,8 +86,10 @@ def effort_unit(system: TriangularSystem) -> str:
 
 
 def excess_share(trajectory: Trajectory, limit: Array) -> Array:
-    """Return the share of each input's travel ∫|u| dt that lies above a limit (2,) on |u|, 0 … 1,
-    (2,)."""
+    """Share of each input's travel ∫|u| dt by which |u| exceeds its limit, shape (2,), 0 … 1.
+
+    The share is ∫ max(|u| − limit, 0) dt / ∫ |u| dt; zero for an input that is always zero.
+    """
     times, weights = _quadrature(trajectory)
     speed = np.abs(trajectory.u(times))
     above = np.maximum(speed - limit, 0.0)
@@ -109,8 +111,9 @@ def objective_of(trajectory: Trajectory, name: str) -> float | None:
 
     Args:
         trajectory: The motion.
-        name: As in `Plan.objective_name`: a sum of duration and efforts, with weights of four or
-            more digits.
+        name: As in `Plan.objective_name`: the least time, an objective of the convex method, or a
+            weighted sum of duration, efforts and similar terms. The name's weights are rounded to
+            four or more digits.
     """
     kind, _, words = name.removesuffix(" (not minimised by this method)").partition(": ")
     if kind == "time" and words.startswith("the least") and words.endswith(", in seconds"):
@@ -136,7 +139,10 @@ _TERMS: dict[str, Callable[[Trajectory], float]] = {
 
 
 def _chart_objective(trajectory: Trajectory, kind: str) -> float | None:
-    """Return a convex plan's objective: that of its path before retiming, with v₁ constant."""
+    """Objective of the convex method, "smoothness" or peak |v₂| for a constant v₁.
+
+    It is computed from the path before retiming; None if that is not a chained trajectory.
+    """
     path = trajectory
     while isinstance(path, RetimedTrajectory):
         path = path.path
@@ -170,8 +176,7 @@ LEAST_TURN = 0.02
 
 
 def turns(trajectory: Trajectory) -> Array:
-    """Return the times (m,), s, at which the path coordinate reverses by over `LEAST_TURN` of its
-    range."""
+    """Times (m,), s, at which q₁ reverses its direction by over `LEAST_TURN` of its range."""
     t = np.linspace(0.0, trajectory.duration, 2001)
     way = trajectory.q(t)[:, 0]
     least, out, heading, far = LEAST_TURN * float(np.ptp(way)), [], 0.0, 0
@@ -186,11 +191,11 @@ def turns(trajectory: Trajectory) -> Array:
 
 
 def slowing_factor(requirements: Sequence[Requirement], trajectory: Trajectory) -> float:
-    """Return the factor by which to slow a motion to meet the requirements on speed; NaN if
-    undefined.
+    """Factor by which to multiply a motion's time so that it just meets the limits on speed.
 
-    A driftless system's path does not depend on timing: inputs scale with 1/T, their rates with
-    1/T².
+    Below 1 the motion could be faster. Infinite if an input jumps although its rate is limited; NaN
+    if a limited value is undefined. A driftless system's path does not depend on timing: inputs
+    scale with 1/T, their rates with 1/T².
     """
     speed_limits = [requirement for requirement in requirements if requirement.speed_power]
     formulas = [requirement for requirement in speed_limits if not requirement.is_direct]
@@ -255,16 +260,16 @@ class DomainReport:
 
 
 def worst_margin(margins: Array) -> Array:
-    """Return the least margin over the last axis, ignoring NaN (an undefined margin follows from
-    others)."""
+    """Least margin over the last axis, ignoring NaN (if one is undefined, another is negative)."""
     return np.asarray(np.min(np.where(np.isnan(margins), np.inf, margins), axis=-1))
 
 
 def domain_report(trajectory: Trajectory) -> DomainReport:
     """Find margins, exits and crossings of a trajectory over all time.
 
-    Inside the domain margins and z₂ are series with exact extremes. A path that leaves it has no
-    coordinates outside; there z₂ uses its polynomial, and root-finding runs on the margins.
+    If the path stays inside, the extremes of the margins and z₂ are those of their Chebyshev
+    series. A path that leaves the domain has no coordinates outside; then margins and z₂ come from
+    the trajectory's z(t), and sampling and root-finding give the extremes and exits.
     """
     if isinstance(trajectory, RetimedTrajectory):
         path = domain_report(trajectory.path)

@@ -49,8 +49,8 @@ COMPENSATED = "compensated"
 """Suffix of the method's name for a plan compensated for the machine."""
 
 ROUNDING = 1e-9
-"""Tolerance for times outside a plan, relative to the duration, or to 1 s if that is longer: sums
-of thousands of steps have smaller errors."""
+"""Tolerance for times outside a plan, relative to the duration, or to 1 s if that is longer. The
+rounding errors of a sum of thousands of time steps are smaller."""
 
 
 @factory("planner.solve(problem, method) or planner.load_plan(path)")
@@ -140,12 +140,12 @@ class Plan:
 
     @property
     def reservations(self) -> list[str]:
-        """Name requirements that were only sampled, and figures that only the file claims."""
+        """Phrases that name requirements only sampled, and figures that only the file claims."""
         said = {"only sampled": self.only_sampled, "only its file says": self.claimed}
         return [f"{words}: {shown_labels(labels)}" for words, labels in said.items() if labels]
 
     def __str__(self) -> str:
-        """Return a summary in four lines: method, effort, peaks and problem."""
+        """A summary: method and state; effort and peak inputs if the inputs exist; problem."""
         lines = [repr(self)]
         if self.executable:
             peaks = peak_inputs(self.trajectory)
@@ -167,7 +167,7 @@ class Plan:
 
     @property
     def clock(self) -> Clock:
-        """The original plan's clock while a compensated plan runs; for others, their own time."""
+        """Map from a compensated plan's time to its original plan's; for others, the identity."""
         if self.compensation is None:
             return Clock.running(self.duration)
         return self.compensation.clock
@@ -229,7 +229,7 @@ class Plan:
         return self.trajectory.q(self._times(t))
 
     def user(self, t: ArrayLike) -> Array:
-        """Return the user coordinates, shape (…, N), at times t (…); `q` if the system has none."""
+        """User coordinates, shape (…, N), at times t (…): `q` if the system defines no others."""
         return self.problem.system.user(self.trajectory.q(self._times(t)))
 
     def u(self, t: ArrayLike) -> Array:
@@ -237,8 +237,9 @@ class Plan:
         return self.trajectory.u(self._times(t))
 
     def theta(self, t: ArrayLike) -> Array:
-        """Joint angles of an arm, radians, shape (…, n), at times t (…); RuntimeWarning outside [0,
-        duration].
+        """Joint angles of an arm, radians, shape (…, n), at times t (…).
+
+        Times outside [0, duration] give a RuntimeWarning.
 
         Raises:
             InputError: If the system has no joints theta1, theta2, …
@@ -253,17 +254,15 @@ class Plan:
         return self.q(t)[..., joints]
 
     def z(self, t: ArrayLike) -> Array:
-        """Return the chained coordinates, shape (…, N), at times t (…); RuntimeWarning outside [0,
-        duration]."""
+        """Chained coordinates, shape (…, N), at times t (…); RuntimeWarning outside the plan."""
         return self.trajectory.z(self._times(t))
 
     def v(self, t: ArrayLike) -> Array:
-        """Return the chained inputs, shape (…, 2), at times t (…); RuntimeWarning outside [0,
-        duration]."""
+        """Chained inputs, shape (…, 2), at times t (…); RuntimeWarning outside [0, duration]."""
         return self.trajectory.v(self._times(t))
 
     def _times(self, t: ArrayLike) -> Array:
-        """Convert times; clip those outside only by rounding, and warn about others."""
+        """Convert times to floats; clip those outside the plan by rounding, warn about others."""
         times, slack = np.asarray(t, dtype=float), ROUNDING * max(1.0, self.duration)
         outside = (times < -slack) | (times > self.duration + slack)
         if np.any(outside):
@@ -328,8 +327,8 @@ class Compensation:
 
     Attributes:
         plan: The original plan, which follows the kinematics.
-        machine: The complete `[machine]` table of the machine that the commands allow for.
-        clock: The original plan's clock while the commands run.
+        machine: The complete `[machine]` table of the machine for which the commands compensate.
+        clock: Map from the time of the commands to the time of the original plan.
     """
 
     plan: Plan
@@ -338,7 +337,10 @@ class Compensation:
 
 
 def mark_cut_short(plan: Plan, span: Span, how: str) -> Plan:
-    """Return the plan with a status that says why the work on it ended early, and a note on it."""
+    """Return the plan with a status that says why the work on it ended early.
+
+    The note `ended_early` says the same in words, with the reason of `span` and `how`.
+    """
     status = "interrupted" if span.ended_by else TimeLimitError.status
     return replace(plan, status=status, notes={**plan.notes, "ended_early": f"{span.why} {how}"})
 
@@ -359,7 +361,8 @@ def refuse_inexecutable(plan: Plan) -> None:
     """Refuse a plan that leaves the chart's domain and so has no real inputs.
 
     Raises:
-        InputError: With the time and margin of the exit; or if it is not a plan.
+        InputError: If the plan leaves the domain (the message gives times and margin), or is not a
+            plan.
     """
     expect_plan(plan)
     if plan.executable:
@@ -376,7 +379,8 @@ def refuse_compensated(plan: Plan, what: str) -> None:
     """Refuse a compensated plan, whose inputs follow a machine instead of the kinematics.
 
     Raises:
-        InputError: If the plan is compensated, or is not a plan; names the caller in `what`.
+        InputError: If the plan is compensated, or is not a plan; the message begins with `what`,
+            the name of the caller.
     """
     expect_plan(plan)
     if plan.compensation is not None:

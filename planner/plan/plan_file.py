@@ -54,7 +54,7 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
 
 
 def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Clock:
-    """Read the clock; older files only have the lengths of the holds at both ends."""
+    """Read and check the clock; older files have only the durations of the holds at both ends."""
     seconds = original.duration
     if said := made_from.get("clock"):
         clock = Clock(tuple(said["t"]), tuple(said["s"]))
@@ -72,7 +72,7 @@ def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Cl
 
 
 def _read_back(value: Any) -> Any:
-    """Convert null back to NaN; clean texts, since they are displayed."""
+    """Convert null to NaN, and make a text safe to display."""
     if isinstance(value, str):
         return line(value)
     return float("nan") if value is None else value
@@ -92,7 +92,8 @@ Number = float | None
 """A number; null if undefined."""
 
 Finite = Annotated[float, Field(ge=-MOST_NUMBER, le=MOST_NUMBER)]
-"""A number that the plan is computed from; bounded like a problem's numbers, against overflow."""
+"""A number from which the plan is computed. Like a problem's numbers it is bounded, so that no
+computation overflows."""
 
 Amount = Annotated[float, Field(ge=0, le=MOST_NUMBER)]
 

@@ -1,7 +1,8 @@
 """Functions of time as Chebyshev series on cells, and integration of the motion under an input.
 
 A function is stored by its values at the Chebyshev–Lobatto points of every cell, shape (P, C, …):
-points first, so that one small matrix acts on all cells at once. No planner uses these points.
+points first, so that one small matrix acts on all cells at once. No planning method uses these
+points.
 """
 
 from __future__ import annotations
@@ -33,12 +34,12 @@ POINTS = 16
 """Points per cell; rates up to degree 15 are integrated exactly."""
 
 CONTROL_POINTS = 29
-"""Points per cell for a second reading of the input and a second integration; only the ends
-coincide with the first 16. Polynomials of higher degree get degree + 1 points."""
+"""Points per cell at which the input is read and integrated a second time, as a check (control
+points). Only the ends coincide with the first 16. A curve of higher degree gets degree + 1."""
 
 INPUT_TOLERANCE = 1e-7
-"""A cell is split if the input differs by more from its series at the control points, relative to
-its greatest value. This size counts as a jump, and is a tenth of the tolerance of limits."""
+"""A cell is split if, at the control points, the input differs from its series by more than this
+share of its greatest value. It is a tenth of `JUMP_TOLERANCE` and of the tolerance of limits."""
 
 LESSER_INPUT_SHARE = 0.01
 """An input's error is measured relative to at least this share of the other input: rounding in the
@@ -48,35 +49,43 @@ SAMPLES = 33
 """Samples per cell for extremes: twice the number of extremes of a series of degree 15."""
 
 CLOSE_SAMPLES = 129
-"""Samples of a cell that may contain the greatest value. The distance from a maximum to the nearest
-sample is at most a fifth of a radian of the fastest cosine, cos 15θ; Newton's method converges."""
+"""Samples of a cell that may contain the greatest value. From a maximum to the nearest sample the
+argument of the fastest term, cos 15θ, changes by at most a fifth of a radian, so Newton's method
+converges."""
 
 NEWTON_STEPS = 3
 """Newton steps from a sample to a maximum; two leave an error of a billionth of a radian."""
 
 EXTREME_TOLERANCE = 1e-12
-"""Maxima that exceed the best value by less, relative to a function's size, are not looked for."""
+"""A maximum is not searched for if it can exceed the best value by at most this share of the
+function's size."""
 
 TAIL_TOLERANCE = 1e-11
-"""A cell is fine enough if the series' tail is smaller, relative to its size there or one."""
+"""A cell is fine enough if the series' last coefficients (its tail) are below this share of the
+function's size there, or of one if that is larger."""
 
 NOISE_TAIL = 1e-8
-"""A smaller tail that splitting does not reduce is rounding in the input, not a feature of it."""
+"""A tail below this share that splitting does not reduce is due to rounding errors in the input."""
 
 MOST_SPLITS = 20
-"""Maximum number of splits in four: to 1e-12 of a piece, which still holds 4,000 distinct times."""
+"""Maximum number of successive splits into four. The smallest cell is 1e-12 of its piece, in which
+floats still distinguish 4,000 times."""
 
 MOST_CELLS = 4000
-"""Maximum number of cells added to the pieces. A singular start needs 100; noise has no end."""
+"""Maximum number of cells added to the pieces. A singular start needs 100; a noisy input would be
+split without end."""
 
 MOST_ROUNDS = 4
-"""Maximum number of rounds in which all cells are split for the integral: to a 64th."""
+"""Maximum number of integrations. Each one after the first splits all cells in four, so the last
+has cells of a 64th of the first."""
 
 SWEEP_TOLERANCE = 1e-14
-"""Sweeps end when q changes by less, relative to its size or one: a few rounding units."""
+"""Fixed-point sweeps end when q changes by less than this share of its size, or of one if that is
+larger: a few rounding units."""
 
 MOST_SWEEPS = 60
-"""Maximum number of sweeps. Systems whose rates read only earlier coordinates need N + 1."""
+"""Maximum number of sweeps with Newton's correction. If each rate reads only earlier coordinates,
+N + 1 sweeps without it suffice."""
 
 JUMP_TOLERANCE = 1e-6
 """A larger step between two cells, relative to the function's size, is a jump. Inputs near the edge
@@ -84,12 +93,12 @@ of the chart and retimed inputs have errors of about 1e-7, which depend on the p
 may also exceed its limit by 1e-6."""
 
 Values = Callable[[Array, Array], Array]
-"""Functions to resolve: map q (P, C, N) and u (P, C, 2) to values (P, C, F)."""
+"""Functions that the cells must resolve: they map q (P, C, N), u (P, C, 2) to values (P, C, F)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A trajectory's q (16, C, N) and u (16, C, 2) on cells that resolve both."""
+    """A trajectory's q (16, C, N) and u (16, C, 2) at the points of the cells."""
 
     cells: Cells
     q: Array
@@ -99,8 +108,12 @@ class Reading:
 def read_trajectory(trajectory: Trajectory, *values: Values, start: Cells | None = None) -> Reading:
     """Read q and u on cells that are split until they resolve the given functions.
 
-    By default they resolve the input. Functions that are not finite are never resolved; their
-    values are returned as they are.
+    A cell on which a function is not finite is not split further.
+
+    Args:
+        trajectory: The trajectory to read.
+        *values: Functions to resolve; by default the input.
+        start: Cells to begin with; by default the trajectory's pieces.
     """
     functions = values or (input_values,)
     open_ = Cells.of(trajectory.breaks) if start is None else start
@@ -133,10 +146,10 @@ def input_values(_: Array, u: Array) -> Array:
 
 
 def tails(values: Array) -> Array:
-    """Return the largest of the last three coefficients of functions (16, C, F), relative to their
-    size or one.
+    """Measure how well cells resolve functions (16, C, F), shape (C,); NaN where not finite.
 
-    Shape (C,); NaN where a value is not finite.
+    It is the largest of the functions' last three Chebyshev coefficients, relative to the
+    function's greatest value in the cell, or to one if that is larger.
     """
     last = apply(to_series(POINTS)[-3:], values)
     with np.errstate(invalid="ignore"):
@@ -154,10 +167,11 @@ class IntegratedMotion:
         u: Inputs, shape (16, C, 2).
         error: Estimate of the largest error of q, in the coordinates' units; NaN where the input
             or the rates are not finite.
-        gap: Largest |q of the plan − q| over all points of both sets, and its time.
+        gap: Largest |q of the trajectory − q| over the 16 points and the control points, and its
+            time.
         unresolved_input: Largest difference between the input and its series at the control points,
-            relative to its greatest value, and its time; above `INPUT_TOLERANCE` if splitting does
-            not help.
+            relative to its greatest value, and its time. Above `INPUT_TOLERANCE` only if splitting
+            cells did not reduce it enough.
         unresolved_values: The same for further functions, relative to their greatest value or one.
     """
 
@@ -237,7 +251,7 @@ def integrate(
         tolerance: If the estimated error is larger, all cells are split and the motion integrated
             again.
         *values: Further functions of order one that the cells must resolve.
-        system: The system that moves; by default the trajectory's own.
+        system: The system whose rates are integrated; by default the trajectory's own.
         cells: Cells that resolve the motion; they are split further only for the input and
             the values. By default the trajectory's pieces are split as needed.
     """
@@ -253,7 +267,10 @@ def integrate(
 
 @dataclass(frozen=True, eq=False)
 class _Control:
-    """Values at the control points: q (P, C, N), u (P, C, 2); the rest as in `IntegratedMotion`."""
+    """q (P, C, N) and u (P, C, 2) at the control points, and how far the series differ from them.
+
+    `unresolved_input` and `unresolved_values` are as in `IntegratedMotion`.
+    """
 
     q: Array
     u: Array
@@ -264,7 +281,10 @@ class _Control:
 def _read_and_control(
     trajectory: Trajectory, system: TriangularSystem, values: Sequence[Values], start: Cells | None
 ) -> tuple[Reading, _Control]:
-    """Read q and u; split cells whose input or values differ from the series between the points."""
+    """Read q and u on cells that also resolve input and values at the control points.
+
+    Cells on which the input or the values differ there from their series are split.
+    """
     count = max(CONTROL_POINTS, trajectory.degree + 1)
     for _ in range(MOST_ROUNDS):
         reading = read_trajectory(trajectory, input_values, system.rates, *values, start=start)
@@ -430,6 +450,5 @@ def slopes(cells: Cells, values: Array) -> Array:
 
 
 def _hidden_height(count: int) -> float:
-    """Return a bound on how far a maximum exceeds the nearest of `count` samples, for |d²/dθ²|
-    ≤ 1."""
+    """Bound on how far a maximum exceeds the nearest of `count` samples if |d²/dθ²| ≤ 1."""
     return (np.pi / (count - 1)) ** 2 / 8

@@ -24,11 +24,13 @@ from planner.support.calculus.extremes import sample_times, zeros
 from planner.systems.triangular_system import TriangularSystem
 
 LENGTH_TOLERANCE = 1e-12
-"""Difference of two lengths, or two own times, relative to the whole, that counts as rounding."""
+"""Two lengths, or two of the path's own times, count as equal if they differ by less, relative to
+the whole length or time."""
 
 LEAST_GROWTH = 1e-4
-"""If the length grows by less, relative to the integral of the inputs, it counts as constant. With
-`arc_length` the two differ only by the scales of the two inputs."""
+"""The length counts as constant where its slope ds/dσ, relative to its mean, is below this share of
+the inputs' norm, relative to its mean. For a length from `arc_length` these two ratios differ only
+because the inputs have different scales."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +65,7 @@ class RetimedTrajectory(Trajectory):
 
     @property
     def breaks(self) -> Array:
-        """Times at which the clock or the path has a corner."""
+        """Times of the breaks of the clock, which include those of the path."""
         return np.asarray(self.clock.x)
 
     def __post_init__(self) -> None:
@@ -86,7 +88,8 @@ class RetimedTrajectory(Trajectory):
     def flaw(self) -> str:
         """Why the clock does not cover the path piece by piece without jumps; empty if it does.
 
-        Ends and joints are compared exactly, because a clock takes them from the length.
+        Values at the ends and where two pieces meet are compared exactly, because a clock copies
+        them from the length.
         """
         path, length, clock, stations = self.path, self.length, self.clock, self.stations
         (begin, end), (first, last) = (
@@ -119,7 +122,10 @@ class RetimedTrajectory(Trajectory):
 
     @property
     def _stall(self) -> str:
-        """Where the length hardly grows although the path moves; inputs would be far too large."""
+        """Where the length hardly grows although the path moves, in words; empty if nowhere.
+
+        There dσ/dt, and with it the inputs, would be far too large.
+        """
         grid = Grid(self.length.x)
         speed = np.linalg.norm(self.path.u(grid.times), axis=-1)
         slope = self._inverse.slope(grid.times)
@@ -171,7 +177,7 @@ class RetimedTrajectory(Trajectory):
         return self.path.q(path_times), self.path.u(sigma) * pace
 
     def slowed(self, factor: float) -> RetimedTrajectory:
-        """Return the same path in `factor` times the time."""
+        """The same path, which takes `factor` times as long."""
         return RetimedTrajectory(self.path, self.length, self.clock.slowed(factor), self.stations)
 
     def to_dict(self) -> dict[str, Any]:
@@ -247,13 +253,13 @@ class RetimedTrajectory(Trajectory):
 Norm = Literal["max", "euclid"]
 
 _TAIL_TOLERANCE = 1e-9
-"""A piece is fine enough if the Chebyshev tail of ‖u/c‖ is smaller, relative to its maximum."""
+"""A piece is fine enough if the Chebyshev tail of ‖u/c‖ is below this share of its maximum."""
 
 _NOISE_TAIL = 1e-6
-"""A smaller tail that halving does not reduce is rounding in u, not a feature of it."""
+"""A tail below this share that halving a piece does not reduce is due to rounding errors in u."""
 
 _NEGLIGIBLE_TAIL = 1e-10
-"""A smaller tail is ignored, relative to the mean over the whole path."""
+"""A tail below this share of the mean of ‖u/c‖ over the whole path is ignored."""
 
 
 def arc_length(path: Trajectory, scale: Array, norm: Norm) -> Bernstein:
@@ -284,15 +290,14 @@ class Inverse:
         length: As returned by `arc_length`.
 
     Attributes:
-        slope: ds/dσ.
+        slope: ds/dσ, as a curve over σ.
     """
 
     def __init__(self, length: Bernstein) -> None:
         self._length, self.slope = length, length.derivative()
 
     def __call__(self, s: Array, low: Array, high: Array) -> Array:
-        """Return the path's own time σ at which its length is s (…); it lies in one piece, between
-        the own times `low` and `high` (…)."""
+        """σ (…) at lengths s (…), each between the bounds low and high (…) within one piece."""
         high = np.nextafter(high, low)  # `high` itself belongs to the next piece
         piece = self._length.piece(low)
         c = self._length.c[:, piece]
@@ -328,7 +333,7 @@ def _step(sigma: Array, gap: Array, slope: Array) -> Array:
 
 
 def _merge_breaks(breaks: Array, extra: Array) -> Array:
-    """Merge the breaks with the extra times, except extra times very close to another."""
+    """Add the extra times to the breaks, except those very close to a time already there."""
     apart = 1e-9 * breaks[-1]
     knots = list(breaks)
     for time in np.sort(extra):
@@ -338,8 +343,10 @@ def _merge_breaks(breaks: Array, extra: Array) -> Array:
 
 
 def _corners(path: Trajectory, scale: Array, norm: Norm, samples: Array, mean: float) -> Array:
-    """Return the times inside pieces at which the speed has a kink: a stop, or the larger input
-    switches."""
+    """The path's own times at which its speed ‖u/c‖ has a kink.
+
+    These are stops (both inputs zero) and, for the norm "max", changes of the larger input.
+    """
 
     def scaled(sigma: Array) -> Array:
         return np.where(np.abs(u := path.u(sigma) / scale) < 1e-12 * mean, 0.0, u)
@@ -354,7 +361,10 @@ def _corners(path: Trajectory, scale: Array, norm: Norm, samples: Array, mean: f
 
 
 def _resolve_pieces(function: Callable[[Array], Array], edges: Array, atol: float) -> Grid:
-    """Halve the pieces between the edges until the function's interpolant stops improving."""
+    """Return the pieces between the edges, halved until interpolants of the function are accurate.
+
+    A piece is also kept if halving no longer improves its interpolant.
+    """
     work = [(float(a), float(b), np.inf) for a, b in pairwise(edges)]
     starts: list[float] = []
     shortest = 1e-12 * (edges[-1] - edges[0])
@@ -374,6 +384,5 @@ def _resolve_pieces(function: Callable[[Array], Array], edges: Array, atol: floa
 
 
 def _inner_points(grid: Grid) -> Array:
-    """Return the grid's points; the last of each piece is just before its end, where inputs may
-    jump."""
+    """The grid's points, with the last of each piece moved inside, since inputs may jump there."""
     return np.minimum(grid.times, np.nextafter(grid.breaks[1:, None], -np.inf))

@@ -1,4 +1,4 @@
-"""Sample a plan at evenly spaced times, as arrays with named columns, and read such files back.
+"""Sample a plan at evenly spaced times, and read files of such samples.
 
 Also converts plans and replays to pandas frames and xarray datasets.
 """
@@ -36,7 +36,7 @@ RATE_HZ = 100.0
 
 
 MISS_BLOCK = 5000
-"""Rows that are integrated at once; they need some 100 MB."""
+"""Number of rows that `held_miss` integrates at once; they need some 100 MB."""
 
 ARRAYS = ("t", "q", "u", "motors", "z", "v")
 """Arrays of `Samples`, in the order of its columns."""
@@ -52,7 +52,7 @@ class Samples:
         inputs: Names of the columns of `u`, for example "u1_rad_s".
         axes: Names of the columns of `motors`, for example "motor1_rad".
         t: Times, shape (R,), s; the first is 0, the last the duration.
-        q: User coordinates, shape (R, N); NaN where no real ones exist.
+        q: User coordinates, shape (R, N); NaN where they would not be real.
         u: Inputs, shape (R, 2): their mean until the next time, 0 at the end; NaN if undefined.
         motors: Motor angles, shape (R, 2); see `motor_angles`.
         z: Chained coordinates, shape (R, N).
@@ -88,7 +88,7 @@ class Samples:
         """Convert `columns` and `table` back to samples.
 
         Raises:
-            ValueError: If they do not have that form.
+            ValueError: If the number or the names of the columns are not those of samples.
         """
         size = (len(columns) - 7) // 2
         if size < 2 or table.ndim != 2 or table.shape[1] != len(columns):
@@ -149,9 +149,9 @@ def commands(plan: Plan) -> tuple[str, str]:
 def motor_angles(plan: Plan, t: Array) -> Array:
     """Return the angles of the motors at increasing times t (R,) from 0, (R, 2).
 
-    They are the integrals of u: of u₁ from 0 (motor 1's axis has no absolute zero in the model), of
-    u₂ from q₂, which is θ₁ of an arm. In rad, or m if the input is a speed. For a compensated plan
-    they are commanded angles.
+    They are the integrals of u, in rad, or in m if the input is a speed. Motor 1 starts at 0, as
+    its axis has no absolute zero in the model; motor 2 starts at q₂, which is θ₁ of an arm. For a
+    compensated plan they are the commanded angles.
     """
     angles = np.concatenate([np.zeros((1, 2)), np.cumsum(_turns(plan, t), axis=0)])
     return np.asarray(angles + np.array([0.0, plan.q(0.0)[1]]))
@@ -175,8 +175,9 @@ def _turns(plan: Plan, t: Array) -> Array:
 def held_miss(plan: Plan, rate_hz: float = RATE_HZ) -> Array:
     """Return the end of the sampled motion minus that of the original, in user coordinates (N,).
 
-    One motion has the samples' held inputs, the other the plan's own. Both are integrated by the
-    kinematics, without a machine, from the plan's start. NaN for a plan without real inputs.
+    The sampled motion holds each sample's inputs until the next; the original motion has the plan's
+    own inputs. Both are integrated from the plan's start by the kinematics, without a machine. NaN
+    for a plan without real inputs.
 
     Raises:
         InputError: As for `sample`.
@@ -248,10 +249,10 @@ def _column_name(coordinate: Coordinate) -> str:
 
 
 def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> pandas.DataFrame:
-    """Sample the plan as a frame: index t_s, columns with units in their names.
+    """Sample the plan as a pandas frame: index t_s, columns with units in their names.
 
     Raises:
-        InputError: If pandas is not installed or the rate is wrong.
+        InputError: If pandas is not installed, or as for `sample`.
     """
     samples = sample(plan, rate_hz)
     frame = (
@@ -270,7 +271,7 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
     `unit_of_u`.
 
     Raises:
-        InputError: If xarray is not installed or the rate is wrong.
+        InputError: If xarray is not installed, or as for `sample`.
     """
     samples, system = sample(plan, rate_hz), plan.problem.system
     chained = [f"z{i + 1}" for i in range(system.size)]
@@ -297,7 +298,7 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
 
 
 def import_library(name: str) -> Any:
-    """Import a library of the extra `tables`.
+    """Import a library that the optional dependencies `tables` of the package install.
 
     Raises:
         InputError: If it is not installed.
@@ -311,7 +312,7 @@ def import_library(name: str) -> Any:
 
 
 def plan_facts(plan: Plan) -> dict[str, Any]:
-    """Return the attributes by which frames and datasets describe their plan."""
+    """Facts about the plan, which frames and datasets store as attributes."""
     return {
         "problem": plan.problem.name,
         "method": plan.method,

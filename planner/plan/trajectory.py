@@ -1,7 +1,7 @@
 """Curves in time that can be evaluated anywhere: the continuous form of every plan.
 
-They store piecewise polynomials in the Bernstein basis (`Bernstein`), whose coefficients bound the
-curve, and compute the other quantities with the system's chained form.
+A trajectory stores piecewise polynomials in the Bernstein basis (`Bernstein`), whose coefficients
+bound the curve, and computes all other quantities with the system's chained form.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Trajectory(ABC):
     system: TriangularSystem
 
     def __init_subclass__(cls) -> None:
-        if "kind" in vars(cls):  # files hold the class that defines a kind, not its subclasses
+        if "kind" in vars(cls):  # a file's kind is the class that defines it, never a subclass
             Trajectory.kinds.setdefault(cls.kind, cls)
 
     def __eq__(self, other: object) -> bool:
@@ -81,13 +81,13 @@ class Trajectory(ABC):
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
         """Return q (P, C, N) and u (P, C, 2) at fractions 0 … 1, shape (P, C), of the pieces (C,).
 
-        At a fraction of 0 or 1 the value inside the piece is taken, where q or u may jump at the
-        break. Many points on few pieces cost a tenth of the same points by time.
+        If q or u jumps at a break, a fraction of 0 or 1 gives the limit from inside the piece. For
+        many points on few pieces this takes a tenth of the time of q(t) and u(t).
         """
 
     @abstractmethod
     def slowed(self, factor: float) -> Trajectory:
-        """Return the same path in `factor` times the time."""
+        """The same path, which takes `factor` times as long."""
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
@@ -105,7 +105,7 @@ class Trajectory(ABC):
 
     @property
     def in_coordinates(self) -> bool:
-        """Whether q and u exist at all times without the chart."""
+        """Whether q and u are stored, so that they exist outside the chart's domain too."""
         return False
 
     @property
@@ -170,7 +170,7 @@ class ChainedTrajectory(Trajectory):
 
     @property
     def flaw(self) -> str:
-        """Names the curves with coefficients that are not finite."""
+        """Which of the stored arrays contain NaN or infinity; empty if none does."""
         return nonfinite_part(z_curve=self.z_curve.c, v_curve=self.v_curve.c, branch=self.branch)
 
     def z(self, t: ArrayLike) -> Array:
@@ -193,11 +193,11 @@ class ChainedTrajectory(Trajectory):
         return np.where(self._is_running(t) > 0, u, 0.0)
 
     def margins(self, t: ArrayLike) -> Array:
-        """Chart margins, from z; so they are defined where q is not."""
+        """Chart margins, computed from z so that they exist even where q does not."""
         return chained_form(self.system).margins(self.z(t), self.branch)
 
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
-        """Return q and u by the inverse chart and the feedback; NaN outside the chart's domain."""
+        """q by the inverse chart, u by the feedback transformation; NaN outside the domain."""
         z, v = (
             self.z_curve.piece_values(piece, fraction),
             self.v_curve.piece_values(piece, fraction),
@@ -205,7 +205,7 @@ class ChainedTrajectory(Trajectory):
         return chained_form(self.system).both(z, v, self.branch)
 
     def slowed(self, factor: float) -> ChainedTrajectory:
-        """Return the same path in `factor` times the time."""
+        """The same path, which takes `factor` times as long."""
         z, v = self.z_curve.slowed(factor), self.v_curve.slowed(factor, 1 / factor)
         return ChainedTrajectory(self.system, z, v, self.branch)
 
@@ -262,7 +262,7 @@ class StateTrajectory(Trajectory):
 
     @property
     def flaw(self) -> str:
-        """Names the curves with coefficients that are not finite."""
+        """Which of the stored arrays contain NaN or infinity; empty if none does."""
         return nonfinite_part(q_curve=self.q_curve.c, u_curve=self.u_curve.c)
 
     def q(self, t: ArrayLike) -> Array:
@@ -282,18 +282,18 @@ class StateTrajectory(Trajectory):
         return chained_form(self.system).v(self.q(t), self.u(t))
 
     def margins(self, t: ArrayLike) -> Array:
-        """Chart margins, from q, on the branch of the start."""
+        """Chart margins, computed from q on the branch in which the motion starts."""
         branch = self.system.branch(self.q(0.0))
         return self.system.chart_margins(self.q(t), branch)
 
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
-        """Return the values of the polynomials; see the base class."""
+        """q and u from their polynomials; shapes as in the base class."""
         return self.q_curve.piece_values(piece, fraction), self.u_curve.piece_values(
             piece, fraction
         )
 
     def slowed(self, factor: float) -> StateTrajectory:
-        """Return the same path in `factor` times the time."""
+        """The same path, which takes `factor` times as long."""
         q, u = self.q_curve.slowed(factor), self.u_curve.slowed(factor, 1 / factor)
         return StateTrajectory(self.system, q, u)
 

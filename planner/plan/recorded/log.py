@@ -30,7 +30,8 @@ RECORDED = "recorded"
 """Method and status of a plan made from a recorded run."""
 
 LEAST_ROWS = 50
-"""Fewer rows are half a second at the usual 100 Hz; by then no joint has left its backlash."""
+"""Least number of rows. Fewer cover under half a second at the usual 100 Hz, in which no joint has
+taken up its backlash."""
 
 POSE_READINGS = 20
 MOST_POSE_DRIFT_DEG, MOST_POSE_OFF_DEG = 0.1, 0.5
@@ -42,15 +43,16 @@ GAP_RATIO = 2.5
 """Rows further apart than this multiple of the usual interval are a gap; jitter is smaller."""
 
 EVEN_SHARE = 0.02
-"""Times that differ by less from even spacing, relative to the interval, are rounded to it."""
+"""Times that differ from even spacing by less than this share of the interval are made even."""
 
 JUMP_DEG, MOST_RATE_DEG_S = 20.0, 600.0
-"""If an angle changes by more than both together allow between two rows, it has wrapped or a
-reading is wrong. The prototype's joints move by at most 30 degrees a second."""
+"""An angle that changes between two rows by more than the jump plus the rate times the interval has
+wrapped around, or a reading is wrong. The prototype's joints reach 30 degrees a second."""
 
 UNIT_RATIO = 8.0
-"""Joint 1 turns as motor 2 does. A ratio above this or below its inverse means a wrong unit
-(degrees for radians give 57), not a gear error. Turns below `LEAST_TURN_RAD` are not checked."""
+"""Joint 1 turns as far as motor 2. A ratio of their turns above this, or below its inverse, means a
+wrong unit (degrees for radians give 57), not a gear error. Turns below `LEAST_TURN_RAD` are not
+checked."""
 LEAST_TURN_RAD = np.deg2rad(4.0)
 
 LEAST_LIKENESS = 0.5
@@ -108,7 +110,8 @@ class Log:
     def pose_deg(self) -> Array:
         """Pose at the end of the run: mean of the last 20 readings, shape (n,), degrees.
 
-        For an encoder of 0.088 degrees with noise of a third of that, its error is 0.01 degrees.
+        Its error is 0.01 degrees for an encoder with steps of 0.088 degrees and noise of a third of
+        a step.
 
         Raises:
             InputError: If a joint still moves, or one of its readings is far from the others.
@@ -159,7 +162,7 @@ class Log:
         return replace(self, t=t - t[0], u=self.u[chosen], theta=self.theta[chosen], motors=motors)
 
     def plan(self, problem: Problem) -> Plan:
-        """Convert the run to a plan, for `planner.replay` and all figures.
+        """Convert the run to a plan, which `planner.replay` and all figures accept.
 
         Its inputs are the commands, each held until the next. Its coordinates are the readings,
         interpolated linearly, and the disk's angle, which the kinematics give.
@@ -222,8 +225,8 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
 
     Args:
         path: The file.
-        columns: For other column names, as in a file exported from a ROS 2 bag: maps names as
-            above, with the unit, to the file's names, for example `{"t_ns": "stamp",
+        columns: For a file with other column names, such as one exported from a ROS 2 bag. Maps
+            names as above, with the unit, to the file's names, for example `{"t_ns": "stamp",
             "theta1_rad": "/joint_states/position[0]"}`.
 
     Raises:
@@ -270,7 +273,11 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
 
 
 def _times(t: Array, table: NumberTable) -> Array:
-    """Shift times to start at 0; space them evenly if only rounding keeps them from it."""
+    """Return times that start at 0, made exactly even if they are even up to rounding.
+
+    Raises:
+        InputError: If the times do not increase, or have a gap.
+    """
     t = t - t[0]
     steps = np.diff(t)
     if np.any(steps <= 0):
@@ -311,7 +318,10 @@ def _refuse_jumps(log: Log, table: NumberTable) -> None:
 
 
 def _refuse_wrong_units(log: Log) -> None:
-    """Check units: joint 1 turns as motor 2 does in every mechanism."""
+    """Refuse a log in which joint 1 does not follow motor 2, as it does in every mechanism.
+
+    Then a unit, a sign, or the order of the columns is wrong.
+    """
     turned = np.concatenate([[0.0], np.cumsum(log.u[:-1, 1] * np.diff(log.t))])
     commanded, read = float(np.ptp(turned)), float(np.ptp(log.theta[:, 0]))
     ratio = read / max(commanded, 1e-9)

@@ -44,8 +44,10 @@ SEPARATORS = (";", "\t", "|")
 
 
 def _number(decimal: str, other: str) -> re.Pattern[str]:
-    """Return the pattern of a number with this decimal mark and thousands in groups of three;
-    "0,123" is no such number."""
+    """Pattern of a number with this decimal mark, whose thousands may be separated by `other`.
+
+    Groups of thousands begin with 1 to 9, so "0,123" is no number with a decimal point.
+    """
     groups = rf"[1-9]\d{{0,2}}(?P<group>[{other}' ])\d{{3}}(?:(?P=group)\d{{3}})*"
     return re.compile(
         rf"[+-]?(?:(?:{groups}|\d+)(?:[{decimal}]\d*)?|[{decimal}]\d+)(?:e[+-]?\d+)?",
@@ -67,7 +69,7 @@ class NumberTable:
         rows: Its rows, each with one cell per name.
         lines: Line number of each row in the file, from 1.
         separator: The separator of cells; a blank stands for any number of blanks.
-        item: Name of a row in messages.
+        item: What messages call a row ("line", "message").
     """
 
     source: str
@@ -85,8 +87,8 @@ class NumberTable:
             blanks: Maps the index of each wanted column to the meaning of a blank cell.
 
         Raises:
-            InputError: If a cell is not a number, or is ambiguous; names file, line, column and
-                cell.
+            InputError: If a cell is not a number, or is ambiguous; the message names file, line,
+                column and cell.
         """
         cells = {k: [row[k].strip().translate(_PLAIN) for row in self.rows] for k in blanks}
         for place, meaning in blanks.items():
@@ -151,7 +153,7 @@ class NumberTable:
 
 
 def _fill_blanks(cells: Sequence[str]) -> list[str]:
-    """Fill blanks with the cell above; leading blanks stay."""
+    """Fill blank cells with the last one above that is not blank; leading blanks stay."""
     out, last = [], ""
     for cell in cells:
         last = cell or last
@@ -234,8 +236,10 @@ def _find_rows(lines: Sequence[str], separator: str, judged: Sequence[str]) -> t
 
 
 def _find_header(above: Sequence[Sequence[str]], first: int, known: Callable[[str], bool]) -> int:
-    """Return the index of the header among the lines up to the first row, or -1. A header whose
-    names are numbers is itself that first row."""
+    """Index of the header among the lines up to the first row of numbers; -1 without a header.
+
+    A header whose names are numbers is itself taken for that first row.
+    """
     most = [sum(map(known, cells)) for cells in above]
     if any(most):
         return int(np.argmax(most))
@@ -276,8 +280,8 @@ def _split(text: str, separator: str) -> list[str]:
 def _split_head(text: str, separator: str, width: int) -> list[str]:
     """Split a line above the rows into cells.
 
-    Use the rows' separator if it gives as many cells as a row has, else another that does: NumPy
-    separates numbers by blanks, but leaves the header as the user wrote it.
+    Use the rows' separator if it gives as many cells as a row has (`width`), else another that
+    does: NumPy separates numbers by blanks, but leaves the header as the user wrote it.
     """
     text = _COMMENT.sub("", text, count=1) if _COMMENT.match(text) else text
     ways = [_split(text, each) for each in (separator, *SEPARATORS, ",")]

@@ -1,4 +1,4 @@
-"""The independent judge, and proofs over whole intervals.
+"""The independent check of a plan, by samples and by proofs over whole intervals.
 
 Read the files in this order: `verify` (checks every requirement), `verdict` (combines the checks
 with the proofs), `summary`, `load_plan`; then the certificate: `certify`, `evidence`,

@@ -21,8 +21,8 @@ f = c + d where |d| ≤ δ = |b| R + r, and a function g has g(f) = g(c) + g'(c)
 
 Each function states a bound of the rest for all complex |d| ≤ δ. We assume that NumPy's elementary
 functions have errors of at most four units of rounding, which the tests check. δ is rounded up, and
-every rest grows with it. A difference of such floats has an error of one unit, so cancellation
-invalidates no bound.
+every bound of a rest increases with δ, so it stays valid. A difference of two such floats is itself
+rounded by at most one unit, so cancellation does not invalidate a bound either.
 """
 
 from __future__ import annotations
@@ -93,9 +93,10 @@ class Ellipses(NamedTuple):
         return np.asarray(np.fmin.reduce(self.r[:, 1:] * REMAINDER_FACTOR, axis=1))
 
     def integral(self, half: Array, middle: Array, doubt: Array) -> Ellipses:
-        """Return middle + ∫ f from the middle of each cell, with ∫ (c + bz + e) = cz + bz²/2 + ∫ e.
+        """Integrate from the middle of each cell: `middle` + half · ∫ (c + bz + e) dz, with |e| ≤ r.
 
-        z² = 1/2 + (z² − 1/2), and |∫ e| ≤ r R along the straight line.
+        The integral is cz + bz²/2 + ∫ e, where z² = 1/2 + (z² − 1/2), and |∫ e| ≤ r R along the
+        straight line from 0 to z.
 
         Args:
             half: Half the width of each cell, (C, 1).
@@ -108,8 +109,7 @@ class Ellipses(NamedTuple):
         return Ellipses(c, b, rest * ROUNDING_FACTOR)
 
     def lie_in(self, other: Ellipses) -> Index:
-        """Return where every function that these enclose is one that the other's enclose, (C,
-        9)."""
+        """Whether `other` encloses every function that these enclose, for each column, (C, 9)."""
         gap = np.abs(self.c - other.c) + np.abs(self.b - other.b) * RADIUS + self.r
         return np.asarray(gap * ROUNDING_FACTOR <= other.r)
 
@@ -132,7 +132,7 @@ class Ball:
 
     @classmethod
     def join(cls, points: Points, ellipses: Ellipses) -> Ball:
-        """Return the balls of the points, followed by those of the ellipses."""
+        """Return the ball with the columns of `points`, followed by those of `ellipses`."""
         left = points.c, np.zeros_like(points.c), points.r
         return cls(*map(np.hstack, zip(left, ellipses, strict=True)))
 
@@ -141,7 +141,7 @@ class Ball:
 
     @cached_property
     def points(self) -> Points:
-        """The balls' columns as points, without the ellipses' terms."""
+        """The columns of the 16 points."""
         return Points(self.c[:, :SEGMENT], self.r[:, :SEGMENT])
 
     @cached_property
@@ -151,7 +151,7 @@ class Ball:
 
     @property
     def number(self) -> float | None:
-        """The value of an exact constant; None of other balls."""
+        """The value, if the ball is an exact constant; else None."""
         return None if self.c.size > 1 or self.r[0, 0] else float(self.c[0, 0])
 
     @cached_property
@@ -165,8 +165,7 @@ class Ball:
         return (np.abs(self.b) * RADIUS_COLUMN + self.r) * ROUNDING_FACTOR
 
     def replace_rows(self, rows: Index, fresh: Index, new: Ball) -> Ball:
-        """Select rows of the ball, then replace those that the mask `fresh` marks by the rows of
-        `new`."""
+        """Select `rows`; among them, replace those in the mask `fresh` by the rows of `new`."""
         out = [x[rows] for x in self]
         for part, other in zip(out, new, strict=True):
             part[fresh] = other
@@ -176,8 +175,10 @@ class Ball:
 
     @property
     def relative_remainder(self) -> Array:
-        """The remainder relative to the greatest value, or to one if that is greater; zero if it is
-        below rounding, infinite if it is unbounded."""
+        """The remainder relative to the function's greatest value, or to one if that is greater.
+
+        Shape (C,); zero if the remainder is below rounding errors, infinite if it is unbounded.
+        """
         size = np.maximum(np.max(np.abs(self.points.c), axis=1), 1.0)
         remainder = self.ellipses.remainder
         rough = np.where(remainder <= np.max(self.points.r, axis=1), 0.0, remainder / size)
@@ -240,8 +241,7 @@ def choose(mask: Index, one: Triple, other: Triple) -> Triple:
 
 
 def _compose(p: Ball, value: Array, slope: Array, rest: Array) -> Ball:
-    """Return the ball of g(p) from g(c), g'(c) and a bound of the rest; g(c) and g'(c) have errors
-    of 8 units."""
+    """g(p) from g(c) and g'(c), each wrong by up to 8 rounding units, and a bound of the rest."""
     steep = np.abs(slope)
     rounding = 8 * ROUNDING_UNIT * (np.abs(value) + steep * p.reach)
     return Ball(value, slope * p.b, (steep * p.r + rest + rounding) * ROUNDING_FACTOR)
@@ -337,8 +337,10 @@ def arcsine(p: Ball) -> Ball:
 
 
 def arctangent2(y: Ball, x: Ball) -> Ball:
-    """Return the angle of (x, y) where y keeps its sign or x > 0: ±π/2 − arctan(x/y), or
-    arctan(y/x)."""
+    """The angle of (x, y): ±π/2 − arctan(x/y) where y keeps its sign, arctan(y/x) where x > 0.
+
+    Unbounded where neither is proven.
+    """
     low = np.abs(y.c) - y.reach, x.c - x.reach
     upright = low[0] > np.maximum(low[1], 0.0)
     angle = arctangent(choose(upright, x, y) * reciprocal(choose(upright, y, x)))
@@ -349,8 +351,7 @@ def arctangent2(y: Ball, x: Ball) -> Ball:
 
 
 def polynomial_balls(c: Array, r: Array) -> list[Ball]:
-    """Return the balls of k polynomials with coefficients (k, C, width), whose errors sum to at
-    most r (k, C).
+    """Balls of k polynomials with coefficients (k, C, width), whose errors sum to at most r (k, C).
 
     On an ellipse |Tₖ| ≤ (ρᵏ + ρ⁻ᵏ)/2. Values at points are sums of `width` terms whose factors have
     errors of 4 units.
@@ -378,8 +379,10 @@ def _chebyshev_bounds(width: int) -> Array:
 
 
 def models(balls: Sequence[Ball], cells: int) -> list[Model]:
-    """Return the models of balls: the interpolant and its remainder, or the segment's c + b τ if
-    the ellipses give no bound.
+    """Convert balls to models: the interpolant at the points, with a bound on its remainder.
+
+    If the segment's c + b τ has the smaller radius, or the ellipses give no bound, it is used
+    instead.
 
     Errors of the values grow at most by Lebesgue's constant. A sum of 16 products whose factors
     have errors of 4 units has an error below 28 units of the sum of their sizes.

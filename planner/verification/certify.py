@@ -45,7 +45,8 @@ DURATION_TOLERANCE = 1e-9
 """Largest relative error of a given duration; as in `verify`."""
 
 SUBSTITUTE_GAP = 1e-6
-"""Rows that differ from the values by more than this fraction of the scale are a substitute. A
+"""If a requirement's `rows` (expressions, which the proof bounds) differ from its `values` by more
+than this fraction of the scale, they count as a substitute that only has the margin's sign. A
 smaller difference does not matter, since a limit may be exceeded by as much."""
 
 PLAN_DEVIATION = Part("plan's q(t) against its integrated input", "", -np.inf, 0.0, 1.0)
@@ -81,7 +82,11 @@ def certify(plan: Plan) -> Certificate:
 
 
 def _evidence(plan: Plan) -> Evidence:
-    """Return the enclosed motion. Raises an UnboundedError if it cannot be bounded."""
+    """Return the enclosed motion of a plan.
+
+    Raises:
+        UnboundedError: If it cannot be bounded.
+    """
     trajectory = plan.trajectory
     source, motion, plan_q = enclose_trajectory(trajectory, plan.problem.start)
     path = EnclosedMotion(motion, source)
@@ -91,7 +96,11 @@ def _evidence(plan: Plan) -> Evidence:
 
 
 def _claims(plan: Plan) -> tuple[list[Claim], Array, int, Array]:
-    """Claims, bounds of the motion (N,), how many cells they rest on, and the ends of all cells."""
+    """Return the claims, and what `Certificate` says of the motion.
+
+    These are bounds (N,) on the error of the plan's q(t), the number of cells of the motion, and
+    the ends of all cells, s.
+    """
     problem, trajectory = plan.problem, plan.trajectory
     nothing = np.full(problem.system.size, np.inf), 0, np.empty(0)
     why = trajectory.flaw or (plan.clock.flaw if plan.compensation is not None else "")
@@ -126,7 +135,10 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int, Array]:
 
 
 def _claims_on_inputs(plan: Plan, why: str) -> list[Claim]:
-    """Claims on inputs and duration only, for a motion that cannot be bounded."""
+    """Claims for a motion that cannot be bounded: only inputs and duration are decided.
+
+    All other claims are undecided, for the reason `why`.
+    """
     try:
         source = source_of(plan.trajectory)
     except UnboundedError:
@@ -143,7 +155,10 @@ def _claims_on_inputs(plan: Plan, why: str) -> list[Claim]:
 
 
 def _open_plan_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = None) -> list[Claim]:
-    """Return undecided claims on the given requirements (or all) and on the plan's own q(t)."""
+    """Undecided claims, for the reason `why`, on the given demands and on the plan's own q(t).
+
+    By default on all demands that apply to the plan.
+    """
     free, in_coordinates = np.isnan(plan.problem.target), plan.trajectory.in_coordinates
     parts = [
         part
@@ -159,8 +174,7 @@ def _open_plan_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = N
 
 @singledispatch
 def prove(demand: Demand, evidence: Evidence) -> Iterable[Proof]:
-    """Yield the obligations (statements still to prove) that together imply a demand, or claims
-    that are decided already."""
+    """Return what must be proven for a demand (obligations), or claims if that is decided."""
     return _open_claims(demand, "there is no proof for this kind of requirement")
 
 
@@ -170,7 +184,7 @@ def _open_claims(demand: Demand, why: str, required: bool = True) -> list[Claim]
 
 @prove.register
 def _(requirement: Requirement, evidence: Evidence) -> Iterable[Proof]:
-    """Prove a requirement by its rows, at all times or only at the end."""
+    """Prove a requirement by bounds on its `rows`, at all times or only at the end."""
     reads = requirement.reads
     if "du" in reads and not requirement.is_direct:
         return _open_claims(requirement, "there is no proof for this kind of requirement")
@@ -210,8 +224,10 @@ def _(requirement: Requirement, evidence: Evidence) -> Iterable[Proof]:
 def _row_models(
     requirement: Requirement, evidence: Evidence, motion: EnclosedMotion
 ) -> tuple[EnclosedMotion, list[Model]]:
-    """Return the models of the rows, with cells refined where a remainder leaves a limit
-    undecided."""
+    """Return models of the requirement's rows, and the motion on whose cells they are.
+
+    Cells are split where a remainder leaves a limit undecided.
+    """
     rows, names = _rows(evidence.plan.problem.system, requirement), sorted(requirement.reads)
 
     def models_of(enclosure: Enclosure) -> list[Model]:
@@ -245,8 +261,8 @@ def _own_margins(
 ) -> dict[str, MarginAt]:
     """Return the margins of the parts whose rows are a substitute for their values, by label.
 
-    Rows are on the same side of the limit as the values that the judge uses, but may differ from
-    them: u²/limit can replace |u|.
+    A row always lies on the same side of the limit as the value that `verify` uses, but may differ
+    from it: u²/limit can replace |u|.
     """
     out: dict[str, MarginAt] = {}
     if type(requirement).values is Requirement.values:
@@ -270,7 +286,10 @@ def _own_margins(
 
 @lru_cache(maxsize=64)
 def _rows(system: TriangularSystem, requirement: Requirement | ChartDomain) -> Expression:
-    """Return the rows of a requirement as functions of what it reads, in alphabetical order."""
+    """The rows of a requirement as an expression.
+
+    Its arguments are the quantities that the requirement reads ("du", "q", "u"), in this order.
+    """
     sizes = {"q": system.size, "u": 2, "du": 2}
     read = {name: ca.SX.sym(name, sizes[name]) for name in sorted(requirement.reads)}
     rows = requirement.rows(MotionPoint(system, **read))
@@ -280,7 +299,7 @@ def _rows(system: TriangularSystem, requirement: Requirement | ChartDomain) -> E
 
 
 def _jump(part: Part, motion: EnclosedMotion) -> Claim | None:
-    """Return the claim on a rate if the input jumps, or may jump, at a break; else None."""
+    """The claim on an input's rate if the input jumps, or may jump, at a break; else None."""
     cells, u = motion.enclosure.cells, motion.inputs[part.index]
     breaks = np.flatnonzero(np.diff(cells.piece))  # last cells of the pieces
     if not len(breaks):
@@ -295,7 +314,7 @@ def _jump(part: Part, motion: EnclosedMotion) -> Claim | None:
     if most <= JUMP_TOLERANCE * peak:
         return None
     unit = motion.source.trajectory.system.inputs[part.index].unit
-    why = f"it may jump by {most:.3g} {unit}"
+    why = f"the input may jump by {most:.3g} {unit}"
     return Claim(part.label, "undecided", -np.inf, np.nan, when, part.unit, True, why)
 
 
@@ -385,7 +404,10 @@ def _clearance_claims(
 
 @prove.register
 def _(point: Waypoint, evidence: Evidence) -> Iterable[Proof]:
-    """Prove that the waypoint is passed within `verify`'s tolerance, at its time or at any time."""
+    """Prove that the motion passes the waypoint within `GOAL_TOLERANCE`.
+
+    It must do so at the waypoint's time, or at any time if the waypoint has none.
+    """
     (part,), time_s = point.parts, point.time_s
     motion = evidence.path.enclosure
     try:

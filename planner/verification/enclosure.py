@@ -45,7 +45,7 @@ TUBE_RADII = (1e-6, 1e-3)
 
 MOST_SWEEPS = 12
 SWEEP_TOLERANCE = 1e-15
-"""Change by a sweep that counts as rounding, in the coordinates' units."""
+"""Sweeps end when the reference changes by less, in the coordinates' units."""
 
 PICARD_IMAGES = 3
 """Number of times that Picard's map is applied to a ball."""
@@ -108,9 +108,9 @@ def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Encl
 def integral(f: Ball, width: Array, start: float) -> Ball:
     """Return the ball of start + ∫ f over all cells.
 
-    On the real line it is the integral of the interpolant, and the errors of f add up. Rounding: an
-    integral is a sum of 16 products whose factors have errors of a few units of one. In total these
-    are at most 400 units of the greatest value, including the error of the width.
+    On the real line it is the integral of the interpolant, and the errors of f add up. An integral
+    is a sum of 16 products whose factors have errors of a few rounding units. In total, with the
+    error of the width, these are at most 400 rounding units of the greatest value.
     """
     half, v = width / 2, f.points.c
     steps = v @ integration().T * half[:, None]
@@ -127,7 +127,7 @@ def integral(f: Ball, width: Array, start: float) -> Ball:
 
 
 def full_ball(f: Ball, cells: Cells) -> Ball:
-    """Return the ball with a row for each cell and all columns, even if it is a constant."""
+    """The ball with a row for each cell and all columns; a constant ball is repeated."""
     shape = (len(cells.piece), len(REAL_COLUMNS))
     if f.c.shape == shape:
         return f
@@ -166,7 +166,19 @@ def _tube(
     guess: Array,
     start: Array,
 ) -> tuple[dict[int, Ball], list[Ball]]:
-    """Return the balls of a block's coordinates and of their rates at the reference."""
+    """Enclose the coordinates of a block in a tube about the reference.
+
+    Args:
+        system: The system that moves.
+        block: Indices of the coordinates, which depend on themselves or on each other.
+        cells: The cells.
+        given: Balls of the coordinates before the block, by index, and of the inputs.
+        guess: The reference p at the nodes, shape (C, POINTS, N).
+        start: q(0), shape (N,).
+
+    Returns:
+        Balls of the block's coordinates, by index, and balls of their rates at the reference.
+    """
     (known, u), width = given, cells.width
     c = guess.transpose(2, 0, 1)[block] @ interpolation().T
     p = {i: Model(coefficients, 0 * width) for i, coefficients in zip(block, c, strict=True)}
@@ -202,8 +214,12 @@ def _growth(
     u: list[Ball],
     block: list[int],
 ) -> tuple[Array, Array]:
-    """Return |∂q̇/∂q| between coordinates of a block on the cells' segments, shape (N, N, C),
-    and its diagonal from above, (N, C)."""
+    """Bounds on ∂q̇/∂q within a block, over the segment of each cell.
+
+    Returns:
+        Upper bounds of its absolute entries, shape (N, N, C), and of its diagonal (with sign),
+        shape (N, C).
+    """
     entries, row, column, _ = _jacobian(system)
     done: dict[object, Ball] = {}
     size = np.zeros((system.size, system.size, len(cells.piece)))
@@ -222,8 +238,9 @@ def perturbed_motion(system: TriangularSystem, motion: Enclosure, off: Array) ->
 
     With s the difference of the inputs and J from the widened coordinates, the distance δ obeys,
     block by block, ‖δ‖' ≤ μ ‖δ‖ + max (|J| |δ of earlier blocks| + |rates(q, s)|), since rates are
-    linear in the inputs. At any fixed time the coordinates are those of the motion plus a constant.
-    Balls widened in all columns contain them, so functions evaluated on these balls are bounded.
+    linear in the inputs. At any fixed time the coordinates are those of the motion plus a constant,
+    the value of δ there. So balls widened in all columns contain them, and functions evaluated on
+    these balls are valid bounds.
     """
     cells, every = motion.cells, list(range(system.size))
     still = np.zeros((len(cells.piece), len(REAL_COLUMNS)))
@@ -274,8 +291,10 @@ def _on_ellipses(
     core: dict[int, Ball],
     doubt: Array,
 ) -> dict[int, Ball]:
-    """Return the tube on the real columns, and on the ellipses the balls that Picard's map
-    proves."""
+    """Return balls of the block: on the real columns the tube, on the ellipses a proven region.
+
+    The region is proven by Picard's map, and unbounded where that fails.
+    """
     (known, u), half, signs = given, cells.width[:, None] / 2, (-1.0) ** np.arange(POINTS // 2)
     nowhere = np.where(REAL_COLUMNS, doubt, np.inf)
     out = {i: ball.widen(nowhere) for i, ball in core.items()}
@@ -295,7 +314,7 @@ def _on_ellipses(
 
 @lru_cache(maxsize=32)
 def _jacobian(system: TriangularSystem) -> tuple[Expression, Array, Array, Pointwise]:
-    """Return ∂q̇/∂q as entries on balls, with rows and columns, and as a matrix at points."""
+    """Return ∂q̇/∂q: nonzero entries for balls, their rows and columns, and a matrix for points."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     matrix: Any = ca.jacobian(ca.vertcat(*system.rates_expr(q, u)), q)
     row, column = (np.array(x, dtype=int) for x in matrix.sparsity().get_triplet())
@@ -310,8 +329,10 @@ def _jacobian(system: TriangularSystem) -> tuple[Expression, Array, Array, Point
 def _reference(
     system: TriangularSystem, cells: Cells, guess: Array, u: list[Ball], start: Array
 ) -> Array:
-    """Return the values near the motion, by Picard integrals in each cell and Newton steps across
-    cells."""
+    """Improve a guess of the motion at the nodes, shape (C, POINTS, N), without proof.
+
+    Picard integrals are used in each cell, and Newton steps across cells.
+    """
     inputs = np.stack([x.points.c for x in u], axis=-1)
     width, middle = cells.width, POINTS // 2
     flow = _change(_jacobian(system)[3](guess[:, middle], inputs[:, middle]), width)
@@ -330,8 +351,10 @@ def _reference(
 def _sweep(
     system: TriangularSystem, values: Array, inputs: Array, width: Array, flow: Array, start: Array
 ) -> Array:
-    """Return one sweep; `flow` (C, N, N) is the growth of a change from a cell's left to its right
-    end."""
+    """Return the values after one sweep of `_reference`.
+
+    `flow` (C, N, N) is the growth of a change from the left to the right end of each cell.
+    """
     rates = system.rates(values, inputs) * (width[:, None, None] / 2)
     steps = np.einsum("mk,ckn->cmn", integration(), rates)
     signs = np.where(np.arange(POINTS) % 2 == 0, 1.0, -1.0)

@@ -1,4 +1,4 @@
-"""Enclosed motions of a plan, and verdicts on functions of them that must not be negative."""
+"""Enclosed motions of a plan, and proofs that functions of these motions are never negative."""
 
 from __future__ import annotations
 
@@ -26,9 +26,11 @@ from planner.verification.input_models import (
 )
 from planner.verification.models import Margin, Model, least_values
 
-NO_BOUND_REASON = "no bound on the motion or its inputs is known on all of it"
+NO_BOUND_REASON = "the motion or its inputs are not bounded over the whole time"
 
-SUBSTITUTE_REASON = "the proof uses rows that only replace the values of this limit"
+SUBSTITUTE_REASON = (
+    "the proof bounds an expression that only has the sign of this margin, and its bound is below 0"
+)
 
 STANDSTILL_REASON = (
     "the inputs of a retimed path are quotients of zeros where the path stands still"
@@ -42,7 +44,7 @@ class EnclosedMotion:
     Attributes:
         enclosure: Enclosure of the inputs, and perhaps of the coordinates.
         source: Source of the inputs.
-        reads: Which of coordinates "q", inputs "u" and their rates "du" are enclosed.
+        reads: The quantities that are enclosed: coordinates "q", inputs "u", their rates "du".
         retimed: The retimed trajectory, if the motion is over the path's time; else None.
         why: Reason why some quantity is not bounded.
     """
@@ -70,13 +72,12 @@ class EnclosedMotion:
 
     @property
     def edges(self) -> Array:
-        """Beginnings of the cells, and the end, in the plan's time, s."""
+        """Start of each cell, and the end of the last, in the plan's time, s."""
         edges = np.append(self.enclosure.cells.times(np.array([-1.0]))[:, 0], self.end_s)
         return edges if self.retimed is None else self.retimed.time_of(edges)
 
     def at(self, time_s: float) -> tuple[Array, Array]:
-        """Return the coordinates (N,) and inputs (2,) at a time, given in the motion's own time, to
-        the accuracy of the models."""
+        """Coordinates (N,) and inputs (2,) from the models, at a time of the motion's own, s."""
         ends = self.enclosure.cells.times(np.array([-1.0, 1.0]))
         k = int(np.clip(np.searchsorted(ends[:, 0], time_s, side="right") - 1, 0, len(ends) - 1))
         x = 2 * (time_s - ends[k, 0]) / (ends[k, 1] - ends[k, 0]) - 1
@@ -94,10 +95,11 @@ class EnclosedMotion:
         required: bool = True,
         why: str = "",
     ) -> Claim:
-        """Return the verdict on a least margin between the bounds `low` and `high`.
+        """Make the claim on a margin whose least value lies between the bounds `low` and `high`.
 
-        A margin down to −tolerance counts as kept, as in `verify`. `when` is in the motion's own
-        time; the claim has the plan's.
+        A margin down to −tolerance counts as kept, as in `verify`. `when`, the time of the least
+        margin, is in the motion's own time; the claim has it in the plan's. `why` is the reason to
+        give if the claim is undecided; by default the bounds, or that there are none.
         """
         upper = float(high) if np.isfinite(high) else np.nan
         time_s = float(when) if np.isfinite(when) else None
@@ -120,7 +122,7 @@ class Evidence:
 
     Attributes:
         plan: The plan.
-        path: The true motion; for a retimed plan in the path's time and without its inputs.
+        path: The true motion; for a retimed plan over the path's own time, coordinates only.
         plan_q: Models of the plan's own coordinates on the same cells.
     """
 
@@ -129,13 +131,13 @@ class Evidence:
     plan_q: list[Model]
 
     def motion_for(self, reads: frozenset[str]) -> EnclosedMotion:
-        """Return a motion that encloses all of these quantities."""
+        """Return a motion that encloses all of the quantities "q", "u", "du" in `reads`."""
         if self.path.retimed is None or reads <= self.path.reads:
             return self.path
         return self._motion_over_time if "q" in reads else self._inputs_over_time
 
     def refine(self, motion: EnclosedMotion, coarse: CellChoice) -> EnclosedMotion:
-        """Return the same motion with cells split where `coarse` selects them."""
+        """The same motion, enclosed again with the cells split that `coarse` selects."""
         plan, source = self.plan, replace(motion.source, halvings=InputSource.halvings)
         start = plan.problem.start if "q" in motion.reads else None
         if motion is self.path and start is not None:
@@ -171,8 +173,8 @@ class Obligation:
         motion: The motion of which the values are functions.
         tolerance: Largest allowed distance of the least value below zero.
         required: Whether the problem requires it.
-        margin_at: The margin as a function of coordinates (N,) and inputs (2,), if the functions
-            have only the sign of the margin; else None.
+        margin_at: Computes the margin from coordinates (N,) and inputs (2,), if the functions only
+            have the margin's sign, not its value; else None.
     """
 
     part: Part
@@ -187,7 +189,7 @@ Proof = Obligation | Claim
 
 
 def decide(proofs: list[Proof]) -> list[Claim]:
-    """Return the claims, in order; all obligations on one motion are bounded together."""
+    """Return the claim of each proof, in order; obligations on one motion are bounded together."""
     pending = [each for each in proofs if isinstance(each, Obligation)]
     verdicts: dict[int, Claim] = {}
     for motion in {id(each.motion): each.motion for each in pending}.values():

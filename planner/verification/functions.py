@@ -59,7 +59,7 @@ class Expression:
         self._needed = [self._steps_to(end) for end in self._ends]
 
     def _steps_to(self, end: int) -> list[int]:
-        """Return the steps on which a step depends, and the step itself, in order."""
+        """The step `end` and all steps on which it depends, in order."""
         steps, left = set(), [end] if end >= 0 else []
         while left:
             k = left.pop()
@@ -76,12 +76,15 @@ class Expression:
         return {read[1] for of, read, _ in steps if of == ca.OP_INPUT and read[0] == argument}
 
     def __call__(self, *given: Sequence[Ball]) -> list[Ball]:
-        """Return one ball per entry of the value."""
+        """Evaluate on balls of the arguments; one ball for each entry of the value."""
         done: dict[Any, Ball] = {}
         return [self.entry(i, given, done) for i in range(self.size)]
 
     def entry(self, i: int, given: ArgumentBalls, done: dict[Any, Ball]) -> Ball:
-        """Return one entry; `done` caches steps for further entries with the same arguments."""
+        """The ball of entry i of the value for the arguments `given`.
+
+        `done` caches results of steps; share it between calls with the same arguments.
+        """
         deadline.check_stopped()
         for k in self._needed[i]:
             if k in done:
@@ -168,19 +171,20 @@ SUPPORTED = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_CIRCULAR, *_ARITHMETIC}
 
 
 def polynomials(curve: Bernstein, cells: Cells, order: int = 0) -> list[Model]:
-    """Return the models of the components of a piecewise polynomial with values (k,) or scalar
-    values, or of its derivative of this order in time."""
+    """Models of the components of a piecewise polynomial with values (k,), or scalar values.
+
+    If `order` is above 0, of its derivative of this order in time.
+    """
     return [Model(*pair) for pair in zip(*_cell_coefficients(curve, cells, order), strict=True)]
 
 
 def balls_on_cells(curve: Bernstein, cells: Cells, order: int = 0) -> list[Ball]:
-    """Return the balls of piecewise polynomials on the cells."""
+    """Balls of a piecewise polynomial's components, or of its derivative of this order in time."""
     return polynomial_balls(*_cell_coefficients(curve, cells, order))
 
 
 def derivative(curve: Bernstein, order: int) -> tuple[Array, Array]:
-    """Return the Bernstein coefficients (d+1, P, k) of a derivative, and bounds of their rounding
-    (P, k)."""
+    """Bernstein coefficients (d+1, P, k) of a derivative, and bounds (P, k) of their errors."""
     c = curve.c.reshape(*curve.c.shape[:2], -1)
     width, size = np.diff(curve.x)[:, None], np.max(np.abs(c), axis=0)
     for _ in range(order):

@@ -55,8 +55,8 @@ FINE_REMAINDER = 1e-10
 below this."""
 
 NOISE_REMAINDER = 1e-3
-"""A cell with a smaller remainder is kept if it is hardly better than its parent, since the
-remainder is then rounding."""
+"""A cell with a smaller remainder is kept if this is more than half that of the cell it came from:
+the remainder is then due to rounding errors."""
 
 FEWEST_CELLS = 4
 COARSE_REMAINDER = 1e-4
@@ -77,8 +77,8 @@ def enclose_trajectory(
 ) -> tuple[InputSource, Enclosure, list[Model]]:
     """Enclose the true motion under a trajectory's inputs.
 
-    For a retimed trajectory it is the motion along its path in the path's own time, since no state
-    depends on the timing.
+    For a retimed trajectory it is the motion along its path in the path's own time, since the
+    timing does not change the sequence of states.
 
     Args:
         trajectory: A trajectory of a known kind.
@@ -104,8 +104,10 @@ def enclose_trajectory(
 
 
 def _path(trajectory: Trajectory) -> Trajectory:
-    """Return the trajectory without its retiming, which no state depends on; a retimed path is
-    refined to the pieces of its length."""
+    """The trajectory without its retiming, on which the sequence of states does not depend.
+
+    The path of a retimed trajectory gets a break at each break of its length.
+    """
     if type(trajectory) is not RetimedTrajectory:
         return trajectory
     path, breaks = trajectory.path, trajectory.length.x
@@ -202,10 +204,14 @@ Law = Callable[..., list[Ball]]
 
 
 def _law(path: Trajectory) -> tuple[list[Bernstein], Law, Law]:
-    """Return the curves of a path, its inputs as a function of them, and the inputs' slopes as a
-    function of them and their derivatives.
+    """Return a path's curves, and functions on balls for its inputs and the inputs' slopes.
 
-    Subclasses are refused, since they may evaluate differently.
+    The first function maps the curves to the inputs; the second maps the curves and their
+    derivatives to the inputs' slopes.
+
+    Raises:
+        UnboundedError: If the path is of another kind, or of a subclass, which may evaluate its
+            curves differently.
     """
     if type(path) is StateTrajectory:
         return [path.u_curve], lambda u: u, lambda _, du: du
@@ -222,7 +228,7 @@ State = Callable[[list[Ball]], list[Ball]]
 
 @lru_cache(maxsize=32)
 def _inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> State:
-    """Return the inverse chart on one branch."""
+    """The inverse chart z ↦ q on one branch."""
     z = ca.SX.sym("z", system.size)
     q = chained_form(system).q_expr(z, ca.DM(branch))
     if q is not None:
@@ -280,12 +286,12 @@ def feedback_law(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[L
 def root(
     guess: Ball, gap: Ball, steep: Callable[[Ball], Ball], side: Array | float = 1.0
 ) -> tuple[Ball, Ball]:
-    """Return the root near a guess, and the function's slope there; unbounded if no root is proven.
+    """Enclose a function's root near a guess, and its slope there; unbounded without a proof.
 
     Args:
         guess: A polynomial, taken as exact.
-        gap: The function at the guess.
-        steep: The function's slope.
+        gap: The function's value at the guess.
+        steep: Computes the function's slope on a ball.
         side: Sign of the slope.
     """
     defect, near = (np.abs(gap.c) + gap.reach) * ROUNDING_FACTOR, steep(guess)
@@ -306,7 +312,7 @@ def resolve(
     Args:
         source: Source of the inputs.
         start: If given, also enclose the motion from there, with its rates.
-        coarse: See `enclose_trajectory`.
+        coarse: Selects cells to divide for other reasons, as in `enclose_trajectory`.
     """
     cells = Cells.of(source.trajectory.breaks)
     if len(cells.piece) < FEWEST_CELLS:
@@ -335,8 +341,10 @@ def resolve(
 
 
 def _cells_to_divide(balls: list[Ball], before: Array) -> tuple[Index, Array]:
-    """Return the cells to divide, and the relative remainder of all; `before` is that of their
-    parents."""
+    """Return which cells to divide, and the relative remainder of each cell.
+
+    `before` is the relative remainder of the cells from which these were made.
+    """
     rough = np.max([x.relative_remainder for x in balls], axis=0)
     fine = (rough <= FINE_REMAINDER) | ((rough < NOISE_REMAINDER) & (rough > 0.5 * before))
     return ~fine, rough  # type: ignore[return-value, unused-ignore]  # NumPy 2.5's np.max

@@ -20,8 +20,8 @@ from planner.verification.verdict import judge
 def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
     """Read a plan that `Plan.save` wrote, and judge it again if the file calls it verified.
 
-    The result has `verified` True only if `verify` confirms the plan and its certificate, proven
-    again, shows no violation. A compensated plan must also contain a verified original plan of the
+    The result has `verified` True only if `verify` confirms the plan and a new certificate shows no
+    violation. A compensated plan must also contain a verified original plan of the
     same problem. The objective is computed again, except for desensitised plans and methods of
     other packages: if the file has another value, the computed one is used, with a warning, and a
     proof of optimality for the other value is dropped. `Plan.claimed` names the figures that are
@@ -55,13 +55,13 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
 
 
 OBJECTIVE_TOLERANCE = 1e-5
-"""Relative error of an objective due to its name in the file, which gives weights with four digits:
-their errors are up to 5e-4, and the weighted terms are a hundredth of the objective."""
+"""Relative error of an objective that is computed from its name in the file. The name gives weights
+with four digits, so with errors up to 5e-4, and the weighted terms are about a hundredth of the
+objective."""
 
 
 def _correct_objective(plan: Plan, path: str | Path) -> Plan:
-    """Return the plan with the objective of its motion; for a compensated plan, that of the
-    original."""
+    """The plan with the objective computed again; for a compensated plan, from its original."""
     true = objective_of((plan.compensates or plan).trajectory, plan.objective_name)
     claimed = ["objective"] if true is None and not np.isnan(plan.objective) else []
     if true is not None and not abs(plan.objective - true) <= OBJECTIVE_TOLERANCE * abs(true):
@@ -78,7 +78,7 @@ def _correct_objective(plan: Plan, path: str | Path) -> Plan:
 
 
 def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:
-    """Return the plan with its verdict, and its violations in one line, the worst first, or ""."""
+    """Return the plan as judged again, and its worst violation in one line; "" if it has none."""
     unknown = replace(said, verified=False, certificate=None)
     if said.trajectory.flaw:
         return unknown, said.trajectory.flaw
@@ -96,7 +96,10 @@ def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:
 
 
 def _with_own_figures(plan: Plan, said: Plan, path: str | Path) -> Plan:
-    """Return a verified plan, and its original if it is compensated, with the right objective."""
+    """Return a verified plan with its objective computed again, also in its original plan.
+
+    Certificates keep the computing times that the file gives.
+    """
     assert plan.certificate is not None
     plan = replace(plan, certificate=_with_first_time(said, plan.certificate))
     if plan.compensation is not None and said.compensates is not None:
@@ -106,6 +109,5 @@ def _with_own_figures(plan: Plan, said: Plan, path: str | Path) -> Plan:
 
 
 def _with_first_time(said: Plan, proven: Certificate) -> Certificate:
-    """Return the new certificate with the computing time of the first, so that saving again changes
-    nothing."""
+    """The new certificate with the file's computing time, so that saving again changes nothing."""
     return proven if said.certificate is None else replace(proven, seconds=said.certificate.seconds)

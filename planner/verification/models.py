@@ -12,8 +12,8 @@ whole cell, then
 
     p(x) ≥ p(y) − p'(y)²/(2m)   for any y; a Newton step makes p'(y) nearly zero,
 
-and a slope that points out of the cell at an end does not count. Other cells that may contain the
-least value are halved.
+where at an end y of the cell p'(y) counts only if p decreases into the cell. Other cells that may
+contain the least value are halved.
 """
 
 from __future__ import annotations
@@ -55,8 +55,7 @@ class Model:
 
     @classmethod
     def truncate(cls, c: Array, r: Array) -> Model:
-        """Return a model from coefficients of any width; those beyond `POINTS` go to the
-        remainder."""
+        """A model from coefficients of any width; those beyond `POINTS` enlarge the remainder."""
         tail = np.sum(np.abs(c[:, POINTS:]), axis=1)
         r = np.asarray((r + tail) * ROUNDING_FACTOR)
         bad = ~np.isfinite(r)
@@ -242,7 +241,7 @@ def least_values(functions: list[Margin], cells: Cells, scales: Array) -> list[L
     place = np.zeros((count, 2))  # cell and τ of the best
 
     def keep(value: Array, tau: Array, rows: Index) -> None:
-        """Update the attained values of some rows."""
+        """Update each function's least attained value and its place from some rows."""
         order = np.lexsort((value, which[rows]))
         functions_of_rows = which[rows][order]
         new = order[np.append(True, functions_of_rows[1:] != functions_of_rows[:-1])]
@@ -277,8 +276,11 @@ def least_values(functions: list[Margin], cells: Cells, scales: Array) -> list[L
 
 
 def _curved_bounds(c: Array) -> tuple[Index, Array, Array, Array]:
-    """Return for each row whether its polynomial is monotonic, concave or convex on the cell; a
-    value near its least, the position of that value, and a lower bound.
+    """Bound the polynomial p of each row of coefficients from its first two derivatives.
+
+    Returns:
+        For each row: whether p is proven monotonic, concave or convex; a value of p; its position
+        τ; and a lower bound of p, which is valid only if so.
 
     All sums have errors of at most (POINTS + 4) units of the sum of their terms' magnitudes; those
     of p'(y) and p(y), with Tₖ(y) = cos kθ, of 6 POINTS units, which for p the row's remainder
@@ -317,14 +319,16 @@ def halves(c: Array, r: Array) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=1)
 def _halving_matrices() -> tuple[Array, Array, Array]:
-    """Return the matrices from coefficients to those on each half of the cell, and the magnitude
-    sums of their columns."""
+    """Matrices from coefficients to those on the left and right half of a cell.
+
+    The third array bounds the sum of magnitudes in each column of both matrices.
+    """
     parts = [interpolation() @ chebyshev.chebvander((nodes() + s) / 2, POINTS - 1) for s in (-1, 1)]
     return parts[0], parts[1], np.max([np.sum(np.abs(m), axis=0) for m in parts], axis=0)
 
 
 def join_models(parts: Sequence[Model]) -> Model:
-    """Return the models of several groups of cells as one."""
+    """Join models of several groups of cells into one model on all cells."""
     width = max(p.c.shape[1] for p in parts)
     c = np.concatenate([np.pad(p.c, ((0, 0), (0, width - p.c.shape[1]))) for p in parts])
     return Model(c, np.concatenate([p.r for p in parts]))

@@ -43,7 +43,8 @@ from planner.verification.models import (
 MOST_HALVINGS = 10
 
 SEARCH_ROUNDS = 7
-"""Number of rounds; each narrows a dip by a factor of eight, in total to 1e-7 of a sample step."""
+"""Number of rounds of `nearest_time`. Each narrows a dip by a factor of eight, in total to a
+millionth of the distance of two samples."""
 
 MOST_CELLS = 20_000
 """With more cells than this, none is halved any more. Most plans need a handful; a motion that
@@ -57,8 +58,15 @@ def clearances(
     links: list[int],
     radius: float,
 ) -> Iterator[LeastValue]:
-    """Yield the least distances of some links (counted from 0) from a point, minus `radius`, in
-    metres."""
+    """Bound the least distance of each link from a point, minus `radius`, in metres.
+
+    Args:
+        system: An arm.
+        motion: The enclosed motion.
+        centre: x and y of the point, which may move.
+        links: Indices of the links, counted from 0.
+        radius: Subtracted from each distance, m.
+    """
     balls = _links(system)(motion.q, centre)
     lengths = system.link_lengths  # type: ignore[attr-defined]
     values = motion.models(*(balls[3 * link + k] for link in links for k in range(3)))
@@ -103,8 +111,15 @@ def _points(system: TriangularSystem) -> Expression:
 
 
 def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple[Model, Cells]:
-    """Return a lower bound of the squared distance, as a model that is close to it where it may be
-    least, and its cells."""
+    """Return a lower bound of the squared distance as a model, and the cells of the model.
+
+    The bound is tight where the distance may be least.
+
+    Args:
+        values: Models of |P − C|², a and a² of a link.
+        length: Length of the link, m.
+        cells: Cells of `values`.
+    """
     proofs: list[tuple[Cells, list[Model]]] = []
     best = np.inf
     for step in range(MOST_HALVINGS + 1):
@@ -126,8 +141,10 @@ def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple
 
 
 def lower_model(square: Model, along: Model, twice: Model, length: float) -> Model:
-    """Return the model of |P − C|² + m(a), with the chord of m on cells across two of its
-    ranges."""
+    """|P − C|² + m(a), with the chord of m on cells across two of its ranges.
+
+    `square`, `along` and `twice` are models of |P − C|², a and a²; `length` is l.
+    """
     low, high = np.clip(along.low, -1e6, 1e6), np.clip(along.high, -1e6, 1e6)
     behind, beyond, beside = low >= 0, high <= -length, (high <= 0) & (low >= -length)
     at_low, at_high = _least_quadratic(low, length), _least_quadratic(high, length)
@@ -172,8 +189,8 @@ def nearest_time(
     """Return the time at which the motion is nearest to a waypoint, and whether it provably misses
     it.
 
-    `states` are models of the user coordinates on the cells. The time need not be proven, so dips
-    between samples are narrowed without bounds.
+    It misses the waypoint if its distance is above `tolerance` at all times. `states` are models of
+    the user coordinates on the cells. The time need not be proven, so it is searched by samples.
     """
     places, fixed = np.array([-1.0, *nodes(), 1.0]), np.flatnonzero(~np.isnan(point.user)).tolist()
     coordinates = [(states[i], float(point.user[i])) for i in fixed]
@@ -206,7 +223,10 @@ def nearest_time(
 def distance_bounds(
     cells: Cells, states: Sequence[Model], point: Waypoint, time: float, slip: float
 ) -> tuple[float, float]:
-    """Return the bounds of the distance at a time with an error of at most `slip`."""
+    """Lower and upper bound of the distance from a waypoint at a time with an error up to `slip`.
+
+    The distance is the largest difference of one of the fixed user coordinates.
+    """
     ends = cells.times(np.array([-1.0, 1.0]))
     k = int(np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1))
     tau = 2 * (time - ends[k, 0]) / (ends[k, 1] - ends[k, 0]) - 1
@@ -222,8 +242,10 @@ def distance_bounds(
 
 
 def path_time(trajectory: Trajectory, time_s: float) -> tuple[float, float]:
-    """Return the path's own time at a time of the plan, and a bound on its error; infinite
-    outside."""
+    """The path's own time at a time of the plan, and a bound on its error.
+
+    The bound is infinite outside the plan, or if the error cannot be bounded.
+    """
     if not 0 <= time_s <= trajectory.duration:
         return time_s, np.inf
     if not isinstance(trajectory, RetimedTrajectory):

@@ -48,12 +48,12 @@ class FigureField:
     """How a figure is computed and shown: the metadata of its field.
 
     Attributes:
-        headings: One for each of its numbers; empty for a figure that only files show.
-        plan: Computes it from a plan and its verification, or None.
-        replay: Computes it from a replay, or None.
-        executable: Whether only executable plans have it.
-        sweep: Whether sweeps store it.
-        files: Whether only tables in files show it, since they have room.
+        headings: One for each of the figure's numbers; empty for a figure that only files show.
+        plan: Computes the figure from a plan and its verification; None if it cannot be.
+        replay: Computes the figure from a replay; None if it cannot be.
+        executable: Whether only executable plans have the figure.
+        sweep: Whether sweeps store the figure.
+        files: Whether only tables in files show the figure, since they have room.
     """
 
     headings: tuple[Heading, ...]
@@ -87,7 +87,7 @@ class PlanFigures:
         peak_u: Largest |u₁| and |u₂|, shape (2,), in the inputs' units (rad/s).
         domain_margin: Least margin of the chart's domain; negative outside.
         domain_ok: Whether the path stays inside; None without a path.
-        terminal_error_deg: Largest error of an angle at the goal by ideal kinematics (`verify`).
+        terminal_error_deg: Largest error of an angle at the goal, as `verify` computes it.
     """
 
     travel_rad: float = figure(
@@ -128,7 +128,7 @@ def _largest(errors: Array) -> float:
 
 
 OF_EVERY_PLAN = {n: one for n, one in figures(PlanFigures).items() if not one.executable}
-"""Figures that paths which cannot be executed have too; the others are figures of comparisons."""
+"""Figures that every plan has, even one that cannot be executed, by name."""
 
 _OF_PLAN = (
     "method",
@@ -192,7 +192,7 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
 
 
 def refusal_summary(error: NoPlanError, method: str) -> dict[str, Any]:
-    """Return the summary of a refusal, and of its last iterate if it has one.
+    """The summary of a refusal, with the figures of the solver's last iterate if there is one.
 
     Returns:
         A value for each of `SUMMARY_KEYS`; None where nothing is known. `verified` is False.

@@ -28,8 +28,8 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
     judged too.
 
     Args:
-        plan: Any plan; its own claims do not count.
-        certificate: The result of `certify` for this plan, if it is known already.
+        plan: Any plan; what it says about itself (`verified`, `certificate`) is ignored.
+        certificate: The result of `certify` for this plan; computed by default.
 
     Returns:
         The plan, either verified with its certificate or without both; and the check, whose
@@ -83,7 +83,7 @@ def _proven_violations(plan: Plan, certificate: Certificate) -> Iterator[Violati
 
 
 def _breaks_upper_limit(plan: Plan, demand: Demand | None, part: Part, claim: Claim) -> bool:
-    """Return whether the upper limit is broken, not the lower."""
+    """Whether a violated claim breaks the part's upper limit; if not, it breaks the lower one."""
     if not isinstance(demand, Requirement) or np.isinf(part.low) or np.isinf(part.high):
         return bool(np.isfinite(part.high))
     time_s, path = claim.time_s or 0.0, plan.trajectory

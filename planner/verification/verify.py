@@ -1,4 +1,4 @@
-"""The independent judge of a plan.
+"""The independent check of a plan: `verify`.
 
 It integrates the plan's input u(t) by Chebyshev quadrature with the system's NumPy kinematics; no
 method uses either of them. It checks the goal, the limits, waypoints and obstacles over all time,
@@ -60,8 +60,8 @@ INTEGRATION_TOLERANCE = 1e-7
 allowed at the goal."""
 
 FINEST_SHARE = 2.0**-40
-"""Smallest fraction of a piece at which cells may begin: a trillionth, the limit of the
-integration's splitting."""
+"""Cells begin at multiples of this fraction of a piece: a trillionth, the width of the smallest
+cells into which the integration splits a piece."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ class Check:
         ok: Whether the motion reaches the goal and keeps every limit.
         terminal_error: Integrated end minus goal, in user coordinates, shape (N,), in their units;
             zero for coordinates that the goal leaves free.
-        terminal_error_deg: The errors of the angles among them, degrees; without the path
-            coordinate if the system has no user coordinates of its own.
+        terminal_error_deg: The entries of `terminal_error` that are angles, in degrees; without the
+            path coordinate q₁ if the system has no user coordinates of its own.
         margins: Margin of each requirement (negative: broken), in its own unit.
         violations: Broken requirements, the worst first.
         interpolant_error: Largest |plan.q(t) − integrated q(t)|, in the coordinates' units.
@@ -149,15 +149,15 @@ def verify(plan: Plan) -> Check:
 def examine(
     plan: Plan, times: Array | None = None, coarse: IntegratedMotion | None = None
 ) -> tuple[Check, IntegratedMotion | None]:
-    """Verify a plan as `verify` does, and also return the motion that was judged; None if there is
-    none.
+    """Verify a plan; also return the motion that was judged, or None if there is none.
 
     Args:
         plan: Any plan.
-        times: Ends of the cells on which it is read, or of larger ones, seconds.
-        coarse: The motion judged before, without `times`. Limits on the rates of inputs are
-            judged by it, since rounding over a short cell looks like a rate; but not if it missed a
-            part of the inputs.
+        times: Times, seconds, near which the plan's pieces are divided before they are read; by
+            default they are divided only as needed.
+        coarse: The motion from a call without `times`. Limits on the inputs' rates are judged by
+            it, since on short cells rounding errors of the inputs look like rates; but not if it
+            missed a part of the inputs.
     """
     expect_plan(plan)
     if flaw := _flaw(plan):
@@ -233,8 +233,7 @@ def examine(
 
 
 def _flaw(plan: Plan) -> str:
-    """Return why the plan has no motion of the problem's system that could be judged; "" if it
-    has."""
+    """Why the plan has no motion that could be judged, such as another system; "" if it has one."""
     problem, inside = plan.problem, plan.compensates
     if other := problem.system.difference(plan.trajectory.system):
         return f"the plan is made for another system than the problem's: {other}"
@@ -251,14 +250,13 @@ _SAID_ERROR = "largest error on the nominal machine, against the plan's own figu
 
 
 def _motion_on_machine(plan: Plan) -> tuple[IntegratedMotion, Array, float]:
-    """Return the motion of the nominal machine under a compensated plan, its end (N,), and E in
-    degrees.
+    """Motion of the nominal machine under a compensated plan, its end (N,), and its error E, deg.
 
-    The inputs of such a plan allow for lost motion and lag, so the ideal kinematics would lead
-    elsewhere. The plan's own q(t) is linear between the machine's positions at the breaks; its
-    distance from that line is bounded by its Bernstein coefficients. Between two breaks the machine
-    should stay in the range of its positions there; the largest distance from that range over the
-    machine's steps is compared with `BETWEEN_TOLERANCE`. Limits, waypoints and clearances are
+    The inputs of such a plan compensate lost motion and lag, so that the ideal kinematics would
+    lead to another end. The plan's own q(t) should be linear between the machine's positions at the
+    breaks; its distance from that line is bounded by its Bernstein coefficients. Between two breaks
+    the machine should stay in the range of its positions there; the largest distance from that
+    range over the machine's steps is compared with `BETWEEN_TOLERANCE`. Limits, waypoints and clearances are
     judged by the machine's motion itself, at a resolution that does not depend on the breaks.
     """
     from planner.machine.feedforward.prediction import predict  # only compensated plans need it
@@ -312,8 +310,7 @@ def _claimed_findings(plan: Plan, error_deg: float) -> Iterator[_Finding]:
 
 
 def _parts(width: Array, longest: float) -> NDArray[np.int_]:
-    """Return the numbers of parts, powers of two, into which to split cells so that none is too
-    long."""
+    """Powers of two: into how many parts to split each cell so that none is over `longest`, s."""
     return np.asarray(2 ** np.ceil(np.log2(np.maximum(width / longest, 1.0))), dtype=int)
 
 
@@ -371,8 +368,10 @@ def _motion_findings(
 
 
 def _chart_findings(plan: Plan) -> Iterator[_Finding]:
-    """Check the chart's domain, which only plans in chained coordinates must keep. Its boundary is
-    outside."""
+    """Check that a plan in chained coordinates stays in the chart's domain; others need not.
+
+    The domain's boundary counts as outside.
+    """
     for demand in plan.problem.demands:
         if demand.in_chart and not plan.trajectory.in_coordinates:
             (part,), domain = demand.parts, plan.domain
@@ -383,7 +382,7 @@ def _chart_findings(plan: Plan) -> Iterator[_Finding]:
 def _limit_findings(
     plan: Plan, motion: IntegratedMotion, smooth: Sequence[Requirement]
 ) -> list[_Finding]:
-    """Check these smooth requirements at all times, by the extremes of their series."""
+    """Check these smooth requirements at all times, by the extremes of the values' series."""
     if not smooth:
         return []
     system, cells = plan.problem.system, motion.cells
@@ -409,7 +408,10 @@ def _limit_findings(
 
 
 def _corner_findings(plan: Plan, motion: IntegratedMotion) -> list[_Finding]:
-    """Check the requirements with corners at all times, except those that cannot be broken."""
+    """Check the requirements that are not smooth at all times.
+
+    Those that no motion of the system can break are not evaluated.
+    """
     system, out = plan.problem.system, []
     for requirement in plan.problem.requirements:
         if requirement.smooth:
@@ -446,8 +448,8 @@ def _waypoint_distances(
 ) -> Iterator[_Finding]:
     """Check the distance at which the motion passes each waypoint.
 
-    A waypoint with a time is passed at that time of the plan's clock, any other where the motion
-    comes nearest.
+    For a waypoint with a time it is the distance at that time of the plan's clock, for others the
+    least distance.
     """
     for point in plan.problem.waypoints:
         if point.time_s is None:
@@ -466,9 +468,9 @@ def _least_values(
     """Return the least values of functions (…, F) of q (…, N) over all time, and their times, both
     (F,).
 
-    The functions have corners, so dips between samples are narrowed without derivatives, those of
-    all functions together. A dip is left out if it would have to be more than twice as deep as its
-    sides to give the least value.
+    The functions have kinks, so dips between samples are narrowed without derivatives, those of all
+    functions together. A dip is left out if it would give the least value only by falling below its
+    sample by more than twice the height of the higher neighbouring sample above it.
     """
     grid, q = motion.samples()
     values = function(q)

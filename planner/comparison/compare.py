@@ -40,7 +40,7 @@ from planner.support.statistics import LEAST_DIFFERENCE_DEG
 from planner.verification.verify import Check, verify
 
 KEPT_MOTIONS = 1000
-"""Most machines per row whose motions are kept: enough for the band in a figure."""
+"""Maximum number of machines per row whose motions are kept: enough for the band in a figure."""
 
 
 def compare(
@@ -69,13 +69,14 @@ def compare(
             "collocation:intervals=20:degree=2". The word `compensated` after the name compensates
             the plan. "all" means every method. By default: the polynomial (if the travel is free,
             with the middle of its possible travels), the polynomial with automatic constraint
-            points, the sinusoid and collocation; for arms with friction disks also the last three
-            compensated, if they have a plan.
+            points, the sinusoid and collocation; for arms with friction disks also the compensated
+            plans of the last three methods, if these have a verified plan.
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
         samples: Number of random machines, at least 1, or a list of sample numbers.
         seed: Random seed; the same seed gives the same machines.
         feedback: Whether to replay every plan a second time with feedback by the tracker. With the
-            default methods, only the plan of the last method is (for arms a compensated one).
+            default methods, only the last method's plan is replayed again (for arms a compensated
+            one).
         progress: Called with the current step and the finished share, 0 … 1; see `Tell`.
         time_limit_s: Seconds for planning with each method; see `planner.solve`.
         threshold_deg: A difference of E below this is too small to matter, degrees: the plan counts
@@ -145,7 +146,7 @@ class _ComparisonRun:
         part("done", 1.0)
 
     def _plain(self, spec: Spec) -> Row | None:
-        """Return the row of the plan to compensate, if there is one and it is solved."""
+        """Return the row of the verified plan to compensate; None if there is none yet."""
         label = plain_label(spec.label)
         return next((row for row in self.rows if row.label == label and row.solved), None)
 
@@ -238,7 +239,9 @@ def plan_row(
     machine: Machine | None = None,
     plain: Row | None = None,
 ) -> Row:
-    """Plan and return a row without its replay: a verified or refused plan, or why there is none.
+    """Plan by one method and return the row, which has no replay yet.
+
+    The row has a verified plan, a refused plan, or only the reason why there is no plan.
 
     Args:
         problem: The problem to solve.
@@ -297,11 +300,14 @@ def _whole_plan(error: NoPlanError) -> tuple[Plan, Check] | None:
 
 
 STUDY_LIMIT_S = 5.0
-"""Longest time for planning a motion that is already refused, in seconds."""
+"""Longest time for planning a motion for study although it is already refused, in seconds."""
 
 
 def _plan_too_short(problem: Problem, spec: Spec) -> tuple[Plan, Check] | None:
-    """Plan for a duration that is proven too short, for which `solve` does not call the method."""
+    """Plan for study if the duration is proven too short, so that `solve` calls no method.
+
+    Return None if the duration is not proven too short, or planning fails or takes too long.
+    """
     method = find_method(spec.method)
     try:
         if not method.finds_time:

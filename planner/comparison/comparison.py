@@ -87,12 +87,12 @@ class Comparison:
 
     @property
     def columns(self) -> list[Column[Row]]:
-        """Columns of the table; see `planner.comparison.rows`."""
+        """Columns of the table: label, verdict, then the numbers."""
         return columns(self.problem.system)
 
     @cached_property
     def differences(self) -> tuple[Difference, ...]:
-        """Differences of E for every pair of replayed plans; see `planner.support.statistics`."""
+        """Differences of E for every pair of replayed plans, with the result of the paired test."""
         return compare_pairs(self.rows, "E", self.threshold_deg)
 
     @cached_property
@@ -112,7 +112,7 @@ class Comparison:
 
     @property
     def advice(self) -> Mapping[str, str]:
-        """Advice by label if no method has a plan; else empty."""
+        """What may help, by the label of the refused row; empty if any method has a plan."""
         if any(row.solved for row in self.rows):
             return {}
         return {row.label: row.advice for row in self.rows if row.advice and not row.feedback}
@@ -180,7 +180,7 @@ class Comparison:
         ]
 
     def _advised_columns(self) -> list[Column[Row]]:
-        """Return the columns, with the advice below each verdict."""
+        """Return the columns, with each row's advice below its verdict."""
         tries = {label: f"\nTry: {advice}" for label, advice in self.advice.items()}
 
         def advice_text(row: Row) -> str:
@@ -204,7 +204,7 @@ class Comparison:
         return "\n".join([heading, table, *after])
 
     def figures(self) -> dict[str, Figure]:
-        """Return figures by name, if they apply: z, joints, inputs, arm, errors, effort, replay."""
+        """Return the figures that apply by name: z, joints, inputs, arm, errors, effort, replay."""
         figures: dict[str, Figure] = import_function("planner.report.folders.figures")(self)
         return figures
 
@@ -229,7 +229,7 @@ def _facts(d: Difference) -> dict[str, Any]:
 def command(comparison: Comparison, out: str | None = None, *, report: bool = False) -> str | None:
     """Return the command line that repeats a comparison.
 
-    Differences of problem and machine from their files become `--set` options.
+    Where the problem or the machine differs from its file, the command has a `--set` option.
 
     Args:
         comparison: The comparison to repeat.
@@ -307,7 +307,7 @@ def comparison_csv(comparison: Comparison) -> str:
 
 
 def _kind(comparison: Comparison) -> str:
-    """Return the origin of the machines and, for an arm with shafts, its state before the start."""
+    """Return words for the origin of the machines and, for an arm with shafts, how they start."""
     if not compensable(comparison.problem.system):
         return comparison.machine.origin
     return f"{comparison.machine.origin}, {comparison.machine.start_words}"
@@ -335,7 +335,7 @@ def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
 
 
 NOT_IN_TERMINALS = ("travel", "took")
-"""Columns left out on a terminal of 80 characters."""
+"""Titles of the columns that a table for terminals (80 characters) leaves out."""
 
 
 TINY_S = 1e-6
@@ -343,7 +343,7 @@ TINY_S = 1e-6
 
 
 def _longer_words(comparison: Comparison) -> str:
-    """Return a sentence about plans longer than `goal.duration`, after a space; "" if none is."""
+    """Return a sentence, after a space, about plans longer than `goal.duration`; "" if none is."""
     duration = comparison.problem.duration
     longer = [
         f"{row.label} by {number(row.duration_s - duration)} s"

@@ -42,7 +42,7 @@ def _verdict(d: Difference) -> str:
 
 
 Pair = tuple[Difference, Difference]
-"""The difference of E of two plans, and that of their errors at the end."""
+"""For two plans: the difference of their E, and the difference of their errors at the end."""
 
 
 def _figures(k: int, prefix: str, word: str) -> Iterator[Column[Pair]]:
@@ -77,7 +77,7 @@ TERMINAL_KEYS = ("second", "median_deg", "interval_low_deg", "interval_high_deg"
 
 
 def rich_differences(comparison: Comparison) -> Table | None:
-    """Return a table that compares the recommended plan with every other; None without a pair.
+    """Return a table that compares the recommended plan with every other; None if no other exists.
 
     If no plan is verified, the one with the smallest median E takes its place.
     """
@@ -112,7 +112,7 @@ def _pairs(comparison: Comparison) -> list[Pair]:
 
 
 def _reverse(label: str, d: Difference) -> Difference:
-    """Return the difference with the plan of this label first."""
+    """Return the same difference with the plan `label` as the first of the pair."""
     if d.first == label:
         return d
     low, high = d.interval_deg

@@ -14,16 +14,18 @@ from planner.support.statistics import Difference, differences
 from planner.support.tables import number
 
 LEAST_SHARE = 1.05
-"""Costs up to this factor higher are not mentioned."""
+"""A plan's duration or effort is mentioned as a cost only if it is more than this factor times the
+other plan's."""
 
 LEAST_SWING_DEG = 5.0
 """Swings of joint 1 smaller than this need no warning, in degrees."""
 
 MOST_BEYOND_PERCENT = 1.0
-"""Plans that break a limit on a greater share of the machines are taken only if all do."""
+"""A plan that breaks a limit on a greater share of the machines is recommended only if all plans
+do."""
 
 LEAST_RUN_UP_S = 0.5
-"""Shorter extra motions of a controller need no warning, s."""
+"""A controller may move the arm longer than the plan by this time without a warning, s."""
 
 
 def compare_pairs(
@@ -47,9 +49,10 @@ def compare_pairs(
 def recommend(rows: Sequence[Row], threshold_deg: float) -> Row | None:
     """Return the plan to take without feedback; None if no method has a verified plan.
 
-    Plans that break a limit on more than `MOST_BEYOND_PERCENT` of the machines come last. The best
-    plan is that with the smallest median E. Among the plans that the paired test does not find
-    worse than the best, take the one with the least effort. Without E, effort alone decides.
+    Plans that break a limit on more than `MOST_BEYOND_PERCENT` of the machines are considered only
+    if all do. The best plan is that with the smallest median E. Among the plans that the paired
+    test does not find worse than the best, take the one with the least effort. If no plan has an E,
+    effort alone decides.
 
     Args:
         rows: The rows of a comparison.
@@ -86,7 +89,7 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
     Args:
         rows: The rows of a comparison.
         threshold_deg: A smaller difference of E does not matter, degrees.
-        fidelity: That of the machines; the errors of an arm depend on it.
+        fidelity: Fidelity of the machines, such as "dynamic"; the errors of an arm depend on it.
     """
     row = recommend(rows, threshold_deg)
     if row is None:
@@ -124,14 +127,17 @@ def _median(row: Row) -> float:
 
 
 def _rival(row: Row, solved: list[Row]) -> Row | None:
-    """Return the next best plan that is compensated as well or as little; None if there is none."""
+    """Return the best other plan of the same kind (compensated or not); None if there is none."""
     kind = plain_label(row.label) == row.label
     peers = [r for r in solved if r is not row and (plain_label(r.label) == r.label) == kind]
     return min(peers, key=_median, default=None)
 
 
 def _against(row: Row, rival: Row, worse: bool) -> str:
-    """Compare with the next best plan of the same kind: result of the test and costs, in words."""
+    """Return how a plan compares with the next best of its kind: test result and costs, in words.
+
+    `worse` says whether the paired test finds the rival worse.
+    """
     name = f"{rival.label} (E {_degrees(rival.E_median_deg)})"
     if _breaks_limits(rival) and not _breaks_limits(row):
         return f" {name} breaks a limit on {number(rival.beyond_limits)} % of the machines."
@@ -144,7 +150,7 @@ def _against(row: Row, rival: Row, worse: bool) -> str:
 
 
 def _fidelity(row: Row, fidelity: str) -> str:
-    """Return whether the machines of an arm have inertia; "" for other systems."""
+    """Return words that say whether the machines of an arm have inertia; "" for other systems."""
     if row.plan is None or not compensable(row.plan.problem.system):
         return ""
     inertia = "with" if fidelity == "dynamic" else "without"
@@ -187,9 +193,10 @@ def _refusal(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
 
 
 def _what_decides(solved: Sequence[Row]) -> str:
-    """Return a sentence that compensation decides the accuracy and the method the effort; or "".
+    """Say that compensation, not the method, decides the accuracy; and how the efforts differ.
 
-    It holds if the 95th percentile of E of every compensated plan is below that of every other.
+    Return "" unless the 95th percentile of E of every compensated plan is below that of every
+    original plan, or if fewer than two plans are compensated.
     """
     rows = {row.label: row for row in solved}
     pairs = [(rows[was], row) for row in solved if (was := plain_label(row.label)) in rows]
@@ -215,7 +222,7 @@ def _range(values: Sequence[float], unit: str) -> str:
 
 
 def _costs(row: Row, other: Row) -> str:
-    """Return duration and effort of which a plan takes more than the other; "" if neither."""
+    """Say by which duration or effort a plan exceeds the other; "" if it does by neither."""
     assert row.plan is not None
     unit = effort_unit(row.plan.problem.system)
     return " and ".join(
@@ -236,7 +243,10 @@ def _caution(row: Row) -> str:
 
 
 def _follow_up(rows: Sequence[Row], row: Row) -> str:
-    """Return the error of the plan with feedback, and a warning of a run-up; "" if not replayed."""
+    """Say how large E is with feedback, and how much longer the arm then moves.
+
+    Return "" if the plan was not replayed with feedback.
+    """
     closed = [each for each in rows if each.label == row.label + FEEDBACK]
     if not closed or not np.isfinite(closed[0].E_median_deg):
         return ""

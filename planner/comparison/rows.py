@@ -28,7 +28,7 @@ def plain_label(label: str) -> str:
 
 
 OTHER_WAY_DEG = 2.0
-"""A compensated plan that leaves the original path by more gets a remark, in degrees."""
+"""A compensated plan gets a remark if it leaves the original path by more than this, degrees."""
 
 
 def _statistic(name: str) -> Any:
@@ -52,7 +52,7 @@ def _interval(name: str) -> Any:
 
 
 KEPT_IN_FILES = {"plan", "replay", "machine_errors_deg"}
-"""Fields of a row that a saved comparison keeps in files of their own, or not at all."""
+"""Fields that `Row.to_dict` leaves out: a saved comparison keeps them in other files, or not."""
 
 
 @dataclass(frozen=True)
@@ -63,15 +63,17 @@ class Row(PlanFigures):
         label: The method with its options, as requested.
         method: Name of the method.
         solved: Whether the method gave a verified plan.
-        why: Reason of the refusal, in one line; if solved, empty or what ended the search early.
+        why: Reason of the refusal, in one line; for a solved row, what ended the search early, or
+            empty.
         plan: The plan; a refused plan is kept for study if it is a complete motion; else None.
         E_median_deg: Median over machines of the paper's index of error E, eq. (29).
-        E_p95_deg: Its 95th percentile.
+        E_p95_deg: 95th percentile of E over machines.
         end_median_deg: Median over machines of the largest error of an angle at the end.
-        end_p95_deg: Its 95th percentile.
+        end_p95_deg: 95th percentile of that error over machines.
         beyond_limits: Percent of the machines that break a limit of joints, obstacles or links.
-        E_median_interval_deg: 95 % confidence interval of the median; see `percentile_interval`.
-        E_p95_interval_deg: That of the 95th percentile; NaN if there are too few machines.
+        E_median_interval_deg: 95 % confidence interval of `E_median_deg`.
+        E_p95_interval_deg: 95 % confidence interval of the 95th percentile; NaN if there are too
+            few machines.
         took_s: Seconds for planning, verification and proofs; for a refusal including the changes
             that were tried.
         solve_time_s: Part of `took_s` that the method spent on solving, as it reports.
@@ -144,12 +146,8 @@ class Row(PlanFigures):
 
     @property
     def remark(self) -> str:
-        """Why the plan is refused; for a verified plan a remark, if there is one."""
-        leaves = (
-            "leaves the chart, as this method may"
-            if self.solved and self.domain_ok is False
-            else ""
-        )
+        """Why the plan is refused; for a verified plan what the user should know, or empty."""
+        leaves = "leaves the chart (allowed)" if self.solved and self.domain_ok is False else ""
         beyond = ""
         if self.solved and self.beyond_limits > 0:
             beyond = f"{number(self.beyond_limits)} % of machines break a limit"
@@ -162,7 +160,7 @@ class Row(PlanFigures):
 
     @property
     def worst(self) -> int | None:
-        """Number of the machine with the largest E."""
+        """Number of the machine with the largest E; None without a replay or for no angles."""
         return self.replay.worst if self.replay is not None and self.replay.angles else None
 
     def to_dict(self) -> dict[str, Any]:
@@ -178,7 +176,7 @@ class Row(PlanFigures):
 
 
 def machine_figures(run: Replay, *, sweep: bool = False) -> dict[str, Any]:
-    """Return the figures computed from replays, by name; if `sweep`, only those of sweeps."""
+    """Return the figures computed from replays, by name; if `sweep`, only those sweeps store."""
     known = figures(Row).items()
     return {n: f.replay(run) for n, f in known if f.replay and (f.sweep or not sweep)}
 
@@ -190,7 +188,7 @@ FEEDBACK_NOTE = (
 
 
 def verdict(row: Row) -> str:
-    """Return "yes" or "no" for solved, with the remark."""
+    """Return "yes" or "no" for whether the row is solved, followed by its remark."""
     word = "yes" if row.solved else "no"
     return f"{word}: {row.remark}" if row.remark or not row.solved else word
 
@@ -212,7 +210,10 @@ def intervals(system: TriangularSystem) -> list[Column[Row]]:
 
 
 def _columns(system: TriangularSystem, files: bool) -> Iterator[Column[Row]]:
-    """Yield a column for each number; those without a heading are for CSV only."""
+    """Yield a column for each number of the figures; those without a heading are for CSV only.
+
+    If `files`, only of figures that are shown in files alone; else only of the others.
+    """
     for name, one in figures(Row).items():
         if one.files != files:
             continue

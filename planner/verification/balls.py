@@ -93,7 +93,7 @@ class Ellipses(NamedTuple):
         return np.asarray(np.fmin.reduce(self.r[:, 1:] * REMAINDER_FACTOR, axis=1))
 
     def integral(self, half: Array, middle: Array, doubt: Array) -> Ellipses:
-        """Integrate from the middle of each cell: `middle` + half · ∫ (c + bz + e) dz, with |e| ≤ r.
+        """Integrate from the middle of each cell: middle + half · ∫ (c + bz + e) dz, where |e| ≤ r.
 
         The integral is cz + bz²/2 + ∫ e, where z² = 1/2 + (z² − 1/2), and |∫ e| ≤ r R along the
         straight line from 0 to z.

@@ -256,8 +256,9 @@ def _motion_on_machine(plan: Plan) -> tuple[IntegratedMotion, Array, float]:
     lead to another end. The plan's own q(t) should be linear between the machine's positions at the
     breaks; its distance from that line is bounded by its Bernstein coefficients. Between two breaks
     the machine should stay in the range of its positions there; the largest distance from that
-    range over the machine's steps is compared with `BETWEEN_TOLERANCE`. Limits, waypoints and clearances are
-    judged by the machine's motion itself, at a resolution that does not depend on the breaks.
+    range over the machine's steps is compared with `BETWEEN_TOLERANCE`. Limits, waypoints and
+    clearances are judged by the machine's motion itself, at a resolution that does not depend on
+    the breaks.
     """
     from planner.machine.feedforward.prediction import predict  # only compensated plans need it
     from planner.machine.machine import Machine

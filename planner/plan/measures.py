@@ -44,8 +44,7 @@ _GAUSS = np.polynomial.legendre.leggauss(4)
 
 
 def effort(trajectory: Trajectory) -> float:
-    """Return ∫ u₁² + u₂² dt, by Gauss quadrature between samples that are denser near ends of
-    pieces."""
+    """∫ u₁² + u₂² dt, by Gauss quadrature that is finer near the ends of pieces."""
     return float(np.sum(_efforts(trajectory)))
 
 
@@ -98,8 +97,7 @@ def excess_share(trajectory: Trajectory, limit: Array) -> Array:
 
 
 def _quadrature(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Return the times and weights of Gauss quadrature between samples that are denser near ends of
-    pieces."""
+    """Times and weights, shape (M, 4), of Gauss quadrature that is finer near the ends of pieces."""
     edges = np.unique(np.concatenate([sample_times(trajectory.breaks, 1000), trajectory.breaks]))
     nodes, weights = _GAUSS
     half = np.diff(edges)[:, None] / 2

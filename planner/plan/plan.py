@@ -191,8 +191,8 @@ class Plan:
         """Return the reference coordinates (…, N) at times t (…), against which errors are
         measured.
 
-        The plan's own coordinates. For a compensated plan, those of the original plan at its
-        `clock`, and NaN during the preparatory motion.
+        They are the plan's own coordinates; for a compensated plan, those of the original plan at
+        the time that `clock` shows, and NaN during the preparatory motion.
         """
         if self.compensates is None:
             return self.trajectory.q(t)

@@ -250,7 +250,7 @@ def integrate(
         start: q(0).
         tolerance: If the estimated error is larger, all cells are split and the motion integrated
             again.
-        *values: Further functions of order one that the cells must resolve.
+        *values: Further functions that the cells must resolve; their values should be about one.
         system: The system whose rates are integrated; by default the trajectory's own.
         cells: Cells that resolve the motion; they are split further only for the input and
             the values. By default the trajectory's pieces are split as needed.

@@ -298,7 +298,7 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
 
 
 def import_library(name: str) -> Any:
-    """Import a library that the optional dependencies `tables` of the package install.
+    """Import an optional library such as pandas, which the package's extra `tables` installs.
 
     Raises:
         InputError: If it is not installed.

@@ -70,7 +70,7 @@ HALF_COLUMN = np.append(np.zeros(POINTS), np.full(len(RHO), 0.5))
 """R, the bound of |z² − 1/2| and 1/2 for every column of a `Ball`; zero at points."""
 
 REMAINDER_FACTOR = 4 * RHO[1:] ** (1 - POINTS) / (RHO[1:] - 1) * (1 + 64 * ROUNDING_UNIT)
-"""Interpolation error for r = 1 in each ellipse."""
+"""Bound on the interpolation error for radius r = 1, for each ellipse."""
 
 
 class Points(NamedTuple):

@@ -96,10 +96,11 @@ def _evidence(plan: Plan) -> Evidence:
 
 
 def _claims(plan: Plan) -> tuple[list[Claim], Array, int, Array]:
-    """Return the claims, and what `Certificate` says of the motion.
+    """Return the contents of the certificate.
 
-    These are bounds (N,) on the error of the plan's q(t), the number of cells of the motion, and
-    the ends of all cells, s.
+    Returns:
+        The claims, bounds (N,) on the error of the plan's q(t), the number of cells on which the
+        motion is enclosed, and the ends of all cells of the proofs, s.
     """
     problem, trajectory = plan.problem, plan.trajectory
     nothing = np.full(problem.system.size, np.inf), 0, np.empty(0)

@@ -22,7 +22,7 @@ ArgumentBalls = Sequence[Sequence[Ball] | Mapping[int, Ball]]
 
 
 class UnboundedError(Exception):
-    """A quantity or an operation has no bound; the text names it."""
+    """Raised where a quantity or an operation has no bound; the text names which."""
 
 
 class Expression:

@@ -1,14 +1,14 @@
 """Inputs of a trajectory as balls on sufficiently fine cells, for each kind of trajectory.
 
-The inputs of a retimed path as functions of time are polynomials of polynomials. With s = clock(t)
-and σ the path's own time, length(σ) = s. The error of a polynomial g(t) near σ(t) is bounded by the
+The inputs of a retimed path are functions of the path's own time σ, which has no formula in t: it
+is the root of length(σ) = clock(t). The error of a polynomial g(t) near σ(t) is bounded by the
 residual d = length(g) − clock: if Re length' ≥ m > 0 on the disc of radius η > |d|/m about g, then
 length − clock is one-to-one there and, by Rouché's theorem, its only root is within |d|/m of g, on
 the real line and on every ellipse. Then
 
     u = w σ̇,   du/dt = w' σ̇² + w σ̈,   σ̇ = ṡ/length',   σ̈ = (s̈ − length'' σ̇²)/length'
 
-with w the path's inputs at σ. If the path stands still (length' = 0), there is no bound.
+with w the path's inputs at σ, and s = clock(t). If the path stands still (length' = 0), there is no bound.
 """
 
 from __future__ import annotations

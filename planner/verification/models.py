@@ -130,8 +130,7 @@ POINTS = 16
 
 
 def _cosines(m: NDArray[np.int_]) -> Array:
-    """Return cos(π m/(2 POINTS)) for integers m, reduced to the first quadrant; errors of 4
-    units."""
+    """cos(π m/(2 POINTS)) for integers m, reduced to the first quadrant; errors of 4 rounding units."""
     m = m % (4 * POINTS)
     m = np.minimum(m, 4 * POINTS - m)
     near = np.cos(np.pi / (2 * POINTS) * np.minimum(m, 2 * POINTS - m))
@@ -171,7 +170,7 @@ def integration() -> Array:
 
 @lru_cache(maxsize=32)
 def slopes(width: int, order: int) -> Array:
-    """Return the matrix (width, width) of integers, from coefficients to those of a derivative."""
+    """Integer matrix (width, width) from coefficients to those of the derivative of this order."""
     out = np.zeros((width, width))
     out[: max(width - order, 1)] = chebyshev.chebder(np.eye(width), order)
     return out

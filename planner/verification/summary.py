@@ -27,10 +27,10 @@ class Heading:
     """The heading of one number of a figure.
 
     Attributes:
-        title: A few words.
-        unit: Its unit, or a function that gives it for a system.
+        title: Title of the column in tables.
+        unit: Unit of the number, or a function that gives it for a system.
         digits: Significant digits in tables; files have all digits.
-        key: Its name in files; by default the name of the field.
+        key: Name of the number in files; by default the name of the field.
     """
 
     title: str

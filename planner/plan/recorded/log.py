@@ -35,9 +35,9 @@ taken up its backlash."""
 
 POSE_READINGS = 20
 MOST_POSE_DRIFT_DEG, MOST_POSE_OFF_DEG = 0.1, 0.5
-"""Limits at the end of a run: on the difference between the medians of the first and second half of
-these readings, and on the distance of one reading from the median of all. Flicker of an encoder of
-0.088 degrees moves each by 0.088 degrees."""
+"""The last `POSE_READINGS` readings show an arm at rest if the medians of their first and second half
+differ by at most the first limit, and each reading differs from the median of all by at most the
+second. An encoder that flickers by its step of 0.088 degrees changes either by 0.088 degrees."""
 
 GAP_RATIO = 2.5
 """Rows further apart than this multiple of the usual interval are a gap; jitter is smaller."""

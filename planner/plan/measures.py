@@ -97,7 +97,7 @@ def excess_share(trajectory: Trajectory, limit: Array) -> Array:
 
 
 def _quadrature(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Times and weights, shape (M, 4), of Gauss quadrature that is finer near the ends of pieces."""
+    """Times and weights (M, 4) of Gauss quadrature that is finer near the ends of pieces."""
     edges = np.unique(np.concatenate([sample_times(trajectory.breaks, 1000), trajectory.breaks]))
     nodes, weights = _GAUSS
     half = np.diff(edges)[:, None] / 2

@@ -8,7 +8,8 @@ the real line and on every ellipse. Then
 
     u = w σ̇,   du/dt = w' σ̇² + w σ̈,   σ̇ = ṡ/length',   σ̈ = (s̈ − length'' σ̇²)/length'
 
-with w the path's inputs at σ, and s = clock(t). If the path stands still (length' = 0), there is no bound.
+with w the path's inputs at σ, and s = clock(t). If the path stands still (length' = 0), there is no
+bound.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ REFINEMENT_ROUNDING = 1e-13
 
 
 CellChoice = Callable[[Enclosure], Index]
-"""Selects the cells of an enclosed motion to split for its later use."""
+"""Selects the cells of an enclosed motion that are too coarse for its later use."""
 
 
 def enclose_trajectory(

@@ -61,7 +61,10 @@ objective."""
 
 
 def _correct_objective(plan: Plan, path: str | Path) -> Plan:
-    """The plan with the objective computed again; for a compensated plan, from its original."""
+    """The plan with its objective computed again, if that is possible, and with `claimed` set.
+
+    A compensated plan has the objective of its original plan.
+    """
     true = objective_of((plan.compensates or plan).trajectory, plan.objective_name)
     claimed = ["objective"] if true is None and not np.isnan(plan.objective) else []
     if true is not None and not abs(plan.objective - true) <= OBJECTIVE_TOLERANCE * abs(true):

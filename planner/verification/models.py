@@ -130,7 +130,10 @@ POINTS = 16
 
 
 def _cosines(m: NDArray[np.int_]) -> Array:
-    """cos(π m/(2 POINTS)) for integers m, reduced to the first quadrant; errors of 4 rounding units."""
+    """cos(π m/(2 POINTS)) for integers m, with errors of at most 4 rounding units.
+
+    The angle is first reduced to the first quadrant.
+    """
     m = m % (4 * POINTS)
     m = np.minimum(m, 4 * POINTS - m)
     near = np.cos(np.pi / (2 * POINTS) * np.minimum(m, 2 * POINTS - m))

@@ -196,7 +196,7 @@ def nearest_time(
     coordinates = [(states[i], float(point.user[i])) for i in fixed]
 
     def distances(cell: Index, x: Array) -> Array:
-        """Return the distance at positions x (R, M) of cells (R,)."""
+        """Upper bound of the distance at positions x (R, M) in [−1, 1] of cells (R,)."""
         values = [
             chebval(x, p.c[cell].T[..., None], tensor=False) - value for p, value in coordinates
         ]

@@ -1,8 +1,8 @@
 """Read a recorded run of an arm from a CSV file: `read_log`.
 
 In row k, u is the command to the motors from t of that row until the next row, and theta is the
-encoders' reading at t, before the command acts. The program uses seconds from the first row and
-radians.
+encoders' reading at t, before the command acts. `Log` has times in seconds from the first row and
+angles in radians.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ taken up its backlash."""
 
 POSE_READINGS = 20
 MOST_POSE_DRIFT_DEG, MOST_POSE_OFF_DEG = 0.1, 0.5
-"""The last `POSE_READINGS` readings show an arm at rest if the medians of their first and second half
-differ by at most the first limit, and each reading differs from the median of all by at most the
-second. An encoder that flickers by its step of 0.088 degrees changes either by 0.088 degrees."""
+"""The last `POSE_READINGS` readings show an arm at rest if the medians of their first and second
+half differ by at most the first limit, and each reading differs from the median of all by at most
+the second. An encoder that flickers by its step of 0.088 degrees changes either by that step."""
 
 GAP_RATIO = 2.5
 """Rows further apart than this multiple of the usual interval are a gap; jitter is smaller."""
@@ -56,7 +56,7 @@ checked."""
 LEAST_TURN_RAD = np.deg2rad(4.0)
 
 LEAST_LIKENESS = 0.5
-"""Least correlation of joint 1 with motor 2's command; with the right columns it is above 0.9."""
+"""Least correlation of joint 1's readings with the integral of u₂; 0.9 with the right columns."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ class Claim:
         status: "proven", "violated" (also by proof), or "undecided".
         guaranteed: Proven lower bound of the margin; −inf if there is none.
         attained: Proven upper bound of the least margin, reached at `time_s`; NaN if unknown.
-        time_s: Time of the least margin, in seconds; None if it is unknown or no single time.
+        time_s: Time of the least margin, in seconds; None if unknown, or if no single time has it.
         unit: Unit of the margin.
         required: Whether the problem requires it; otherwise it is informative.
         why: Reason why the claim is undecided; empty otherwise.

@@ -147,7 +147,11 @@ class Row(PlanFigures):
     @property
     def remark(self) -> str:
         """Why the plan is refused; for a verified plan what the user should know, or empty."""
-        leaves = "leaves the chart (allowed)" if self.solved and self.domain_ok is False else ""
+        leaves = (
+            "leaves the chart, as this method may"
+            if self.solved and self.domain_ok is False
+            else ""
+        )
         beyond = ""
         if self.solved and self.beyond_limits > 0:
             beyond = f"{number(self.beyond_limits)} % of machines break a limit"

@@ -26,11 +26,9 @@ from planner.verification.input_models import (
 )
 from planner.verification.models import Margin, Model, least_values
 
-NO_BOUND_REASON = "the motion or its inputs are not bounded over the whole time"
+NO_BOUND_REASON = "no bound on the motion or its inputs is known on all of it"
 
-SUBSTITUTE_REASON = (
-    "the proof bounds an expression that only has the sign of this margin, and its bound is below 0"
-)
+SUBSTITUTE_REASON = "the proof uses rows that only replace the values of this limit"
 
 STANDSTILL_REASON = (
     "the inputs of a retimed path are quotients of zeros where the path stands still"

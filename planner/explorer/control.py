@@ -32,7 +32,8 @@ class Control:
         label: Its name on the screen.
         kind: "slider", "choice" or "switch".
         key: Dotted key of the problem file ("limits.joint_deg"), or "method" or "samples".
-        whole: Current value of that key; if the control is off, the value it would have if on.
+        whole: Current value of that key. A machine effect that is off has the value that it gets
+            when switched on.
         part: Indices or keys that lead to this control's number in `whole`, if that is a list or
             table.
         shown: Number or word shown; for a slider that is off, the value it gets when switched on.

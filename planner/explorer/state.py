@@ -82,7 +82,11 @@ class State:
         return replace(self, changes={**self.changes, **more, key: value})
 
     def _resize(self, joints: int) -> dict[str, Any]:
-        """Return the lists, resized for this number of joints; a new joint is like the last one."""
+        """Return changes that give the lists in `PER_JOINT` and waypoints the length for `joints`.
+
+        New entries come from the initial problem. Beyond it, gear constants continue geometrically
+        and other lists repeat their last entry; new joints of waypoints are free.
+        """
         changes: dict[str, Any] = {}
         for key, lacking in PER_JOINT.items():
             now, base, count = self.value(key), value_at(self._data, key), joints - lacking

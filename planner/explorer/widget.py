@@ -58,7 +58,7 @@ class PlanningThread:
         return future
 
     def stop(self, future: Future[Any], at_once: bool) -> None:
-        """Stop a task; unless `at_once`, it returns its best result so far, if there is one."""
+        """Stop a task; unless `at_once`, a search that has an answer may still refine it."""
         self._stopped.add(future)
         if self._current is not None and self._current[2] is future:
             self._end(self._current[1], at_once)

@@ -98,10 +98,10 @@ def statement_values(plan: Plan, points: list[dict[str, float]], **changes: Any)
 
 
 def fit(plan: Plan, **changes: Any) -> Fit:
-    """Fit `FITTED_PARAMETERS` without the bounds, then again with those that are exceeded.
+    """Fit `FITTED_PARAMETERS` without the bounds; fit again while a bound is exceeded.
 
-    A bound ("at most") is a residual only if it was exceeded without it: a one-sided residual has a
-    kink, at which least squares stops too early.
+    Each exceeded bound ("at most") enters the next fit as an equality: a one-sided residual has a
+    kink, at which least squares would stop too early.
 
     Args:
         plan: The paper's motion.
@@ -221,7 +221,10 @@ def _data(name: str, scaled: Array) -> DataSet:
 
 
 def main_parameters(data: DataSet, k: int, least: float = 0.15) -> dict[str, float]:
-    """Return the components of direction k, by parameter, whose magnitude is at least `least`."""
+    """Return the components of direction k that reach `least` in magnitude, largest first.
+
+    Keys are names of parameters. The sign of the direction makes the largest component positive.
+    """
     names = list(values(np.zeros(len(data.remaining))))
     row = data.directions[k] * np.sign(data.directions[k][np.argmax(np.abs(data.directions[k]))])
     order = np.argsort(-np.abs(row))

@@ -215,7 +215,7 @@ def save_sensitivity(
 
     Args:
         responses: Sensitivities to a plan's own parameters.
-        machine: Sensitivities to the machine's parameters, or None.
+        machine: Sensitivities to the machine's parameters; None leaves out machine.png.
         spread: Standard deviations of the errors.
         path: The folder. An earlier run's folder is replaced after everything is written.
         extra: Further keys of sensitivity.json.

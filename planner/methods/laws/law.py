@@ -126,6 +126,11 @@ class Motion:
         )
 
 
+_CONDITION = 1e10
+"""Largest condition number: the coefficients keep six of sixteen digits. Beyond it rounding chooses
+the motion, and another processor another one."""
+
+
 def solve_conditions(rows: Array, values: Array) -> tuple[Array, Array]:
     """Solve rows · coefficients = values for the coefficients of least norm, for C candidates.
 
@@ -135,7 +140,7 @@ def solve_conditions(rows: Array, values: Array) -> tuple[Array, Array]:
 
     Returns:
         The coefficients (C, k), and the condition numbers (C,) of the matrices with rows scaled to
-        unit length; both are NaN where the rows are linearly dependent.
+        unit length; both are NaN where the rows are linearly dependent or nearly so.
     """
     with np.errstate(all="ignore"):
         scale = 1 / np.linalg.norm(rows, axis=-1, keepdims=True)
@@ -143,7 +148,7 @@ def solve_conditions(rows: Array, values: Array) -> tuple[Array, Array]:
         good = np.isfinite(matrix).all(axis=(1, 2))
         matrix[~good] = 0.0
         condition = np.linalg.cond(matrix)
-        good &= condition < 1e14
+        good &= condition < _CONDITION
         matrix[~good] = np.eye(*matrix.shape[1:])
         orthogonal, triangular = np.linalg.qr(np.swapaxes(matrix, 1, 2))
         lower, out = np.swapaxes(triangular, 1, 2), np.zeros((*matrix.shape[::2], 1))

@@ -1,4 +1,4 @@
-"""`python -m planner`."""
+"""Run the command `planner` as `python -m planner`."""
 
 import sys
 

@@ -43,7 +43,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Reversal:
-    """Whether the first coordinate has to reverse: "needed", "not needed" or "open", and why."""
+    """Verdict whether the first coordinate must reverse: "needed", "not needed" or "open"."""
 
     verdict: str
     reason: str
@@ -55,7 +55,7 @@ class Remedy:
 
     Attributes:
         changes: Dotted keys to values, as `Problem.changed` takes them.
-        method: The method that then has a plan.
+        method: Name of the method that has a plan of the changed problem.
         plan: Summary of that plan, see `planner.verification.summary.SUMMARY_KEYS`.
         words: The changes in words.
     """
@@ -71,13 +71,13 @@ class Remedy:
         return f"{self.words}: the method '{self.method}' then has a verified plan{took} (tried)"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready data; NaN where undefined."""
+        """Return the remedy as JSON-ready data; undefined numbers are NaN."""
         return {"changes": self.changes, "method": self.method, "plan": self.plan}
 
 
 @dataclass(frozen=True)
 class Analysis:
-    """Result of `check`.
+    """Result of `check`: whether a problem has a plan, and the evidence.
 
     Attributes:
         problem: The problem.
@@ -127,12 +127,12 @@ class Analysis:
 
     @property
     def _proof(self) -> str | None:
-        """Why no plan of any kind exists, in words; None if that is not proven."""
+        """Proof, in words, that no plan of any kind exists; None without a proof."""
         return why_too_short(self.problem) or why_blocked(self.problem)
 
     @property
     def verdict(self) -> str:
-        """The result in one or two sentences."""
+        """Sentences that say whether the problem has a plan, and which change would help."""
         if self.has_plan:
             kinds = [_kind(o) for o in self.outcomes if o["verified"]]
             return f"There is a plan: {'; '.join(kinds)}."
@@ -145,7 +145,7 @@ class Analysis:
         return text if self.remedy is None else f"{text} Change {self.remedy}."
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready data; NaN where undefined."""
+        """Return the analysis as JSON-ready data; undefined numbers are NaN."""
         system = self.problem.system
         return {
             "problem": self.problem.name,
@@ -224,7 +224,7 @@ def check(
 def find_remedy(
     problem: Problem, names: Sequence[str], say: Progress, reach: Reach | None = None
 ) -> Remedy | None:
-    """Return the first change of the problem with which a method has a verified plan."""
+    """Return the first change of the problem that gives a method a verified plan, or None."""
 
     def attempt(change: Change) -> Plan:
         return solve_and_check(problem.changed(change.keys), change.method, advice=False)[0]
@@ -244,7 +244,7 @@ def find_remedy(
 
 
 def _outcome(problem: Problem, name: str) -> dict[str, Any]:
-    """Return the summary of a method's plan or refusal (`planner.verification.summary`)."""
+    """Try a method; return the summary of its plan or of its refusal."""
     try:
         return plan_summary(*solve_and_check(problem, name, advice=False))
     except NoPlanError as error:
@@ -285,7 +285,7 @@ def _reversal(
 def _plain_polynomial(
     problem: Problem, window: TravelWindow | None
 ) -> tuple[float, DomainReport] | None:
-    """Return travel and domain report of the polynomial without points; None if not singular."""
+    """Return travel and domain report of the polynomial without constraint points if singular."""
     travel = problem.travel
     if travel is None and window is not None and not window.empty and np.isfinite(window.high):
         travel = float(window.low + window.high) / 2

@@ -34,9 +34,9 @@ if TYPE_CHECKING:
 def compensate_in_time(
     plan: Plan, check: Check, machine: Machine | None, options: CompensationTable
 ) -> tuple[Plan, Check]:
-    """Like `compensate_plan`, but if time is up or Ctrl-C stops it, return the uncompensated plan.
+    """Compensate a plan; return it uncompensated if time runs out or Ctrl-C ends the compensation.
 
-    The plan's status and `notes["ended_early"]` then say so.
+    The status and `notes["ended_early"]` of an uncompensated plan name what ended the compensation.
     """
     with time_limit(None, has_answer=lambda: True) as span:
         try:
@@ -50,8 +50,7 @@ def compensate_in_time(
 def compensate_plan(
     plan: Plan, machine: Machine | str | None, options: CompensationTable
 ) -> tuple[Plan, Check]:
-    """Return the plan with commands that compensate the machine's errors, verified on the nominal
-    machine.
+    """Compensate a plan for a machine, and verify the motion predicted on the nominal machine.
 
     Args:
         plan: An executable plan of an arm.
@@ -59,7 +58,7 @@ def compensate_plan(
         options: The settings of the compensation.
 
     Raises:
-        InputError: If the system is no arm with friction disks.
+        InputError: If the system is not an arm with friction disks.
         NoPlanError: If the plan or the predicted motion breaks a requirement.
     """
     from planner.machine.feedforward.advice import (  # imports the machine, which only this needs
@@ -144,7 +143,7 @@ def _try_settings(
 
 
 def _compensated_error_deg(plan: Plan) -> float:
-    """Return E of the plan after compensation; see `planner.machine.feedforward.follow`."""
+    """Return the 95th percentile, in degrees, of the compensated plan's error E over machines."""
     from planner.machine.feedforward.follow import compensated_error_deg
 
     return compensated_error_deg(plan)
@@ -153,11 +152,11 @@ def _compensated_error_deg(plan: Plan) -> float:
 MEASURES["machine"] = _compensated_error_deg
 
 MOST_SHORTER = 4
-"""How often the plan is shortened. Each time the duration that compensation adds changes."""
+"""Most times that a plan is shortened: each change alters the duration that compensation adds."""
 
 SLOWER = (1.02, 1.05, 1.1)
-"""Durations to try, relative to the fastest plan, whose inputs are at their limits all the time and
-leave the correction no room."""
+"""Durations of the slower plans to try, relative to the fastest plan, whose inputs are always at
+their limits and leave no room for a correction."""
 
 
 def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
@@ -204,10 +203,9 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
 
 
 def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> tuple[Plan, Check]:
-    """Judge a compensated plan; if it breaks a requirement or reduces no error, try slower plans.
+    """Judge a compensated plan; if the plan breaks a requirement or is no better, try slower plans.
 
-    Slower plans have the same path. They are tried only if the duration is free, and only up to
-    `goal.duration_max`.
+    Slower plans have the same path, need a free duration, and last at most `goal.duration_max`.
     """
     from planner.machine.feedforward.follow import follow
 
@@ -217,7 +215,7 @@ def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> t
         return judged
     assert plan is not None
     for factor in SLOWER:
-        if _is_good(*tried):
+        if _ends_trials(*tried):
             return tried
         if most is not None and fastest.duration + (factor - 1) * plan.duration > most:
             return judged
@@ -226,11 +224,11 @@ def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> t
             tried = judge(follow(judge_slowed(plan, factor, notes=notes), machine, options))
         except (TimeUpError, NoPlanError):
             return judged
-    return tried if _is_good(*tried) else judged
+    return tried if _ends_trials(*tried) else judged
 
 
-def _is_good(plan: Plan, check: Check) -> bool:
-    """Return whether a slower plan cannot help: this one works, or its preparation does not."""
+def _ends_trials(plan: Plan, check: Check) -> bool:
+    """Return whether the plan works, was cut short, or fails in its preparation at any speed."""
     from planner.machine.feedforward.advice import meets_before_start
 
     if "ended_early" in plan.notes:
@@ -241,7 +239,7 @@ def _is_good(plan: Plan, check: Check) -> bool:
 
 
 def _fastest(plan: Plan) -> Plan | None:
-    """Return the plan of least duration for the same problem; None if none is found."""
+    """Return a plan of least duration for the given plan's problem; None if none is found."""
     free = {"goal.duration": "free", "goal.duration_max": None}
     try:
         fastest = _plan_near(plan.problem.changed(free), plan)
@@ -252,8 +250,7 @@ def _fastest(plan: Plan) -> Plan | None:
 
 
 def _plan_near(problem: Problem, near: Plan) -> Plan:
-    """Plan by the method of the plan `near`, starting from that plan if the method can; return a
-    verified plan."""
+    """Return a verified plan by the method of `near`, starting from `near` if the method can."""
     entry = find_method(near.method)
     options = merged_options(problem, entry, dict(near.options))
     refuse_too_short(problem)

@@ -47,7 +47,7 @@ class Violation:
 
     @property
     def verbs(self) -> tuple[str, str]:
-        """The words that precede value and limit."""
+        """The words before the value and before the limit in a message."""
         return ("is", "must be") if self.exact else ("reaches", "allowed")
 
     def shown(self, digits: int) -> tuple[str, str, str]:
@@ -71,7 +71,7 @@ class PlannerError(Exception):
 
 
 LONGEST_LINE, LONGEST_TEXT = 1000, 5000
-"""Most characters of a line and of a message. Only quoted input makes a message longer."""
+"""Most characters of one line and of a whole message; only quoted input needs shortening."""
 
 
 class InputError(PlannerError, ValueError):
@@ -98,7 +98,7 @@ NO_MEMORY = (
     "there is not enough memory for this ({}); use fewer machines, cases or workers, or a coarser"
     " step or mesh"
 )
-"""The message when memory runs out, in place of a bug report."""
+"""Message when memory runs out, in place of a bug report; {} stands for Python's own message."""
 
 
 def lacks_memory(error: BaseException) -> bool:
@@ -110,16 +110,15 @@ Answer = TypeVar("Answer")
 
 
 def solver_answer(call: Callable[[], Answer], otherwise: Callable[[str], Answer]) -> Answer:
-    """Return the answer of a solver call; if the call raises an error, the solver has not finished.
+    """Return the answer of a solver call, or a substitute if the solver fails with an error.
 
     Args:
-        call: Asks a solver of CasADi, OSQP or SciPy, and does nothing else.
-        otherwise: Makes the answer of a solver that has not finished from the last line of the
-            error.
+        call: Calls a solver of CasADi, OSQP or SciPy, and does nothing else.
+        otherwise: Makes the substitute from the last line of the solver's error message.
 
     Raises:
-        Exception: Any error that is not the solver's: time is up, memory ran out, or an error
-            of this package.
+        Exception: Any error from elsewhere: time is up, memory ran out, or an error of this
+            package.
     """
     try:
         return call()
@@ -139,12 +138,12 @@ def expect(kind: type, value: object, how: str) -> None:
     """Refuse an argument of the wrong type, such as a file name in place of a problem.
 
     Args:
-        kind: The type it must have.
+        kind: The type that the argument must have.
         value: The argument.
-        how: How to get one, for the message.
+        how: How to get a value of this type, for the message.
 
     Raises:
-        InputError: If it has another type.
+        InputError: If the argument has another type.
     """
     if not isinstance(value, kind):
         shown = textwrap.shorten(repr(value), 60, placeholder="...")
@@ -155,10 +154,10 @@ Class = TypeVar("Class", bound=type)
 
 
 def factory(how: str) -> Callable[[Class], Class]:
-    """Decorate a class that users do not construct: a wrong call says how to get an instance.
+    """Decorate a class so that a call with wrong arguments tells the user how to get an instance.
 
     Args:
-        how: What to write instead, for the message.
+        how: What to write instead of the call, for the message.
     """
 
     def wrapped(cls: Class) -> Class:
@@ -199,12 +198,12 @@ class NoPlanError(PlannerError):
     """No plan exists, none was found, or the plan found failed its verification.
 
     Attributes:
-        plan: The last iterate, for study, or None. Do not execute it.
+        plan: The last iterate, only for study and never for execution, or None.
         violations: Requirements that the iterate breaks, largest scaled violation first.
         changes: Changes of the problem that may help, as data (`planner.methods.refusal.Change`).
         otherwise: Other advice in words, or None.
         advice: `changes` and `otherwise` in words, or None. Once the changes have been tried, only
-            those that work.
+            the changes that work remain.
         blamed: The requirement that had to be left out to find `plan`, in words, or "".
     """
 
@@ -230,13 +229,16 @@ class NoPlanError(PlannerError):
         self.advise(*(str(change) for change in changes if not change.method), advice)
 
     def advise(self, *words: str | None) -> None:
-        """Set the advice: first `words`, then those of `changes` that use another method."""
+        """Set the advice: first `words`, then each of `changes` that uses another method."""
         others = (str(change) for change in self.changes if change.method)
         self.advice = "; or ".join(each for each in (*words, *others) if each) or None
         self.args = (self._text(),)
 
     def blame(self, requirement: str, plan: Any, violations: Sequence[Violation]) -> None:
-        """Name the requirement that prevents a plan; `plan` ignores and breaks it."""
+        """Add to the message the requirement that prevents a plan, and what breaks without it.
+
+        `plan` is a plan that ignores this requirement, and `violations` what it breaks.
+        """
         self.reason += f"; without {requirement} there is a plan, which breaks:"
         self.plan, self.violations, self.blamed = plan, tuple(violations), requirement
         self.args = (self._text(),)
@@ -277,7 +279,7 @@ class InfeasibleError(NoPlanError):
     """It is proven that no plan of the requested kind exists; the message contains the proof.
 
     Attributes:
-        certificate: Numbers that prove it, or None if the method provides none.
+        certificate: Numbers of the proof, or None if the method provides none.
     """
 
     status = "infeasible"
@@ -299,7 +301,7 @@ class MethodError(NoPlanError):
 
 
 class NotConvergedError(NoPlanError):
-    """The solver stopped without a plan. This does not prove that none exists."""
+    """The solver stopped without a plan, although a plan may exist."""
 
     status = "not_converged"
 

@@ -1,4 +1,4 @@
-"""Old names of `planner.paper`, kept for one release."""
+"""Names that have moved to `planner.paper`, kept here for one release."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from planner.verification.certify import certify
 from planner.verification.verdict import judge
 
 SAMPLING_EXCESS = 1e-3
-"""Largest relative excess over a limit that sampling may miss; `verify` refuses a larger one."""
+"""Largest relative excess over a limit that sampling may miss; `verify` refuses a larger excess."""
 
 
 def retime(
@@ -35,15 +35,15 @@ def retime(
     """Give a plan's path its fastest timing within input limits.
 
     With limits on the inputs only, the result is exact: at every instant one input is at its limit
-    (the duration is ∫ max|uᵢ|/limitᵢ over the plan). With limits on input rates too, it is the
-    optimum of a convex program; see `planner.plan.fastest_timing`. With rate limits the motion
-    stops at every corner of the path, where the ratio of the inputs jumps.
+    (the duration is ∫ max|uᵢ|/limitᵢ over the plan). With limits on input rates too, the result is
+    the optimum of a convex program (`planner.plan.fastest_timing`), and the motion stops at every
+    corner of the path, where the ratio of the inputs jumps.
 
     Args:
         plan: A plan whose inputs exist at all times.
         limits: Keys of the `[limits]` table to replace, as in {"input_rad_s": 0.3,
             "input_rate_rad_s2": [2.0, 1.0]}. By default the problem's limits.
-        rest: Whether inputs are zero at both ends, which needs rate limits. By default they are if
+        rest: Whether inputs are zero at both ends, which needs rate limits. By default True if
             there are rate limits.
         intervals: Number of intervals of the convex program.
 
@@ -110,7 +110,7 @@ SLOWED_TIME_OBJECTIVE = (
 
 
 def _excess_factor(problem: Problem, certificate: Certificate) -> float:
-    """Return the factor by which to slow the motion so that peaks between samples keep limits."""
+    """Return the factor on the duration (≥ 1) that brings peaks between samples within limits."""
     factor = 1.0
     for requirement in problem.requirements:
         for part in requirement.parts if requirement.speed_power else ():

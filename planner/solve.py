@@ -63,8 +63,8 @@ def solve(
             refusal, and compensation. By default only the search is limited, to 60 s of processor
             time. When time is up, the best verified plan so far is returned, uncompensated if
             compensation was not reached; its `notes["ended_early"]` says what it lacks. Without a
-            plan the call raises `TimeLimitError`. It returns at the latest after 1.2 times the
-            limit plus two seconds. Replaces the method's option of the same name, if it has one.
+            plan the call raises `TimeLimitError`. The call ends at the latest after 1.2 times the
+            limit plus two seconds. The limit replaces a method's option of the same name.
         progress: Called with a `planner.support.progress.Progress` at every step. The logger
             `planner` receives the same steps.
         **options: Override single keys of the problem's `[method.<name>]` table.
@@ -81,9 +81,9 @@ def solve(
             not a `Problem`, `warm` belongs to another system, or the method cannot use `warm`.
         TimeLimitError: If time is up without a plan; the message says how far the search got.
         NoPlanError: If no plan is found, or the plan breaks a requirement; the subclass tells
-            which. The error carries the last iterate and its violations. Before it is raised,
-            changes of the problem are tried (`planner.methods.refusal`), within the time limit and
-            for at most a few times the duration of the failed search.
+            which. The error carries the last iterate and its violations. Before the error, changes
+            of the problem are tried (`planner.methods.refusal`), within the time limit and for at
+            most a few times the duration of the failed search.
     """
     return solve_and_check(
         problem, method, warm=warm, time_limit_s=time_limit_s, progress=progress, **options
@@ -102,7 +102,7 @@ def solve_and_check(
     compensated_for: Machine | None = None,
     **options: Any,
 ) -> tuple[Plan, Check]:
-    """Like `solve`, but also return the result of the verification.
+    """Plan a motion as `solve` does, and return the plan with the result of its verification.
 
     Args:
         problem, method, warm, time_limit_s, progress, options: As for `solve`.
@@ -200,19 +200,19 @@ def compensate(
             `take_up`, `correction`, `back_off`, `lag`, `gearheads`.
 
     Returns:
-        A verified plan. Its inputs are the motor commands. They begin with a preparatory motion of
-        `lead_s` seconds, pause the original plan wherever the drive reverses, and end `tail_s`
-        seconds after it; `clock` maps their time to that of the plan. Its q(t) is the motion
-        predicted on the nominal machine at the ends of the ticks, interpolated linearly. The
-        predicted motion is verified: goal (to 0.05 degrees), limits, waypoints and obstacles at all
-        times. `compensates` is the original plan, verified too; replays measure errors against it
-        at the time that `clock` gives. If compensation does not reduce the predicted path error on
-        the nominal machine, an `InputWarning` gives both errors.
+        A verified plan whose inputs are the motor commands. The commands begin with a preparatory
+        motion of `lead_s` seconds, pause the original plan wherever the drive reverses, and end
+        `tail_s` seconds after the original plan; `clock` maps the commands' time to the original
+        plan's. q(t) is the motion predicted on the nominal machine at the ends of the ticks,
+        interpolated linearly, and is verified: goal (to 0.05 degrees), limits, waypoints and
+        obstacles at all times. `compensates` is the original plan, verified too; replays measure
+        errors against it. If compensation does not reduce the predicted path error on the nominal
+        machine, an `InputWarning` gives both errors.
 
     Raises:
         InputError: If the plan is not executable, the system is not a manipulator, or an option is
             wrong.
-        NoPlanError: If it cannot be compensated; the message says why.
+        NoPlanError: If the plan cannot be compensated; the message says why.
     """
     if isinstance(plan, Problem):
         plain = plan.changed({"compensation.on": False}) if plan.compensation.on else plan

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 def jsonable(value: Any) -> Any:
-    """Convert to lists, dictionaries and finite numbers; NaN and infinity become None."""
+    """Convert a value to JSON's types; NaN and infinity become None, arrays become lists."""
     if isinstance(value, Mapping):
         return {str(key): jsonable(item) for key, item in value.items()}
     if isinstance(value, list | tuple | np.ndarray):
@@ -23,7 +23,7 @@ def jsonable(value: Any) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """Copy a value as a file would hold it: lists for tuples and arrays, Python's numbers."""
+    """Copy a value, with lists in place of tuples and arrays, and Python's numbers for NumPy's."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -32,7 +32,7 @@ def plain(value: Any) -> Any:
 
 
 def hashable(value: Any) -> Any:
-    """Convert a plain value to a hashable one; equal values stay equal."""
+    """Convert dictionaries and lists to hashable values; equal values stay equal."""
     if isinstance(value, Mapping):
         return frozenset((key, hashable(item)) for key, item in value.items())
     if isinstance(value, list | tuple):
@@ -44,10 +44,10 @@ Array = NDArray[np.float64]
 
 
 def product(matrix: Array, columns: Array) -> Array:
-    """Multiply a matrix by columns (K, M) in blocks, to keep OpenBLAS on one thread.
+    """Return the product of a matrix (N, K) and columns (K, M), computed in blocks of columns.
 
-    OpenBLAS starts threads for products of more than 2^18 multiplications (its default,
-    GEMM_MULTITHREAD_THRESHOLD 4). On a busy computer the threads cost more than they save.
+    OpenBLAS starts threads, which are slow on a busy computer, for more than 2^18 multiplications
+    (its default, GEMM_MULTITHREAD_THRESHOLD 4); blocks stay below this number.
     """
     most = max(1, 2**18 // matrix.size)
     if columns.shape[1] <= most:

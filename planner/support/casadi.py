@@ -1,6 +1,6 @@
 """CasADi, imported on first use, because `planner new` writes a problem file without it.
 
-`ca` stands for the module. The files that `planner new` imports take it from here.
+`ca` stands for CasADi. The files that `planner new` imports take `ca` from here.
 """
 
 from typing import TYPE_CHECKING

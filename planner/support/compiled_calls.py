@@ -14,9 +14,9 @@ from planner.support.casadi import ca
 
 
 class Call(threading.local):
-    """Evaluate the first output of a CasADi function on NumPy arrays; one buffer per thread.
+    """The first output of a CasADi function, evaluated on NumPy arrays; one buffer per thread.
 
-    CasADi reads the arrays' memory directly. Shapes and sizes are not checked.
+    CasADi reads the arrays' memory directly, without a check of their shapes and sizes.
     """
 
     def __init__(self, function: Any) -> None:
@@ -24,7 +24,7 @@ class Call(threading.local):
         self._size = function.nnz_out(0)
 
     def __call__(self, *arguments: Array) -> Array:
-        """Return all nonzeros, shape (n,); matrices column by column, as CasADi stores them."""
+        """Return the output's nonzeros, shape (n,), column by column as CasADi stores a matrix."""
         out, buffer, kept_alive = np.empty(self._size), self._buffer, []
         for i, value in enumerate(arguments):
             kept_alive.append(np.ascontiguousarray(value, dtype=float).reshape(-1))
@@ -43,7 +43,7 @@ class Pointwise:
     Args:
         name: The function's name in CasADi's messages.
         arguments: CasADi column vectors.
-        value: Expression of them, a column vector or matrix.
+        value: Expression of the arguments, a column vector or matrix.
     """
 
     def __init__(self, name: str, arguments: Sequence[Any], value: Any) -> None:
@@ -52,7 +52,7 @@ class Pointwise:
         self._mapped = {0: Call(self.function)}  # key k: the function mapped over 2^k points
 
     def __call__(self, *arguments: Array) -> Array:
-        """Return values at points given by arrays (…, k) with equal leading axes.
+        """Return the function's values at points given by arrays (…, k) with equal leading axes.
 
         Returns:
             Array (…, r) for a column of r entries, or (…, r, c) for a matrix.

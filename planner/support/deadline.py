@@ -25,20 +25,19 @@ DEFAULT_SEARCH_S = 60.0
 make plans depend on the computer's load."""
 
 SEARCH_SHARE = 0.75
-"""Share of the time after which a search ends; the rest is for refining its result."""
+"""Share of the time for a search; the rest is for refining or compensating its result."""
 
 LEAST_FINISH_S, FINISH_SHARE = 3.0, 0.25
-"""Time for refining after Ctrl-C: the longer of 3 s and a quarter of the search so far."""
+"""Seconds, and share of the search so far: after Ctrl-C, refining gets the longer of the two."""
 
 
 class TimeUpError(Exception):
-    """No time is left. It is not a refusal: code that tries something else after a refusal must
-    stop."""
+    """No time is left. Unlike a refusal, this error also ends code that tries alternatives."""
 
 
 @dataclass(eq=False)
 class Span:
-    """A block with its own end time.
+    """A block of code with its own end time.
 
     Attributes:
         enclosing: The block around this one, which may end earlier.
@@ -92,7 +91,7 @@ class Span:
 
     @property
     def why(self) -> str:
-        """Name of the limit that cut the block short."""
+        """Name of the limit, or of the person or program, that cut the block short."""
         if self.ended_by:
             return self.ended_by
         named = [span for span in self.outwards() if span.words]
@@ -106,10 +105,10 @@ _span: ContextVar[Span | None] = ContextVar("span", default=None)
 def time_limit(
     seconds: float | None, words: str = "", has_answer: Callable[[], bool] | None = None
 ) -> AbstractContextManager[Span]:
-    """Limit the time of a block; None adds no limit to those of the blocks around it.
+    """Limit the time of a block, in addition to the limits of the blocks around it.
 
     Args:
-        seconds: Greater than zero.
+        seconds: Greater than zero; None adds no limit.
         words: Name of the limit in a refusal; default "the time limit of ... s".
         has_answer: For a search: tells whether it has an answer that Ctrl-C should keep.
 
@@ -136,13 +135,13 @@ def default_limit(given: float | None) -> AbstractContextManager[Span]:
 def time_share(
     part: float = SEARCH_SHARE, words: str = "", condition: Callable[[], bool] | None = None
 ) -> AbstractContextManager[Span]:
-    """Limit a block to a share of the remaining time, measured by the same clock.
+    """Limit a block to a share of the remaining time, by the clock of the limit that ends first.
 
     Args:
         part: The share, 0 to 1.
         words: As for `time_limit`.
-        condition: The limit applies only while this returns true. The remaining time then also
-            counts enclosing shares whose condition does not hold yet.
+        condition: The limit applies only while this returns true. With a condition, the remaining
+            time also counts enclosing shares whose condition does not hold yet.
     """
     span = Span(_span.get(), time.monotonic(), math.inf, words, condition=condition)
     if first := _first_to_end(waiting=condition is not None):
@@ -161,20 +160,19 @@ def _open_span(span: Span) -> Iterator[Span]:
 
 
 def remaining() -> float:
-    """Return the seconds left, at least zero; infinite without a limit."""
+    """Return the seconds until the first enclosing limit, at least 0; infinite without a limit."""
     first = _first_to_end()
     return math.inf if first is None else max(0.0, first.left)
 
 
 def _first_to_end(waiting: bool = False) -> Span | None:
-    """Return the enclosing block that ends first; `waiting` includes blocks whose condition is
-    false."""
+    """Return the open block that ends first; `waiting` counts blocks with a false condition too."""
     counted = (s for s in _spans() if waiting or s.condition is None or s.condition())
     return min(counted, key=lambda span: span.left, default=None)
 
 
 def check() -> None:
-    """Stop if no time is left or a signal waits. Call this in every iteration of a search.
+    """Raise an exception if no time is left or a signal waits; call this in every iteration.
 
     Raises:
         TimeUpError: If no time is left.
@@ -186,7 +184,7 @@ def check() -> None:
 
 
 def check_stopped() -> None:
-    """Stop work that a time limit must not cut short, such as a verification.
+    """Raise an exception if `end` was called; for work that no time limit may cut short.
 
     Raises:
         TimeUpError: If `end` was called.
@@ -220,18 +218,18 @@ def _is_stopped() -> bool:
 
 
 def holds_answer(context: Context | None = None) -> bool:
-    """Return whether the running search has an answer."""
+    """Return whether the outermost search of a context (default: the current) has an answer."""
     search = _search(context)
     return search is not None and search.has_answer is not None and search.has_answer()
 
 
 def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
-    """End the search now, but leave time to refine its answer.
+    """End the outermost search of a context now, but leave time to refine its answer.
 
-    Call it from a handler of Ctrl-C, or from another thread with the search's context.
+    A handler of Ctrl-C calls this, or another thread, which passes the search's context.
 
     Returns:
-        False if the search has no answer; then nothing is ended.
+        Whether the search was ended; a search without an answer goes on.
     """
     outermost, now = _search(context), time.monotonic()
     if outermost is None or not holds_answer(context):
@@ -247,7 +245,7 @@ def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
 
 
 def end(context: Context, by: str) -> None:
-    """End everything that runs in another thread's context, verification included."""
+    """End all blocks that run in another thread's context, verification included."""
     for span in _spans(context):
         span.end_within(0.0)
         span.interrupter, span.was_reached, span.verification_ended = by, True, True
@@ -268,12 +266,12 @@ def check_seconds(seconds: float) -> float:
 
 
 def _search(context: Context | None = None) -> Span | None:
-    """Return the outermost search, because an answer to a part of it does not answer the whole."""
+    """Return the outermost search of a context, whose answer counts; None without a search."""
     searches = [span for span in _spans(context) if span.has_answer is not None]
     return searches[-1] if searches else None
 
 
 def _spans(context: Context | None = None) -> Iterator[Span]:
-    """Yield the open blocks from the inside out."""
+    """Yield the open blocks of a context from the inside out."""
     span = _span.get() if context is None else context.get(_span)
     return iter(()) if span is None else span.outwards()

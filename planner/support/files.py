@@ -70,13 +70,13 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
 
 
 def write_json(path: str | Path, data: Mapping[str, Any]) -> Path:
-    """Write one JSON object in the same way as `write_text`; its values are JSON-ready."""
+    """Write JSON-ready data as one JSON object, in the same way as `write_text`."""
     text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False)
     return write_text(path, text + "\n")
 
 
 def write_figure(path: str | Path, figure: Any) -> Path:
-    """Write a Matplotlib figure in the same way as `write_text`; the ending names the format."""
+    """Write a Matplotlib figure in the format of the path's ending, whole or not at all."""
     content = io.BytesIO()
     figure.savefig(content, format=Path(path).suffix[1:], dpi=110)
     return write_bytes(path, content.getvalue())
@@ -118,10 +118,10 @@ def expect_path(path: object) -> Path:
 
 
 def _possible_path(path: str | Path) -> Path:
-    """Return the path if the file system allows such a name.
+    """Return the path if the file system allows its name.
 
     Raises:
-        InputError: If a part is too long, contains a zero byte, or is a link to itself.
+        InputError: If the name is too long, contains a zero byte, or is a link to itself.
     """
     target = expect_path(path)
     try:
@@ -206,7 +206,7 @@ def folder(path: str | Path) -> Iterator[Path]:
 
 
 _STAGING = ".planner."
-"""Prefix of temporary names. It leaves out the target's name, which may be too long."""
+"""Prefix of temporary names; the target's own name is left out because it may be too long."""
 
 _MARKER = ".planner"
 
@@ -235,13 +235,12 @@ Value = TypeVar("Value")
 
 MB = 1_000_000
 TOML_BYTES = 4 * MB
-"""Largest TOML file. A problem has a few kB; a sweep of 50,000 cases with one line each has 4
-MB."""
+"""Largest TOML file in bytes. A problem has a few kB; a sweep with 50,000 lines of cases, 4 MB."""
 JSON_BYTES = 200 * MB
-"""Largest JSON file. A plan has less than 1 MB; the motions of thousands of machines have some tens
-of MB."""
+"""Largest JSON file in bytes. A plan has less than 1 MB; motions of thousands of machines have
+some tens of MB."""
 SAMPLES_BYTES = 2000 * MB
-"""Largest file of samples: two million rows (the most that an export writes) with fifty columns."""
+"""Largest file of samples in bytes: two million rows, the most of an export, of fifty columns."""
 
 MOST_LEVELS = 50
 """Most levels of nested tables and lists; a problem has six, nested plans about twice as many."""
@@ -289,11 +288,11 @@ def read_text(path: str | Path, largest: int, what: str) -> str:
 
     Args:
         path: The file.
-        largest: See `read_bytes`.
+        largest: Most bytes that are read.
         what: What the file should be, for the message ("a problem file is TOML").
 
     Raises:
-        InputError: As for `read_bytes`, or if it is not UTF-8.
+        InputError: As for `read_bytes`, or if the file is not UTF-8.
     """
     try:
         return read_bytes(path, largest).decode("utf-8-sig")
@@ -302,10 +301,10 @@ def read_text(path: str | Path, largest: int, what: str) -> str:
 
 
 def read_toml(path: str | Path, what: str) -> dict[str, Any]:
-    """Read a TOML file.
+    """Read a TOML file; `what` names its kind in messages ("a problem file").
 
     Raises:
-        InputError: If it cannot be read or is not TOML.
+        InputError: If the file cannot be read or is not TOML.
     """
     text = read_text(path, TOML_BYTES, f"{what} is TOML")
     try:
@@ -352,7 +351,7 @@ def read_json(path: str | Path, otherwise: str = "") -> dict[str, Any]:
         otherwise: Advice for the error message: how to get such a file.
 
     Raises:
-        InputError: If it cannot be read, is not JSON, or holds anything but one object.
+        InputError: If the file cannot be read, is not JSON, or holds anything but one object.
     """
     text = read_text(path, JSON_BYTES, "it should be JSON")
     try:
@@ -385,7 +384,7 @@ def _parse(loads: Callable[[str], Value], text: str) -> Value:
 
 
 def _check_depth(data: Value) -> Value:
-    """Return the data if it is nested shallowly enough for recursive functions."""
+    """Return the data if it has at most `MOST_LEVELS` levels and no number above `MOST_BITS`."""
     depth = 0
     level: list[Any] = [data] if isinstance(data, dict | list) else []
     while level:
@@ -427,7 +426,7 @@ def _key(name: str) -> str:
 
 
 def toml_lines(table: Mapping[str, Any], path: str = "") -> Iterator[str]:
-    """Yield a table as TOML, one value a line; nested tables follow the plain values.
+    """Yield the lines of a table in TOML, one value a line; nested tables follow plain values.
 
     Args:
         table: The table.

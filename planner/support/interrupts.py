@@ -24,14 +24,14 @@ SIGNALS = tuple(
 
 
 class Terminated(BaseException):
-    """SIGTERM or SIGHUP: clean up and end. Not an `Exception`, so handlers do not swallow it."""
+    """SIGTERM or SIGHUP arrived: clean up and end. `except Exception` lets this exception pass."""
 
 
 class SignalListener:
-    """The command line's handler of `SIGNALS`.
+    """The command line's handler of `SIGNALS`, which raises an exception at once.
 
-    It raises an exception at once, also in code that never looks at the time. Python drops what is
-    raised in `__del__` or a weak reference's callback; then the next `check` raises it again.
+    Python drops an exception raised in `__del__` or in a weak reference's callback; the next call
+    of `check` then raises the exception again.
 
     Attributes:
         signals: Numbers of the signals received since `hear_signals` began.
@@ -44,7 +44,7 @@ class SignalListener:
         self.begin()
 
     def begin(self) -> None:
-        """Forget earlier signals."""
+        """Forget received signals and `substitute` before a new command."""
         self.signals: list[int] = []
         self.is_over = False
         self.substitute: Callable[[], bool] | None = None
@@ -52,7 +52,7 @@ class SignalListener:
         self._is_dropped = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Raise the signal's exception, unless the outcome is decided."""
+        """Raise the signal's exception, unless `substitute` answers or the outcome is decided."""
         if self.is_over:
             return
         unanswered = number == signal.SIGINT and not self.was_substituted
@@ -65,34 +65,34 @@ class SignalListener:
     def note_dropped(
         self, what: sys.UnraisableHookArgs, otherwise: Callable[[sys.UnraisableHookArgs], object]
     ) -> None:
-        """Handle exceptions that Python drops: note those of signals, give `otherwise` the rest."""
+        """Note that Python dropped a signal's exception; pass any other on to `otherwise`."""
         if isinstance(what.exc_value, KeyboardInterrupt | Terminated):
             self._is_dropped = True
         else:
             otherwise(what)
 
     def check(self) -> None:
-        """Raise the exception of a signal that arrived in code that swallowed it."""
+        """Raise a signal's exception again if Python has dropped it."""
         if self._is_dropped:
             self._is_dropped = False
             raise self.exception
 
     @property
     def exception(self) -> BaseException:
-        """The exception to raise; signals other than Ctrl-C take precedence."""
+        """The exception for the received signals; signals other than Ctrl-C take precedence."""
         return KeyboardInterrupt() if self.status == 128 + signal.SIGINT else Terminated()
 
     @property
     def status(self) -> int:
-        """Exit status of a command that these signals ended."""
+        """Exit status of a command that the received signals ended."""
         return 128 + next((n for n in self.signals if n != signal.SIGINT), signal.SIGINT)
 
 
 signal_listener = SignalListener()
-"""The only instance: only the main thread receives signals."""
+"""The listener of this process, in which only the main thread receives signals."""
 
 _waiting: list[int] = []
-"""Numbers of the signals that came in `hold_signals`."""
+"""Numbers of the signals that arrived inside `hold_signals` and wait to be handled."""
 
 _handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
 """The handlers that `hold_signals` replaced."""
@@ -103,7 +103,7 @@ def _note(number: int, frame: FrameType | None) -> None:
 
 
 def handle_signals() -> None:
-    """Handle the signals that wait; every check of the time limit does so.
+    """Handle the signals that `hold_signals` holds back; every check of the time limit does so.
 
     Raises:
         KeyboardInterrupt: If Ctrl-C was pressed.
@@ -120,9 +120,9 @@ def handle_signals() -> None:
 
 @contextmanager
 def hold_signals() -> Iterator[None]:
-    """Hold signals back until `handle_signals`, or the end of the block.
+    """Hold signals back until the block ends or calls `handle_signals`.
 
-    For short steps that must not be separated, and for compiled code, which may swallow the
+    This is for short steps that must not be separated, and for compiled code that may swallow the
     exception of a handler: CasADi then returns as if its solver had failed.
 
     Raises:
@@ -152,8 +152,8 @@ def hear_signals(last: bool = False) -> Iterator[None]:
     because Ctrl-C is meant for the foreground job.
 
     Args:
-        last: Whether the process ends after the block; signals are then ignored from there on, so
-            that nothing disturbs the interpreter's shutdown.
+        last: Whether the process ends after the block; signals after the block are then ignored,
+            so that nothing disturbs the interpreter's shutdown.
     """
     signal_listener.begin()
     before = {number: signal.getsignal(number) for number in SIGNALS}
@@ -174,21 +174,21 @@ def hear_signals(last: bool = False) -> Iterator[None]:
 
 
 HANDOVER_S = 0.05
-"""Time for the main thread to take a signal before OSQP takes signals again."""
+"""Seconds for the main thread to take a signal before OSQP runs and takes signals again."""
 
 _osqp_lock = threading.RLock()
-"""OSQP restores the Ctrl-C handler that it found at its start. If two threads solve at once, the
-first to finish installs the second's handler for good, and Ctrl-C never works again."""
+"""Lock that lets one thread at a time run OSQP, which restores the Ctrl-C handler it found. If two
+threads ran at once, one would restore OSQP's own handler for good, and disable Ctrl-C."""
 
 
 def osqp_result(solver: Any) -> Any:
-    """Run a prepared OSQP solver and return its result, whatever it is.
+    """Run a prepared OSQP solver and return its result, solved or not.
 
-    While OSQP runs it catches Ctrl-C, prints a line and returns as if it had failed; in its last
-    iteration it even returns normally. The caller would then try the next solver instead of
-    stopping. This function passes Ctrl-C on to the handler that was active before. If that handler
-    does not raise, as in a thread other than the main one, OSQP continues where it was.
-    It also hides the line on polishing that OSQP prints when no limit is active.
+    A running OSQP catches Ctrl-C and returns as if it had failed, or normally in its last
+    iteration; the caller would then try the next solver instead of stopping. This function
+    therefore passes Ctrl-C on to the handler that was active before. If that handler does not
+    raise, as in a thread other than the main one, OSQP continues where it was. The lines that OSQP
+    prints on an interruption and on polishing are hidden.
 
     Raises:
         KeyboardInterrupt: If Ctrl-C was pressed and Python's own handler is active.
@@ -208,8 +208,7 @@ def osqp_result(solver: Any) -> Any:
 
 @cache
 def _osqp_interrupt_query() -> Callable[[], int]:
-    """Return the function of OSQP's library: was Ctrl-C pressed in the last solve? 0 if it is not
-    exported."""
+    """Return OSQP's function that tells whether Ctrl-C came in the last solve; else `lambda: 0`."""
     try:
         from osqp import ext_builtin
 
@@ -220,7 +219,7 @@ def _osqp_interrupt_query() -> Callable[[], int]:
 
 
 def _pass_on_interrupt() -> None:
-    """Send Ctrl-C to the main thread, which may be asleep. OSQP must not be running."""
+    """Send Ctrl-C to the main thread, which may be asleep; call this while OSQP is not running."""
     main = threading.main_thread().ident
     if main is None or sys.platform == "win32":
         signal.raise_signal(signal.SIGINT)
@@ -232,7 +231,7 @@ def _pass_on_interrupt() -> None:
 
 @contextmanager
 def mute_lines(stream: Literal["stdout", "stderr"], *words: str) -> Iterator[None]:
-    """Hide lines with any of these words from a stream; the main thread only."""
+    """Hide the lines that contain any of the words from a stream; in the main thread only."""
     target = getattr(sys, stream)
     if threading.current_thread() is not threading.main_thread() or target is None:
         yield

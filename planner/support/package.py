@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 
 def import_function(function: str) -> Callable[..., Any]:
-    """Import a function by its full name, where a normal import would break the room order.
+    """Import a function by its full name, where a normal import would be circular.
 
-    Only for methods of results that return tables, pictures and folders: those modules import the
-    results.
+    Only results that return tables, pictures and folders use this: the modules that draw and write
+    them import the results.
     """
     module, _, name = function.rpartition(".")
     imported: Callable[..., Any] = getattr(importlib.import_module(module), name)
@@ -28,7 +28,7 @@ def import_function(function: str) -> Callable[..., Any]:
 
 
 NAME = "nonholonomic-planner"
-"""Name on the package index, where `planner` belongs to others. Modules are called `planner`."""
+"""Name of this package on the package index, where `planner` is another package."""
 
 ROOT = Path(__file__).parents[2]
 
@@ -90,8 +90,7 @@ def how_to_install(extra: str) -> str:
 
 @cache
 def _checkout() -> str | None:
-    """Return the version in the pyproject.toml beside the package; None without one of this
-    project."""
+    """Return the version in this project's pyproject.toml beside the package, or None."""
     try:
         text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
         project = tomllib.loads(text)["project"]
@@ -105,7 +104,7 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name: str) -> str:
-        """Look up `__version__` on access: it needs a file or a slow import."""
+        """Return `__version__`, looked up on access because that reads a file or imports slowly."""
         if name == "__version__":
             return version()
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -115,8 +114,7 @@ LIBRARIES = ("casadi", "numpy", "scipy", "osqp")
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of the planner, of Python, and of the libraries that affect the
-    numbers."""
+    """Return the versions of planner, Python, and the libraries that affect the numbers."""
     from importlib import metadata
 
     return {

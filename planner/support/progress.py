@@ -45,7 +45,7 @@ class Progress:
 Listener = Callable[[Progress], None]
 
 Tell = Callable[[str, float], None]
-"""Called with the current step of a job and the finished share, from 0 to 1."""
+"""Callback that receives the current step of a job and its finished share, from 0 to 1."""
 
 
 def expect_listener(progress: object) -> None:
@@ -79,7 +79,7 @@ _run: ContextVar[_Run | None] = ContextVar("run", default=None)
 
 @contextmanager
 def progress_listener(listener: Listener | None) -> Iterator[None]:
-    """Send reports from the block to the listener, and to the listeners around it.
+    """Send progress reports from a block to `listener` and to the listeners of blocks around it.
 
     Raises:
         InputError: As for `expect_listener`.
@@ -93,25 +93,25 @@ def progress_listener(listener: Listener | None) -> Iterator[None]:
 
 
 def tell(doing: str) -> None:
-    """Report the current step."""
+    """Report the current step of the search to the logger and all listeners."""
     logger.info("%s", doing)
     _notify(doing=doing)
 
 
 def report_motion(best: str) -> None:
-    """Report a motion that is better than all before."""
+    """Report, in words, a motion that is better than all motions before."""
     logger.info("motion found (%s)", best)
     _notify(best=best)
 
 
 def count_solve() -> None:
-    """Count one call of a solver."""
+    """Add one solver call to the progress of the running search."""
     for run in _runs():
         run.solves += 1
 
 
 def count_iterations(iterations: int) -> None:
-    """Add to the number of solver iterations."""
+    """Add solver iterations to the progress of the running search."""
     for run in _runs():
         run.iterations += iterations
 
@@ -123,7 +123,7 @@ def current_progress() -> Progress | None:
 
 
 def _notify(doing: str = "", best: str = "") -> None:
-    """Update all enclosing runs and call their listeners."""
+    """Set the step or the best motion of all running searches, and call their listeners."""
     for run in _runs():
         run.doing, run.best = doing or run.doing, best or run.best
         if run.listener is not None:
@@ -131,7 +131,7 @@ def _notify(doing: str = "", best: str = "") -> None:
 
 
 def _runs() -> Iterator[_Run]:
-    """Yield the enclosing runs from the inside out."""
+    """Yield the running searches from the innermost to the outermost."""
     run = _run.get()
     while run is not None:
         yield run

@@ -1,9 +1,9 @@
 """Call solvers that may never return.
 
-Nothing can interrupt compiled code. CasADi releases Python's lock while it runs, so a solver can
+Nothing can interrupt compiled code. CasADi releases Python's lock while solving, so a solver can
 run in its own thread and be abandoned there; that thread runs until the process ends.
 
-IPOPT is stopped when time is up, and passes Ctrl-C on.
+IPOPT (`NlpCall`) is stopped after an iteration if time is up or Ctrl-C was pressed.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from planner.support.interrupts import hold_signals
 Value = TypeVar("Value")
 
 CLOCK_INTERVAL_S = 0.5
-"""Seconds between two looks at the clock; a call that returns is noticed at once."""
+"""Seconds between two looks at the clock while a call runs."""
 
 
 def call_within(seconds: float, call: Callable[[], Value]) -> Value | None:
     """Return the value of a call; None if it takes more than `seconds` of processor time.
 
-    A busy computer slows the call and this clock alike, so its load changes no answer.
+    Processor time makes the answer independent of the computer's load.
 
     Raises:
-        TimeUpError: If the deadline comes first; the call is abandoned but may still return.
+        TimeUpError: If a time limit ends first; the call then runs on, unheard, in its thread.
         Exception: Any exception of the call.
     """
     out: list[Value] = []
@@ -55,10 +55,10 @@ def call_within(seconds: float, call: Callable[[], Value]) -> Value | None:
 
 
 class NlpCall:
-    """A solver of CasADi for one program, called like CasADi's own solver object.
+    """A CasADi solver of one program that stops when time is up; called like CasADi's own solver.
 
-    The remaining time is checked after each iteration. It is not an option of the solver, so a
-    solver can be kept and used again.
+    The remaining time is checked after each iteration instead of being an option of the solver, so
+    that a solver can be kept and used again.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class NlpCall:
         self._solver = ca.nlpsol(name, solver, problem, watched)
 
     def __call__(self, **given: Any) -> dict[str, Any]:
-        """Solve, and return CasADi's result.
+        """Solve the program and return CasADi's result.
 
         Raises:
             TimeUpError: If time was up before the solver finished.
@@ -92,7 +92,7 @@ class NlpCall:
 
 
 class _IterationWatch(ca.Callback):
-    """Called after each iteration; a return value of 1 stops the solver, because of `error`."""
+    """CasADi's callback after each solver iteration; stops the solver and keeps the reason."""
 
     def __init__(self, sizes: dict[str, int]) -> None:
         ca.Callback.__init__(self)

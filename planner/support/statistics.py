@@ -23,10 +23,10 @@ from planner.support.arrays import Array
 CONFIDENCE = 0.95
 
 SIGNIFICANCE_LEVEL = 0.05
-"""Corrected p-values below this are called significant."""
+"""Level below which a corrected p-value is called significant."""
 
 LEAST_DIFFERENCE_DEG = 0.1
-"""Smaller differences of E are irrelevant: about one step of the prototype's encoders, degrees."""
+"""Least relevant difference of the error E, degrees: about one step of the prototype's encoders."""
 
 
 @dataclass(frozen=True)
@@ -34,14 +34,14 @@ class Difference:
     """Comparison of two plans on the same machines.
 
     Attributes:
-        first: Label of one plan.
-        second: Label of the other.
+        first: Label of the first plan.
+        second: Label of the second plan.
         median_deg: Median over machines of E(first) − E(second), degrees; negative when the first
             is better.
-        interval_deg: Its 95 % interval, (2,), degrees; NaN if there are too few machines.
+        interval_deg: 95 % confidence interval of the median, degrees; NaN with too few machines.
         first_better: Share of machines on which the first plan has the smaller E; ties count half.
-        p_value: Of the two-sided sign test; machines with equal E do not count.
-        p_corrected: The same after Holm's correction for all tests of the comparison.
+        p_value: P-value of the two-sided sign test; machines with equal E do not count.
+        p_corrected: P-value after Holm's correction for all tests of the comparison.
         threshold_deg: The smallest median difference that matters in practice, degrees.
     """
 
@@ -66,13 +66,12 @@ class Difference:
 
     @property
     def is_clear(self) -> bool:
-        """Whether one plan is called better: the difference matters, and is significant or has the
-        same sign on all machines."""
+        """Whether the difference matters, and is significant or of one sign on all machines."""
         return self.matters and (self.significant or self.first_better in (0.0, 1.0))
 
 
 def percentile_interval(values: Array, percent: float) -> tuple[float, float]:
-    """Return the 95 % confidence interval of a percentile of the distribution behind values (S,).
+    """Return the 95 % confidence interval of a percentile, estimated from a sample (S,).
 
     Returns:
         The two ends, which are two of the values; NaN if there are too few values.
@@ -89,7 +88,7 @@ def differences(
     threshold_deg: float = LEAST_DIFFERENCE_DEG,
     beside: Mapping[str, Array] | None = None,
 ) -> tuple[Difference, ...]:
-    """Compare every pair of plans.
+    """Compare every pair of plans by their errors E on the same machines.
 
     Args:
         errors: E of each plan on the same machines, shape (S,), degrees, by label.
@@ -120,7 +119,7 @@ def _sign_test(gap: Array) -> float:
 
 
 def holm(p_values: list[float]) -> list[float]:
-    """Correct p-values for their number by Holm's method; the order is kept."""
+    """Return p-values corrected for their number by Holm's method, in the given order."""
     p = np.array(p_values)
     order = np.argsort(p, kind="stable")
     steps = np.minimum(1.0, p[order] * np.arange(len(p), 0, -1))

@@ -41,7 +41,7 @@ def short_number(value: Any) -> str:
 
 
 def digits(count: int) -> Callable[[float], str]:
-    """Return a formatter for numbers with this many significant digits."""
+    """Return a function that formats a number with `count` significant digits."""
     return lambda value: number(value, count)
 
 
@@ -61,10 +61,10 @@ class Column(Generic[R]):
         value: Maps a row to a number in full precision, or to text.
         shown: Formats this value for reading; None for a column of CSV only.
         key: Name in CSV, by default from title and unit; "" for a column that CSV lacks.
-        left: Whether it holds text: aligned left, and wrapped if a terminal is too narrow.
+        left: Whether the column holds text: aligned left, and wrapped if a terminal is too narrow.
         width: Maximum characters of a narrow text column in a terminal; its text starts a new line
             after each colon. By default the width that the other columns leave.
-        code: Whether Markdown shows it as `code`.
+        code: Whether Markdown shows the cells as `code`.
     """
 
     title: str
@@ -87,7 +87,7 @@ class Column(Generic[R]):
         return self.key or re.sub(r"\W+", "_", f"{self.title} {self.unit}").strip("_")
 
     def text(self, row: R) -> str:
-        """Return the text of a row's cell."""
+        """Return the text of this column's cell in a row."""
         assert self.shown is not None
         return self.shown(self.value(row))
 
@@ -106,7 +106,7 @@ def terminal_table(
     gap: int = 0,
     dim: Callable[[R], bool] = lambda row: False,
 ) -> Table:
-    """Format for a terminal; print the result with `rich.print`.
+    """Format a table for a terminal; print the result with `rich.print`.
 
     Args:
         columns: The columns.
@@ -161,19 +161,19 @@ def terminal_table(
 
 
 def _break_head(title: str) -> str:
-    """Wrap a head to two lines, or to as many as a long title needs."""
+    """Wrap a column's title to two lines, or to as many lines as a long title needs."""
     if len(title) <= HEAD_WIDTH + 1:
         return title.replace(" ", "\n", 1)
     return textwrap.fill(title, HEAD_WIDTH, break_long_words=False)
 
 
 def _break_lines(text: str, width: int | None) -> str:
-    """Start a new line after each colon, in a narrow column."""
+    """Start a new line after each colon of the text if its column has a maximum `width`."""
     return text.replace(":", ":\n") if width else text
 
 
 def markdown_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:
-    """Format as Markdown; all text but `Markup` is escaped."""
+    """Format a table as Markdown; all text but `Markup` is escaped."""
     shown = _read(columns)
     lines = [
         [markdown(c.head) for c in shown],
@@ -190,7 +190,7 @@ def _mark_code(text: str, code: bool) -> str:
 
 
 def csv_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:
-    """Format as CSV in full precision; undefined numbers are empty."""
+    """Format a table as CSV in full precision; cells of undefined numbers are empty."""
     named = [column for column in columns if column.key != ""]
     lines = ([jsonable(c.value(row)) for c in named] for row in rows)
     return csv_text([[c.name for c in named], *lines])
@@ -203,7 +203,7 @@ def html_table(
     *,
     kind: Callable[[R], str] | None = None,
 ) -> str:
-    """Format as an HTML table; all text but `Markup` is escaped.
+    """Format a table as HTML; all text but `Markup` is escaped.
 
     Args:
         columns: The columns.
@@ -211,7 +211,7 @@ def html_table(
         above: A line above the table.
         kind: Maps a row to its CSS class, for a page with a style sheet. Units then have their own
             elements, the first column holds row heads, and each cell repeats its column's title,
-            which narrow screens show in place of heads. Leave it out for a notebook.
+            which narrow screens show in place of heads. None: plain HTML for a notebook.
     """
     shown, heads, around = _read(columns), [], []
     for k, c in enumerate(shown):
@@ -253,7 +253,7 @@ def clean_text(text: str) -> str:
 
 
 def line(text: str, longest: int = LONGEST_LINE) -> str:
-    """Clean the text, put it on one line, and shorten it."""
+    """Return text without control characters, on one line of at most `longest` characters."""
     return shorten(" ".join(clean_text(text).split()), longest)
 
 
@@ -271,17 +271,17 @@ def shorten(text: str, longest: int = 60) -> str:
 
 
 def markdown(text: str) -> str:
-    """Escape a cell or title for Markdown: no new columns, code, tags or links."""
+    """Escape a cell or title, so that Markdown reads no columns, code, tags or links in it."""
     return re.sub(r"([\\`|<>\[\]])", r"\\\1", line(text))
 
 
 def markdown_code(text: str) -> str:
-    """Format as `code` in Markdown; only backticks and a table's bar are special there."""
+    """Format text as `code` in Markdown, with backticks and a table's bars escaped."""
     return "`" + line(text).replace("`", "'").replace("|", "\\|") + "`"
 
 
 def csv_text(rows: Iterable[Sequence[Any]]) -> str:
-    """Format rows as CSV; a spreadsheet takes no text for a formula, and numbers stay numbers."""
+    """Format rows as CSV, with text marked that a spreadsheet would read as a formula."""
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerows([_cell(value) for value in row] for row in rows)

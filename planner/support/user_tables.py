@@ -20,7 +20,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 class Table(BaseModel):
-    """A table of a problem file."""
+    """Base class of the tables in files that users write."""
 
     model_config = ConfigDict(
         extra="forbid",
@@ -35,7 +35,7 @@ class Table(BaseModel):
 
 
 def parse(model: type[Model], data: Any, source: str) -> Model:
-    """Validate `data` as `model`.
+    """Validate raw data and return an instance of `model`.
 
     Args:
         model: The table's model.
@@ -59,7 +59,7 @@ Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Path = tuple[Any, ...]
 
 MOST_ERRORS = 10
-"""Errors reported for one table; more usually have a common cause."""
+"""Most errors reported for one table; more errors usually have a common cause."""
 
 _short_repr = reprlib.Repr()  # does not format all of a list of a million numbers
 _short_repr.maxlist = _short_repr.maxtuple = _short_repr.maxdict = 20
@@ -87,7 +87,7 @@ _PHRASES = {
 
 
 def _explain(model: type[BaseModel], data: Any, errors: Sequence[Any]) -> list[str]:
-    """Convert `ValidationError.errors()` to one line per key."""
+    """Convert Pydantic's validation errors to messages, one line per key."""
     grouped: dict[Path, list[Any]] = {}
     for error in errors:
         grouped.setdefault(_path(data, error), []).append(error)
@@ -101,7 +101,7 @@ def _explain(model: type[BaseModel], data: Any, errors: Sequence[Any]) -> list[s
 
 
 def allowed_hint(word: str, allowed: Sequence[str]) -> str:
-    """List what is allowed, after the nearest match if there is one."""
+    """Return a hint for a wrong word: the nearest allowed word, if any, and all allowed words."""
     close = _closest_match(word, allowed)
     hint = f"did you mean '{close}'? " if close else ""
     return f"{hint}allowed: {', '.join(allowed)}"
@@ -113,7 +113,7 @@ def _closest_match(word: str, allowed: Sequence[str]) -> str | None:
 
 
 def _path(data: Any, error: Any) -> Path:
-    """Return the error's location, without the tags that pydantic adds for members of a union."""
+    """Return the keys that lead to an error, without the tags that Pydantic adds for unions."""
     out: list[Any] = []
     *parents, last = error["loc"] or (None,)
     for part in parents:
@@ -182,7 +182,7 @@ def _dot(parts: Sequence[Any]) -> str:
 
 
 def _home_table(model: type[BaseModel], path: Path) -> str:
-    """Name the tables that have a key of exactly this name, for an unknown key."""
+    """Return a hint that names the tables with a key of this name; "" if no table has one."""
     homes = [
         name
         for name, table in _fields(model).items()
@@ -192,18 +192,18 @@ def _home_table(model: type[BaseModel], path: Path) -> str:
 
 
 def _fields(model: Any) -> dict[str, Any]:
-    """Return the fields of a table by key: the alias if there is one."""
+    """Return a table's fields by their keys in files (the alias, if a field has one)."""
     fields = getattr(model, "model_fields", {})
     return {f.alias or name: f for name, f in fields.items()}
 
 
 def _keys_at(model: type[BaseModel], path: Path) -> list[str]:
-    """Return the keys of the table at `path`."""
+    """Return the keys that the table at `path` may have."""
     return list(_fields(_table_at(model, path)))
 
 
 def _table_at(model: type[BaseModel], path: Path) -> Any:
-    """Return the table at `path`."""
+    """Return the class of the table at `path`."""
     current: Any = model
     for part in path:
         if part in _fields(current):

@@ -23,11 +23,11 @@ from planner.errors import InputError
 from planner.support.arrays import Array, product
 
 Pieces = NDArray[np.int_]
-"""Indices of pieces, or of cells, from 0."""
+"""Indices of a curve's pieces, or of a plan's cells, from 0."""
 
 MOST_COEFFICIENTS = 100_000
-"""Largest number of coefficients of a curve in a file; verification needs some 5 kB for each. A
-compensated plan of 500 s has this many."""
+"""Largest number of coefficients of one curve in a file, as in a compensated plan of 500 s.
+Verification needs some 5 kB of memory per coefficient."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Bernstein:
     """A piecewise polynomial.
 
     Attributes:
-        c: Coefficients, shape (d+1, K, …); the last axes are those of one value.
+        c: Coefficients of K pieces of degree d, shape (d+1, K, …); "…" is the shape of one value.
         x: Breaks between the pieces, shape (K+1,), increasing.
 
     Raises:
@@ -53,13 +53,13 @@ class Bernstein:
 
     @property
     def degree(self) -> int:
-        """Degree of every piece."""
+        """Degree d, the same for every piece."""
         return len(self.c) - 1
 
     def __call__(self, t: ArrayLike) -> Array:
-        """Return values (…, *value) at times t (…); at a break, those of the piece after it.
+        """Return the values at times t, shape (*shape of t, *shape of one value).
 
-        Outside the breaks the first and the last piece are continued.
+        At a break the later piece counts; outside the breaks the first and last piece continue.
         """
         times = np.asarray(t, dtype=float)
         if times.ndim == 0:
@@ -75,7 +75,7 @@ class Bernstein:
         return np.asarray(out.reshape(*times.shape, *self.c.shape[2:]))
 
     def _value(self, t: float) -> Array:
-        """Return the value at one time; plain floats take a third of the time of arrays."""
+        """Return the curve's value at one time, computed with plain floats for speed."""
         inner, rows, binomials = self._rows
         if t != t:
             return np.full(self.c.shape[2:], t)
@@ -98,7 +98,7 @@ class Bernstein:
         return np.asarray(self.x[1:-1].searchsorted(t, side="right"))
 
     def piece_values(self, piece: Pieces, fraction: Array) -> Array:
-        """Return the values (P, C, …) at fractions (P, C) of the pieces (C,)."""
+        """Return the values (P, C, …) at P fractions (0 to 1) of each of C pieces."""
         c = self.c[:, piece].reshape(len(self.c), len(piece), -1)
         if np.all(fraction == fraction[:, :1]):  # equal in all pieces: one matrix does
             out = product(basis(self.degree, fraction[:, 0]).T, c.reshape(len(c), -1))
@@ -108,15 +108,14 @@ class Bernstein:
         return np.asarray(out.reshape(*fraction.shape, *self.c.shape[2:]))
 
     def derivative(self, order: int = 1) -> Bernstein:
-        """Return the time derivative of this order; the degree falls by the order."""
+        """Return the time derivative of the given order; the degree falls by the order."""
         c = self.c
         for _ in range(order):
             c = (len(c) - 1) * np.diff(c, axis=0) / self._wide if len(c) > 1 else np.zeros_like(c)
         return Bernstein(c, self.x)
 
     def antiderivative(self) -> Bernstein:
-        """Return ∫ p dt from the first break, one degree higher, exactly continuous at the
-        breaks."""
+        """Return ∫ p dt from the first break: one degree higher, exactly continuous at breaks."""
         c = integral(self.c) * self._wide
         c[:, 1:] += np.cumsum(c[-1], axis=0)[:-1]
         return Bernstein(c, self.x)
@@ -126,14 +125,14 @@ class Bernstein:
         return self._width.reshape(-1, *[1] * (self.c.ndim - 2))
 
     def slowed(self, factor: float, gain: float = 1.0) -> Bernstein:
-        """Stretch the curve in time by `factor` and multiply its values by `gain`."""
+        """Return the curve stretched in time by `factor`, with values multiplied by `gain`."""
         return Bernstein(self.c * gain, self.x * factor)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready form.
+        """Return the breaks and the coefficients as JSON-ready data.
 
         Raises:
-            InputError: If its file would be too long to be read.
+            InputError: If the curve has too many coefficients for a file.
         """
         if flaw := length_flaw(len(self.x) - 1, self.degree):
             raise InputError(
@@ -144,12 +143,12 @@ class Bernstein:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Bernstein:
-        """Read the output of `to_dict`."""
+        """Make a curve from the output of `to_dict`."""
         return cls(data["bernstein"], data["breaks"])
 
 
 def length_flaw(pieces: int, degree: int) -> str:
-    """Describe why a curve is too long for a file; empty if it is not."""
+    """Return in words why a curve has too many coefficients for a file; "" if it has not."""
     if pieces * (degree + 1) <= MOST_COEFFICIENTS:
         return ""
     most = f"at most {MOST_COEFFICIENTS} coefficients are allowed (pieces times degree + 1)"
@@ -157,7 +156,7 @@ def length_flaw(pieces: int, degree: int) -> str:
 
 
 def basis(degree: int, x: Array) -> Array:
-    """Evaluate all Bernstein polynomials of a degree at x (…); shape (degree+1, …)."""
+    """Return the values of all Bernstein polynomials of a degree at x (…), shape (degree+1, …)."""
     if not degree:
         return np.asarray(1 + 0 * x[None])  # keeps NaN
     up, down = np.ones((2, degree + 1, *x.shape))
@@ -178,15 +177,14 @@ def _binomials(degree: int) -> Array:
 
 
 def elevate(c: Array, degree: int) -> Array:
-    """Write the same polynomial at a higher degree."""
+    """Return Bernstein coefficients of the same polynomials at a higher degree."""
     out = np.dot(_elevation(len(c) - 1, degree), c.reshape(len(c), -1))
     return np.asarray(out.reshape(-1, *c.shape[1:]))
 
 
 @lru_cache(maxsize=256)
 def _elevation(low: int, high: int) -> Array:
-    """Return the matrix (high+1, low+1) from coefficients of degree `low` to those of degree
-    `high`."""
+    """Return the matrix that raises Bernstein coefficients from degree `low` to degree `high`."""
     out = np.eye(low + 1)
     for d in range(low + 1, high + 1):
         share = (np.arange(d + 1) / d)[:, None]
@@ -195,14 +193,14 @@ def _elevation(low: int, high: int) -> Array:
 
 
 def integral(c: Array) -> Array:
-    """Return the integral from 0, one degree higher."""
+    """Return Bernstein coefficients of the polynomials' integrals from 0, one degree higher."""
     return np.concatenate([np.zeros_like(c[:1]), np.cumsum(c, axis=0)]) / len(c)
 
 
 def split(c: Array, place: Array | float) -> tuple[Array, Array]:
-    """Split into [0, place] and [place, 1] by de Casteljau's algorithm.
+    """Return Bernstein coefficients on [0, place] and on [place, 1], by de Casteljau's algorithm.
 
-    `place` is one number, or one for each polynomial.
+    `place` is one number for all polynomials, or one number for each polynomial.
     """
     left, right, row, rest = [c[0]], [c[-1]], c, 1 - place
     while len(row) > 1:
@@ -213,5 +211,5 @@ def split(c: Array, place: Array | float) -> tuple[Array, Array]:
 
 
 def part(c: Array, low: Array, high: Array) -> Array:
-    """Restrict each polynomial to its own interval [low, high]."""
+    """Return Bernstein coefficients of each polynomial on an interval [low, high] of its own."""
     return split(split(c, high)[0], low / high)[1]

@@ -27,48 +27,47 @@ def points(count: int) -> Array:
 
 @lru_cache(maxsize=16)
 def to_series(count: int) -> Array:
-    """Return the matrix from values at the points to coefficients of the series."""
+    """Return the matrix from values at `count` Lobatto points to Chebyshev coefficients."""
     return np.asarray(np.linalg.inv(chebyshev.chebvander(2 * points(count) - 1, count - 1)))
 
 
 @lru_cache(maxsize=16)
 def from_series(width: int, count: int) -> Array:
-    """Return the matrix from coefficients of the series to values at `count` points."""
+    """Return the matrix from `width` Chebyshev coefficients to values at `count` Lobatto points."""
     return np.asarray(chebyshev.chebvander(2 * points(count) - 1, width - 1))
 
 
 @lru_cache(maxsize=16)
 def resampling(count: int, new: int) -> Array:
-    """Return the matrix from values at the points to values at `new` points."""
+    """Return the matrix from values at `count` Lobatto points to values at `new` Lobatto points."""
     return np.asarray(from_series(count, new) @ to_series(count))
 
 
 @lru_cache(maxsize=16)
 def integration(count: int) -> Array:
-    """Return the matrix from values at the points to values there of the integral from 0."""
+    """Return the matrix from values at `count` Lobatto points to the integral from 0 to each."""
     integrals = chebyshev.chebint(np.eye(count), lbnd=-1) / 2
     return np.asarray(chebyshev.chebval(2 * points(count) - 1, integrals).T @ to_series(count))
 
 
 @lru_cache(maxsize=16)
 def series_slopes(count: int) -> Array:
-    """Return the matrix from coefficients of the series to the derivative's values at the
-    points."""
+    """Return the matrix from Chebyshev coefficients to the derivative at `count` Lobatto points."""
     return np.asarray(from_series(count - 1, count) @ (2 * chebyshev.chebder(np.eye(count))))
 
 
 @lru_cache(maxsize=16)
 def differentiation(count: int) -> Array:
-    """Return the matrix from values at the points to the derivative's values there."""
+    """Return the matrix from values at `count` Lobatto points to the derivative at each point."""
     return np.asarray(series_slopes(count) @ to_series(count))
 
 
 @lru_cache(maxsize=16)
 def to_bernstein(count: int) -> Array:
-    """Return the matrix from values at the points to Bernstein coefficients.
+    """Return the matrix from values at `count` Lobatto points to Bernstein coefficients.
 
-    Tₙ(2x−1) has the coefficients (−1)^{n−i} C(2n, 2i)/C(n, i) at degree n; they are raised to the
-    common degree.
+    Tₙ(2x−1) has the coefficients (−1)^{n−i} C(2n, 2i)/C(n, i) at degree n; `elevate` raises them to
+    the degree `count` − 1.
     """
     out = np.zeros((count, count))
     for n in range(count):
@@ -83,8 +82,7 @@ def to_bernstein(count: int) -> Array:
 
 @lru_cache(maxsize=64)
 def from_bernstein(width: int) -> Array:
-    """Return the matrix (width, width) from Bernstein to Chebyshev coefficients, in exact
-    arithmetic.
+    """Return the exact matrix (width, width) from Bernstein to Chebyshev coefficients.
 
     With τ = 2x − 1 the basis is C(d, i) (1+τ)^i (1−τ)^{d−i} / 2^d, and τⁿ = 2^{1−n} Σ C(n, (n−k)/2)
     Tₖ over all k of the parity of n, with the term of T₀ halved.
@@ -104,7 +102,7 @@ def from_bernstein(width: int) -> Array:
 
 
 def apply(matrix: Array, values: Array) -> Array:
-    """Apply a matrix (M, P) to the first axis of values (P, …)."""
+    """Apply a matrix (M, P) to the first axis of values (P, …); return shape (M, …)."""
     return product(matrix, values.reshape(len(values), -1)).reshape(len(matrix), *values.shape[1:])
 
 
@@ -113,7 +111,9 @@ DEGREE = 14
 
 @dataclass(frozen=True)
 class Grid:
-    """Pieces with DEGREE + 1 points each; a function is its values (P, DEGREE+1, …).
+    """P pieces with DEGREE + 1 Lobatto points each; a function is given by its values there.
+
+    Values have the shape (P, DEGREE+1, …).
 
     Attributes:
         breaks: Times of the breaks between the pieces, shape (P+1,).
@@ -123,26 +123,26 @@ class Grid:
 
     @property
     def times(self) -> Array:
-        """Times of the points, shape (P, DEGREE+1); inner breaks appear twice."""
+        """Times of the grid's points, shape (P, DEGREE+1); inner breaks appear twice."""
         left, width = self.breaks[:-1, None], np.diff(self.breaks)[:, None]
         return np.asarray(left + width * points(DEGREE + 1))
 
     def integral(self, f: Array) -> Array:
-        """Return ∫ f dt from the first break to every point."""
+        """Return ∫ f dt from the first break to every point of the grid, from values f there."""
         integrals = _on_pieces(integration(DEGREE + 1), f) * self._width(f)
         before = np.cumsum(integrals[:, -1], axis=0) - integrals[:, -1]
         return integrals + before[:, None]
 
     def derivative(self, f: Array) -> Array:
-        """Return df/dt at the points."""
+        """Return df/dt at the points of the grid, from values f there."""
         return _on_pieces(differentiation(DEGREE + 1), f) / self._width(f)
 
     def tail(self, f: Array) -> Array:
-        """Return the magnitude of the last two series coefficients (the larger), shape (P, …)."""
+        """Return the larger magnitude of the last two Chebyshev coefficients, shape (P, …)."""
         return np.asarray(np.max(np.abs(_on_pieces(to_series(DEGREE + 1)[-2:], f)), axis=1))
 
     def curve(self, f: Array) -> Bernstein:
-        """Return the interpolating piecewise polynomial."""
+        """Return the piecewise polynomial that has the values f at the points of the grid."""
         c = _on_pieces(to_bernstein(DEGREE + 1), f)
         return Bernstein(np.swapaxes(c, 0, 1), self.breaks)
 
@@ -151,6 +151,6 @@ class Grid:
 
 
 def _on_pieces(matrix: Array, f: Array) -> Array:
-    """Apply a matrix (M, D) to the second axis of f (P, D, …)."""
+    """Apply a matrix (M, D) to the second axis of f (P, D, …); return shape (P, M, …)."""
     flat = matrix @ f.reshape(*f.shape[:2], -1)
     return np.asarray(flat.reshape(len(f), len(matrix), *f.shape[2:]))

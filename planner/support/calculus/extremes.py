@@ -14,13 +14,11 @@ Function = Callable[[Array], Array]
 
 
 def sample_times(breaks: Array, count: int = 2000, least: int = 9) -> Array:
-    """Return about `count` times over the pieces between `breaks`, denser near the ends of each
-    piece.
+    """Return about `count` times over the pieces between `breaks`, denser near each piece's ends.
 
-    Each piece has at least `least` times, including its two ends.
-
-    The spacing (Chebyshev–Lobatto) resolves the short, steep starts of plans close to a
-    singularity. Inner breaks appear twice, once for each side.
+    Each piece has at least `least` times, including its two ends; inner breaks appear twice, once
+    for each side. The spacing (Chebyshev–Lobatto) resolves the short, steep starts of plans close
+    to a singularity.
     """
     per_piece = max(least, count // (len(breaks) - 1))
     left, right = breaks[:-1, None], np.nextafter(breaks[1:, None], -np.inf)
@@ -30,20 +28,20 @@ def sample_times(breaks: Array, count: int = 2000, least: int = 9) -> Array:
 
 
 FLAT_DEPTH = 1e-13
-"""Dips of smaller depth are rounding, for a function of order one."""
+"""Depth below which a dip of a function of order one is rounding."""
 
 _ROUNDS = 11
-"""Each round narrows a dip eightfold; together to 1e-10 of the distance between samples."""
+"""Rounds that narrow a dip eightfold each, together to 1e-10 of the distance between samples."""
 
 _SECTIONS = 13
-"""Each round narrows a change of sign 16-fold; together to rounding of the distance."""
+"""Rounds that narrow a change of sign 16-fold each, together to the rounding of its time."""
 
 
 def minimum(function: Function, times: Array) -> tuple[float, float]:
     """Find the least value of `function` and its time.
 
-    Each dip between samples is narrowed, unless it would have to fall below its samples by more
-    than twice their depth to be the minimum.
+    A dip between samples is narrowed only if a fall by twice its depth would reach the least
+    sample.
 
     Args:
         function: Vectorised, times (m,) to values (m,); NaN values are ignored.
@@ -66,13 +64,13 @@ def minimum(function: Function, times: Array) -> tuple[float, float]:
 
 
 def maximum(function: Function, times: Array) -> tuple[float, float]:
-    """Find the greatest value of `function` and its time; see `minimum`."""
+    """Find the greatest value of `function` and its time, in the same way as `minimum`."""
     value, time = minimum(lambda t: -function(t), times)
     return -value, time
 
 
 def zeros(function: Function, times: Array) -> list[float]:
-    """Find times at which `function` changes sign, to rounding, on the side where it is ≤ 0.
+    """Find the times, to rounding, at which `function` changes sign, on the side where it is ≤ 0.
 
     Dips between two samples of the same sign are narrowed first, so that a short change of sign
     between samples is not missed. NaN counts as negative.
@@ -108,8 +106,7 @@ def _nan_negative(values: Array) -> Array:
 
 
 def _dips(values: Array) -> tuple[NDArray[np.int_], Array]:
-    """Return the indices of finite interior local minima, and their depths below the higher finite
-    side."""
+    """Return the indices of local minima, and their depths below the higher finite neighbour."""
     middle, sides = values[1:-1], np.stack([values[:-2], values[2:]])
     with np.errstate(invalid="ignore"):
         is_dip = np.all(middle <= sides, axis=0) & np.isfinite(middle)
@@ -129,12 +126,12 @@ def _narrow_samples(
 
 
 def narrow_dips(function: Function, low: Array, high: Array) -> tuple[Array, Array]:
-    """Find the minima of functions that dip once between `low` and `high` (M,).
+    """Find the minima of M functions, each of which dips once between its `low` and its `high`.
 
     Args:
         function: From x (R, M), one column per dip, to values (R, M); NaN is ignored.
-        low: Lower ends.
-        high: Upper ends.
+        low: Lower ends of the intervals, shape (M,).
+        high: Upper ends of the intervals, shape (M,).
 
     Returns:
         Least values (M,) and their x (M,).

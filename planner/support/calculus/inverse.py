@@ -1,9 +1,9 @@
 """Solve f(x) = y on the part of an interval where f rises, or falls; vectorised.
 
 f may have one turning point in the interval, which need not be known: the sign of f' tells whether
-a point is beyond it, and such points count as too far. The method is Newton's inside a shrinking
-bracket. It bisects if a Newton step leaves the bracket or the part, or does not halve the last
-step.
+a point is beyond the turning point, and such points count as too far. Newton's method runs inside a
+shrinking bracket, and bisects if a Newton step leaves the bracket or the part, or does not halve
+the last step.
 """
 
 from __future__ import annotations
@@ -33,10 +33,9 @@ class Preimage:
         x: The solution, shape (M,); without one, the nearest point of the part. NaN where f' never
             has the wanted sign, and where the value is NaN.
         exists: Whether there is a solution.
-        short_low: If the value is below f at the low end (on the scale sign·f): by how much; else
-            0.
-        short_high: If it is above f at the high end: by how much; else 0.
-        short_turn: If it is beyond f at the turning point: by how much; else 0.
+        short_low: Amount by which sign·value is below sign·f at the low end; 0 if it is not.
+        short_high: Amount by which sign·value is above sign·f at the high end; 0 if it is not.
+        short_turn: Amount by which the value is beyond f at the turning point; 0 if it is not.
     """
 
     x: Array
@@ -59,9 +58,7 @@ def inverse(function: WithSlope, value: Array, low: float, high: float, sign: fl
     inset = INSET * (high - low)
     a, b = np.full(value.shape, low + inset), np.full(value.shape, high - inset)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        (gap_a, at_a), (gap_b, at_b) = (
-            _gap_and_slope(function, x, value, sign)[:2] for x in (a, b)
-        )
+        (gap_a, at_a), (gap_b, at_b) = (_newton_step(function, x, value, sign)[:2] for x in (a, b))
         below, above = at_a & (gap_a <= 0), at_b & (gap_b >= 0)
         none = (~at_a & ~at_b) | np.isnan(value)
         outside = none | (at_a & (gap_a > 0)) | (at_b & (gap_b < 0))
@@ -81,10 +78,10 @@ def inverse(function: WithSlope, value: Array, low: float, high: float, sign: fl
     )
 
 
-def _gap_and_slope(
+def _newton_step(
     function: WithSlope, x: Array, value: Array, sign: float
 ) -> tuple[Array, NDArray[np.bool_], Array]:
-    """Return sign·(f − value), whether x is on the part, and the point of the Newton step."""
+    """Return sign·(f(x) − value), whether sign·f'(x) > 0, and x after a Newton step."""
     f, slope = function(x)
     return sign * (f - value), sign * slope > 0, x - (f - value) / slope
 
@@ -98,12 +95,12 @@ def _search(
     seen: tuple[NDArray[np.bool_], NDArray[np.bool_]],
     active: NDArray[np.bool_],
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Iterate in the bracket; also return whether values ≤ and ≥ the target were met."""
+    """Search f(x) = value in a bracket; return x, and whether f ≤ value and f ≥ value were met."""
     (low, high), (below, above) = bracket, seen
     turn_is_high = on_stretch[0] & ~on_stretch[1]
     x, last = 0.5 * (low + high), high - low
     for _ in range(_STEPS):
-        gap, ok, newton = _gap_and_slope(function, x, value, sign)
+        gap, ok, newton = _newton_step(function, x, value, sign)
         below, above = below | (ok & (gap <= 0)), above | (ok & (gap >= 0))
         too_far = np.where(ok, gap > 0, turn_is_high)
         low, high = np.where(too_far, low, x), np.where(too_far, x, high)

@@ -7,7 +7,7 @@ from typing import Any
 
 
 def step(rate: Callable[[Any, int], Any], x: Any, h: Any) -> Any:
-    """Return x after one step.
+    """Return x after one Runge–Kutta step.
 
     Args:
         rate: dx/dt as a function of x and k: at the step's start (k = 0), middle (1), end (2).

@@ -68,7 +68,7 @@ COMMANDS = {
     "systems": ("start", "List the kinds of systems, one per line."),
     "schema": ("start", "Print the JSON Schema of a kind of file."),
 }
-"""Each command's module and the first line of its docstring: `--help` imports no module."""
+"""Each command's module and the first line of its help, so that `--help` imports no module."""
 
 
 def load_command(name: str) -> Command:
@@ -78,7 +78,7 @@ def load_command(name: str) -> Command:
 
 
 class _Commands(TyperGroup):
-    """The group of all commands; it imports only the command that runs."""
+    """Typer's group of all commands, which imports the module of the command that runs."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
         name, _, rest = super().resolve_command(ctx, args)
@@ -132,7 +132,7 @@ def _root_options(
 
 
 def _stand_in() -> None:
-    """Placeholder for a command whose module is not loaded."""
+    """Do nothing, in place of a command whose module is not imported yet."""
 
 
 for _name, (_, _line) in COMMANDS.items():
@@ -140,10 +140,10 @@ for _name, (_, _line) in COMMANDS.items():
 
 
 def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
-    """Run the command line.
+    """Run the command line and return its exit status.
 
     Args:
-        arguments: Words after `planner`. By default those of the process.
+        arguments: Words after `planner`. By default the arguments of the process.
         last: Whether the process ends after this call; see `hear_signals`.
 
     Returns:
@@ -194,7 +194,7 @@ def _null_stream() -> TextIO:
 
 
 def _run(words: list[str]) -> int:
-    """Run a command and return its exit status; once that is known, ignore signals."""
+    """Run a command and return its exit status; ignore signals once the status is known."""
     written_paths.clear()
     manner.as_json = "--json" in words  # also for usage errors
     try:

@@ -70,7 +70,7 @@ def complete_methods(incomplete: str) -> list[tuple[str, str]]:
 
 
 def methods_option(help: str) -> Any:
-    """Return the option `--methods` with this help text."""
+    """Return the option `--methods` of a command, with the given help text."""
     return typer.Option("--methods", metavar="A,B,C", autocompletion=complete_methods, help=help)
 
 
@@ -99,12 +99,12 @@ TimeLimit = Annotated[
 
 
 def out_option(metavar: str, help: str) -> Any:
-    """Return the option `--out` with this metavar (FILE or FOLDER) and help text."""
+    """Return the option `--out` of a command, with the given metavar (FILE, FOLDER) and help."""
     return typer.Option("--out", "-o", metavar=metavar, help=help)
 
 
 def method_option(help: str) -> Any:
-    """Return the option `--method` with this help text."""
+    """Return the option `--method` of a command, with the given help text."""
     return typer.Option(
         "--method",
         "-m",
@@ -114,7 +114,7 @@ def method_option(help: str) -> Any:
 
 
 def samples_option(help: str) -> Any:
-    """Return the option `--samples` with this help text."""
+    """Return the option `--samples` of a command, with the given help text."""
     return typer.Option("--samples", "-n", min=1, help=help)
 
 
@@ -122,7 +122,7 @@ Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random mac
 
 
 def read_problem(path: Path, changes: list[str] | None, machine: Path | None = None) -> Problem:
-    """Read a problem and apply `--machine`, then `--set`.
+    """Read a problem file; apply the machine of `--machine`, then the changes of `--set`.
 
     Raises:
         InputError: If a file or a change is invalid.
@@ -139,15 +139,15 @@ def read_problem(path: Path, changes: list[str] | None, machine: Path | None = N
 
 
 def is_plan(path: Path) -> bool:
-    """Return whether a file is a plan, judging by its name; otherwise it is a problem file."""
+    """Return whether the name of a file is that of a plan (.json), not of a problem."""
     return path.suffix.lower() == ".json"
 
 
 def parse_changes(pairs: list[str]) -> dict[str, Any]:
-    """Parse the pairs of `--set key=value`.
+    """Parse the words after `--set`, each `key=value`, into values by dotted key.
 
     Raises:
-        InputError: If a pair does not have that form or its value is not TOML.
+        InputError: If a word does not have that form or its value is not TOML.
     """
     out: dict[str, Any] = {}
     for pair in pairs:

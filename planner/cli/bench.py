@@ -239,10 +239,10 @@ def _words(result: Identification) -> Iterator[str]:
 
 
 def _columns(pairs: list[str] | None) -> dict[str, str]:
-    """Parse the pairs of `--column name=column`.
+    """Parse the words after `--column`, each `name=column`, into the file's columns by our name.
 
     Raises:
-        InputError: If a pair does not have that form.
+        InputError: If a word does not have that form.
     """
     out = {}
     for pair in pairs or []:

@@ -215,7 +215,7 @@ def _kind(outcome: Outcome) -> str:
 
 
 def _unpromised_limits(analysis: Analysis) -> list[str]:
-    """Return the requirements that methods do not guarantee to keep, grouping equal lists."""
+    """Return lines that name the requirements which each method may break."""
     lists: dict[tuple[str, ...], list[str]] = {}
     for name, labels in analysis.not_promised.items():
         lists.setdefault(labels, []).append(name)
@@ -225,7 +225,7 @@ def _unpromised_limits(analysis: Analysis) -> list[str]:
 
 
 def _refusals(analysis: Analysis) -> Iterator[str]:
-    """Yield why methods refused and what to try, grouping methods with the same refusal."""
+    """Yield the lines of each refusal: the methods that gave it, the reason, what to try."""
     refused: dict[tuple[str, ...], tuple[list[str], list[str]]] = {}
     for o in analysis.outcomes:
         if o["verified"] or o["reason"] is None:

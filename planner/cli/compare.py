@@ -172,7 +172,7 @@ def compare(
 
 
 def _refuse_early(out: Path | None, budget: bool, report: bool) -> None:
-    """Refuse before the work what would fail after it."""
+    """Refuse options and a folder with which the command would fail after the planning."""
     if report and out is None:
         raise InputError("--report needs a folder: add --out FOLDER")
     if budget:
@@ -205,12 +205,12 @@ def _say_results(
 
 
 def _sets(changes: list[str] | None) -> list[str]:
-    """Return the `--set` options of these changes, for a command line."""
+    """Return the words of a command line that repeat the options `--set` of these changes."""
     return [word for change in changes or [] for word in ("--set", change)]
 
 
 def _add_budgets(shares: dict[str, Budget], result: Comparison) -> bool:
-    """Add the budget of each plan; return False if Ctrl-C interrupted it."""
+    """Add each plan's error budget to `shares`; return False if Ctrl-C interrupted the work."""
     plans = executable_plans(result.rows)
     try:
         with job() as progress:
@@ -282,7 +282,7 @@ def budget(
 def budgets(
     plans: dict[str, Plan], machine: Machine, progress: Tell, **options: Any
 ) -> Iterator[tuple[str, Budget]]:
-    """Yield the label and budget of each plan as soon as it is done; options of `error_budget`."""
+    """Yield each plan's label and error budget once computed; `options` are of `error_budget`."""
     for k, (label, plan) in enumerate(plans.items()):
 
         def tell(doing: str, share: float, k: int = k, label: str = label) -> None:

@@ -89,7 +89,7 @@ def export(
 
 
 def _held_miss(plan: Plan, rate_hz: float) -> dict[str, float]:
-    """Return `held_miss` by coordinate name with unit, angles in degrees."""
+    """Return how far held commands miss the plan's end, by coordinate; angles in degrees."""
     system = plan.problem.system
     names, miss = system.user_coordinates, held_miss(plan, rate_hz)
     return {
@@ -132,7 +132,7 @@ def animate(
 
 
 def plans_by_label(paths: Sequence[Path]) -> dict[str, Plan]:
-    """Load plans, labelled by method, or by file name if two plans have the same method."""
+    """Load plan files; return plans by method, or by file name if two have the same method."""
     loaded = [load_plan(path, strict=True) for path in paths]
     methods = [plan.label for plan in loaded]
     if len(set(methods)) == len(methods):

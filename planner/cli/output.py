@@ -1,6 +1,6 @@
 """Output of commands: results on standard output, everything else on standard error.
 
-Also translates errors of standard output and adds `--json`, `--quiet` and `--verbose` to commands.
+This file also translates errors of standard output, and adds `--json`, `--quiet` and `--verbose`.
 """
 
 from __future__ import annotations
@@ -61,15 +61,15 @@ class ReaderGoneError(Exception):
 
 
 _result_writer: Callable[[str], object] | None = None
-"""Writes the JSON object while `reserve_output` redirects standard output; else None."""
+"""Function that writes the JSON object while `reserve_output` redirects other output, or None."""
 
 
 PLAIN = {"−": "-", "–": "-", "·": "*", "×": "x", "±": "+-", "→": "->", "≤": "<=", "≥": ">="}
-"""Replacements for characters that a console lacks. Others lose accents or become "?"."""
+"""Replacements for characters that a console lacks; all others lose accents or become "?"."""
 
 
 def _nearest(error: UnicodeError) -> tuple[str, int]:
-    """Replace characters that a console lacks by ASCII; an error handler of `codecs`."""
+    """Return ASCII in place of characters that a console lacks; an error handler of `codecs`."""
     assert isinstance(error, UnicodeEncodeError)
     parts = unicodedata.normalize("NFKD", error.object[error.start : error.end])
     plain = (PLAIN.get(c, c) for c in parts if not unicodedata.combining(c))
@@ -138,8 +138,8 @@ def write_result(text: str) -> None:
     """Write a text to standard output.
 
     Raises:
-        InputError: If it cannot be written (a full disk).
-        ReaderGoneError: If its reader has closed it.
+        InputError: If the text cannot be written (a full disk).
+        ReaderGoneError: If the reader has closed standard output.
     """
     with translate_output_errors():
         (_result_writer or sys.stdout.write)(text)
@@ -148,7 +148,7 @@ def write_result(text: str) -> None:
 
 @contextmanager
 def translate_output_errors() -> Iterator[None]:
-    """Translate errors of standard output. Rich writes to it even while it captures."""
+    """Translate errors of standard output, to which Rich writes even while capturing."""
     try:
         yield
     except BrokenPipeError:
@@ -225,11 +225,11 @@ def say(text: str, style: str = "") -> None:
 
 
 Rows = Iterator[tuple[str, str]]
-"""Names and values of `facts`."""
+"""Rows of a table of `facts`: a name and a value each."""
 
 
 def facts(rows: Iterable[tuple[str, str]]) -> Table:
-    """Return a two-column table without headers."""
+    """Return a table with a name and a value in each row, without headers."""
     return terminal_table([Column("", "", itemgetter(k), left=True) for k in (0, 1)], rows)
 
 
@@ -249,7 +249,7 @@ def finish(
     """End a command: print its result and where it was written, and return the exit status.
 
     Args:
-        data: The result for `--json`; `exit_status` is added. Its key `written` is where the result
+        data: The result for `--json`; `exit_status` is added. The key `written` is where the result
             was written, or None.
         parts: Lines and tables to print without `--json`.
         status: The exit status.
@@ -265,7 +265,7 @@ def finish(
 
 
 class Job:
-    """The progress of a job: a text, and a bar once the finished share is known; see `job`."""
+    """Display of a job's progress: a text, and a bar once the finished share is known."""
 
     def __init__(self, text: str) -> None:
         self.text = self.line = text
@@ -349,10 +349,10 @@ class Interruption(PlannerError):  # noqa: N818 (not an error)
 
 @contextmanager
 def explain_interruption(what: str, place: Path) -> Iterator[None]:
-    """Run a block that saves each finished result, such as "cases", in a file or folder.
+    """Say, if a block is interrupted, in which file or folder its finished results ("cases") are.
 
     Raises:
-        Interruption: After Ctrl-C or SIGTERM, even if another error hides it, if the place exists.
+        Interruption: After Ctrl-C or SIGTERM, even if hidden by another error, if `place` exists.
     """
     try:
         yield
@@ -392,7 +392,7 @@ def search_ended_early() -> bool:
 
 
 class _CleanConsole(Console):
-    """A console that removes control characters from text, so that input cannot control it."""
+    """A console that removes control characters, so that text of users cannot control it."""
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
@@ -429,7 +429,7 @@ _COMMON_OPTIONS = {
 
 
 def add_common_options(command: Command) -> Command:
-    """Add the common options to a command, except those that it defines itself."""
+    """Add `--json`, `--quiet` and `--verbose` to a command, unless it defines them itself."""
     hints = get_type_hints(command, include_extras=True)
     own_parameters = [
         each.replace(annotation=hints[each.name])

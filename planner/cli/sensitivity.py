@@ -54,7 +54,7 @@ from planner.support.user_tables import parse
 from planner.verification.load_plan import load_plan
 
 MAX_PARAMETERS = 12
-"""Rows of the machine's table: the parameters with the largest response."""
+"""Most machine parameters in the table; the parameters with the largest response are shown."""
 
 
 def sensitivity(
@@ -171,7 +171,7 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
 
 
 def design_errors(plan: Plan) -> DesensitisedOptions:
-    """Return the design errors: those of a desensitised plan, else those of the problem's table."""
+    """Return the options with the design errors: a desensitised plan's own, else the problem's."""
     if plan.method == "desensitised":
         return parse(DesensitisedOptions, dict(plan.options), "options of the plan")
     return plan.problem.methods.desensitised
@@ -218,7 +218,7 @@ def _sum_text(responses: Sensitivity, spread: dict[str, float]) -> str:
 
 
 def _advice(responses: Sensitivity) -> str:
-    """Return the command to run next, in terms of the problem file."""
+    """Return a sentence with the command to run next."""
     plan = responses.plan
     calm = [plan.method] if plan.method == "desensitised" else [plan.method, "desensitised"]
     return next_step(plan.problem, *calm)
@@ -265,7 +265,7 @@ def run_trade_off(
     changes: list[str] | None,
     out: Path | None,
 ) -> int:
-    """Trace the curve and print it.
+    """Trace the curve of least sensitivity against a cost; save and print it.
 
     Raises:
         InputError: If an argument is wrong.

@@ -262,7 +262,7 @@ def _resize_arm(head: str, kind: str, file: type[ProblemFile], joints: int) -> s
 
 
 def _add_limits(head: str, table: type[BaseModel]) -> str:
-    """Add the limits that the head does not name, as comments at the end of its `[limits]`."""
+    """Return the head of a file with all limits that it lacks, as comments in its `[limits]`."""
     if not (section := re.search(r"(?m)^\[limits\].*\n(?:(?!\[).+\n)*", head)):
         return _add_limits(f"{head}\n[limits]\n", table)
     rows = []
@@ -280,7 +280,7 @@ def _add_limits(head: str, table: type[BaseModel]) -> str:
 def _table_text(
     title: str, about: str, table: type[BaseModel], values: Mapping[str, Any] | None = None
 ) -> str:
-    """Return a table with each key and its value or default as a comment, below its meaning."""
+    """Return the text of a table as comments: the meaning of each key, then its value."""
     lines = [f"[{title}]\n{_comment_lines(about)}"]
     for name, field in table.model_fields.items():
         default = field.get_default(call_default_factory=True)

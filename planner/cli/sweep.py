@@ -118,7 +118,7 @@ def sweep(
 
 
 def _refusals(label: str, records: Sequence[Record]) -> str:
-    """Return how many cases of a method ended in each status without a plan; "" if none did."""
+    """Return in words how many cases of a method were refused, by status; "" if all were solved."""
     mine = (r["status"] for r in records if r["method"] == label and not r["solved"])
     counts = Counter(status.replace("_", " ") for status in mine)
     return "".join(f", {n} {status}" for status, n in counts.items())

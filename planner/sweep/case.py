@@ -69,7 +69,7 @@ RESULTS: Mapping[str, str] = {
 in metres and the first peak in metres per second.
 
 `end_median_deg` and `end_p95_deg` are percentiles of the largest joint error at the end;
-`end_spread_deg` is the largest standard deviation of a joint angle there, over the machines.
+`end_spread_deg` is the largest standard deviation over the machines of a joint angle at the end.
 `contact_torque_nm` is the largest torque at a friction contact, the median over the machines.
 `contact_load` is the ratio of that torque to the contact's capacity, `motor_torque_nm` the torque
 of motor 1, both at the `CONTACT_PERCENTILE` percentile over the machines. `motor_power_w` is that
@@ -81,18 +81,18 @@ CONTACT_PERCENTILE = 99
 in a hundred cause most of the spread."""
 
 CONTACT_MACHINES = 1000
-"""Number of machines for contact loads; nothing is simulated, so they take milliseconds."""
+"""Number of machines for contact loads, which take milliseconds because nothing is simulated."""
 
 Row = dict[str, Any]
-"""A value for each of `RESULTS`; None if there is none."""
+"""Results of one case: a value for each key of `RESULTS`, None where undefined."""
 
 Request = dict[str, Any]
-"""Everything that a process needs to run a case, JSON-ready."""
+"""JSON-ready description of one case: everything that another process needs to run the case."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A case to run.
+    """One case of a sweep, ready to run.
 
     Attributes:
         label: The method as written in the sweep.
@@ -115,7 +115,7 @@ def cases(sweep: Sweep) -> Iterator[Case]:
 
 
 def case_at(sweep: Sweep, position: int) -> Case:
-    """Return the case at a position; positions count methods first, then points."""
+    """Return the case at a position; positions run through the methods of one point first."""
     number, method = divmod(position, len(sweep.methods))
     point, spec = sweep.points[number], sweep.methods[method]
     changes = copy.deepcopy(point)
@@ -135,7 +135,7 @@ def case_at(sweep: Sweep, position: int) -> Case:
 
 
 def _description(request: Request, spec: Spec) -> str:
-    """Describe a case with all defaults; return the request if its tables are no valid problem."""
+    """Return a text of all that a case's result depends on, or of an invalid case's request."""
     samples, seed = request["samples"], request["seed"]
     try:
         file = parse_file(request["tables"], "")
@@ -162,13 +162,13 @@ def _machine_of(text: str) -> dict[str, Any]:
 
 
 _casadi_lock = threading.Lock()
-"""CasADi is not thread-safe, and a Dask worker may have several threads."""
+"""Lock around CasADi, which is not thread-safe: a Dask worker may have several threads."""
 
 
 def run_case(request: Request) -> Row:
     """Plan, verify and replay one case; errors are recorded in its row.
 
-    Runs in another process, perhaps on another computer.
+    Another process, perhaps on another computer, may call this function.
     """
     with _casadi_lock:
         began = time.perf_counter()
@@ -233,7 +233,7 @@ def _replay_figures(plan: Plan, samples: int, seed: int) -> Row:
 
 
 def _plan_figures(plan: Plan, check: Check) -> Row:
-    """Return the figures that sweeps share with comparisons, and those that only sweeps have."""
+    """Return a plan's results, without replays, for the columns of `RESULTS`."""
     row = rows.Row.from_plan(plan.method, plan.method, plan, check)
     columns = rows.columns(plan.problem.system)
     figures = {c.name: c.value(row) for c in columns if RESULTS.get(c.name) == "REAL"}
@@ -252,7 +252,7 @@ def _refusal(error: NoPlanError) -> Row:
 
 
 def _number(value: Any) -> Any:
-    """Return a plain Python number; None for NaN."""
+    """Return a NumPy number as a Python number, NaN as None, and any other value unchanged."""
     if isinstance(value, np.generic):
         value = value.item()
     return None if isinstance(value, float) and np.isnan(value) else value

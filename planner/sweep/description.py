@@ -28,7 +28,7 @@ from planner.sweep.sweep_file import Point, ReplayTable, SweepFile, flatten, poi
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """A sweep: many variants of one problem. Build it with `Sweep.load` or `Sweep.from_dict`.
+    """Many variants of one problem, and the methods that plan them; made by `load` or `from_dict`.
 
     Attributes:
         name: Title, or the file's name.
@@ -50,7 +50,7 @@ class Sweep:
     _data: Mapping[str, Any]
 
     def __len__(self) -> int:
-        """Return the number of points times number of methods."""
+        """Return the number of cases: points times methods."""
         return len(self.points) * len(self.methods)
 
     @classmethod
@@ -104,7 +104,7 @@ class Sweep:
 
 
 def _flatten_blocks(data: dict[str, Any]) -> dict[str, Any]:
-    """Return the tables with nested keys of the problem replaced by dotted keys."""
+    """Return the tables of a sweep file with the problem's nested keys written as dotted keys."""
     out = dict(data)
     for block in ("set", "grid"):
         if isinstance(out.get(block), dict):
@@ -130,7 +130,7 @@ def base_problem(
         known: The problem itself, if the caller has it.
 
     Raises:
-        InputError: If the problem file is missing or invalid, or a change is.
+        InputError: If the problem file is missing or invalid, or a change is invalid.
     """
     if known is not None:
         return known.changed(changes)
@@ -156,12 +156,12 @@ def check_keys(
 ) -> None:
     """Refuse keys and values that are invalid in every case.
 
-    Values that are invalid only in combination are left to their cases. Each row of `cases` is
-    tried as a whole; every other key is tried alone, with the other values of the first point.
+    A combination that is invalid although each value is valid is left to its case. Each row of
+    `cases` is tried as a whole; every other key is tried alone, with the other values of the first
+    point.
 
     Raises:
-        InputError: For a key that does not exist, a value it can never have, or a key that has no
-            effect on any case.
+        InputError: If a key does not exist, has an impossible value, or affects no case.
     """
     keys = varied_keys(table)
     _refuse_idle(keys, table.replay.samples, methods, source)
@@ -176,7 +176,7 @@ def check_keys(
 
 
 def _extreme_values(values: Iterable[Any]) -> list[Any]:
-    """Return the smallest and the largest finite number, and all values that are no such number."""
+    """Return the smallest and the largest finite number, and every value of another kind once."""
     numbers, others = [], {}
     for value in values:
         if type(value) in (int, float) and math.isfinite(value):

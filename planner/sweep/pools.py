@@ -1,8 +1,8 @@
 """Run cases in this process, in processes of this computer, or on a Dask cluster.
 
-A process of this computer runs `serve`. It prints `ready`, then reads one request per line from
-standard input and prints one row per line on standard output, both JSON. It ends when its standard
-input closes, so that it never outlives its parent.
+A process of this computer runs `serve`: prints `ready`, then reads one request per line from
+standard input and prints one row per line on standard output, both JSON. The process ends when its
+standard input closes, so that it never outlives its parent.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from planner.sweep.case import RESULTS, Request, Row, run_case
 ONE_THREAD_ENVIRONMENT = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
-"""One thread per process: one process per core uses the cores better than threads do."""
+"""Environment that gives a worker process one thread: one process per core uses the cores best."""
 
 START_CODE = """
 import sys
@@ -43,56 +43,55 @@ from planner.sweep.pools import serve
 
 serve()
 """
-"""Code of a worker process. Its argument is the folder of this package, so that it imports this
-copy.
+"""Code of a worker process, which imports this copy of the package from the folder in its argument.
 
-The folder comes last in the search path: next to an installed package there may be a module with
-the name of one in the standard library."""
+The folder comes last in the search path, because it may hold a module with the name of one in the
+standard library."""
 
 READY_LINE = "ready\n"
 """First line that a worker process prints."""
 
 MAX_DEATHS = 2
-"""Number of processes that may die on a case before the case counts as a bug."""
+"""Number of worker processes that may die on a case before the case counts as a bug."""
 
 
 class Pool(Protocol):
-    """Runs cases at the same time.
+    """A set of processes that run cases at the same time.
 
     Attributes:
-        window: Number of cases to submit at once.
+        window: Largest number of submitted cases that are not finished.
     """
 
     window: int
 
     def submit(self, request: Request) -> Future[Row]:
-        """Submit a case. Its future raises only if the pool itself has failed."""
+        """Submit a case; the returned future raises only if the pool itself has failed."""
 
     def close(self) -> None:
-        """Cancel running and waiting cases, and release everything."""
+        """Cancel running and waiting cases, and release processes and connections."""
 
 
 class SerialPool:
-    """Runs cases in this process, one after the other; for debuggers and tests."""
+    """A pool that runs cases in this process, one after the other; for debuggers and tests."""
 
     window = 1
 
     def submit(self, request: Request) -> Future[Row]:
-        """Run a case now."""
+        """Run a case at once, and return a finished future."""
         future: Future[Row] = Future()
         future.set_result(run_case(request))
         return future
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing, because no process or connection is open."""
 
 
 class LocalPool:
-    """Runs cases in processes of this computer; a thread here waits for each process.
+    """A pool that runs cases in processes of this computer; a thread waits for each process.
 
-    loky is not used because its processes survive when this one is killed (measured: over ten
-    minutes), `concurrent.futures` because each process runs an unguarded script again. Neither
-    reports which case killed a process.
+    Reasons against others: loky's processes survive their killed parent by over ten minutes, those
+    of `concurrent.futures` run an unguarded script again, and neither reports which case killed a
+    process.
     """
 
     def __init__(self, count: int) -> None:
@@ -104,11 +103,11 @@ class LocalPool:
         self._closed = False
 
     def submit(self, request: Request) -> Future[Row]:
-        """Submit a case."""
+        """Submit a case to the next free worker process."""
         return self._threads.submit(self._run, request)
 
     def close(self) -> None:
-        """End the processes at once."""
+        """Kill the worker processes at once, and cancel waiting cases."""
         with self._lock:
             self._closed = True
             for worker in self._workers:
@@ -128,7 +127,7 @@ class LocalPool:
         return death_row(f"the process running it died {MAX_DEATHS} times", *worker.last_words())
 
     def _worker(self) -> _WorkerProcess:
-        """Return this thread's process; start one if none is alive."""
+        """Return the worker process of this thread; start a process if none is alive."""
         worker: _WorkerProcess | None = getattr(self._own, "worker", None)
         if worker is None or not worker.alive:
             with self._lock:
@@ -140,7 +139,7 @@ class LocalPool:
 
 
 class _WorkerProcess:
-    """A process that runs `serve`."""
+    """A worker process on this computer, which runs `serve`, and the pipes to it."""
 
     def __init__(self) -> None:
         self._ready = False
@@ -190,17 +189,17 @@ class _WorkerProcess:
         return None
 
     def last_words(self) -> tuple[int, str]:
-        """Return exit status and the end of standard error of a dead process."""
+        """Return a dead worker's exit status, and the end of what it wrote to standard error."""
         self._errors.seek(0)
         return self._process.returncode, self._errors.read().decode(errors="replace")[-4000:]
 
     def end(self) -> None:
-        """Kill the process; a thread in `ask` returns."""
+        """Kill the worker process; a call of `ask` that waits in another thread then ends."""
         self._process.kill()
         self._process.wait()
 
     def release(self) -> None:
-        """Close the pipes and files of a process that has ended."""
+        """Close the pipes and files of a worker process that has ended."""
         for stream in (self._process.stdin, self._process.stdout, self._errors):
             with suppress(OSError):
                 stream.close()  # type: ignore[union-attr]
@@ -248,7 +247,7 @@ WORKER_WAIT_S = 15.0
 
 
 class ClusterPool:
-    """Runs cases on the workers of a Dask scheduler; start them with `dask worker --nthreads 1`.
+    """A pool that runs cases on Dask's workers, each started with `dask worker --nthreads 1`.
 
     If a worker dies, Dask moves its case to another worker, at most three times.
 
@@ -257,7 +256,7 @@ class ClusterPool:
 
     Raises:
         InputError: If Dask is not installed, the scheduler does not answer or has no workers, or
-            they lack this package.
+            the workers lack this package.
     """
 
     window = CLUSTER_WINDOW
@@ -303,7 +302,7 @@ class ClusterPool:
             ) from None
 
     def submit(self, request: Request) -> Future[Row]:
-        """Submit a case."""
+        """Submit a case to the cluster."""
         answer: Future[Row] = Future()
 
         def done(future: Future[Row]) -> None:
@@ -337,7 +336,7 @@ class ClusterPool:
 
 
 def _refuse_junk(address: str) -> None:
-    """Refuse an invalid address at once; Dask would try to connect until its timeout."""
+    """Refuse an invalid address of a scheduler at once; Dask would try until its timeout."""
     scheme, prefix, place = address.rpartition("://")
     host, colon, port = place.rpartition(":")
     numbered = colon and port.isascii() and port.isdigit() and 0 < int(port[:6]) < 65536
@@ -354,7 +353,7 @@ def _refuse_junk(address: str) -> None:
 
 
 def _probe_worker() -> bool:
-    """Run on a worker: it can unpickle this function only if it has this package."""
+    """Return True on a worker that has this package; any other worker cannot load this function."""
     return True
 
 

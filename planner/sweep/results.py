@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas
 
 RESULT_COLUMNS = ("method", *(name for name in RESULTS if name != "plan"), "case", "finished_at")
-"""Columns that follow those of the varied keys."""
+"""Columns of a sweep's results, after one column per varied key."""
 
 SUFFIXES = (".csv", ".parquet")
 
@@ -57,7 +57,7 @@ def load_case_plan(db: str | Path, case: str) -> Plan:
         case: The key of the case, or a unique beginning of it.
 
     Raises:
-        InputError: If there is no such case, or it has no saved plan.
+        InputError: If there is no such case, or the case has no saved plan.
     """
     with Store(db) as store:
         text = store.plan(case)
@@ -94,7 +94,7 @@ def export(db: str | Path, path: str | Path, which: int | None = None) -> Path:
 
 
 def refuse_unexportable(path: str | Path) -> None:
-    """Refuse before the work a file that `export` cannot write.
+    """Refuse a file that `export` could not write; call this before long work.
 
     Raises:
         InputError: As for `export`.
@@ -108,7 +108,7 @@ def refuse_unexportable(path: str | Path) -> None:
 
 
 def read(db: str | Path, which: int | None = None) -> tuple[list[str], list[Record]]:
-    """Return columns and records of a sweep, in the order of `load_sweep`."""
+    """Return the column names of a sweep's results, and one record per point and method."""
     with Store(db) as store:
         sweeps = store.sweeps()
         if not sweeps:

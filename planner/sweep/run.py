@@ -24,7 +24,7 @@ from planner.sweep.pools import ClusterPool, LocalPool, Pool, SerialPool
 from planner.sweep.store import Store
 
 PROGRESS_INTERVAL_S = 1.0
-"""Longest time between progress calls, in seconds; a bar then shows before the first result."""
+"""Longest time between progress calls, in seconds, so that a bar shows before the first result."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Outcome:
     Attributes:
         db: The database file.
         points: Number of points of the sweep times number of methods.
-        cases: Number of different cases among them.
+        cases: Number of different cases among these points and methods.
         kept: Number of cases that were already in the file.
         ran: Number of cases that this run added.
         statuses: How many of the sweep's cases ended in each status.
@@ -116,7 +116,7 @@ def expect_workers(workers: int | None, cluster: str | None) -> None:
     """Refuse invalid settings of the pool, before anything is written.
 
     Raises:
-        InputError: If both are given, or `workers` is not a whole number of at least 0.
+        InputError: If both `workers` and `cluster` are given, or `workers` is negative.
     """
     if cluster is not None and workers is not None:
         raise InputError("give workers or cluster, not both: a cluster has its own workers")
@@ -153,7 +153,7 @@ def _refuse_local_plugins(sweep: Sweep) -> None:
 
 @dataclass
 class _SweepRun:
-    """The state of a run: waiting, running and finished cases."""
+    """State of a sweep that runs: its waiting, running and finished cases."""
 
     store: Store
     waiting: Iterator[Case]
@@ -164,7 +164,7 @@ class _SweepRun:
     finished: SimpleQueue[tuple[Case, Future[Row]]] = field(default_factory=SimpleQueue)
 
     def drive(self, pool: Pool) -> None:
-        """Submit cases as others finish, and save each finished case at once."""
+        """Submit waiting cases as earlier cases finish, and save each finished case at once."""
         self._report()
         running = sum(self._launch(pool, case) for case in islice(self.waiting, pool.window))
         try:

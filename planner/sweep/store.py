@@ -29,7 +29,7 @@ LOCK_WAIT_S = 30.0
 """Longest wait for another process that writes to the same file, in seconds."""
 
 ONE_PAGE = 4096
-"""Bytes of SQLite's first page; a file with tables has more pages."""
+"""Size of a page of SQLite in bytes; a database file with tables has several pages."""
 
 _TABLES = f"""
 CREATE TABLE schema_version (version INTEGER NOT NULL, format TEXT NOT NULL);
@@ -122,7 +122,7 @@ class Store:
         self.db.execute("PRAGMA synchronous = NORMAL")
 
     def _enable_write_ahead(self) -> None:
-        """Turn on write-ahead logging; retry, because SQLite does not wait for other locks here."""
+        """Turn on write-ahead logging; retry while another process holds a lock on the file."""
         end = time.monotonic() + LOCK_WAIT_S
         while True:
             try:
@@ -135,7 +135,7 @@ class Store:
                 return
 
     def _is_empty(self) -> bool:
-        """Return whether the file has no tables, even from another process."""
+        """Return whether the database file has no tables, neither ours nor another process's."""
         try:
             return self.db.execute("SELECT 1 FROM sqlite_master").fetchone() is None
         except sqlite3.Error:  # a full disk may prevent even reading
@@ -178,7 +178,7 @@ class Store:
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """Apply all changes of the block or none.
+        """Apply all changes that the block makes to the database, or none.
 
         Signals wait until the end of the block: between two steps a signal would leave the
         transaction open, and finished cases could not be saved any more.
@@ -297,7 +297,7 @@ class Store:
             )
 
     def sweeps(self) -> list[dict[str, Any]]:
-        """Return id, description and keys of the sweeps in this file, the last started one last."""
+        """Return id, description and varied keys of each sweep in the file, by time of start."""
         with self.explain_errors():
             rows = self.db.execute(
                 "SELECT id, description, keys FROM sweeps ORDER BY started_at, id"
@@ -312,7 +312,7 @@ class Store:
         ]
 
     def rows(self, sweep: int) -> Iterator[dict[str, Any]]:
-        """Yield the finished cases of a sweep in order: changes, method, results, no plan."""
+        """Yield changes, method and results (without plan) of a sweep's finished cases in order."""
         results = [name for name in RESULTS if name != "plan"]
         columns = ", ".join(f"cases.{name}" for name in results)
         with self.explain_errors():
@@ -331,7 +331,7 @@ class Store:
                 }
 
     def _parse(self, text: Any, what: str, kind: type) -> Any:
-        """Parse the JSON text of a column."""
+        """Parse JSON text from the database, and refuse a value that is not of the given kind."""
         try:
             value = parse_json(text)
         except (TypeError, ValueError) as error:

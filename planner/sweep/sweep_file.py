@@ -27,7 +27,7 @@ WholePair = Annotated[list[int], Field(min_length=2, max_length=2)]
 
 
 class Range(Table):
-    """Evenly spaced values."""
+    """Evenly spaced values of a key."""
 
     low: float = Field(alias="from", description="First value.")
     high: float = Field(alias="to", description="Last value.")
@@ -46,7 +46,7 @@ class Range(Table):
 
 
 class Distribution(Table):
-    """The distribution of a key; exactly one of these fields is given."""
+    """Distribution of the values of a key; exactly one of the fields is given."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
@@ -123,7 +123,7 @@ class SampleTable(Table):
 
 
 class ReplayTable(Table):
-    """Replays of every plan on the emulated machine."""
+    """Settings of the replays of every plan on the emulated machine."""
 
     samples: Whole = Field(
         0, le=1_000_000, description="Number of machines for each plan; 0: none."
@@ -132,7 +132,7 @@ class ReplayTable(Table):
 
 
 class SweepFile(Table):
-    """A sweep file.
+    """The tables of a sweep file.
 
     The points are all combinations of the rows of `cases`, the values of `grid` and the draws of
     `sample`; every method plans every point.
@@ -198,16 +198,16 @@ def _place_of(key: str) -> str:
 
 
 def sweep_schema() -> dict[str, Any]:
-    """Return the JSON Schema of a sweep file, for editors; it assumes dotted keys."""
+    """Return the JSON Schema of a sweep file with dotted keys, for editors."""
     return SweepFile.model_json_schema()
 
 
 Point = dict[str, Any]
-"""Dotted keys and their values."""
+"""One point of a sweep: dotted keys of the problem, and their values."""
 
 
 def points(table: SweepFile, source: str) -> list[Point]:
-    """Return every combination of rows, grid values and draws; the draws vary fastest.
+    """Return the points of a sweep: every combination of row, grid values and draw, draws fastest.
 
     Args:
         table: The tables of the sweep, with dotted keys.
@@ -297,7 +297,7 @@ def _axis_values(values: list[Any] | Range) -> list[Any]:
 
 
 def _sample_points(table: SampleTable) -> list[Point]:
-    """Return the draws; a larger count begins with the draws of a smaller one."""
+    """Return the drawn points of a sample; a larger `count` begins with the same points."""
     keys = table.keys
     columns = [
         _draw_values(d, u)
@@ -307,7 +307,7 @@ def _sample_points(table: SampleTable) -> list[Point]:
 
 
 def _unit_points(table: SampleTable, size: int) -> Array:
-    """Return points in the open unit cube, shape (count, size)."""
+    """Return a sample's quasi-random or random numbers between 0 and 1, shape (count, size)."""
     rng = np.random.default_rng(table.seed)
     if table.method == "random":
         cube = rng.random((table.count, size))
@@ -341,10 +341,10 @@ def _draw_values(distribution: Distribution, unit: Array) -> list[Any]:
 
 
 def canonical_json(value: Any) -> str:
-    """Return JSON with sorted keys and no spaces; types that JSON lacks (dates) become text."""
+    """Return a value as JSON with sorted keys and no spaces; types that JSON lacks become text."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), default=str)
 
 
 def digest(value: Any) -> str:
-    """Return the SHA-256 of `canonical_json`, 64 hexadecimal digits."""
+    """Return the SHA-256 of a value's canonical JSON, 64 hexadecimal digits."""
     return hashlib.sha256(canonical_json(value).encode()).hexdigest()

@@ -33,7 +33,7 @@ AngleRange = Annotated[list[AngleDeg], Field(min_length=2, max_length=2)]
 
 
 class VariablesTable(Table):
-    """Design variables; those not given are as in `[gear]`."""
+    """Design variables of a mechanism; each variable that is not given is as in `[gear]`."""
 
     rho: Positive | None = Field(None, description="r1/(lambda R); sets r1.")
     kappa: Positive | None = Field(None, description="lambda R/(eta r3); sets r3.")
@@ -71,7 +71,7 @@ class PairTable(Table):
 
 
 class TasksTable(Table):
-    """Pairs of start and goal, given or drawn."""
+    """Tasks of a design study: pairs of start and goal, given or drawn."""
 
     pairs: list[PairTable] = Field(
         default_factory=list, max_length=MAX_TASKS, description="Given pairs."
@@ -113,7 +113,7 @@ class MachinesTable(Table):
 
 
 class DesignFile(Table):
-    """A design file.
+    """The tables of a design file.
 
     The designs are all combinations of the rows of `cases` and the values of `grid`. Lengths share
     one unit.
@@ -175,12 +175,12 @@ def design_schema() -> dict[str, Any]:
 
 
 Task = tuple[list[float], list[float]]
-"""Joint angles at the start and at the goal, in degrees."""
+"""One task of a design study: joint angles at the start and at the goal, in degrees."""
 
 
 @dataclass(frozen=True, eq=False)
 class StudyInput:
-    """A design file, read and checked.
+    """The contents of a design file, read and checked.
 
     Attributes:
         title: The question of the study.
@@ -369,7 +369,7 @@ def _designs(
 def _present_mechanism(
     table: DesignFile, base: Problem, system: Manipulator, source: str, forced: bool
 ) -> tuple[Gear, Any]:
-    """Return gear and links of the base mechanism; links are None unless they share its unit."""
+    """Return gear and link lengths of the base mechanism; None for lengths in another unit."""
     if table.gear is not None:
         try:
             return table.gear.stages(1)[0], None
@@ -396,7 +396,7 @@ def _present_mechanism(
 
 
 STAGE_TOLERANCE = 1e-4
-"""Ratios in problem files have six digits; stages whose radii differ by more are different."""
+"""Relative difference of radii above which stages differ; ratios in files have six digits."""
 
 
 def _value_text(value: Any) -> str:

@@ -26,15 +26,15 @@ Outcome = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class DesignFigure:
-    """One figure of a design.
+    """A criterion that compares designs, with one number for each design.
 
     Attributes:
-        key: Its name in files and in `front`.
-        title: Its name in tables.
-        unit: Its unit, or "".
+        key: Name in files and in `front`.
+        title: Name in tables.
+        unit: Unit of the number, or "".
         sign: −1 if smaller is better, 1 if larger is better.
         share: Whether designs are compared by differences (shares, margins) instead of ratios.
-        column: Its name in an `Outcome`; empty if it equals the key.
+        column: Name in an `Outcome`; empty if this name equals the key.
         reduction: How values of tasks are combined; "part" is the share of tasks that are true.
     """
 
@@ -47,7 +47,7 @@ class DesignFigure:
     reduction: Literal["median", "largest", "part"] = "median"
 
     def value(self, outcomes: Sequence[Outcome]) -> float:
-        """Return the value over the tasks; NaN if undefined."""
+        """Return the figure of one design from its outcomes on all tasks; NaN if undefined."""
         column = self.column or self.key
         values = np.array([outcome.get(column) for outcome in outcomes], float)
         if self.reduction == "part":
@@ -58,7 +58,7 @@ class DesignFigure:
         return middle if np.isfinite(middle) else np.nan
 
     def merit(self, row: DesignRow) -> float:
-        """Return the value of a design with a sign such that larger is better."""
+        """Return the figure of one design, with the sign changed if smaller is better."""
         return row[self.key] * self.sign
 
 
@@ -89,7 +89,7 @@ DESIGN_FIGURES = (
         "compensated_spread_deg", "spread, compensated", "deg", column="compensated_end_spread_deg"
     ),
 )
-"""All figures except those that `figures_of` adds."""
+"""Figures of a design study; `figures_of` adds the solved tasks and the least link."""
 
 
 def default_front(compensated: bool) -> list[str]:
@@ -103,7 +103,7 @@ def default_front(compensated: bool) -> list[str]:
 
 
 def figures_of(methods: Sequence[str], compensated: bool) -> tuple[DesignFigure, ...]:
-    """Return the figures of a study with these methods, as written."""
+    """Return the figures of a study; `methods` are the methods' names as written in its file."""
     figures = [f for f in DESIGN_FIGURES if compensated or not f.key.startswith("compensated_")]
     solved = [
         DesignFigure(f"solved {method}", f"solved, {method}", "", 1, share=True, reduction="part")
@@ -120,8 +120,8 @@ def outcome(
     Args:
         design: The design.
         window: Travels of the task's one-way motions; None if unknown.
-        cases: The case of each method, as written; see `planner.sweep.case.RESULTS`. The first
-            method gives the figures, the last one those that begin with "compensated_".
+        cases: The results of each method (`planner.sweep.case.RESULTS`). The first method gives
+            the figures, the last method the figures that begin with "compensated_".
 
     Returns:
         Results of the solved cases, and `one_way`, `window`, `least_link`, "solved METHOD".
@@ -139,7 +139,7 @@ def outcome(
 def _width(window: TravelWindow) -> float:
     """Return the width of a travel window over its middle, a ratio independent of φ's scale.
 
-    An empty window has 0. One without an upper end (two joints) has 2, the limit of the ratio.
+    An empty window has 0. A window without an upper end (two joints) has 2, the ratio's limit.
     """
     if window.empty:
         return 0.0
@@ -188,12 +188,12 @@ def recommend(
     """Mark the Pareto front, choose a design, and give the reason in sentences.
 
     Candidates can be built, solve as many tasks as any design, and have a value of every figure to
-    trade off. If the contacts of some of them hold, only those are candidates. A candidate is on
-    the front if no other is as good in every figure and better in one.
+    trade off. If the contacts of some of these designs hold, only these remain candidates. A
+    candidate is on the front if no other is as good in every figure and better in one.
 
-    The chosen design has the smallest sum of relative losses, each against the best value of a
-    figure. One percent of one figure counts as much as one percent of another, so the worst designs
-    have no influence, and figures that hardly differ count little. It is on the front.
+    The chosen design is on the front, and has the smallest sum of relative losses, each against the
+    best value of a figure. One percent of one figure counts as much as one percent of another, so
+    the worst designs have no influence, and figures that hardly differ count little.
 
     Args:
         rows: The designs.
@@ -282,7 +282,7 @@ def _values(row: DesignRow, figures: Sequence[DesignFigure]) -> str:
 
 
 def _why(figures: Sequence[DesignFigure]) -> str:
-    """Return why a design is recommended, as the end of a sentence."""
+    """Return the reason for the recommendation, as the end of a sentence about a design."""
     titles = _join_titles(figures)
     if len(figures) > 1:
         return f"its {titles} are, added up, the fewest percent worse than the best of each"

@@ -32,13 +32,13 @@ class Design:
     """One mechanism of a study.
 
     Attributes:
-        name: The values of its variables, as text.
+        name: The values of the design's variables, as text.
         values: The varied design variables and their values; empty for the base mechanism.
         joints: Number of joints n.
         gear: Radii and ratios of every stage.
         link_lengths: Distances between neighbouring joints and to the tip, n values in the unit of
             the radii; None if not given, then links are as long as needed.
-        least_link: Least length of all links such that no parts collide, in the same unit.
+        least_link: Least length of all links such that no parts collide, in the radii's unit.
         refused: The violated inequality in words; empty if the design can be built.
     """
 
@@ -58,12 +58,12 @@ class Design:
 
 
 def gear_table(gear: Gear) -> dict[str, float]:
-    """Return radii and ratios by their names in files."""
+    """Return the radii and ratios of a gear by their names in files."""
     return {"r1": gear.r1, "R": gear.R, "r3": gear.r3, "lambda": gear.lam, "eta": gear.eta}
 
 
 def gear_of(values: Mapping[str, Any], base: Gear) -> Gear:
-    """Return the gear with some design variables changed.
+    """Return the gear `base` with some design variables changed.
 
     `rho` sets r₁ = ρλR and `kappa` sets r₃ = λR/(ηκ): disks A and purchased gears and belts stay,
     wheel B and the radius of the last contact change.
@@ -83,7 +83,7 @@ def design(
     link_lengths: Sequence[float] | None = None,
     clearance: float = 0.0,
 ) -> Design:
-    """Return a design, with the first inequality that it violates.
+    """Return a design of the mechanism, with the first inequality that it violates.
 
     Args:
         name: Name of the design.
@@ -107,7 +107,7 @@ def design(
 
 
 def _hidden_axle(gear: Gear, bends: Array, clearance: float) -> str:
-    """Return the message if wheel B and the axle of its disk A collide; else ""."""
+    """Return in words how wheel B and the axle of disk A collide; "" if they do not."""
     widest = float(np.max(bends[:-1]))
     room, bent = gear.R * float(np.cos(widest)), f"{np.rad2deg(widest):.3g} deg"
     if clearance and not room > clearance:
@@ -120,7 +120,7 @@ def _hidden_axle(gear: Gear, bends: Array, clearance: float) -> str:
 
 
 def _link_needs(gear: Gear, bends: Array, c: float) -> list[tuple[int, float, str]]:
-    """Return the requirements on links: link number, least length, and inequality in words."""
+    """Return each requirement on a link: link number, least length, and inequality in words."""
     out = []
     stages = len(bends) - 1
     plus = f" + {number(c)}" if c else ""

@@ -95,7 +95,7 @@ class DesignStudy:
 
     @property
     def columns(self) -> list[Column[DesignRow]]:
-        """The columns of the tables."""
+        """The columns of the study's tables."""
         return _columns(self)
 
     def to_dict(self) -> dict[str, Any]:
@@ -134,7 +134,7 @@ class DesignStudy:
         return frame.set_index("design")
 
     def table(self) -> Table:
-        """Return a table for `rich.print(study.table())`."""
+        """Return the study's table for a terminal: `rich.print(study.table())`."""
         narrow = {"design", "front", *(figure.title for figure in self.front_by), *TERMINAL_COLUMNS}
         narrow.add(f"solved, {self.input.reaching}")
         return terminal_table(
@@ -146,7 +146,7 @@ class DesignStudy:
         )
 
     def markdown(self) -> str:
-        """Return the table and the recommendation as Markdown."""
+        """Return the study's table and recommendation as Markdown."""
         built = [row for row in self.rows if not row.design.refused]
         lines = [f"# {markdown(self.title)}", "", self.reason, ""]
         lines.append(markdown_table(self.columns, built))
@@ -157,7 +157,7 @@ class DesignStudy:
         return "\n".join([*lines, "", self._caption]) + "\n"
 
     def _repr_html_(self) -> str:
-        """Return the table for a notebook."""
+        """Return the study's table and recommendation as HTML for a notebook."""
         table = html_table(self.columns, self.rows, self.title)
         return f"{table}<p>{escape(self.reason)}</p><p><small>{escape(self._caption)}</small></p>"
 
@@ -179,7 +179,7 @@ class DesignStudy:
 
     @property
     def _price(self) -> str:
-        """The computing time, and the part of compensated plans; "" without compensation."""
+        """A sentence on the computing time of all plans and of compensated plans, or ""."""
         if not self.input.table.compensated:
             return ""
         most = sum(self.seconds.values())
@@ -190,7 +190,7 @@ class DesignStudy:
         )
 
     def plot(self, *, axes: Any = None) -> tuple[Picture, Any]:
-        """Draw the study; see `planner.report.plot_design`."""
+        """Draw the study with `planner.report.plot_design`."""
         draw = import_function("planner.report.figures.design.plot_design")
         return cast("tuple[Picture, Any]", draw(self, axes=axes))
 

@@ -20,7 +20,7 @@ from planner.sweep.results import read
 from planner.sweep.run import expect_workers, run_sweep
 
 CASES_FILE = "cases.sqlite"
-"""The database of finished cases in a study's folder."""
+"""File name of the database of finished cases in a study's folder."""
 
 
 def design_study(
@@ -48,7 +48,7 @@ def design_study(
         progress: Called with the current step and the completed share.
 
     Returns:
-        All designs; those that cannot be built have the violated inequality.
+        The study with all designs; a design that cannot be built has the violated inequality.
 
     Raises:
         InputError: If the file is wrong, no design can be built, or the folder cannot be used.

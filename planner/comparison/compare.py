@@ -60,7 +60,7 @@ def compare(
     A refused plan that can be executed is replayed too: its row gives the reason for the refusal
     and its error on the machine.
 
-    Ctrl-C returns the finished rows with `complete` False. Before the first row is finished it
+    Ctrl-C returns the finished rows with `complete` False; Ctrl-C before the first row is finished
     raises KeyboardInterrupt as usual.
 
     Args:
@@ -115,10 +115,7 @@ def compare(
 
 @dataclass
 class _ComparisonRun:
-    """A running comparison with the rows so far.
-
-    After an interruption the last row may lack its replay.
-    """
+    """A comparison that runs, with the rows so far; after Ctrl-C the last may lack its replay."""
 
     problem: Problem
     machine: Machine
@@ -130,7 +127,7 @@ class _ComparisonRun:
     rows: list[Row] = field(default_factory=list)
 
     def add(self, spec: Spec, part: Tell) -> None:
-        """Plan by one method and replay its plan."""
+        """Plan by one method, replay the plan, and append one row, or two with feedback."""
         part("planning", 0.0)
         plain = self._plain(spec) if spec.compensated else None
         if self.methods is None and spec.compensated and plain is None:
@@ -146,7 +143,7 @@ class _ComparisonRun:
         part("done", 1.0)
 
     def _plain(self, spec: Spec) -> Row | None:
-        """Return the row of the verified plan to compensate; None if there is none yet."""
+        """Return the finished row of the verified plan that `spec` compensates, or None."""
         label = plain_label(spec.label)
         return next((row for row in self.rows if row.label == label and row.solved), None)
 
@@ -160,7 +157,7 @@ class _ComparisonRun:
             return Row(spec.label, spec.method, False, why)
 
     def _feedback_row(self, row: Row, replay: Callable[[Row], Row]) -> Row:
-        """Return a plan's row with feedback, or one that says why feedback cannot follow it."""
+        """Return a plan's row with feedback, or a row with the reason if feedback cannot follow."""
         assert row.plan is not None
         label, hindered = row.label + FEEDBACK, hindrance(row.plan, self.machine)
         try:
@@ -239,7 +236,7 @@ def plan_row(
     machine: Machine | None = None,
     plain: Row | None = None,
 ) -> Row:
-    """Plan by one method and return the row, which has no replay yet.
+    """Plan by one method and return the comparison's row, which has no replay yet.
 
     The row has a verified plan, a refused plan, or only the reason why there is no plan.
 
@@ -300,11 +297,11 @@ def _whole_plan(error: NoPlanError) -> tuple[Plan, Check] | None:
 
 
 STUDY_LIMIT_S = 5.0
-"""Longest time for planning a motion for study although it is already refused, in seconds."""
+"""Longest time for planning, only for study, a motion that is already refused, in seconds."""
 
 
 def _plan_too_short(problem: Problem, spec: Spec) -> tuple[Plan, Check] | None:
-    """Plan for study if the duration is proven too short, so that `solve` calls no method.
+    """Return a plan for study if `solve` called no method, because the duration is too short.
 
     Return None if the duration is not proven too short, or planning fails or takes too long.
     """

@@ -50,7 +50,7 @@ class Comparison:
 
     Attributes:
         problem: The problem that all methods solve.
-        rows: One per method, and one more per method with feedback, in the requested order.
+        rows: One row per method, and one more per method with feedback, in the requested order.
         machine: The distribution of machines on which every plan was replayed.
         samples: Number of random machines drawn from that distribution.
         seed: Random seed.
@@ -97,12 +97,12 @@ class Comparison:
 
     @cached_property
     def end_differences(self) -> tuple[Difference, ...]:
-        """Differences of the largest joint error at the end, for the same pairs."""
+        """Differences of the largest joint error at the end, for every pair of replayed plans."""
         return compare_pairs(self.rows, "end", self.threshold_deg)
 
     @cached_property
     def headline(self) -> str:
-        """Which plan to take, why, and what it costs, in a few sentences."""
+        """Sentences that say which plan to take, why, and what this plan costs."""
         return headline(self.rows, self.threshold_deg, self.machine.fidelity)
 
     @cached_property
@@ -112,7 +112,7 @@ class Comparison:
 
     @property
     def advice(self) -> Mapping[str, str]:
-        """What may help, by the label of the refused row; empty if any method has a plan."""
+        """Changes that may help, in words, by row label; empty if any method has a plan."""
         if any(row.solved for row in self.rows):
             return {}
         return {row.label: row.advice for row in self.rows if row.advice and not row.feedback}
@@ -165,7 +165,7 @@ class Comparison:
         )
 
     def _repr_html_(self) -> str:
-        """Return the table for a notebook."""
+        """Return the comparison's table as HTML for a notebook."""
         table = html_table(self._advised_columns(), self.rows, self.problem.name)
         return f"{table}<p><small>{escape(_caption(self))}</small></p>"
 
@@ -180,7 +180,7 @@ class Comparison:
         ]
 
     def _advised_columns(self) -> list[Column[Row]]:
-        """Return the columns, with each row's advice below its verdict."""
+        """Return the table's columns, with the advice of each row below its verdict."""
         tries = {label: f"\nTry: {advice}" for label, advice in self.advice.items()}
 
         def advice_text(row: Row) -> str:
@@ -189,7 +189,7 @@ class Comparison:
         return [replace(c, value=advice_text) if c.value is verdict else c for c in self.columns]
 
     def markdown(self) -> str:
-        """Return Markdown with a heading, the headline, the table, and the command to repeat."""
+        """Return the comparison as Markdown: headline, table, and the command that repeats it."""
         again = "Made from Python; `comparison.json` holds the problem, the machine and the seed."
         if repeat := command(self):
             again = provenance(clean_text(repeat))
@@ -204,7 +204,7 @@ class Comparison:
         return "\n".join([heading, table, *after])
 
     def figures(self) -> dict[str, Figure]:
-        """Return the figures that apply by name: z, joints, inputs, arm, errors, effort, replay."""
+        """Return the figures of the comparison by name, such as "z", "joints", "arm", "errors"."""
         figures: dict[str, Figure] = import_function("planner.report.folders.figures")(self)
         return figures
 
@@ -212,7 +212,7 @@ class Comparison:
         """Save table, figures, plans and data in a folder, all or nothing.
 
         Args:
-            folder: The folder; that of an earlier run is replaced.
+            folder: The folder; a folder of an earlier run is replaced.
             report: Whether to add report.html, a page that opens without a network.
 
         Raises:
@@ -264,7 +264,7 @@ def command(comparison: Comparison, out: str | None = None, *, report: bool = Fa
 
 
 def worst_command(comparison: Comparison, row: Row) -> str | None:
-    """Return the command line that replays only a row's worst machine; None if there is none."""
+    """Return the command line that replays only a row's worst machine; None if it has none."""
     if row.worst is None:
         return None
     alone = replace(comparison, rows=(row,), chosen=(row.worst,))
@@ -287,7 +287,7 @@ def _settings(comparison: Comparison) -> dict[str, Any] | None:
 
 
 def _worst_machines(comparison: Comparison) -> list[str]:
-    """Return the worst machine of each plan, and the command that replays only that machine."""
+    """Return Markdown lines with each plan's worst machine and the command that replays it."""
     lines = [
         f"- {markdown_code(row.label)}: E {number(float(row.replay.index_E_deg.max()))} deg"
         f" on machine {row.worst}: `{clean_text(str(worst_command(comparison, row)))}`"
@@ -300,14 +300,14 @@ def _worst_machines(comparison: Comparison) -> list[str]:
 
 
 def comparison_csv(comparison: Comparison) -> str:
-    """Return CSV with one line per method, full precision, empty if a number is undefined."""
+    """Return a comparison as CSV: one line per row, full precision, empty where undefined."""
     # The peaks of the inputs stay last, as in earlier files.
     columns = sorted(comparison.columns, key=lambda c: c.title.startswith("|u"))
     return csv_table([*columns, *intervals(comparison.problem.system)], comparison.rows)
 
 
 def _kind(comparison: Comparison) -> str:
-    """Return words for the origin of the machines and, for an arm with shafts, how they start."""
+    """Return in words where the machines come from and, for an arm with disks, how they start."""
     if not compensable(comparison.problem.system):
         return comparison.machine.origin
     return f"{comparison.machine.origin}, {comparison.machine.start_words}"
@@ -339,11 +339,11 @@ NOT_IN_TERMINALS = ("travel", "took")
 
 
 TINY_S = 1e-6
-"""Smaller differences are rounding errors, in seconds."""
+"""Difference of durations below which plans count as equally long, in seconds."""
 
 
 def _longer_words(comparison: Comparison) -> str:
-    """Return a sentence, after a space, about plans longer than `goal.duration`; "" if none is."""
+    """Return a sentence, with a leading space, on plans longer than `goal.duration`; else ""."""
     duration = comparison.problem.duration
     longer = [
         f"{row.label} by {number(row.duration_s - duration)} s"

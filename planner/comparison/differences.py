@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 TINY_DEG = 1e-9
-"""Smaller differences are rounding errors, in degrees."""
+"""Difference below which a number is a rounding error and shown as 0, in degrees."""
 
 
 def _signed_number(value: float) -> str:
@@ -42,11 +42,11 @@ def _verdict(d: Difference) -> str:
 
 
 Pair = tuple[Difference, Difference]
-"""For two plans: the difference of their E, and the difference of their errors at the end."""
+"""Differences between two plans: of their E, and of their errors at the end."""
 
 
 def _figures(k: int, prefix: str, word: str) -> Iterator[Column[Pair]]:
-    """Yield the columns of the k-th difference of a pair."""
+    """Yield the columns of the k-th difference of a pair (0: E, 1: error at the end)."""
 
     def column(
         title: str, value: Callable[[Difference], Any], shown: Any, name: str, left: bool = False
@@ -79,7 +79,7 @@ TERMINAL_KEYS = ("second", "median_deg", "interval_low_deg", "interval_high_deg"
 def rich_differences(comparison: Comparison) -> Table | None:
     """Return a table that compares the recommended plan with every other; None if no other exists.
 
-    If no plan is verified, the one with the smallest median E takes its place.
+    If no plan is verified, the plan with the smallest median E counts as the recommended plan.
     """
     take = comparison.recommended
     best = comparison.best if take is None else take.label
@@ -101,7 +101,7 @@ def rich_differences(comparison: Comparison) -> Table | None:
 
 
 def _narrow(column: Column[Pair]) -> Column[Pair]:
-    """Narrow a column for a terminal of 80 characters."""
+    """Return a column narrowed for a terminal of 80 characters."""
     if column.left:
         return replace(column, width=14 if column.title == "verdict" else 20)
     return replace(column, shown=lambda x: f"{x:+.2f}" if np.isfinite(x) else "-")
@@ -127,7 +127,7 @@ def _reverse(label: str, d: Difference) -> Difference:
 
 
 def markdown_differences(comparison: Comparison) -> str:
-    """Return all pairs as Markdown."""
+    """Return the differences of all pairs of plans as Markdown."""
     return f"""# Differences between plans: {markdown(comparison.problem.name)}
 
 {markdown_table(COLUMNS, _pairs(comparison))}
@@ -144,7 +144,7 @@ significant too, but those below {comparison.threshold_deg:g} degrees are too sm
 
 
 def csv_machines(comparison: Comparison) -> str:
-    """Return CSV of E and the error at the end, for every plan and machine, full precision."""
+    """Return as CSV E and the error at the end of every plan on every machine, full precision."""
     lines = ["plan,machine,E_deg,end_deg"]
     for row in comparison.rows:
         if row.machine_errors_deg is None:
@@ -156,5 +156,5 @@ def csv_machines(comparison: Comparison) -> str:
 
 
 def csv_differences(comparison: Comparison) -> str:
-    """Return CSV of all pairs, full precision, empty if a number is undefined."""
+    """Return the differences of all pairs of plans as CSV, in full precision."""
     return csv_table(COLUMNS, _pairs(comparison))

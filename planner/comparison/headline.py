@@ -14,18 +14,16 @@ from planner.support.statistics import Difference, differences
 from planner.support.tables import number
 
 LEAST_SHARE = 1.05
-"""A plan's duration or effort is mentioned as a cost only if it is more than this factor times the
-other plan's."""
+"""Ratio of two plans' durations or efforts above which the headline mentions the larger one."""
 
 LEAST_SWING_DEG = 5.0
-"""Swings of joint 1 smaller than this need no warning, in degrees."""
+"""Smallest swing of joint 1 that needs a warning, in degrees."""
 
 MOST_BEYOND_PERCENT = 1.0
-"""A plan that breaks a limit on a greater share of the machines is recommended only if all plans
-do."""
+"""Most machines, in percent, on which a recommended plan breaks a limit, unless all break more."""
 
 LEAST_RUN_UP_S = 0.5
-"""A controller may move the arm longer than the plan by this time without a warning, s."""
+"""Longest motion of the arm beyond the plan's duration, in seconds, that needs no warning."""
 
 
 def compare_pairs(
@@ -50,9 +48,9 @@ def recommend(rows: Sequence[Row], threshold_deg: float) -> Row | None:
     """Return the plan to take without feedback; None if no method has a verified plan.
 
     Plans that break a limit on more than `MOST_BEYOND_PERCENT` of the machines are considered only
-    if all do. The best plan is that with the smallest median E. Among the plans that the paired
-    test does not find worse than the best, take the one with the least effort. If no plan has an E,
-    effort alone decides.
+    if all plans do. The best plan is the plan with the smallest median E. Among the plans that the
+    paired test does not find worse than the best, the plan with the least effort is taken. If no
+    plan has an E, effort alone decides.
 
     Args:
         rows: The rows of a comparison.
@@ -75,7 +73,7 @@ def _breaks_limits(row: Row) -> bool:
 
 
 def _worse_than(row: Row, rows: Sequence[Row], threshold_deg: float) -> set[str]:
-    """Return labels of plans that the paired test finds worse than this one, in E or at the end."""
+    """Return labels of plans that paired tests find worse than the row's, in E or at the end."""
     out = set()
     for d in (*compare_pairs(rows, "E", threshold_deg), *compare_pairs(rows, "end", threshold_deg)):
         if row.label in (d.first, d.second) and d.is_clear:
@@ -84,7 +82,7 @@ def _worse_than(row: Row, rows: Sequence[Row], threshold_deg: float) -> set[str]
 
 
 def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
-    """Return as plain text which plan to take, why, and what it costs.
+    """Return as plain text which plan to take, why, and what this plan costs.
 
     Args:
         rows: The rows of a comparison.
@@ -134,7 +132,7 @@ def _rival(row: Row, solved: list[Row]) -> Row | None:
 
 
 def _against(row: Row, rival: Row, worse: bool) -> str:
-    """Return how a plan compares with the next best of its kind: test result and costs, in words.
+    """Return a sentence that compares a plan with its rival: test result and costs.
 
     `worse` says whether the paired test finds the rival worse.
     """
@@ -170,9 +168,9 @@ def _swing(row: Row) -> str:
 
 
 def _refusal(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
-    """Describe a refused compensated plan that would be more accurate, and what to change.
+    """Return a sentence on a refused compensated plan that is more accurate than the row's plan.
 
-    Return "" if no refused plan is more accurate than this one by more than the threshold.
+    Return "" if no refused plan is more accurate by more than the threshold.
     """
 
     def gain(each: Row) -> float:
@@ -193,10 +191,10 @@ def _refusal(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
 
 
 def _what_decides(solved: Sequence[Row]) -> str:
-    """Say that compensation, not the method, decides the accuracy; and how the efforts differ.
+    """Return sentences that compensation decides the accuracy, and how the methods' efforts differ.
 
-    Return "" unless the 95th percentile of E of every compensated plan is below that of every
-    original plan, or if fewer than two plans are compensated.
+    Return "" unless at least two plans are compensated, and the 95th percentile of E of each of
+    these is below that of every original plan.
     """
     rows = {row.label: row for row in solved}
     pairs = [(rows[was], row) for row in solved if (was := plain_label(row.label)) in rows]
@@ -222,7 +220,7 @@ def _range(values: Sequence[float], unit: str) -> str:
 
 
 def _costs(row: Row, other: Row) -> str:
-    """Say by which duration or effort a plan exceeds the other; "" if it does by neither."""
+    """Return in words the duration and effort by which a plan clearly exceeds another, or ""."""
     assert row.plan is not None
     unit = effort_unit(row.plan.problem.system)
     return " and ".join(
@@ -243,7 +241,7 @@ def _caution(row: Row) -> str:
 
 
 def _follow_up(rows: Sequence[Row], row: Row) -> str:
-    """Say how large E is with feedback, and how much longer the arm then moves.
+    """Return sentences on E with feedback, and on how much longer feedback moves the arm.
 
     Return "" if the plan was not replayed with feedback.
     """

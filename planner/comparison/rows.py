@@ -23,12 +23,12 @@ FEEDBACK = " + feedback"
 
 
 def plain_label(label: str) -> str:
-    """Return the label of the plan without compensation."""
+    """Return a row's label without the word "compensated"."""
     return label.replace(f" {COMPENSATED}", "", 1)
 
 
 OTHER_WAY_DEG = 2.0
-"""A compensated plan gets a remark if it leaves the original path by more than this, degrees."""
+"""Distance from the original path, in degrees, above which a compensated plan gets a remark."""
 
 
 def _statistic(name: str) -> Any:
@@ -52,12 +52,12 @@ def _interval(name: str) -> Any:
 
 
 KEPT_IN_FILES = {"plan", "replay", "machine_errors_deg"}
-"""Fields that `Row.to_dict` leaves out: a saved comparison keeps them in other files, or not."""
+"""Fields that `Row.to_dict` leaves out; a saved folder has plans and errors in other files."""
 
 
 @dataclass(frozen=True)
 class Row(PlanFigures):
-    """Result of one method. Undefined numbers are NaN.
+    """Result of one method in a comparison; undefined numbers are NaN.
 
     Attributes:
         label: The method with its options, as requested.
@@ -69,7 +69,7 @@ class Row(PlanFigures):
         E_median_deg: Median over machines of the paper's index of error E, eq. (29).
         E_p95_deg: 95th percentile of E over machines.
         end_median_deg: Median over machines of the largest error of an angle at the end.
-        end_p95_deg: 95th percentile of that error over machines.
+        end_p95_deg: 95th percentile over machines of the largest error of an angle at the end.
         beyond_limits: Percent of the machines that break a limit of joints, obstacles or links.
         E_median_interval_deg: 95 % confidence interval of `E_median_deg`.
         E_p95_interval_deg: 95 % confidence interval of the 95th percentile; NaN if there are too
@@ -80,13 +80,12 @@ class Row(PlanFigures):
         build_time_s: Part of `took_s` spent on building the optimisation problem.
         replay: The replays on the machines; None for a plan that cannot be executed.
         machine_errors_deg: E and the largest error at the end on each machine, shape (2, S); None
-            without angles. Unlike `replay` it is restored from a saved folder.
+            without angles. A saved folder restores these errors, but not `replay`.
         feedback: Whether the replays used feedback. If so, `effort` is the median over machines of
             the commands' effort, and `peak_u` the largest motor speeds on any machine.
         note: Why feedback gains little, or how far a compensated plan leaves the original path;
             else empty.
-        advice: For a refused plan, changes that may help, in words; those that were tried are
-            marked.
+        advice: For a refused plan, changes that may help, in words; tried changes are marked.
     """
 
     label: str
@@ -123,7 +122,7 @@ class Row(PlanFigures):
             label: The method with its options.
             method: Name of the method.
             plan: The plan.
-            check: Its verification.
+            check: Result of the plan's verification.
             why: Reason of the refusal, or what ended the search early.
         """
         values = cls.measure(plan, check)
@@ -159,16 +158,16 @@ class Row(PlanFigures):
 
     @property
     def status(self) -> str | None:
-        """Status of the plan."""
+        """Status of the row's plan; None without a plan."""
         return None if self.plan is None else self.plan.status
 
     @property
     def worst(self) -> int | None:
-        """Number of the machine with the largest E; None without a replay or for no angles."""
+        """Number of the machine with the largest E; None without a replay or without angles."""
         return self.replay.worst if self.replay is not None and self.replay.angles else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready data without curves; None if a number is undefined."""
+        """Return the row as JSON-ready data without curves; undefined numbers are None."""
         first = ("label", "method", "solved", "why")
         data = {key: getattr(self, key) for key in first}
         data |= {key: value for key, value in vars(self).items() if key not in KEPT_IN_FILES}
@@ -180,7 +179,7 @@ class Row(PlanFigures):
 
 
 def machine_figures(run: Replay, *, sweep: bool = False) -> dict[str, Any]:
-    """Return the figures computed from replays, by name; if `sweep`, only those sweeps store."""
+    """Return a row's figures from replays, by name; if `sweep`, only figures that sweeps store."""
     known = figures(Row).items()
     return {n: f.replay(run) for n, f in known if f.replay and (f.sweep or not sweep)}
 
@@ -198,7 +197,7 @@ def verdict(row: Row) -> str:
 
 
 def columns(system: TriangularSystem) -> list[Column[Row]]:
-    """Return the columns: label, verdict, then the numbers in reading order."""
+    """Return the columns of a comparison: label, verdict, then the numbers in reading order."""
     return [
         Column("method", "", lambda r: r.label, key="label", left=True, width=20, code=True),
         Column("solved", "", verdict, key="", left=True),
@@ -209,14 +208,14 @@ def columns(system: TriangularSystem) -> list[Column[Row]]:
 
 
 def intervals(system: TriangularSystem) -> list[Column[Row]]:
-    """Return the columns of 95 % confidence intervals, for Markdown and CSV only."""
+    """Return a comparison's columns that only Markdown and CSV have, 95 % intervals among them."""
     return list(_columns(system, files=True))
 
 
 def _columns(system: TriangularSystem, files: bool) -> Iterator[Column[Row]]:
-    """Yield a column for each number of the figures; those without a heading are for CSV only.
+    """Yield the columns of the figures that only files show (`files`), or of all other figures.
 
-    If `files`, only of figures that are shown in files alone; else only of the others.
+    A figure without a heading has a column in CSV only.
     """
     for name, one in figures(Row).items():
         if one.files != files:
@@ -234,11 +233,11 @@ def _component(name: str, k: int) -> Callable[[Row], float]:
 
 
 def _fact(name: str) -> Column[Row]:
-    """Return a column that only CSV has."""
+    """Return a column, for CSV only, of an attribute of `Row`."""
     return Column(name, "", attrgetter(name), shown=None)
 
 
 def sweep_columns() -> list[str]:
-    """Return the names of the numbers that sweeps save, as in CSV."""
+    """Return the column names, as in CSV, of the figures that sweeps save."""
     names = {name: one for name, one in figures(Row).items() if one.sweep}
     return [key for n, f in names.items() for key in ([h.key or n for h in f.headings] or [n])]

@@ -28,21 +28,21 @@ class Control:
     """A slider, choice or switch, and the key of the problem file that it sets.
 
     Attributes:
-        group: Heading of its group.
-        label: Its name on the screen.
+        group: Heading of the control's group.
+        label: Name on the screen.
         kind: "slider", "choice" or "switch".
         key: Dotted key of the problem file ("limits.joint_deg"), or "method" or "samples".
-        whole: Current value of that key. A machine effect that is off has the value that it gets
-            when switched on.
+        whole: Current value of the key; for a machine effect that is off, the value that the effect
+            gets when switched on.
         part: Indices or keys that lead to this control's number in `whole`, if that is a list or
             table.
-        shown: Number or word shown; for a slider that is off, the value it gets when switched on.
+        shown: Number or word shown; for a slider that is off, its value once switched on.
         low: Smallest number of a slider.
         high: Largest number of a slider.
         log: Whether a slider is logarithmic.
         integer: Whether a slider has whole numbers only.
         unit: Unit of the number.
-        on: Whether it is switched on.
+        on: Whether the control is switched on.
         off: The key's value when the slider is switched off ("free", None, False).
         off_word: The word shown for `off`; empty if the slider cannot be switched off.
         choices: The words of a choice.
@@ -105,13 +105,13 @@ def round_digits(value: float, digits: int = 6) -> float:
 
 
 def log_range(value: float, factor: float = 10.0) -> tuple[float, float]:
-    """Return the ends of a logarithmic slider around a positive value, with one digit each."""
+    """Return the low and high end of a logarithmic slider around a positive value, in one digit."""
     low, high = (10.0 ** np.floor(np.log10(v)) for v in (value / factor, value * factor))
     return float(low), float(np.ceil(value * factor / high) * high)
 
 
 def travel_range(problem: Problem) -> tuple[float, float, float]:
-    """Return the smallest and largest travel of the slider, and a travel in the middle."""
+    """Return the smallest and the largest travel of the travel slider, and a travel between."""
     window = travel_window(problem)
     travel = problem.travel
     if window is not None and not window.empty and np.isfinite(window.high):
@@ -128,7 +128,7 @@ def travel_range(problem: Problem) -> tuple[float, float, float]:
 
 
 def z2_reach(problem: Problem) -> float:
-    """Return the end of a slider for z₂: twice the larger |z₂| of start and goal (or 0.001)."""
+    """Return the largest z₂ of a slider: twice the larger |z₂| of start and goal, or 0.001."""
     form = chained_form(problem.system)
     ends = [form.z(np.nan_to_num(q))[1] for q in (problem.start, problem.goal)]
     return round_digits(max(1e-3, 2 * float(np.max(np.abs(ends)))), 2)
@@ -137,7 +137,7 @@ def z2_reach(problem: Problem) -> float:
 GROUPS = {"system": "System", "start": "Start", "goal": "Goal"}
 
 MAX_JOINTS = 6
-"""Most joints on the slider: planning with more is too slow for an interactive screen."""
+"""Most joints on the slider: planning with more joints is too slow for an interactive screen."""
 
 ANGLE_ENDS: Mapping[str, float] = {
     "theta": 89.0,
@@ -163,7 +163,7 @@ UNITS = {
     "_m": "m",
     "_s": "s",
 }
-"""Units by the ending of a key; longer ones come first ("_rad_s" before "_s")."""
+"""Units by the ending of a key; longer endings come first ("_rad_s" before "_s")."""
 
 
 def key_words(key: str) -> tuple[str, str]:
@@ -175,8 +175,8 @@ def key_words(key: str) -> tuple[str, str]:
 
 
 EXCLUDED_KEYS = frozenset({"phi_rad", "travel", "duration"})
-"""Keys without a slider here: travel and duration have their own controls, and phi_rad, the first
-disk's initial angle, does not change the motion."""
+"""Keys without a slider from `task_controls`: travel and duration have other controls, and phi_rad,
+the first disk's initial angle, does not change the motion."""
 
 
 WHOLE_KEYS = (JOINTS_KEY, "goal.turns")
@@ -205,7 +205,7 @@ def task_controls(state: State, travel_key: str) -> list[Control]:
 
 
 def _sliders(group: str, key: str, now: Any, usual: Any, help_text: str) -> Iterator[Control]:
-    """Yield a slider for a key's number, or for each number of its list; none for other values."""
+    """Yield a slider for a number, or for each number of a list; no slider for other values."""
     name, unit = key_words(key.rsplit(".", 1)[-1])
     listed = isinstance(now, list)
     for k, value in enumerate(now if listed else [now]):

@@ -83,7 +83,7 @@ def _duration(state: State, plan: Plan | None) -> Control:
 def _free_slider(
     label: str, key: str, whole: Any, shown: float, low: float, high: float, **about: Any
 ) -> Control:
-    """Return a slider that can be switched off; the value of its key is then "free"."""
+    """Return a slider that can be switched off, which sets its key to "free"."""
     free: dict[str, Any] = {"on": whole != "free", "off": "free", "off_word": "free"}
     return Control(GOAL_TITLE, label, "slider", key, whole, (), shown, low, high, **free, **about)
 
@@ -113,7 +113,7 @@ def _points(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
 
 
 def _new_points(count: int, duration: float, plan: Plan | None) -> list[list[float]]:
-    """Return points on the current path, so that adding them does not change it."""
+    """Return constraint points [t, z₂] on the current path, which therefore stays the same."""
     times = duration * np.arange(1, count + 1) / (count + 1)
     values = np.zeros(count) if plan is None else plan.z(times)[:, 1]
     return [
@@ -167,7 +167,7 @@ def _compensation(state: State) -> Control:
 
 
 def _effect(name: str, first: Machine, now: Machine, setting: Any) -> Control:
-    """Return the control of an effect; `setting` is its value in the initial problem."""
+    """Return the control of a machine effect; `setting` is its value in the initial problem."""
     usual = (first if name in first.effects else now).effects[name].to_setting()
     is_on = name in now.effects
     whole = now.effects[name].to_setting() if is_on else usual
@@ -207,7 +207,7 @@ def _effect_range(effect: Effect, usual: float, *, spread: bool) -> tuple[float,
 LIMITS_TITLE = "Limits"
 
 USUAL_LIMITS: Mapping[str, float] = {"deg": 80.0, "": 0.01, "m": 0.02}
-"""Value of a limit that is switched on, by unit, if the problem has none; 1 for other units."""
+"""First value, by unit, of a limit that the user switches on and the problem lacks; else 1."""
 
 
 def limit_controls(state: State, problem: Problem) -> list[Control]:
@@ -299,6 +299,6 @@ def _control(
 
 
 def _chosen_value(plan: Plan | None, name: str) -> float | None:
-    """Return the value that the method chose for an option, from the notes of its plan."""
+    """Return the value that a plan's method chose for an option, or None if not in its notes."""
     value = None if plan is None else plan.notes.get(name)
     return float(value) if isinstance(value, int | float) else None

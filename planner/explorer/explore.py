@@ -22,12 +22,12 @@ def explore(
 ) -> Explorer:
     """Show an explorer in a notebook: sliders for the problem, and figures that follow them.
 
-    Make it the last expression of a notebook cell. Sliders set the system's constants, start, goal,
-    travel, duration, constraint points (which can also be dragged in the figure), the options of
-    the method, the limits and the effects of the machine. During planning the figures are grey, the
-    elapsed time is shown, and a button stops it. A refused plan is drawn with the reason. Buttons
-    show the mechanism, the Python code and the problem file. In Python: `explorer.plan`,
-    `explorer.problem`, `explorer.code` and `explorer.problem_file`.
+    The call must be the last expression of a notebook cell. Sliders set the system's constants,
+    start, goal, travel, duration, constraint points (which can also be dragged in the figure), the
+    options of the method, the limits and the effects of the machine. During planning the figures
+    are grey, the elapsed time is shown, and a button stops the planning. A refused plan is drawn
+    with the reason. Buttons show the mechanism, the Python code and the problem file. In Python:
+    `explorer.plan`, `explorer.problem`, `explorer.code` and `explorer.problem_file`.
 
     Unless the problem sets these options, collocation tries fewer first guesses and the machine is
     simulated in steps of 0.01 s; the code and the problem file contain these settings.

@@ -33,11 +33,11 @@ from planner.support.deadline import (
 
 @dataclass(frozen=True)
 class ScreenOutcome:
-    """The result of planning for a state.
+    """The result of planning for the settings on the screen.
 
     Attributes:
         state: The settings.
-        problem: The problem that they make; None if it is not valid.
+        problem: The problem that the settings make; None if they make no valid problem.
         plan: The motion to draw, which after a refusal is only a path for study; None if there is
             no path.
         error: Why there is no plan, or None.
@@ -61,7 +61,7 @@ class ScreenOutcome:
 
 
 def path(state: State) -> ScreenOutcome:
-    """Plan within the time limit, without verification, except that of compensated plans."""
+    """Plan for the settings within their time limit; only a compensated plan is verified."""
     try:
         problem = state.problem()
         method = find_method(state.method)
@@ -95,7 +95,7 @@ def path(state: State) -> ScreenOutcome:
 
 
 def judge(outcome: ScreenOutcome) -> ScreenOutcome:
-    """Verify the plan of an outcome, unless it is already verified or refused."""
+    """Return an outcome with its plan verified, unless the plan is already verified or refused."""
     if outcome.judged or outcome.plan is None:
         return outcome
     try:
@@ -115,7 +115,7 @@ def judge(outcome: ScreenOutcome) -> ScreenOutcome:
 
 
 def errors(outcome: ScreenOutcome) -> Replay | None:
-    """Replay the motion on random machines; None if it cannot be executed or time is up."""
+    """Return the plan's replay on random machines; None if not executable or time is up."""
     plan, state = outcome.plan, outcome.state
     if plan is None or not plan.executable or not state.samples:
         return None
@@ -130,7 +130,7 @@ def errors(outcome: ScreenOutcome) -> Replay | None:
 
 
 def _study_path(problem: Problem, method: Method, options: Any) -> Plan | None:
-    """Return a path to show after a refusal, which may leave the domain; None if there is none."""
+    """Return a path, perhaps outside the domain, to show after a refusal; None if none is found."""
     if "allow_singular" in method.options.model_fields:
         options = options.model_copy(update={"allow_singular": True})
     tasks = [problem]

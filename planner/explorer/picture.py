@@ -28,7 +28,7 @@ from planner.report.panels import (
 )
 
 CURVE_SAMPLES = 160
-"""Number of instants at which curves are sampled; a path with more nodes has more."""
+"""Least number of instants at which a plan's curves are sampled, for plans with few nodes."""
 
 POSES = 10
 
@@ -40,8 +40,8 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
     """Return the data of the plan and of all panels that need no replay, in their order.
 
     `planner.report.panels` describes the data. The panel of z2 also has `handles`, one per
-    constraint point: its position `at` [t, z2] and, if it can be dragged, the `names` of the
-    controls that it sets.
+    constraint point: the position `at` [t, z2] and, if the point can be dragged, the `names` of the
+    controls that dragging sets.
     """
     plan = outcome.plan
     if plan is None:

@@ -38,7 +38,7 @@ class Screen:
 
     Attributes:
         state: The current settings.
-        outcome: The result of planning with them.
+        outcome: The result of planning with these settings.
         controls: The current controls, by name.
     """
 
@@ -49,7 +49,7 @@ class Screen:
         self.plan_anew()
 
     def set(self, changes: Sequence[tuple[str, Any]]) -> bool:
-        """Set controls by name (None switches one off), without planning.
+        """Set controls by name, without planning; the value None switches a control off.
 
         Returns:
             Whether the set of controls has changed.
@@ -74,7 +74,7 @@ class Screen:
         return before != list(self.controls)
 
     def change(self, changes: Sequence[tuple[str, Any]]) -> None:
-        """Set controls by name, then plan.
+        """Set controls by name as `set` does, then plan.
 
         Raises:
             InputError: If there is no such control.
@@ -83,7 +83,7 @@ class Screen:
         self.plan_anew()
 
     def plan_anew(self) -> None:
-        """Plan with the current settings."""
+        """Plan with the current settings, and update outcome and controls."""
         began = time.perf_counter()
         self.outcome = path(self.state)
         self._took_s = time.perf_counter() - began
@@ -91,17 +91,17 @@ class Screen:
             self._rebuild(self.outcome.problem, self.outcome.plan)
 
     def reset(self) -> None:
-        """Return to the initial problem."""
+        """Return to the settings of the initial problem, and plan."""
         now = self.state
         self.state = State.from_problem(now.base, now.method, now.samples, now.time_limit_s)
         self.plan_anew()
 
     def judge(self) -> None:
-        """Verify the path on the screen."""
+        """Verify the plan on the screen."""
         self.outcome = judge(self.outcome)
 
     def picture(self) -> dict[str, Any]:
-        """Return all panels, controls and texts to show for the current result of planning."""
+        """Return all panels, controls and texts that the browser shows for the current outcome."""
         return {
             **picture(self.outcome),
             "controls": self.shown_controls(),

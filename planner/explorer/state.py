@@ -1,6 +1,6 @@
 """The settings on the screen: a problem, changes to it, a method and a number of machines.
 
-Also writes the Python code and the problem file of these settings.
+This file also writes the Python code and the problem file of these settings.
 """
 
 from __future__ import annotations
@@ -33,13 +33,12 @@ PER_JOINT = {
     "goal.theta_deg": 0,
     "limits.joint_deg": 0,
 }
-"""Keys whose values are lists that grow with the number of an arm's joints, each with the number of
-joints minus the length of the list."""
+"""Keys of lists with one entry per joint of an arm, and the number of joints without an entry."""
 
 
 @dataclass(frozen=True)
 class State:
-    """All settings on which the figures depend; immutable.
+    """The settings on the screen, on which all figures depend; immutable.
 
     Attributes:
         base: The initial problem.
@@ -73,7 +72,7 @@ class State:
         return otherwise if value is None else value
 
     def with_value(self, key: str, value: Any) -> State:
-        """Return this state with one key set."""
+        """Return a copy of the settings with one key set."""
         if key == "method":
             return replace(self, method=value)
         if key == "samples":
@@ -84,8 +83,8 @@ class State:
     def _resize(self, joints: int) -> dict[str, Any]:
         """Return changes that give the lists in `PER_JOINT` and waypoints the length for `joints`.
 
-        New entries come from the initial problem. Beyond it, gear constants continue geometrically
-        and other lists repeat their last entry; new joints of waypoints are free.
+        New entries come from the initial problem. Beyond its length, gear constants continue
+        geometrically and other lists repeat their last entry; new joints of waypoints are free.
         """
         changes: dict[str, Any] = {}
         for key, lacking in PER_JOINT.items():
@@ -106,15 +105,15 @@ class State:
         return changes
 
     def problem(self) -> Problem:
-        """Return the problem on the screen, without changed options of other methods.
+        """Return the problem on the screen, without changes to options of other methods.
 
         Raises:
-            InputError: If a change makes it invalid.
+            InputError: If a change makes the problem invalid.
         """
         return self.base.changed(self._method_changes())
 
     def changes_from_base(self) -> dict[str, Any]:
-        """Return the changes of `problem` whose values differ from the initial problem."""
+        """Return the keys, with values, in which the problem differs from the initial problem."""
         return {
             key: value
             for key, value in self._method_changes().items()
@@ -122,7 +121,7 @@ class State:
         }
 
     def _method_changes(self) -> dict[str, Any]:
-        """Return the changes, without those to options of other methods."""
+        """Return the changed keys and values, without options of other methods than this one."""
         return {
             key: value
             for key, value in self.changes.items()
@@ -135,7 +134,7 @@ class State:
 
 
 def value_at(data: Mapping[str, Any], dotted: str) -> Any:
-    """Return the value of a dotted key; None if the key is missing."""
+    """Return the value of a dotted key in nested tables; None if the key is missing."""
     value: Any = data
     for key in dotted.split("."):
         if not isinstance(value, Mapping) or key not in value:

@@ -34,13 +34,13 @@ Job = tuple[Callable[[], Any], Context, Future[Any]]
 STOP_BUTTON = "the Stop button"
 
 CLOSE_S = 5.0
-"""Longest wait for the thread when Python ends, in seconds."""
+"""Longest wait for the planning thread when Python ends, in seconds."""
 
 
 class PlanningThread:
     """A thread that runs one task after the other.
 
-    It lives on between tasks, because compiled functions allocate buffers for each thread.
+    All tasks share one thread, because compiled functions allocate buffers for each new thread.
     """
 
     def __init__(self) -> None:
@@ -52,13 +52,13 @@ class PlanningThread:
         atexit.register(self._close)
 
     def do(self, work: Callable[[], Value]) -> Future[Value]:
-        """Run a task after all earlier ones; return its future."""
+        """Queue a task behind all earlier tasks, and return its future."""
         future: Future[Value] = Future()
         self._queue.put((work, copy_context(), future))
         return future
 
     def stop(self, future: Future[Any], at_once: bool) -> None:
-        """Stop a task; unless `at_once`, a search that has an answer may still refine it."""
+        """Stop a task; unless `at_once`, a search may still refine the answer that it has."""
         self._stopped.add(future)
         if self._current is not None and self._current[2] is future:
             self._end(self._current[1], at_once)
@@ -78,7 +78,7 @@ class PlanningThread:
             self._stopped.discard(future)
 
     def _run_limited(self, work: Callable[[], Value], future: Future[Value]) -> Value:
-        """Run a task that can be stopped; if it is stopped already, it ends at its first check."""
+        """Run a task that `stop` can end; a task stopped while queued ends at its first check."""
         with deadline.time_limit(None):
             if future in self._stopped:
                 deadline.end(copy_context(), STOP_BUTTON)
@@ -96,12 +96,12 @@ class PlanningThread:
 
 @cache
 def worker() -> PlanningThread:
-    """Return the planning thread; a process has only one, since two plans at a time are slower."""
+    """Return the only planning thread of this process; two plans at a time would be slower."""
     return PlanningThread()
 
 
 INLINE_ERRORS_S = 0.05
-"""Joint errors are sent with the figures if computing them took less time, s; otherwise later."""
+"""Computing time of joint errors, s, up to which they are sent together with the figures."""
 
 logger = logging.getLogger("planner")
 
@@ -167,7 +167,7 @@ class Explorer(anywidget.AnyWidget):
         return self._screen.texts()
 
     def _hear(self, _: Any, content: Mapping[str, Any], buffers: Any) -> None:
-        """Handle a message from the browser: stop the current answer, or prepare the next one."""
+        """Handle a message from the browser: stop the current answer, or queue the next answer."""
         if content.get("ask") == "stop":
             if self._answer_in_work is not None:
                 worker().stop(self._answer_in_work, at_once=bool(content.get("at_once")))

@@ -1,7 +1,7 @@
 """The error budget of a plan: each effect alone, each effect switched off, and Sobol indices.
 
 *Alone*: E with this effect and no other. *Saves*: how much E falls if only this effect is switched
-off. They differ if effects interact: friction winds up a soft shaft, but causes no error alone.
+off. Both differ if effects interact: friction winds up a soft shaft, but causes no error alone.
 """
 
 from __future__ import annotations
@@ -50,18 +50,18 @@ if TYPE_CHECKING:
 Interval = tuple[float, float]
 
 SCREENING_MACHINES = 16
-"""Number of machines for the first test; an effect that changes E on none of them is idle."""
+"""Number of machines for the first test; an effect that changes E on no such machine is idle."""
 
 BLOCK_MACHINES = 1000
 """Number of machines simulated at once, which limits the memory."""
 
 IDLE_DEG = 1e-6
-"""A smaller change of E counts as none, in degrees."""
+"""Change of E below which an effect counts as idle, in degrees."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Contribution of one effect; intervals are 95 % intervals.
+    """Contribution of one effect of the machine to a plan's error E, with 95 % intervals.
 
     Attributes:
         name: The effect.
@@ -93,7 +93,7 @@ class Budget:
         base: Base samples of the Sobol indices.
         seed: Seed of all draws.
         E_deg: Median of E with all effects, degrees.
-        E_interval_deg: Its 95 % interval.
+        E_interval_deg: 95 % interval of `E_deg`.
         none_deg: E without any effect, degrees.
         feedback: Whether the machines were driven with feedback.
         costs: The effects that change E, sorted by decreasing |`saves_deg`|.
@@ -126,7 +126,7 @@ class Budget:
         raise InputError(f"no effect '{name}' in this budget; there are: {names}")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready data; None if a number is undefined."""
+        """Return the budget as JSON-ready data; undefined numbers are None."""
         data = {k: v for k, v in vars(self).items() if k not in ("plan", "machine", "costs")}
         data["method"] = self.plan.method
         data["machine"] = self.machine.to_dict()
@@ -134,7 +134,7 @@ class Budget:
         return dict(jsonable(data))
 
     def table(self) -> Table:
-        """Return a table for `rich.print(budget.table())`, without first-order indices."""
+        """Return the budget's table, without first-order indices, for `rich.print`."""
         shown = [column for column in COLUMNS if not column.title.endswith(", first")]
         return terminal_table(
             [replace(c, value=_words) if c.title == "effect" else c for c in shown],
@@ -146,7 +146,7 @@ class Budget:
         )
 
     def figure(self) -> Figure:
-        """Draw costs and indices as bars."""
+        """Draw the costs and Sobol indices of all effects as bars."""
         figure: tuple[Figure, Any] = import_function(
             "planner.report.figures.robustness.plot_budget"
         )(self)
@@ -202,13 +202,13 @@ class _InformedFeedback:
     machine: Machine
 
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Controller:
-        """Start the feedback with its own machine; the argument `machine` is ignored."""
+        """Start the feedback with the whole machine in place of the argument `machine`."""
         return self.feedback.start(plan, self.machine, numbers)
 
 
 @dataclass(frozen=True)
 class _BudgetRun:
-    """The computation of one budget."""
+    """The computation of one plan's error budget."""
 
     plan: Plan
     machine: Machine
@@ -219,7 +219,7 @@ class _BudgetRun:
     tell: Tell
 
     def budget(self) -> Budget:
-        """Compute the whole budget."""
+        """Return the plan's error budget."""
         self.tell("finding effects without influence", 0.0)
         effects, static = self.machine.effects, self.machine.fidelity == "quasi-static"
         every = [k for k, e in EFFECTS.items() if k in effects and not (static and e.dynamic_only)]
@@ -265,7 +265,7 @@ class _BudgetRun:
     def _one_by_one(
         self, effects: Sequence[str], count: int
     ) -> tuple[Array, Array, dict[str, Array], dict[str, Array]]:
-        """Return E, (S,): without effects, with all, with each alone, with all but each."""
+        """Return E (S,) without effects, with all effects, with each alone, with all but each."""
         names = frozenset(self.machine.effects)
         changes = [names, frozenset[str](), *(names - {k} for k in effects)]
         changes += [frozenset({k}) for k in effects]
@@ -274,7 +274,7 @@ class _BudgetRun:
         return none, whole, alone, dict(zip(effects, rest[len(effects) :], strict=True))
 
     def _variants(self, changes: Sequence[frozenset[str]], count: int) -> list[Array]:
-        """Return E, (S,), of `count` samples for each set of effects that are off."""
+        """Return E of the first `count` machines, (S,), for each set of effects to switch off."""
         blocks = [
             self._block(changes, np.arange(k, min(k + BLOCK_MACHINES, count)))
             for k in range(0, count, BLOCK_MACHINES)
@@ -282,10 +282,9 @@ class _BudgetRun:
         return [np.concatenate(each) for each in zip(*blocks, strict=True)]
 
     def _block(self, changes: Sequence[frozenset[str]], samples: NDArray[np.int64]) -> list[Array]:
-        """Return the result of `_variants` for some samples.
+        """Return E of the machines `samples`, (S,), for each set of effects to switch off.
 
-        Variants share a simulation if possible; a variant whose machines are equal is simulated
-        once.
+        Sets share a simulation if possible; a set that leaves all machines equal is simulated once.
         """
         effects, count = self.machine.effects, len(samples)
         sizes = [
@@ -318,14 +317,14 @@ class _BudgetRun:
 
 
 def _interval(values: Array) -> Interval:
-    """Return the 95 % interval of the median; its width is 0 if all values are equal."""
+    """Return the 95 % interval of the median of values; both ends are equal if all values are."""
     if np.ptp(values) == 0:
         return (float(values[0]), float(values[0]))
     return percentile_interval(values, 50)
 
 
 TINY_DEG = 1e-4
-"""Smaller values are shown as 0, because they are integration errors. In degrees."""
+"""Value in degrees below which a number in the table is an integration error and shown as 0."""
 
 CAPTION = (
     "alone: median error index E (eq. 29) with this effect and no other; saves: median over the"
@@ -349,13 +348,13 @@ def _degrees(value: float, style: str) -> str:
 def _cost(
     title: str, key: str, value: Callable[[Cost], float], style: str | None = None
 ) -> Column[Labelled]:
-    """Return a column in degrees; without a style it is for CSV only."""
+    """Return a table column of angles in degrees; a column without a style is for CSV only."""
     format = None if style is None else lambda x: _degrees(x, style)
     return Column(title, "", lambda row: value(row[1]), format, key)
 
 
 def _sobol(kind: str, part: str) -> Iterator[Column[Labelled]]:
-    """Yield columns of an index and half of its interval: one cell in tables, two in CSV."""
+    """Yield the columns of a Sobol index and half its interval: one in tables, two in CSV."""
 
     def pair(row: Labelled) -> tuple[float, float]:
         index: Index | None = getattr(row[1], kind)
@@ -392,7 +391,7 @@ COLUMNS: list[Column[Labelled]] = [
 
 
 def budget_markdown(budgets: Mapping[str, Budget], command: str | None = None) -> str:
-    """Return Markdown with one table per plan."""
+    """Return error budgets as Markdown, with one table per plan."""
     lines = ["# Error budget", ""]
     for label, budget in budgets.items():
         rows = [(label, cost) for cost in budget.costs]
@@ -411,13 +410,13 @@ def budget_markdown(budgets: Mapping[str, Budget], command: str | None = None) -
 
 
 def budget_csv(budgets: Mapping[str, Budget]) -> str:
-    """Return CSV with one line per effect of a plan, full precision, empty if undefined."""
+    """Return error budgets as CSV, one line per plan and effect; undefined cells are empty."""
     rows = [(label, cost) for label, budget in budgets.items() for cost in budget.costs]
     return csv_table(COLUMNS, rows)
 
 
 def total(budget: Budget) -> str:
-    """Return in words the median error with its interval, and the error without any effect."""
+    """Return in words a budget's median error E with its interval, and E without any effect."""
     low, high = (number(x) for x in budget.E_interval_deg)
     none = _degrees(budget.none_deg, ".3g")
     way = " with feedback" if budget.feedback else ""

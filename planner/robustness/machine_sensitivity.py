@@ -45,17 +45,17 @@ WRITE_STRIDE = 5
 """Every fifth recorded time is written to files."""
 
 NO_EFFECT_DEG = 1e-9
-"""A parameter that changes the angles by less between its two machines has no effect, degrees."""
+"""Change of the angles between two machines, in degrees, below which a parameter has no effect."""
 
 
 @dataclass(frozen=True, eq=False)
 class MachineEntry:
-    """Response to one parameter of the machine.
+    """Response of a plan to one parameter of the machine.
 
     Attributes:
         effect: Key of the `[machine]` table.
-        element: Its motor or joint ("u1", "theta2"); empty if it belongs to the whole machine.
-        unit: Its unit; empty for fractions.
+        element: Motor or joint of the parameter ("u1", "theta2"); empty for the whole machine.
+        unit: Unit of the parameter; empty for fractions.
         value: Nominal value.
         spread: Standard deviation from machine to machine.
         low: Value of the machine with the lower value.
@@ -84,7 +84,7 @@ class MachineEntry:
 
     @property
     def reference(self) -> float:
-        """The spread, or without one half the difference between the values of the two machines."""
+        """Change of the parameter in tables: `spread`, or (`high` − `low`)/2 without a spread."""
         return self.spread or (self.high - self.low) / 2
 
     @property
@@ -133,7 +133,7 @@ class MachineSensitivity:
 
     @property
     def total_deg(self) -> float:
-        """Response to one spread of each parameter: root sum of squares over both, degrees."""
+        """Root sum of squares of all angles' responses to one spread of each parameter, degrees."""
         return float(np.sqrt(sum(np.sum((e.terminal * e.spread) ** 2) for e in self.entries)))
 
     @property
@@ -143,7 +143,7 @@ class MachineSensitivity:
         return sorted(loud, key=lambda e: -float(np.max(np.abs(e.contribution))))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready data."""
+        """Return the sensitivities as JSON-ready data."""
         return {
             "angles": list(self.angles),
             "nominal_error_deg": self.nominal_error_deg.tolist(),
@@ -200,7 +200,7 @@ def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> Mac
 
 
 def _steps(machine: Machine, system: TriangularSystem, name: str, effect: Effect) -> Iterator[Step]:
-    """Yield a step for each element of an effect; none if it is off without a finite value."""
+    """Yield a step for each element of an effect; none if the effect has no value to vary."""
     on = machine.effects.get(name)
     if on is None and not (np.isfinite(effect.off_value) and not effect.positive):
         return
@@ -228,7 +228,7 @@ def _element(system: TriangularSystem, effect: Effect, i: int) -> str:
 def _motions(
     plan: Plan, machine: Machine, steps: list[Step]
 ) -> tuple[Array, Array, list[tuple[Array, Array]]]:
-    """Return times (R,), nominal motion (R, N), and the motions of each step, high and low."""
+    """Return times (R,), nominal motion (R, N), and each step's motions with high and low value."""
     nominal, joints = machine.nominal(), plan.problem.system.size - 1
     record = plan.duration / RECORDS
     together = [step for step in steps if step[0].effect not in GRID_PARAMETERS]

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ALIKE = 0.02
-"""Passive blocks with a smaller relative difference count as equal: of a usual block of 0.5 degrees
-this is 0.01 degrees, below the resolution of the prototype's encoders."""
+"""Relative difference below which passive blocks count as equal: 0.01 degrees of a usual block of
+0.5 degrees, less than the resolution of the prototype's encoders."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +143,7 @@ class Sensitivities:
 def worth(before: float, after: float, price: float, cost: str = "effort") -> str:
     """Return in words, without a full stop, whether a smaller response is worth its cost.
 
-    It is if the response falls by a larger factor than the cost rises.
+    A response is worth its cost if it falls by a larger factor than the cost rises.
 
     Args:
         before: Response of the cheaper plan at the end, degrees.
@@ -184,7 +184,7 @@ MEANINGS = (
     " Irreducible: the part that depends only on start and goal. Total: root of the sum of all"
     " squares."
 )
-"""The terms of the tables explained."""
+"""Explanation of the terms in the tables."""
 
 
 def _degrees(angle: float) -> str:

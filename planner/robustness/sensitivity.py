@@ -12,8 +12,8 @@ precision and linear approximation capability. In the end, the initial error sen
 introduced to describe the interference sensitivity, which is called robustness." We had only the
 abstract; the definitions below are **our interpretation**, not the paper's formulas.
 
-- Control precision: the error at the goal if the plan's input is sampled and held, as a digital
-  controller does, on an ideal machine. It depends only on the plan and the period.
+- Control precision: the error at the goal, on an ideal machine, if the plan's input is sampled and
+  held as by a digital controller; this error depends only on the plan and the period.
 - Linear approximation capability: largest distance of the joints' path from the straight line
   between start and goal in joint space, divided by the line's length; 0 for a straight path.
 - Initial error sensitivity matrix: ∂q(T)/∂q(0) under the plan's open-loop input.
@@ -52,12 +52,12 @@ REFERENCE: Mapping[str, float] = {
     "start": float(np.deg2rad(0.5)),
     "gear": 0.01,
 }
-"""A typical error of each family, in its unit, for which responses are shown."""
+"""A typical error of each family of parameters, in its unit, where no spread is given."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """Sensitivities of one plan.
+    """First-order sensitivities of one plan's coordinates to errors of P parameters.
 
     Attributes:
         plan: The plan.
@@ -82,11 +82,11 @@ class Sensitivity:
 
     @property
     def terminal(self) -> Array:
-        """S(T), shape (N, P)."""
+        """Sensitivities S(T) at the end of the plan, shape (N, P)."""
         return np.asarray(self.along[-1])
 
     def entry(self, coordinate: str, parameter: str) -> float:
-        """Return one entry of S(T) by names.
+        """Return the sensitivity S(T) of one coordinate at the end to one parameter.
 
         Raises:
             InputError: If a name is unknown; the message lists the known names.
@@ -99,7 +99,7 @@ class Sensitivity:
         return float(self.terminal[row, column])
 
     def total_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
-        """Return the root sum of squares over all joints and parameters, in degrees.
+        """Return the root sum of squares of all joints' responses to all parameters, in degrees.
 
         Args:
             spread: Standard deviation of each parameter by its name, or of a family by its first
@@ -109,14 +109,13 @@ class Sensitivity:
         return self._rss(spread, np.ones_like(self.terminal, dtype=bool))
 
     def floor_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
-        """Return the part of `total_deg` that all plans with this start and goal share."""
+        """Return the part of `total_deg`, in degrees, that depends only on start and goal."""
         return self._rss(spread, self.irreducible)
 
     def passive_block_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
-        """Return the response of θ₂ … θₙ to the start of θ₁ and the gain of u₂.
+        """Return the response of θ₂ … θₙ to the start of θ₁ and the gain of u₂, in degrees.
 
-        It is a root sum of squares in degrees. It depends on the path, so desensitised plans are
-        compared by it.
+        This root sum of squares depends on the path, so desensitised plans are compared by it.
         """
         mask = np.zeros_like(self.terminal, dtype=bool)
         first = self.plan.problem.system.coordinates[1].name
@@ -126,10 +125,9 @@ class Sensitivity:
         return self._rss(spread, mask)
 
     def reference(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Array:
-        """Return the error of each parameter for which responses are shown, shape (P,).
+        """Return the error of each parameter, in its unit, for which responses are shown, (P,).
 
-        It is the standard deviation, or if that is zero the typical size in `REFERENCE`, in the
-        unit of the parameter.
+        This error is the standard deviation, or, if that is zero, the typical one in `REFERENCE`.
         """
         sigma = self.standard_deviation(spread)
         usual = [REFERENCE[p.family] for p in parameters(self.plan.problem.system)]
@@ -209,7 +207,7 @@ def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
 
     Args:
         plan: Any executable plan.
-        samples: Approximate number of integration steps; they are shorter where inputs change fast.
+        samples: Approximate number of integration steps; steps are shorter near breaks of the plan.
 
     Raises:
         InputError: If the plan cannot be executed.
@@ -232,7 +230,7 @@ def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
 
 
 def _linearise(plan: Plan, t: Array) -> tuple[Array, Array]:
-    """Return A (m, N, N) and B (m, N, P) at the times t (m,)."""
+    """Return A = ∂f/∂q (m, N, N) and B = ∂f/∂p (m, N, P) of a plan at the times t (m,)."""
     system = plan.problem.system
     size = system.size
     out = _derivatives(system)(plan.q(t), plan.u(t), t[:, None])
@@ -241,7 +239,7 @@ def _linearise(plan: Plan, t: Array) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=32)
 def _derivatives(system: TriangularSystem) -> Pointwise:
-    """Return the function (q, u, t) → [A, B], columns of B in the order of `parameters`."""
+    """Return the function (q, u, t) → [∂f/∂q, ∂f/∂p], parameters p in the order of `parameters`."""
     form = linearise(system)
     value = ca.horzcat(form.A, *(form.forcing[p.name] for p in parameters(system)))
     return Pointwise("derivatives", [form.q, form.u, form.t], value)
@@ -272,11 +270,11 @@ class Indicators:
         period_s: The controller's period, in seconds.
         linear_deviation_deg: Largest distance of the joints' path from the straight line between
             its ends, in degrees.
-        linear_approximation: That distance divided by the line's length (dimensionless); smaller is
-            better, NaN if the ends coincide.
+        linear_approximation: `linear_deviation_deg` over the line's length (dimensionless); smaller
+            is better, NaN if the ends coincide.
         initial_error_matrix: ∂q(T)/∂q(0), shape (N, N), in the coordinates' units.
-        initial_error_gain: Largest singular value of the joints' block of that matrix: the factor
-            by which the worst initial error of the joints grows; at least 1, smaller is better.
+        initial_error_gain: Largest singular value of the joints' block of `initial_error_matrix`:
+            the factor by which the worst initial error grows; at least 1, smaller is better.
     """
 
     joints: tuple[str, ...]
@@ -300,7 +298,7 @@ def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
 
     Args:
         plan: Any executable plan.
-        period_s: Period in seconds after which the input is sampled; it is held in between.
+        period_s: Period in seconds after which the input is sampled; between samples it is held.
 
     Raises:
         InputError: If the plan cannot be executed, the period is not positive, or the system has
@@ -331,7 +329,7 @@ def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
 
 
 def sampled_end(plan: Plan, period_s: float) -> Array:
-    """Return q(T), shape (N,), of the ideal machine with the input sampled and held."""
+    """Return q(T), shape (N,), on an ideal machine that samples and holds the plan's input."""
     from scipy.integrate import solve_ivp  # slow to import
 
     system, q = plan.problem.system, plan.problem.start
@@ -346,7 +344,7 @@ def sampled_end(plan: Plan, period_s: float) -> Array:
 
 
 def _chord_deviation(plan: Plan, joints: list[int]) -> tuple[float, float]:
-    """Return largest distance of the joints' path from its chord, and chord length, rad."""
+    """Return the joints' largest distance from their chord, start to goal, and its length, rad."""
     ends = plan.q(np.array([0.0, plan.duration]))[:, joints]
     chord = ends[1] - ends[0]
     length = float(np.linalg.norm(chord))

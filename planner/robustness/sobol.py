@@ -29,7 +29,8 @@ from planner.support.package import how_to_install
 CONFIDENCE = 0.95
 
 INFINITY_FACTOR = 1e6
-"""Replaces infinity (a rigid shaft, no limit): this times the effect's value, at least this."""
+"""Factor for an infinite neutral value (a rigid shaft, no limit): the value is this times the
+effect's value or 1, whichever is larger."""
 
 SHARED_SWITCHES = ("delay_s", "servo_bandwidth_rad_s", "acceleration_limit_rad_s2")
 """Effects that are on or off for all samples of a simulation: with one common delay the time grid
@@ -40,7 +41,7 @@ QUANTILE_MARGIN = 1e-9
 """Least distance of quantiles from 0 and 1."""
 
 Errors = Callable[[Machine, Draws], Array]
-"""Returns E of single machines, (S,), degrees."""
+"""Function that simulates drawn machines and returns the error E of each, (S,), degrees."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +50,9 @@ class Index:
 
     Attributes:
         first: First-order index.
-        first_half: Half of its 95 % interval (bootstrap).
+        first_half: Half of the 95 % interval of `first` (bootstrap).
         total: Total index.
-        total_half: Half of its 95 % interval.
+        total_half: Half of the 95 % interval of `total` (bootstrap).
     """
 
     first: float
@@ -66,7 +67,7 @@ NO_INDEX = Index(0.0, 0.0, 0.0, 0.0)
 def machine_indices(
     machine: Machine, names: Sequence[str], joints: int, errors: Errors, base: int, seed: int
 ) -> dict[str, Index]:
-    """Return indices of the effects that differ between machines.
+    """Return the Sobol indices of the effects that differ between machines, by effect.
 
     Args:
         machine: The distribution of machines.
@@ -94,7 +95,7 @@ def machine_indices(
 def switch_indices(
     machine: Machine, names: Sequence[str], joints: int, errors: Errors, base: int, seed: int
 ) -> dict[str, Index]:
-    """Return indices of switching each effect on or off; arguments as for `machine_indices`."""
+    """Return the Sobol indices of each effect as a switch; arguments as for `machine_indices`."""
     nominal = machine.nominal()
 
     def evaluate(places: Mapping[str, Array]) -> Array:
@@ -110,7 +111,7 @@ def switch_indices(
 
 
 def check(base: int) -> None:
-    """Check SALib and `base` before the replays; `indices` would refuse them only afterwards.
+    """Refuse a missing SALib or a wrong `base`; call this before the replays.
 
     Raises:
         InputError: If SALib is missing or `base` is not a power of 2.
@@ -123,7 +124,7 @@ def check(base: int) -> None:
 def indices(
     sizes: Mapping[str, int], evaluate: Callable[[Mapping[str, Array]], Array], base: int, seed: int
 ) -> dict[str, Index]:
-    """Return indices of groups of independent factors, uniform on [0, 1].
+    """Return the Sobol indices of groups of independent factors that are uniform on [0, 1].
 
     Args:
         sizes: Number of factors of each group.
@@ -132,7 +133,7 @@ def indices(
         seed: Seed of the samples and of the bootstrap.
 
     Raises:
-        InputError: If SALib is missing or `base` is no power of 2.
+        InputError: If SALib is missing or `base` is not a power of 2.
     """
     check(base)
     sample, analyze = _salib()
@@ -162,7 +163,7 @@ def indices(
 
 
 def _patterns(off: Mapping[str, Array]) -> list[tuple[list[str], NDArray[np.int64]]]:
-    """Group samples that can share a simulation: names of shared effects off, and indices."""
+    """Group samples that share a simulation; return each group's effects off and its samples."""
     shared = [name for name in off if not switches_per_sample(name)]
     count = len(next(iter(off.values())))
     flags = np.stack([off[name] for name in shared]) if shared else np.zeros((1, count), dtype=bool)
@@ -181,12 +182,12 @@ def switches_per_sample(name: str) -> bool:
 
 
 def switch_off(draws: Draws, off: Mapping[str, Array]) -> Draws:
-    """Switch off effects of single machines; effects that all samples share are not changed.
+    """Return drawn machines with some effects at their neutral values, that is, switched off.
 
     Args:
         draws: S machines with all their effects.
-        off: Mask of the samples where each effect is off, (S,); its value is then replaced by the
-            neutral value.
+        off: Mask (S,) of the machines on which each effect is off, by effect; effects that all
+            machines of a simulation share stay on.
     """
     values = {}
     for name, drawn in draws.values.items():
@@ -202,7 +203,7 @@ def switch_off(draws: Draws, off: Mapping[str, Array]) -> Draws:
 
 
 def refuse_without_salib() -> None:
-    """Refuse before the work if SALib is missing.
+    """Refuse a missing SALib; call this before long work.
 
     Raises:
         InputError: If SALib is missing.

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 NO_GAIN = 1e-4
-"""A point whose response is lower by a smaller relative change counts as no better."""
+"""Relative decrease of the response below which a point counts as no better than another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,16 +81,16 @@ class TradeOff:
 
     @property
     def knee(self) -> TradeOffPoint:
-        """The point farthest below the chord between the ends; see `knee`."""
+        """The point of the curve farthest below the chord between the curve's ends."""
         return self.points[self.knee_index]
 
     @property
     def knee_index(self) -> int:
-        """Index of the knee."""
+        """Index of the knee among `points`."""
         return knee(self.cost, self.response_deg) if len(self.points) > 1 else 0
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready data without the plans."""
+        """Return the curve as JSON-ready data, without the plans."""
         return {
             "problem": self.problem.name,
             "source": self.problem.source,
@@ -126,7 +126,7 @@ class TradeOff:
         return frame.set_index("limit") if rows else frame
 
     def figure(self) -> Figure:
-        """Draw response against cost."""
+        """Draw the response of each point against its cost."""
         figure: tuple[Figure, Any] = import_function(
             "planner.report.figures.robustness.plot_trade_off"
         )(self)
@@ -199,7 +199,7 @@ def trade_off(
 def _sweep(
     problem: Problem, options: DesensitisedOptions, along: Axis, store: PointStore, tell: Tell
 ) -> None:
-    """Find the points, from the smallest limit to the largest and back."""
+    """Find the points of the curve, from the smallest limit to the largest and back; store them."""
     attempt = partial(_attempt, problem, options, along)
     near, count = along.least, len(along.limits)
     for k, limit in enumerate(along.limits):
@@ -226,7 +226,7 @@ def _sweep(
 def _attempt(
     problem: Problem, options: DesensitisedOptions, along: Axis, limit: float, near: Plan | None
 ) -> TradeOffPoint | None:
-    """Look for a point, starting from the plan `near` if given; None if none is found."""
+    """Return the point at a limit, planned from the plan `near` if given; None without a plan."""
     problem, options = along.task_at(problem, options, float(limit))
     if near is None:
         options = options.model_copy(update={"starts": min(options.starts, 2)})
@@ -237,7 +237,7 @@ def _attempt(
 
 
 def _best_point(points: list[TradeOffPoint | None]) -> TradeOffPoint | None:
-    """Return the point with the smallest response; the first of those that hardly differ."""
+    """Return the point with the smallest response; of points that hardly differ, the first."""
     best: TradeOffPoint | None = None
     for point in filter(None, points):
         if best is None or point.response_deg < best.response_deg * (1 - NO_GAIN):

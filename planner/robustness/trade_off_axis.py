@@ -21,26 +21,26 @@ Kind = Literal["effort", "duration", "peak"]
 KINDS: tuple[Kind, ...] = ("effort", "duration", "peak")
 
 CURVE_EFFORT_WEIGHT = 1e-4
-"""Weight of the effort on the curve; it makes the optimum unique."""
+"""Largest weight of the effort at a point of the curve, which makes the optimum unique."""
 
 END_EFFORT_WEIGHT = 1e-3
-"""Weight of the effort at the end of high cost, where more effort hardly reduces the response."""
+"""Weight of the effort at the costly end, where more effort hardly reduces the response."""
 
 LEAST_FACTOR = 1.02
-"""Factor of the first limit over the least effort, duration or peak, where one plan is left."""
+"""Ratio of the first limit to the least effort, duration or peak, at which one plan is left."""
 
 LONGEST_RATIO = 4.0
-"""Longest duration over the least duration, unless the problem's duration is longer."""
+"""Ratio of the last duration limit to the least duration, unless the problem's is longer."""
 
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """The limits of the points of a curve.
+    """The quantity that a trade-off curve limits, and its limits at the m points of the curve.
 
     Attributes:
         kind: The limited quantity.
-        limits: Increasing, shape (m,): effort, seconds, or shares of the base limits.
-        base: Input limits of which "peak" takes shares, shape (2,).
+        limits: Increasing limits, shape (m,): effort, seconds, or shares of `base` ("peak").
+        base: Input limits of which the limits of "peak" are shares, shape (2,).
         least: Plan at the lower end, from which the first point starts.
     """
 
@@ -52,7 +52,7 @@ class Axis:
     def task_at(
         self, problem: Problem, options: DesensitisedOptions, limit: float
     ) -> tuple[Problem, DesensitisedOptions]:
-        """Return problem and options of the point with this limit."""
+        """Return the problem and the options for planning the point with this limit."""
         if self.kind == "effort":
             calm = {"effort": min(options.effort, CURVE_EFFORT_WEIGHT), "effort_limit": limit}
             return problem, options.model_copy(update=calm)
@@ -63,7 +63,7 @@ class Axis:
 
 
 def axis(problem: Problem, options: DesensitisedOptions, kind: Kind, points: int) -> Axis:
-    """Find the range of a curve, and divide it into geometric steps.
+    """Find the range of a curve's limits, and divide this range into geometric steps.
 
     Raises:
         InputError: If the duration is free but needed, or a limit on inputs is needed but missing.
@@ -113,7 +113,7 @@ def _peaks(
     least: Plan,
     points: int,
 ) -> Axis:
-    """Return shares of the input limits, or without a limit of the peaks of a desensitised plan."""
+    """Return the axis of input peaks; for an input without limit, a plan's peak is its base."""
     base = problem.limits.input.copy()
     if not np.all(np.isfinite(base)):
         calm = options.model_copy(update={"effort": END_EFFORT_WEIGHT})
@@ -132,17 +132,17 @@ def _peaks(
 
 
 def _slow_down(plan: Plan, problem: Problem) -> Plan:
-    """Return the same path in the problem's duration, as an initial guess."""
+    """Return a plan slowed to the problem's duration, as an initial guess."""
     assert problem.duration is not None
     factor = problem.duration / plan.duration
     return replace(plan, problem=problem, trajectory=plan.trajectory.slowed(factor))
 
 
 def with_input_limits(problem: Problem, inputs: Array) -> Problem:
-    """Return the problem with these limits on the magnitudes of the inputs.
+    """Return the problem with other limits on the magnitudes of the inputs.
 
     Raises:
-        InputError: If its kind of system has no key limits.input_rad_s.
+        InputError: If the kind of system has no key limits.input_rad_s.
     """
     try:
         return problem.changed({"limits.input_rad_s": [float(v) for v in inputs]})

@@ -32,13 +32,13 @@ from planner.verification.load_plan import load_plan
 
 @dataclass(frozen=True)
 class TradeOffPoint:
-    """A verified plan on the curve.
+    """One point of a trade-off curve: a verified plan and its figures.
 
     Attributes:
         limit: Limit at this point: effort, duration (s), or share of the input limits.
         plan: The plan.
         effort: ∫ u₁² + u₂² dt.
-        duration_s: Its duration.
+        duration_s: Duration of the plan, seconds.
         peak_u: Largest |u₁| and |u₂|.
         response_deg: The minimised quantity: root of the weighted mean of the squares of passive
             block and terminal response, with the weights of [method.desensitised].
@@ -48,9 +48,9 @@ class TradeOffPoint:
         reversals: How often the path coordinate reverses, by more than 2 % of its range.
         swept: Number of finished sweeps: 1 upwards, 2 also downwards.
         machine: Percentiles of errors on the problem's machine, degrees; None before the replay.
-        errors_alone: The same on a machine with only the design errors.
-        compensated: As `machine`, with the plan compensated for that machine (see
-            `planner.compensate`); {"refused": why} if it cannot be; None before the replay.
+        errors_alone: Percentiles of errors on a machine with only the design errors, degrees.
+        compensated: As `machine`, with the plan compensated for the machine (`planner.compensate`);
+            {"refused": why} if the plan cannot be compensated; None before the replay.
     """
 
     limit: float
@@ -69,14 +69,14 @@ class TradeOffPoint:
     compensated: dict[str, Any] | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready data without the plan."""
+        """Return the point as JSON-ready data, without the plan."""
         return {key: value for key, value in vars(self).items() if key != "plan"}
 
 
 def solved_point(
     problem: Problem, options: DesensitisedOptions, limit: float, near: Plan | None
 ) -> TradeOffPoint:
-    """Plan with the desensitised method and return a point.
+    """Return the point at a limit, planned with the desensitised method from `near` if given.
 
     Raises:
         NoPlanError: If there is no plan, or it fails its verification.
@@ -86,7 +86,7 @@ def solved_point(
 
 
 def point_of(plan: Plan, options: DesensitisedOptions, limit: float) -> TradeOffPoint:
-    """Return the point of the curve that a verified plan makes."""
+    """Return the point of a curve with a verified plan, computing the plan's figures."""
     spread = spreads(plan.problem.system, options)
     responses = sensitivity(plan)
     passive, total = responses.passive_block_deg(spread), responses.total_deg(spread)
@@ -110,7 +110,7 @@ def point_of(plan: Plan, options: DesensitisedOptions, limit: float) -> TradeOff
 
 
 def replay_errors(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
-    """Return errors of a plan on random machines, degrees: E of eq. (29), and at the end."""
+    """Replay a plan on random machines; return statistics of E (eq. 29) and end error, degrees."""
     run = replay(plan, machine, samples, seed, record_s=None)
     rms = float(np.sqrt(np.mean(np.sum(run.terminal_error_deg**2, axis=1))))
     errors = {name: statistic.of(run) for name, statistic in STATISTICS.items()}
@@ -190,7 +190,7 @@ class PointStore:
             self._open(self.path)
 
     def put(self, place: int, point: TradeOffPoint) -> None:
-        """Store a point."""
+        """Store a point, and save its plan and the index if there is a folder."""
         self.points[place] = point
         if self.path is None:
             return

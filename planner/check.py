@@ -88,14 +88,14 @@ class Analysis:
         reversal: Whether the first coordinate must reverse.
         duration_bound: Lower bound of the duration; no plan is shorter.
         plain_polynomial: The travel, and the times at which the polynomial without constraint
-            points leaves the chart's domain and at which z₂ crosses zero; None if it stays inside.
+            points leaves the chart's domain and at which z₂ crosses zero; None if not singular.
         nonholonomy: Controllability at the start, at the goal and at θ₁ = 0.
-        not_promised: For each method, labels of the requirements that it does not guarantee to keep
-            (known before it searches; see `planner.methods.keeping`).
+        not_promised: Labels of the requirements that each method does not guarantee to keep, which
+            are known before the search (`planner.methods.keeping`).
         outcomes: A summary for each method, with the keys of
             `planner.verification.summary.SUMMARY_KEYS`.
-        remedy: A change of the problem with which a method has a plan; None if a method has one
-            without it, or if no change helped.
+        remedy: A change of the problem with which a method has a plan; None if a method has a plan
+            of the unchanged problem, or if no change helped.
         ended_early: What ended the search early, in words; None if the search was completed.
     """
 
@@ -179,7 +179,7 @@ def check(
     Args:
         problem: The problem.
         methods: Names of methods to try. By default every method that does not start from the plan
-            of another one.
+            of another method.
         progress: Called with one line of text before each slow step.
         time_limit_s: Seconds for the whole analysis. The methods and the search for a remedy share
             the time that remains; see `planner.solve`.
@@ -285,7 +285,7 @@ def _reversal(
 def _plain_polynomial(
     problem: Problem, window: TravelWindow | None
 ) -> tuple[float, DomainReport] | None:
-    """Return travel and domain report of the polynomial without constraint points if singular."""
+    """Return travel and domain report of the polynomial without points if singular, else None."""
     travel = problem.travel
     if travel is None and window is not None and not window.empty and np.isfinite(window.high):
         travel = float(window.low + window.high) / 2

@@ -152,7 +152,8 @@ def _compensated_error_deg(plan: Plan) -> float:
 MEASURES["machine"] = _compensated_error_deg
 
 MOST_SHORTER = 4
-"""Most times that a plan is shortened: each change alters the duration that compensation adds."""
+"""Most times that a plan is shortened to fit `goal.duration_max`. The duration that compensation
+adds differs from plan to plan, so that once may not suffice."""
 
 SLOWER = (1.02, 1.05, 1.1)
 """Durations of the slower plans to try, relative to the fastest plan, whose inputs are always at
@@ -228,7 +229,7 @@ def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> t
 
 
 def _ends_trials(plan: Plan, check: Check) -> bool:
-    """Return whether the plan works, was cut short, or fails in its preparation at any speed."""
+    """Return whether to stop trying: the plan works, was cut short, or fails before its start."""
     from planner.machine.feedforward.advice import meets_before_start
 
     if "ended_early" in plan.notes:

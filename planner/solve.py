@@ -187,7 +187,7 @@ def compensate(
 ) -> Plan:
     """Change a plan's inputs so that the nominal machine follows its motion and ends at the goal.
 
-    The nominal machine has all systematic effects and no random spread. It is simulated as its
+    The nominal machine has all systematic effects and no random spread, and is simulated as its
     table says (quasi-static or dynamic). No input exceeds the plan's limits.
 
     Args:

@@ -292,7 +292,7 @@ def budgets(
 
 
 def executable_plans(rows: Sequence[Row]) -> dict[str, Plan]:
-    """Return the executable plans by label, without those replayed with feedback."""
+    """Return the executable plans of a comparison by label, leaving out rows with feedback."""
     return {
         row.label: row.plan
         for row in rows

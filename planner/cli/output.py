@@ -65,7 +65,7 @@ _result_writer: Callable[[str], object] | None = None
 
 
 PLAIN = {"−": "-", "–": "-", "·": "*", "×": "x", "±": "+-", "→": "->", "≤": "<=", "≥": ">="}
-"""Replacements for characters that a console lacks; all others lose accents or become "?"."""
+"""Replacements for characters that a console lacks; others lose their accents or become "?"."""
 
 
 def _nearest(error: UnicodeError) -> tuple[str, int]:

@@ -354,7 +354,7 @@ def _knee(curve: TradeOff) -> str:
 
 
 def _use(curve: TradeOff, file: Path) -> str:
-    """Say whether the knee is worth its cost, where its plan is, and which commands use it."""
+    """Return in words whether the knee is worth its cost, where its plan is, and how to use it."""
     first, k = curve.points[0], curve.knee
     lines = []
     if k is not first:

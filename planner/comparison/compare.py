@@ -76,7 +76,7 @@ def compare(
         seed: Random seed; the same seed gives the same machines.
         feedback: Whether to replay every plan a second time with feedback by the tracker. With the
             default methods, only the last method's plan is replayed again (for arms a compensated
-            one).
+            plan).
         progress: Called with the current step and the finished share, 0 … 1; see `Tell`.
         time_limit_s: Seconds for planning with each method; see `planner.solve`.
         threshold_deg: A difference of E below this is too small to matter, degrees: the plan counts

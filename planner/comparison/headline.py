@@ -20,7 +20,8 @@ LEAST_SWING_DEG = 5.0
 """Smallest swing of joint 1 that needs a warning, in degrees."""
 
 MOST_BEYOND_PERCENT = 1.0
-"""Most machines, in percent, on which a recommended plan breaks a limit, unless all break more."""
+"""Percentage of machines on which a recommended plan may break a limit; a plan that exceeds this
+percentage is recommended only if all plans do."""
 
 LEAST_RUN_UP_S = 0.5
 """Longest motion of the arm beyond the plan's duration, in seconds, that needs no warning."""
@@ -193,8 +194,8 @@ def _refusal(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
 def _what_decides(solved: Sequence[Row]) -> str:
     """Return sentences that compensation decides the accuracy, and how the methods' efforts differ.
 
-    Return "" unless at least two plans are compensated, and the 95th percentile of E of each of
-    these is below that of every original plan.
+    Return "" unless at least two plans are compensated, and every compensated plan has a smaller
+    95th percentile of E than every original plan.
     """
     rows = {row.label: row for row in solved}
     pairs = [(rows[was], row) for row in solved if (was := plain_label(row.label)) in rows]

@@ -72,11 +72,11 @@ class Row(PlanFigures):
         end_p95_deg: 95th percentile over machines of the largest error of an angle at the end.
         beyond_limits: Percent of the machines that break a limit of joints, obstacles or links.
         E_median_interval_deg: 95 % confidence interval of `E_median_deg`.
-        E_p95_interval_deg: 95 % confidence interval of the 95th percentile; NaN if there are too
-            few machines.
+        E_p95_interval_deg: 95 % confidence interval of `E_p95_deg`; NaN if there are too few
+            machines.
         took_s: Seconds for planning, verification and proofs; for a refusal including the changes
             that were tried.
-        solve_time_s: Part of `took_s` that the method spent on solving, as it reports.
+        solve_time_s: Part of `took_s` spent on solving, as the method reports.
         build_time_s: Part of `took_s` spent on building the optimisation problem.
         replay: The replays on the machines; None for a plan that cannot be executed.
         machine_errors_deg: E and the largest error at the end on each machine, shape (2, S); None

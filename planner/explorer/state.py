@@ -83,7 +83,7 @@ class State:
     def _resize(self, joints: int) -> dict[str, Any]:
         """Return changes that give the lists in `PER_JOINT` and waypoints the length for `joints`.
 
-        New entries come from the initial problem. Beyond its length, gear constants continue
+        New entries come from the initial problem. Beyond these entries, gear constants continue
         geometrically and other lists repeat their last entry; new joints of waypoints are free.
         """
         changes: dict[str, Any] = {}
@@ -121,7 +121,7 @@ class State:
         }
 
     def _method_changes(self) -> dict[str, Any]:
-        """Return the changed keys and values, without options of other methods than this one."""
+        """Return the changed keys and values, without options of methods that are not chosen."""
         return {
             key: value
             for key, value in self.changes.items()

@@ -169,8 +169,8 @@ def error_budget(
         plan: An executable plan.
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
         samples: Number of machines for each median, at least 1; all medians use the same machines.
-        base: Base samples of the Sobol indices, a power of 2. They take (effects + 2) · base runs
-            for effects as switches, and (effects with a spread + 2) · base runs between machines.
+        base: Base samples of the Sobol indices, a power of 2. The indices take (effects + 2) · base
+            runs for effects as switches, and (effects with a spread + 2) · base between machines.
         seed: Seed of all draws.
         feedback: As in `planner.replay`. The tracker knows the machine with all its effects, also
             where the budget switches some of them off.
@@ -348,7 +348,7 @@ def _degrees(value: float, style: str) -> str:
 def _cost(
     title: str, key: str, value: Callable[[Cost], float], style: str | None = None
 ) -> Column[Labelled]:
-    """Return a table column of angles in degrees; a column without a style is for CSV only."""
+    """Return a table column of costs in degrees; a column without a style is for CSV only."""
     format = None if style is None else lambda x: _degrees(x, style)
     return Column(title, "", lambda row: value(row[1]), format, key)
 

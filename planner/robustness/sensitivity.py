@@ -344,7 +344,7 @@ def sampled_end(plan: Plan, period_s: float) -> Array:
 
 
 def _chord_deviation(plan: Plan, joints: list[int]) -> tuple[float, float]:
-    """Return the joints' largest distance from their chord, start to goal, and its length, rad."""
+    """Return the path's largest distance from its chord in joint space, and the chord's length."""
     ends = plan.q(np.array([0.0, plan.duration]))[:, joints]
     chord = ends[1] - ends[0]
     length = float(np.linalg.norm(chord))

@@ -27,7 +27,7 @@ END_EFFORT_WEIGHT = 1e-3
 """Weight of the effort at the costly end, where more effort hardly reduces the response."""
 
 LEAST_FACTOR = 1.02
-"""Ratio of the first limit to the least effort, duration or peak, at which one plan is left."""
+"""Ratio of a curve's first limit to the least possible limit, which would leave only one plan."""
 
 LONGEST_RATIO = 4.0
 """Ratio of the last duration limit to the least duration, unless the problem's is longer."""

@@ -66,7 +66,8 @@ class Difference:
 
     @property
     def is_clear(self) -> bool:
-        """Whether the difference matters, and is significant or of one sign on all machines."""
+        """Whether one plan is clearly better: the difference matters, and is significant or has
+        one sign on all machines."""
         return self.matters and (self.significant or self.first_better in (0.0, 1.0))
 
 

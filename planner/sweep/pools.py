@@ -56,7 +56,7 @@ MAX_DEATHS = 2
 
 
 class Pool(Protocol):
-    """A set of processes that run cases at the same time.
+    """One or more processes that run the cases of a sweep.
 
     Attributes:
         window: Largest number of submitted cases that are not finished.
@@ -89,9 +89,9 @@ class SerialPool:
 class LocalPool:
     """A pool that runs cases in processes of this computer; a thread waits for each process.
 
-    Reasons against others: loky's processes survive their killed parent by over ten minutes, those
-    of `concurrent.futures` run an unguarded script again, and neither reports which case killed a
-    process.
+    Other pools do not suffice: loky's processes survive their killed parent by over ten minutes,
+    those of `concurrent.futures` run an unguarded script again, and neither pool reports which case
+    killed a process.
     """
 
     def __init__(self, count: int) -> None:
@@ -160,7 +160,7 @@ class _WorkerProcess:
         return self._process.poll() is None
 
     def ask(self, request: Request) -> Row | None:
-        """Run a case and return its row; None if the process died.
+        """Run a case in the worker process and return its row; None if the process died.
 
         Raises:
             InputError: If the process cannot start.

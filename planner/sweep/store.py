@@ -203,7 +203,7 @@ class Store:
             raise InputError(f"cannot use the database {self.path}: {error}") from None
 
     def refuse_lost(self) -> None:
-        """Refuse to continue if the file has been deleted or replaced: SQLite does not notice.
+        """Refuse to continue if the database file was deleted or replaced: SQLite does not notice.
 
         Raises:
             InputError: If the path no longer leads to the open file.
@@ -247,7 +247,7 @@ class Store:
         return int(number)
 
     def add(self, case: Case, row: Row) -> None:
-        """Save a finished case; replace an earlier one with the same key."""
+        """Save a finished case; replace an earlier case with the same key."""
         names = ["key", "description", "finished_at", *RESULTS]
         values = [case.key, case.description, _now(), *(row[name] for name in RESULTS)]
         marks = ", ".join("?" * len(names))

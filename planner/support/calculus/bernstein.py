@@ -148,7 +148,7 @@ class Bernstein:
 
 
 def length_flaw(pieces: int, degree: int) -> str:
-    """Return in words why a curve has too many coefficients for a file; "" if it has not."""
+    """Return in words why a curve is too long for a file; "" if it is short enough."""
     if pieces * (degree + 1) <= MOST_COEFFICIENTS:
         return ""
     most = f"at most {MOST_COEFFICIENTS} coefficients are allowed (pieces times degree + 1)"
@@ -184,7 +184,7 @@ def elevate(c: Array, degree: int) -> Array:
 
 @lru_cache(maxsize=256)
 def _elevation(low: int, high: int) -> Array:
-    """Return the matrix that raises Bernstein coefficients from degree `low` to degree `high`."""
+    """Return the matrix (high+1, low+1) that raises Bernstein coefficients from `low` to `high`."""
     out = np.eye(low + 1)
     for d in range(low + 1, high + 1):
         share = (np.arange(d + 1) / d)[:, None]

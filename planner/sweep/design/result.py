@@ -214,7 +214,7 @@ class DesignStudy:
 
 
 TERMINAL_COLUMNS = ("contacts", "error at the end")
-"""Columns shown on a terminal, in addition to those of the figures to trade off."""
+"""Columns shown on a terminal, in addition to the columns of the figures to trade off."""
 
 
 def _columns(study: DesignStudy) -> list[Column[DesignRow]]:

@@ -40,7 +40,7 @@ def design_study(
     Args:
         design: A design file (TOML), or its tables; `problem` may be a `Problem`. See
             `planner.sweep.design.design_file.DesignFile` for the keys.
-        folder: Folder for finished cases. By default they are not kept. `DesignStudy.save` writes
+        folder: Folder for finished cases, which by default are not kept. `DesignStudy.save` writes
             the results.
         workers: Number of processes on this computer. By default one per core; 0 plans in this
             process.

@@ -59,11 +59,11 @@ RIGID_STIFFNESS = 1e5
 """Stiffness of gearheads and rigid shafts, N m/rad."""
 
 RIGID_DAMPING = 100.0
-"""Damping of gearheads and rigid shafts, N m s/rad, so that their teeth meet without bouncing."""
+"""Damping of gearheads and rigid shafts, N m s/rad: enough that teeth meet without bouncing."""
 
 
 class BodyRows:
-    """Rows of the bodies in arrays of speeds, for m passive joints."""
+    """Row numbers of all bodies in arrays of speeds, for m passive joints."""
 
     def __init__(self, m: int) -> None:
         self.m = m
@@ -77,11 +77,11 @@ class BodyRows:
 
 
 class StateRows:
-    """Rows of the state, for m passive joints: speeds, then angles and torques.
+    """Row numbers in the state of a dynamic arm with m passive joints.
 
     Attributes:
         bodies: Rows of the speeds.
-        behind: Angles of the references minus those of the motors, (2), rad.
+        behind: Reference angles minus motor angles, (2), rad.
         twist: Twist of gearheads and shafts, (2+m), rad.
         gap: Positions of gearheads and shafts in their play, (2+m), rad.
         reference: Last reference speeds of the motors, (2), rad/s.
@@ -104,7 +104,7 @@ class StateRows:
 
 @dataclass(frozen=True, eq=False)
 class Masses:
-    """Parameters of S arms; every array is (rows, S).
+    """Inertias, stiffnesses, friction and gears of S arms; every array is (rows, S).
 
     Compiled code reads them in this order. `rows` (a, b) in a field's metadata means a + b m rows
     for m passive joints.
@@ -116,14 +116,14 @@ class Masses:
         limit: Largest torque of the motors, (2, S), N m.
         stiffness: Stiffness of gearheads and shafts, (2+m, S), N m/rad.
         damping: Damping of gearheads and shafts, (2+m, S), N m s/rad.
-        half_gap: Half of the play before them, (2+m, S), rad.
+        half_gap: Half of the play of gearheads and shafts, (2+m, S), rad.
         coulomb: Coulomb friction of the links, (1+m, S), N m.
         viscous: Viscous friction of the passive links, (m, S), N m s/rad.
         k: Gear constants k2 … kn, (m, S).
         disk: Constant part of the ratio between the speeds of disk B of each stage and of the first
             stage, (m, S).
         kept: Fraction of the rate that a contact transmits without load, (1, S).
-        creep: Fraction that a contact loses per N m of load, (1, S), 1/(N m).
+        creep: Fraction of the rate that a contact loses per N m of load, (1, S), 1/(N m).
         capacity: Largest torque of a contact, force at the rims times r₁, (1, S), N m.
         lateral: Ratio of sideways to driving friction of a contact, (1, S).
         weights: Torques of the links' weights about their own joints, (1+m, S), N m; see
@@ -152,12 +152,12 @@ class Masses:
     moments: Array = field(metadata={"rows": (1, 1)})
 
     def part(self, chosen: NDArray[np.intp]) -> Masses:
-        """Return the parameters of the chosen samples."""
+        """Return the parameters of the samples with the indices `chosen`."""
         return Masses(**{f.name: getattr(self, f.name)[:, chosen] for f in fields(self)})
 
 
 def masses(draws: Draws, k: Array) -> Masses:
-    """Return the parameters of drawn machines.
+    """Return the inertias, stiffnesses, friction and gears of drawn machines.
 
     Args:
         draws: The machines.
@@ -212,7 +212,7 @@ def masses(draws: Draws, k: Array) -> Masses:
 
 
 def _refuse_light_links(inertia: Array, lengths: Array, moments: Array) -> None:
-    """Refuse a chain whose kinetic energy could be negative.
+    """Refuse link inertias so small that the links' kinetic energy could be negative.
 
     Only the straight pose need be tested. In any other pose, each entry of the inertia matrix is
     multiplied by the cosine of a difference of angles. These cosines form a positive semidefinite
@@ -231,30 +231,32 @@ def _refuse_light_links(inertia: Array, lengths: Array, moments: Array) -> None:
 
 
 ROUNDING = 1e-12
-"""Rounding error of an eigenvalue, relative to the largest inertia."""
+"""Rounding error of an eigenvalue of the inertia matrix, relative to the largest inertia."""
 
 FULL_PASSES = 12
-"""Passes with full steps; later steps go to the minimum of the convex function along the step."""
+"""Number of Newton passes with full steps; each later pass searches its step for the minimum."""
 
 MOST_PASSES = 100
 HALVINGS, NEAR_END = 40, 1e-6
-"""Number of bisections of the line search, and the fraction of a step before its end within which
-the search returns the end. So near to it rounding would decide, and with rigid laws an error of
+"""Number of bisections of the line search, and the last fraction of a step, in which the search
+returns the end of the step. So near to the end rounding would decide: with rigid laws an error of
 1e-12 rad/s in a speed changes a torque by 1e-4 N m."""
 
 EDGE_NM = 1e-8
-"""A limited law keeps its piece until its torque leaves that piece by more than this, N m."""
+"""Torque by which a limited law must exceed its present piece before the piece changes, N m."""
 
 EDGE_RAD = 1e-16
-"""A play law keeps its piece until its twist leaves that piece by more than this, rad."""
+"""Twist by which a play law must exceed its present piece before the piece changes, rad."""
 
 
 @dataclass(frozen=True, eq=False)
 class StageLaws:
-    """The laws of one stage; arrays are (rows, S), rows of speeds as in `BodyRows`.
+    """Torque laws of all connections between the bodies in one implicit stage of a time step.
 
-    Rows of limited laws: servos (2), contacts P1 (m), contacts P2 with P3 (m), friction of the
-    links (1 + m), drag of contacts that slide sideways on disk B1 and on the stages (1 + m).
+    The letters o, g, e, A and the relative speed w are those of the file's docstring. Arrays are
+    (rows, S), speeds as in `BodyRows`. Rows of limited laws: servos (2), contacts P1 (m), contacts
+    P2 with P3 (m), friction of the links (1 + m), drag of contacts that slide sideways on disk B1
+    and on the stages (1 + m).
 
     Attributes:
         rows: Rows of the bodies.
@@ -289,16 +291,16 @@ class StageLaws:
     half_gap: Array
 
     def part(self, chosen: NDArray[np.intp]) -> StageLaws:
-        """Return the laws of the chosen samples."""
+        """Return the laws of the samples with the indices `chosen`."""
         values: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
         arrays = {k: v[..., chosen] for k, v in values.items() if isinstance(v, np.ndarray)}
         return StageLaws(**{**values, **arrays})
 
     def solve(self, pieces: Array) -> tuple[Array, Array]:
-        """Find the speeds (rows, S) and the pieces of all laws, consistent with each other.
+        """Return the speeds (rows, S) at the end of the stage, and the piece of each law there.
 
         Args:
-            pieces: First guess: −1, 0 or 1 for each law, limited laws first, (6+5m, S).
+            pieces: First guess, limited laws first: −1, 0 or 1 for each law, (6+5m, S).
         """
         v = self._speeds(pieces)
         fresh = self._pieces(v, pieces)
@@ -322,8 +324,8 @@ class StageLaws:
     # -- the laws ------------------------------------------------------------------------------
 
     def relative(self, v: Array) -> tuple[Array, Array]:
-        """Return the relative speeds w of the limited laws, (4+4m, S), and of the play laws, (2+m,
-        S), rad/s."""
+        """Return the relative speeds of the limited laws, (4+4m, S), and of the play laws, (2+m,
+        S), rad/s, at the bodies' speeds v."""
         rows, stages = self.rows, v[self.rows.stages]
         limited = np.concatenate(
             [
@@ -338,8 +340,8 @@ class StageLaws:
         return limited, v[rows.before] - v[rows.after]
 
     def torques(self, v: Array) -> tuple[Array, Array]:
-        """Return the torques of the limited laws, (4+4m, S), and of the play laws, (2+m, S), N
-        m."""
+        """Return the torques of the limited laws, (4+4m, S), and of the play laws, (2+m, S), N m,
+        at the bodies' speeds v."""
         limited, play = self.relative(v)
         ahead = self.ahead + self.h * play
         wound = ahead - np.minimum(np.maximum(ahead, -self.half_gap), self.half_gap)
@@ -349,8 +351,8 @@ class StageLaws:
         return limited_torque, self.stiff * wound
 
     def _pieces(self, v: Array, before: Array) -> Array:
-        """Return the piece of each law at these speeds; keep the piece in `before` if it is valid
-        within rounding."""
+        """Return the piece (−1, 0 or 1) of each law at the bodies' speeds v; a piece of `before`
+        that is still valid within rounding is kept."""
         limited, play = self.relative(v)
         value = np.concatenate([self.offset + self.slope * limited, self.ahead + self.h * play])
         edge = np.concatenate([self.limit, self.half_gap])
@@ -366,8 +368,8 @@ class StageLaws:
         return new
 
     def _lines(self, pieces: Array) -> tuple[Array, Array, Array, Array]:
-        """Return c and s of each law's torque c + s w on its piece: limited laws, then play
-        laws."""
+        """Return each law's torque on its piece as a line c + s w: c and s of the limited laws,
+        then c and s of the play laws."""
         count = len(self.limit)
         limited_pieces, touching = pieces[:count], pieces[count:]
         moving = limited_pieces == 0
@@ -398,8 +400,8 @@ class StageLaws:
         return np.asarray(v - np.einsum("ijs,js->is", answers, pull))
 
     def _tree(self, lines: tuple[Array, ...], all_push: Array, reference: Array) -> Array:
-        """Return the speeds (rows, S) without the coupling between links, for laws c + s w (see
-        `_lines`)."""
+        """Return the speeds (rows, S) of all bodies without the coupling between links; `lines` is
+        the result of `_lines`."""
         rows, m = self.rows, self.rows.m
         c, s, c_play, s_play = lines
         one, two = self.first, self.second
@@ -440,7 +442,7 @@ class StageLaws:
     # -- the convex function -------------------------------------------------------------------
 
     def _search(self, start: Array, end: Array) -> Array:
-        """Return the point between start and end at which the convex function is least."""
+        """Return the speeds on the line from `start` to `end` that minimise the convex function."""
         way = end - start
         low, high = np.zeros(start.shape[1]), np.ones(start.shape[1])
         falling = self._slope_along(end - NEAR_END * way, way) <= 0
@@ -463,11 +465,10 @@ class StageLaws:
 
 
 def _reflected_load(c: Array, s: Array, drag: Array, push: Array) -> tuple[Array, Array]:
-    """Return the torque with which a body, and all bodies behind it, load the body before it
-    through a law c + s w.
+    """Return how a body, with all bodies behind it, loads the body before it through a law c + s w.
 
     Returns:
-        a and b of the torque a + b (input speed without slip), N m and N m s/rad.
+        a and b, N m and N m s/rad: the load is a + b times the driving speed without slip.
     """
     share = 1.0 / (drag + s)
     return (c * drag - s * push) * share, s * drag * share

@@ -19,16 +19,16 @@ from planner.systems.triangular_system import TriangularSystem
 
 
 class Controller(Protocol):
-    """Commands the motors of S samples that follow one plan.
+    """Controller of the motors of S machines that follow one plan.
 
     Time 0 is the plan's start. Before the first command and after the last the command is zero.
 
     Attributes:
         period_s: Time between two readings, s.
         tick_s: Time for which each command is held, s; the period is a multiple of it.
-        lead_s: Time before the plan's start at which it begins, s, ≥ 0.
-        end_s: Time at which its last command ends, s.
-        fallbacks: Number of times that it used a fallback command, shape (S,).
+        lead_s: Time before the plan's start at which the controller begins, s, ≥ 0.
+        end_s: Time at which the last command ends, s.
+        fallbacks: Number of fallback commands to each machine, shape (S,).
     """
 
     period_s: float
@@ -38,7 +38,7 @@ class Controller(Protocol):
     fallbacks: NDArray[np.int64]
 
     def __call__(self, t: float, measured: Array) -> Array:
-        """Commands of the motors in the M ticks from t until the next reading.
+        """Return the commands of the motors in the M ticks from t until the next reading.
 
         Args:
             t: Present time, s.
@@ -50,7 +50,7 @@ class Controller(Protocol):
 
 
 class Feedback(Protocol):
-    """A feedback law: it makes a controller for each replay."""
+    """Feedback law that makes a controller for each replay."""
 
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Controller:
         """Make a controller for the samples `numbers` (S,) of the machine.
@@ -61,15 +61,15 @@ class Feedback(Protocol):
 
 
 def encoder_readings(system: TriangularSystem, draws: Draws, q: Array) -> Array:
-    """Return what the encoders read.
+    """Return the coordinates as the encoders read them, rounded to the encoders' resolution.
 
     Args:
-        system: The system, for which coordinates are angles.
+        system: The system, whose angles after the first coordinate have encoders.
         draws: The machines, for the resolution of each joint.
         q: True coordinates, (N, S) or (N, R, S).
 
     Returns:
-        q as the encoders read it; the first coordinate has none.
+        Readings, with the shape of q; coordinates without an encoder are exact.
     """
     out = q.copy()
     steps = np.deg2rad(draws["encoder_resolution_deg"])
@@ -83,7 +83,7 @@ def encoder_readings(system: TriangularSystem, draws: Draws, q: Array) -> Array:
 
 
 class FeedbackCommand:
-    """The commands of one controller on the time grid of a stretch (a part of a run); see
+    """Commands of one controller on the time grid of the present stretch (part of a run); a
     `CommandGrid`.
 
     `begin` starts each stretch. Delayed commands of earlier stretches are kept while needed.
@@ -117,7 +117,7 @@ class FeedbackCommand:
         self._effort = np.zeros(draws.count)
 
     def begin(self, stops: Array) -> None:
-        """Begin a stretch from the first to the last of `stops` (m,); its grid contains all."""
+        """Begin the stretch from the first to the last of `stops` (m,), s, all on its time grid."""
         is_first, low = not len(self._values), self._next
         periods = (stops[-1] - self._start) / (self._per_reading * self._tick)
         high = min(self._count, int(np.ceil(periods - 1e-6)) * self._per_reading)
@@ -133,7 +133,8 @@ class FeedbackCommand:
         self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < self._end
 
     def _keep(self, first: int, last: int) -> None:
-        """Keep the commands of the ticks from `first` on, and allocate those up to `last`."""
+        """Drop the commands of ticks before `first`, and make room for those of ticks up to
+        `last`."""
         dropped, self._first = first - self._first, first
         self._effort += self._effort_of(self._values[:dropped])
         room = np.zeros((last - first, *self._values.shape[1:]))
@@ -155,7 +156,7 @@ class FeedbackCommand:
         return self._effort + self._effort_of(self._values)
 
     def set_command(self, i: int, values: Array) -> None:
-        """Set the commands (M, 2, S) of the ticks after reading i of the stretch.
+        """Set the commands (M, 2, S) of the M ticks after reading `i` of the stretch.
 
         Raises:
             InputError: If a number is not finite, or the shape is wrong.
@@ -172,7 +173,7 @@ class FeedbackCommand:
         room[:] = values[: len(room)]
 
     def block(self, first: int, last: int) -> Array:
-        """See `CommandGrid`."""
+        """Return the commands in the steps first ≤ k < last; see `CommandGrid`."""
         times = self.t[first:last, None] - self._delay - self._start
         index = np.floor(times / self._tick + 1e-9).astype(np.int64)
         inside = (index >= 0) & (index < self._count)

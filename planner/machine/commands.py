@@ -24,27 +24,28 @@ from planner.support.arrays import Array
 
 
 class CommandSource(Protocol):
-    """A command before delay and resolution.
+    """Motor commands over plan time, before delay and rounding to the resolution.
 
     Attributes:
-        jumps: Increasing times, s, between which it is smooth enough for the quadrature; the first
-            is the plan's start, the last its end.
-        parts: Positions in a step at which it is read: 0 at the start, 1 just before the end.
+        jumps: Increasing times, s, between which the command is smooth enough for the quadrature,
+            from the plan's start to its end.
+        parts: Positions in a step at which the command is read: 0 at the start, 1 just before the
+            end.
     """
 
     jumps: Array
     parts: tuple[float, ...]
 
     def __call__(self, times: Array) -> Array:
-        """Return the values (…, 2) at plan times (…), s: right-hand limits, zero outside the
+        """Return the commands (…, 2) at plan times (…), s: right-hand limits, zero outside the
         plan."""
 
 
 class SampleAndHold:
-    """Sample and hold: u at the start of each period, held until the next or the plan's end.
+    """Plan inputs sampled at the start of each period and held until the next or the plan's end.
 
-    A sampling instant within rounding of a break of the plan takes the value after the break.
-    The values are computed for plan times from `low` to `high`, s.
+    A sampling instant within rounding of a break of the plan takes the value after the break. The
+    values are computed for plan times from `low` to `high`, s.
     """
 
     parts: tuple[float, ...] = (0.0, 1.0)
@@ -60,12 +61,12 @@ class SampleAndHold:
         self._values = np.concatenate([values, np.zeros((1, 2))])
 
     def __call__(self, times: Array) -> Array:
-        """See `CommandSource`."""
+        """Return the commands at plan times; see `CommandSource`."""
         return np.asarray(self._values[np.searchsorted(self.jumps, times, side="right") - 1])
 
 
 class ContinuousSource:
-    """The plan's own u(t), for plan times from `low` to `high`, s."""
+    """Plan inputs u(t) without sampling, for plan times from `low` to `high`, s."""
 
     parts: tuple[float, ...] = (0.0, 0.5, 1.0)
 
@@ -74,14 +75,14 @@ class ContinuousSource:
         self.jumps = refine_times(self, subdivide(plan.t, step, low, high))
 
     def __call__(self, times: Array) -> Array:
-        """See `CommandSource`."""
+        """Return the commands at plan times; see `CommandSource`."""
         inside = (times >= 0) & (times < self._plan.duration)
         values = np.where(inside[..., None], self._plan.u(np.where(inside, times, 0.0)), 0.0)
         return _check_finite(values, times)
 
 
 class TableSource:
-    """Interpolates a continuous source, for samples that read it at different times."""
+    """Table of a continuous command, interpolated for samples that read it at different times."""
 
     def __init__(self, source: CommandSource) -> None:
         self.jumps, self.parts = source.jumps, source.parts
@@ -89,7 +90,7 @@ class TableSource:
         self._values = source(self._times)
 
     def __call__(self, times: Array) -> Array:
-        """See `CommandSource`."""
+        """Return the commands at plan times; see `CommandSource`."""
         columns = [np.interp(times, self._times, u, left=0, right=0) for u in self._values.T]
         return np.stack(columns, axis=-1)
 
@@ -106,7 +107,7 @@ class CommandGrid(Protocol):
     running: NDArray[np.bool_]
 
     def block(self, first: int, last: int) -> Array:
-        """Commands at the P points of the steps first ≤ k < last, shape (K, P, 2, S or 1).
+        """Return the commands at the P points of steps first ≤ k < last, (K, P, 2, S or 1).
 
         A held command has 2 points, the ends of the step, with equal values; a continuous one has
         3, the ends and the middle.
@@ -121,8 +122,8 @@ class Command:
         period: Sampling period, s, or None for a continuous command.
         draws: The machines, for delay and resolution.
         step: Largest step, s.
-        stops: Times (m,) that the grid must contain, s; it begins with the first, at or after 0,
-            and ends with the last.
+        stops: Times (m,) that the grid must contain, s; the grid begins with the first, at or after
+            0, and ends with the last.
 
     Raises:
         InputError: If the plan's input is not finite somewhere.
@@ -161,14 +162,14 @@ class Command:
         self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < plan.duration
 
     def part(self, chosen: slice) -> Command:
-        """Return the same command for a range of the samples."""
+        """Return the command of the samples in the range `chosen`."""
         out = copy(self)
         if self._table is None:
             out._delay = self._delay[chosen]
         return out
 
     def block(self, first: int, last: int) -> Array:
-        """See `CommandGrid`."""
+        """Return the commands in the steps first ≤ k < last; see `CommandGrid`."""
         if self._table is not None:
             return self._table[first:last]
         times = self._times[first:last, :, None] - self._delay
@@ -176,7 +177,7 @@ class Command:
 
 
 class CommandVariants:
-    """Many commands at once, one for each sample of one machine; see `CommandGrid`.
+    """Commands that differ between the samples of one machine; a `CommandGrid`.
 
     Args:
         t: Ends of the ticks, shape (K+1,), s.
@@ -205,7 +206,7 @@ class CommandVariants:
         self._resolution = draws["velocity_resolution_rad_s"][:, :1]
 
     def block(self, first: int, last: int) -> Array:
-        """See `CommandGrid`."""
+        """Return the commands in the steps first ≤ k < last; see `CommandGrid`."""
         tick = self._tick[first:last]
         if self._after is None:
             values = quantise(self._values[tick[:, 0]], self._resolution)
@@ -216,7 +217,7 @@ class CommandVariants:
 
 
 def quantise(values: Array, resolution: Array) -> Array:
-    """Round values (…, 2, S) to the resolution (2, 1) of each motor's command; 0 does not round."""
+    """Round commands (…, 2, S) to each motor's resolution (2, 1); a resolution of 0 keeps them."""
     if not np.any(resolution):
         return values
     step = np.where(resolution > 0, resolution, 1.0)
@@ -241,7 +242,7 @@ QUADRATURE_TOLERANCE = 1e-12
 """Largest estimated error of Simpson's rule on a continuous command, rad per step."""
 
 ROUNDING = 1e-12
-"""Times are equal if they differ by less than this fraction of the largest time, or of 1 s."""
+"""Difference of two times that count as equal, as a fraction of the largest time or of 1 s."""
 
 EXACT_S = 1000.0
 """Time up to which rounding leaves eleven correct digits in the lengths of steps, s."""
@@ -249,12 +250,12 @@ EXACT_S = 1000.0
 InputOfTime = Callable[[Array], Array]
 
 Steps = Callable[[int], None]
-"""Called with the number of steps done."""
+"""Function that is called with the number of steps done."""
 
 
 def merge_times(*times: Array) -> Array:
-    """Merge arrays of times in increasing order. Of times that are equal within rounding, the one
-    from the first array is kept."""
+    """Merge arrays of times in increasing order. Of times that are equal within rounding, that of
+    the first array is kept."""
     every = np.concatenate(times)
     rank = np.concatenate([np.full(len(t), i) for i, t in enumerate(times)])
     order = np.lexsort((rank, every))
@@ -296,11 +297,11 @@ def subdivide(times: Array, step: float, low: float = -np.inf, high: float = np.
 def stretches(times: Array, begin: float, longest: float) -> list[tuple[Array, slice]]:
     """Cut a run from `begin` to the last of `times` into stretches of about `longest`, s.
 
-    It cuts at one of `times` where possible, since that adds no time to the grid.
+    The cuts lie at entries of `times` where possible, which adds no time to the grid.
 
     Returns:
         For each stretch: the times that its grid must contain, from its start to its end; and the
-        range of `times` recorded in it. The end of a stretch belongs to the next one.
+        range of `times` recorded in it. A time at which a stretch ends is recorded in the next.
     """
     count = max(1, int(np.ceil((times[-1] - begin) / longest - 1e-9)))
     cuts: Array = begin + longest * np.arange(count, dtype=np.float64)
@@ -337,8 +338,8 @@ def refine_times(command: InputOfTime, times: Array) -> Array:
 
 
 def lengths(times: Array) -> Array:
-    """Return the lengths of the steps, equal where they differ only by rounding, so that factors
-    computed for one length can be reused."""
+    """Return the lengths of the steps between `times`. Lengths that differ only by rounding are
+    made equal, so that factors computed for one length can be reused."""
     steps, which = np.unique(np.diff(times), return_inverse=True)
     late = max(1.0, float(np.max(np.abs(times))) / EXACT_S)  # large times have larger rounding
     digits = 11 - int(np.ceil(np.log10(late)))
@@ -346,7 +347,8 @@ def lengths(times: Array) -> Array:
 
 
 def snap_times(times: Array, marks: Array) -> Array:
-    """Move each of `times` that is within rounding of one of the increasing `marks` onto it."""
+    """Set each of `times` that equals one of the increasing `marks` within rounding to that
+    mark."""
     index = np.clip(np.searchsorted(marks, times), 1, len(marks) - 1)
     below, above = marks[index - 1], marks[index]
     near = np.where(times - below < above - times, below, above)
@@ -355,16 +357,16 @@ def snap_times(times: Array, marks: Array) -> Array:
 
 
 def step_times(left: Array, right: Array, part: float) -> Array:
-    """Return the times at the fraction `part` (0 … 1) of each step; 1 gives a time just before its
-    end."""
+    """Return the times at the fraction `part` (0 … 1) of each step; `part` = 1 gives the time just
+    before the step's end."""
     return np.minimum(left + part * (right - left), np.nextafter(right, left))
 
 
 def _simpson_gap(command: InputOfTime, left: Array, right: Array) -> Array:
-    """Return how much Simpson's rule on the halves of each step differs from that on the whole
-    step, for the motor with the larger difference, shape (m,).
+    """Return the difference between Simpson's rule on the halves of each step and on the whole
+    step, the larger of both motors', shape (m,), rad.
 
-    For a smooth command it is fifteen times the error of the finer rule, so the estimate is safe.
+    For a smooth command this is fifteen times the error of the finer rule: a safe estimate.
     """
     u = np.stack([command(step_times(left, right, p)) for p in (0.0, 0.25, 0.5, 0.75, 1.0)])
     width = (right - left)[:, None]

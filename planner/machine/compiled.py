@@ -34,14 +34,14 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 SAMPLES_A_CALL, STEPS_A_CALL = 32, 2000
-"""Work of one call, small enough to share among threads and to react to Ctrl-C."""
+"""Samples and steps of one kernel call: few enough to share among threads and to hear Ctrl-C."""
 
 SLOW_WARNING = (
     "planner: the compiled replay is {}, so replays are about ten times slower (50 machines at"
     " once: 30 times; 1000: 3 times); {}"
 )
-"""Warning of a replay without the kernel. Its factors compare process time, for the paper's plan
-and machine on one thread."""
+"""Warning of a replay without the compiled kernel. The factors compare process time, for the
+paper's plan and machine on one thread."""
 MISSING_WARNING = SLOW_WARNING.format("missing", "install a C compiler, then this package again")
 VERSION_WARNING = SLOW_WARNING.format(
     "of another version", "run make in the project's folder, or install this package again"
@@ -52,11 +52,12 @@ VERSION_WARNING = SLOW_WARNING.format(
 
 FLAGS = ("lagging", "second", "limited", "ramped", "geared_1", "geared_2", "lagged", "soft",
          "damped", "creeping", "loaded", "inclined")  # fmt: skip
-"""Flags of `Model`: which effects are on, for all samples."""
+"""Flags in the C structure `Model`: which effects are on, for all samples."""
 
 COUNTS = ("samples", "joints", "points", "steps", "rows", *FLAGS, "dynamic", "coordinates", "heavy")
-"""Integers of `Model`. `dynamic` is the number of rows of a dynamic state (0 if quasi-static),
-`coordinates` the first row of its coordinates, `heavy` how many numbers `Masses` has."""
+"""Integers in the C structure `Model`. `dynamic` is the number of rows of a dynamic state (0 if
+quasi-static), `coordinates` the first row of its coordinates, `heavy` how many numbers `Masses`
+has."""
 
 ARRAYS = {
     "parameters": "const double",  # (samples, see `Own`)
@@ -70,13 +71,13 @@ ARRAYS = {
     "masses": "const double",  # (samples, see `Masses`)
     "moving": "double",  # (samples, see `Moving`)
 }
-"""Arrays of `Model`, with the type of an element in C."""
+"""Arrays in the C structure `Model`, each with the C type of an element."""
 
 STRIDES = ("step", "point", "motor", "sample")
-"""Strides of `Commands`, counted in numbers; 0 along an axis with equal values."""
+"""Strides in the C structure `Commands`, in numbers; 0 along an axis with equal values."""
 
 Size = tuple[int, int]
-"""(a, b) means a + b m numbers, for m passive joints."""
+"""Size of an array: (a, b) means a + b m numbers, for m passive joints."""
 
 MACHINE, MOTORS, PASSIVE, JOINTS = (1, 0), (2, 0), (0, 1), (1, 1)
 
@@ -92,7 +93,7 @@ MACHINE_NUMBERS: dict[str, Size] = {
     **dict.fromkeys(("k", "half_gap", "rest"), PASSIVE),
     "weights": JOINTS,
 }
-"""Numbers of one machine: the effects except those of inertia, and what `_parameters` adds."""
+"""Parameters of one machine: effects except those of inertia, and what `_parameters` adds."""
 
 STATE_NUMBERS: dict[str, Size] = {
     **dict.fromkeys(("speed", "slope", "saturated"), MOTORS),
@@ -101,16 +102,16 @@ STATE_NUMBERS: dict[str, Size] = {
     "first": (1, 0),  # coordinate of the last disk
     **dict.fromkeys(("theta", "axis", "wound", "gap"), JOINTS),  # gap: largest deviation
 }
-"""State of one sample."""
+"""Parts of the state of one sample without inertia."""
 
 MASSES: dict[str, Size] = {each.name: each.metadata["rows"] for each in fields(Masses)}
 
 LIMITED_LAWS, PLAY_LAWS = (4, 4), (2, 1)
-"""Number of laws in `StageLaws`."""
+"""Numbers of limited laws and of play laws in `StageLaws`."""
 
 
 def _row_numbers(m: int) -> dict[str, int]:
-    """Return the first row of each part of a dynamic state (`StateRows`)."""
+    """Return the first row of each part of a dynamic state (`StateRows`), for m passive joints."""
     state, bodies = StateRows(m), StateRows(m).bodies
     speeds = {"axes": bodies.axes.start, "disk": bodies.disk, "links": bodies.links.start}
     speeds |= {"stages": bodies.stages.start, "bodies": bodies.count}
@@ -129,7 +130,7 @@ DYNAMIC_NUMBERS: dict[str, Size] = {
     "slipping": (1, 0),
     "last": (1, 0),
 }
-"""Dynamic state of one sample: that of `March`, and the length of the last step."""
+"""Parts of the dynamic state of one sample: those of `March`, and the length of the last step."""
 
 MOST_PASSIVE = 16
 """Largest number of passive joints in `dynamic.c`."""
@@ -151,12 +152,12 @@ VERSION = zlib.crc32(
         )
     ).encode()
 )
-"""Checksum of this layout. A kernel with another one is not used, and a warning says so."""
+"""Checksum of the data layout. A kernel with another checksum is refused with a warning."""
 
 
 def places(table: dict[str, Size], m: int) -> dict[str, slice]:
-    """Return the slice that each entry of a table takes in an array of its numbers, for m passive
-    joints."""
+    """Return where each part of a table lies in an array that holds all of its parts in order, for
+    m passive joints."""
     ends = accumulate(a + b * m for a, b in table.values())
     return {
         name: slice(end - a - b * m, end)
@@ -185,8 +186,8 @@ class _KernelCommands(ctypes.Structure):
 def library() -> Any | None:
     """Return the compiled kernel, or None if it is missing or was built from other source.
 
-    In that case the first call logs a warning in the logger `planner`. Python prints it on standard
-    error unless the program configures logging.
+    Without a kernel the first call logs a warning in the logger `planner`. Python prints it on
+    standard error unless the program configures logging.
     """
     why = MISSING_WARNING
     for suffix in EXTENSION_SUFFIXES:
@@ -206,8 +207,8 @@ def library() -> Any | None:
 
 
 def source_checksum(unknown: int) -> int:
-    """Return the checksum of the C files in this folder, computed as in setup.py. If a wheel leaves
-    them out, its kernel cannot be stale, and `unknown` is returned."""
+    """Return the checksum of the C files in this folder, computed as in setup.py; `unknown` without
+    the files, as in a wheel, whose kernel cannot be out of date."""
     files = [Path(__file__).with_name(n) for n in ("kernel.c", "dynamic.c", "layout.h")]
     if not all(file.exists() for file in files):
         return unknown
@@ -215,7 +216,8 @@ def source_checksum(unknown: int) -> int:
 
 
 def open_library(path: Path) -> Any | None:
-    """Return the kernel in a file, or None if it is of another version; see `library`."""
+    """Load the kernel in a file; return None if the kernel is of another version (see
+    `library`)."""
     kernel = ctypes.CDLL(str(path))
     versions = kernel.planner_kernel_version, kernel.planner_kernel_source
     for function in versions:
@@ -243,7 +245,7 @@ def threads() -> int:
 
 
 class CompiledMotion:
-    """A `MachineMotion` of manipulators in the compiled kernel.
+    """Simulation of S manipulators in the compiled kernel; a `MachineMotion`.
 
     Args:
         system: The manipulator.
@@ -278,7 +280,7 @@ class CompiledMotion:
         )  # fmt: skip
 
     def begin(self, orders: CommandGrid, desired: Array, rows: NDArray[np.int64]) -> None:
-        """See `MachineMotion`."""
+        """Begin a stretch where the one before ended; see `MachineMotion.begin`."""
         self._orders, self._k, n = orders, 0, desired.shape[1]
         gap = np.abs(self.coordinates[1:] - desired[0]).T
         np.fmax(self.deviation, gap, out=self.deviation)
@@ -301,11 +303,11 @@ class CompiledMotion:
 
     @property
     def coordinates(self) -> Array:
-        """See `MachineMotion`."""
+        """Present coordinates, (N, S)."""
         return np.concatenate([self._state[:, self._places[k]].T for k in ("first", "theta")])
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
-        """See `MachineMotion`."""
+        """Simulate up to the point `last` of the stretch's grid."""
         with ThreadPoolExecutor(threads()) as pool:
             while self._k < last:
                 first, self._k = self._k, min(self._k + STEPS_A_CALL, last)
@@ -329,7 +331,7 @@ class CompiledMotion:
 
 
 def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
-    """Return the numbers of each machine in the order of `MACHINE_NUMBERS`, each (count, S)."""
+    """Return the parameters of S machines in the order of `MACHINE_NUMBERS`, each (count, S)."""
     m = len(system.K)
     half_gap = np.deg2rad(draws["backlash_deg"]) / 2
     weighed = weights(draws, m + 1)
@@ -372,7 +374,7 @@ def _flags(draws: Draws, parameters: dict[str, Array]) -> dict[str, int]:
 
 
 def _state(system: Manipulator, draws: Draws, start: Array) -> Array:
-    """Return the state at the start in the order of `STATE_NUMBERS`, (S, numbers)."""
+    """Return the state of S samples at the start, in the order of `STATE_NUMBERS`, (S, numbers)."""
     place = places(STATE_NUMBERS, len(start) - 2)
     state = np.zeros((draws.count, place["gap"].stop))
     parts = {"first": start[:1], "theta": start[1:]}
@@ -388,8 +390,8 @@ _NO_INERTIA = {"masses": np.empty((0, 0)), "moving": np.empty((0, 0))}
 
 
 def _moving(system: Manipulator, draws: Draws, start: Array) -> dict[str, Array]:
-    """Return the parameters and state of the dynamic manipulator, (S, …), in the order of
-    `Moving`."""
+    """Return the parameters and the state at the start of S manipulators with inertia, (S, …), in
+    the order of the C structures `Masses` and `Moving`."""
     march = begin_march(system, draws, start)
     last = np.full((1, draws.count), np.inf)
     state = [march.y, march.pieces, march.speed_change, march.energy, march.slipping, last]

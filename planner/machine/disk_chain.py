@@ -47,7 +47,7 @@ from planner.systems.manipulator import Manipulator, gravity_torques
 
 
 class DiskChain:
-    """The quasi-static manipulator, for S samples.
+    """Motion of S manipulators without inertia.
 
     Args:
         system: The manipulator as the planner knows it.
@@ -91,11 +91,12 @@ class DiskChain:
 
     @property
     def disk(self) -> Array:
-        """Angle of the first disk, and of motor 1 behind its gearhead, since the start, (2, S)."""
+        """Angles of the first disk and of motor 1, counted at its gearhead's output, (2, S),
+        rad."""
         return np.stack([self._motor.theta, self._motor.axis])
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
-        """Advance by a step.
+        """Advance the manipulators by one time step.
 
         Args:
             speed: Motor speeds at the step's P points (2 or 3), (P, 2, S), rad/s.
@@ -122,7 +123,7 @@ class DiskChain:
         self._state[last + 2] = self._joints[last + 1].move(ways[-1], h)
 
     def _load(self) -> None:
-        """Apply gravity's torques at the present angles to the joints."""
+        """Apply the torques of gravity at the present angles to the joints."""
         if self._weights is not None:
             for joint, load in zip(
                 self._joints, gravity_torques(self._weights, self._state[1:]), strict=True
@@ -130,8 +131,8 @@ class DiskChain:
                 joint.apply_load(load)
 
     def _geared_speed(self, speed: Array, travel: Array, h: float) -> Array:
-        """Return the speed of the first disk: that of motor 1, reduced by its gearhead's play, (P,
-        S)."""
+        """Return the speed of the first disk, (P, S), rad/s: the speed of motor 1 less what the
+        gearhead's play takes up."""
         if self._motor.exact:
             return speed
         before = self._motor.theta
@@ -171,7 +172,7 @@ class DiskChain:
         return torques
 
     def _turn(self, i: int, ways: list[Array], h: float) -> Array:
-        """Turn axis i by the travels to each later point; return cosθᵢ at all points, (P, S)."""
+        """Turn axis i by its travels to the later points; return cosθᵢ at all points, (P, S)."""
         joint, part = self._joints[i], h / len(ways)
         c = np.empty((len(ways) + 1, len(joint.theta)))
         c[0] = self._cosines[i]
@@ -237,26 +238,26 @@ class Play:
         self.axis = theta + start * self._half_gap
 
     def apply_load(self, load: Array) -> None:
-        """Let a torque (S,), N m, push the joint forwards from now on."""
+        """Load the joint with a torque (S,), N m, that pushes it forwards from now on."""
         self._load, self.exact = load, False
         self._least, self._most = rest_range(load, self._half_gap, self._coulomb, self._stiffness)
 
     def settle(self) -> None:
-        """Move the axis to where the joint rests at its angle under its load."""
+        """Place the axis so that the joint rests at its present angle under its load."""
         self.axis = self.theta + rest_at(
             self._share, self._start * self._half_gap, self._least, self._most
         )
 
     @classmethod
     def gearhead(cls, draws: Draws, motor: int, angle: Array) -> Play:
-        """Return the gearhead of motor 0 or 1, from its angle (S,), rad."""
+        """Return the play of the gearhead of motor 0 or 1 whose output is at `angle` (S,), rad."""
         half_gap = np.deg2rad(_row(draws, "gearhead_backlash_deg", motor)) / 2
         return cls(angle, half_gap, share=draws.start[motor])
 
     @classmethod
     def passive(cls, draws: Draws, i: int, theta: Array) -> Play:
-        """Return the connection to passive joint i (0: the paper's joint 2), from its angle (S,),
-        rad."""
+        """Return the connection between passive joint i (0: the paper's joint 2), at angle `theta`
+        (S,), rad, and its axis."""
         return cls(
             theta,
             half_gap=np.deg2rad(_row(draws, "backlash_deg", i)) / 2,
@@ -268,7 +269,8 @@ class Play:
         )
 
     def move(self, travel: Array, h: float) -> Array:
-        """Turn the axis by `travel` (S,), rad, at constant speed over h seconds; return θ (S,)."""
+        """Turn the axis by `travel` (S,), rad, at constant speed in h seconds; return the joint
+        angle."""
         axis = self.axis = self.axis + travel
         if self.exact:
             self.theta = axis
@@ -284,12 +286,12 @@ class Play:
         return np.asarray(place)
 
     def _deflection_weights(self, h: float) -> tuple[Array, Array]:
-        """Return the fractions of the deflections at the start and at the end of a step by which
-        the joint moves within that step.
+        """Return two weights: in a step of h seconds the joint moves by the first times the
+        deflection at the step's start plus the second times the deflection at the end.
 
         The deflection is how far the shaft would be beyond rest if the joint stood still. The
-        weights are exact if it changes linearly over the step. In the step in which the play is
-        taken up it does not; that error decays with the joint's time constant.
+        weights are exact for a deflection that changes linearly; the error of the step in which the
+        play is taken up decays with the joint's time constant.
         """
         lag = self._constant / h
         slow = np.where(lag > 0, lag, 1.0)
@@ -299,12 +301,12 @@ class Play:
         return self._weight[h]
 
     def torque(self, turning: Array) -> Array:
-        """Return the torque of the joint on its driven axis that does not depend on the speed,
+        """Return the part of the joint's torque on its driven axis that does not depend on speed,
         (S,), N m.
 
-        It is positive against the motion, whose direction is `turning` (S,): −1, 0 or 1. A soft
-        shaft transmits the torque of its twist. A rigid one transmits the joint's Coulomb friction
-        once its play is taken up.
+        The torque is positive against the motion, whose direction is `turning` (S,): −1, 0 or 1. A
+        soft shaft transmits the torque of its twist. A rigid one transmits the joint's Coulomb
+        friction once the play is taken up.
         """
         ahead = (self.axis - self.theta) * turning
         if self._soft:
@@ -314,9 +316,9 @@ class Play:
         return np.asarray(self._touching(ahead, turning) * friction)
 
     def damping(self, turning: Array) -> Array:
-        """Additional torque on the driven axis per rad/s of the joint, (S,), N m s/rad.
+        """Return the torque of viscous friction on the driven axis per rad/s of the joint, (S,).
 
-        It is zero for a soft shaft, whose twist already includes it.
+        In N m s/rad; zero for a soft shaft, whose twist already includes viscous friction.
         """
         if not self.damped:
             return np.zeros_like(self.theta)
@@ -333,8 +335,7 @@ class Play:
 def rest_range(
     load: Value, half_gap: Value, coulomb: Value, stiffness: Value
 ) -> tuple[Array, Array]:
-    """Return by how much the axis may lead a joint that stays at rest: least and largest angle,
-    rad.
+    """Return the least and the largest angle by which an axis can lead its joint at rest, rad.
 
     Args:
         load: Torque that pushes the joint forwards, N m; for the others see `Play`.
@@ -347,9 +348,9 @@ def rest_range(
 
 
 def rest_at(share: Value, middle: Value, least: Array, most: Array) -> Array:
-    """Return by how much the axis leads a joint at rest, rad. The lead lies at the position
-    `share`, −1 … 1, of the range from least to most; where `share` is NaN, it is as near to
-    `middle` as the range allows."""
+    """Return the angle by which an axis leads its joint at rest, rad: the position `share` (−1 … 1)
+    in the range from `least` to `most`, or where `share` is NaN the angle of that range that is
+    nearest to `middle`."""
     there = least + (np.asarray(share) + 1) / 2 * (most - least)
     return np.where(np.isnan(share), np.clip(middle, least, most), there)
 

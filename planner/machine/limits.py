@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from planner.problem.problem import Problem
 
 BLOCK_STATES = 20_000
-"""States that are judged at once: their distances stay in the cache."""
+"""Number of states judged at once, so few that their distances stay in the cache."""
 
 KEPT_PERCENT = 95.0
 """Percentage of the machines for which the advised clearance is enough."""
@@ -32,18 +32,18 @@ KEPT_PERCENT = 95.0
 
 @dataclass(frozen=True)
 class MachineLimit:
-    """One limit on S machines.
+    """How S machines keep one limit.
 
     Attributes:
-        requirement: The requirement that it is a part of.
-        part: Its label, unit, least and largest value.
-        broken: Number of machines that break it.
+        requirement: The requirement that the limit is a part of.
+        part: Label, unit, least and largest value of the limit.
+        broken: Number of machines that break the limit.
         samples: Number of machines S.
         worst: The value furthest beyond the limit, or else nearest to it, in the part's unit.
         sample: Number of the machine with the worst value.
         t_s: Time of the worst value, s.
-        sweep: 95th percentile over the machines of how much closer they come to the limit than the
-            plan, in the part's unit.
+        sweep: 95th percentile over the machines of how much closer a machine comes to the limit
+            than the plan, in the part's unit.
     """
 
     requirement: Requirement
@@ -67,8 +67,8 @@ class MachineLimit:
 
 
 def breakable_limits(problem: Problem) -> list[Requirement]:
-    """Return the limits that a machine may break: all but that of z₂, a quantity of the methods
-    only."""
+    """Return the requirements that a machine may break: those on the coordinates along the path,
+    except the margin of z₂, a quantity of the methods only."""
     return [
         each
         for each in problem.requirements
@@ -77,9 +77,9 @@ def breakable_limits(problem: Problem) -> list[Requirement]:
 
 
 def bounds(requirement: Requirement) -> tuple[Array, Array]:
-    """Return the least and largest values for a machine, (R,) each.
+    """Return the least and the largest values that a requirement allows to a machine, (R,) each.
 
-    They leave out the clearance, which is room for machines to deviate: a machine that enters it
+    The clearance is left out, since it is room for machines to deviate: a machine that enters it
     without contact breaks no limit.
     """
     low, high, _ = requirement.bounds
@@ -155,7 +155,7 @@ def machine_limits(
 
 
 def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
-    """Say which limits machines break, and what would keep 95 % of them clear; "" if none does.
+    """Say which limits machines break and what would keep 95 % of the machines clear, or "".
 
     Args:
         limits: Result of `machine_limits`.
@@ -175,7 +175,7 @@ def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
 
 
 def _furthest(violations: Sequence[MachineLimit]) -> list[MachineLimit]:
-    """Return for each requirement the limit that machines exceed most, or else come nearest to."""
+    """Return for each requirement the broken limit that machines approach most beyond the plan."""
     worst: dict[Requirement, MachineLimit] = {}
     for each in violations:
         rival = worst.get(each.requirement)
@@ -185,7 +185,8 @@ def _furthest(violations: Sequence[MachineLimit]) -> list[MachineLimit]:
 
 
 def _advice(each: MachineLimit) -> str:
-    """Return the setting that leaves room for a machine's error; "" for kinds that have none."""
+    """Return the setting that would keep 95 % of machines clear of a limit, in words; "" if
+    none."""
     requirement = each.requirement
     if isinstance(requirement, Obstacle):
         return f"clearance_m = {_round_up(each.sweep)} of obstacle {requirement.number}"
@@ -198,6 +199,6 @@ def _advice(each: MachineLimit) -> str:
 
 
 def _round_up(value: float) -> str:
-    """Round up to two digits."""
+    """Return a positive value rounded up to two digits, as text."""
     step = 10.0 ** (np.floor(np.log10(value)) - 1)
     return f"{np.ceil(value / step - 1e-9) * step:.2g}"

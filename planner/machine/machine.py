@@ -37,11 +37,11 @@ DEFAULT_STEP_S = 0.001
 
 @dataclass(frozen=True)
 class Quantity:
-    """Mean and spread of an effect that is on.
+    """Mean and spread of one effect of a machine.
 
     Attributes:
         value: Mean: one number for all, or one for each motor, joint or gear constant.
-        spread: Standard deviation from machine to machine, likewise.
+        spread: Standard deviation between machines, in the same form.
     """
 
     value: tuple[float, ...]
@@ -53,7 +53,7 @@ class Quantity:
         return any(s > 0 for s in self.spread)
 
     def to_setting(self) -> Any:
-        """Return the number, list or table that describes it in a problem file."""
+        """Return the number, list or table that states this quantity in a problem file."""
         value, spread = _as_plain(self.value), _as_plain(self.spread)
         return {"value": value, "spread": spread} if self.varies else value
 
@@ -68,13 +68,13 @@ class Machine:
     (`planner.problem.tables.machine_effects.MachineTable`).
 
     Attributes:
-        preset: Name of the preset it was made from.
+        preset: Name of the preset that the machine was made from.
         step_s: Largest simulation step, seconds.
         effects: The effects that are on, by name; all others are off.
-        fidelity: "quasi-static", or "dynamic" with inertia and torque. Only manipulators differ;
-            other systems have no mechanism between motor and motion.
+        fidelity: "quasi-static", or "dynamic" with inertia and torque. It matters for manipulators
+            only; other systems have no mechanism between motor and motion.
         start_state: How the arm came to rest before the start: one word, or one for each joint.
-        source: The file it was read from, used in messages and commands only.
+        source: File that the machine was read from, for messages and commands only.
     """
 
     preset: str
@@ -86,7 +86,7 @@ class Machine:
 
     @classmethod
     def prototype(cls, **changes: Any) -> Machine:
-        """Return the emulated prototype of the paper, with changes:
+        """Return the emulated prototype of the paper with the given settings changed, as in
         `Machine.prototype(backlash_deg=0.5)`.
 
         Its parameters are calibrated, not measured: see `planner.machine.machine`.
@@ -132,7 +132,7 @@ class Machine:
     # -- variations ----------------------------------------------------------------------------
 
     def with_(self, **changes: Any) -> Machine:
-        """Return the same machine with some effects set; `False` switches one off.
+        """Return a copy of the machine with changed settings; `False` switches an effect off.
 
         Raises:
             InputError: If a name is unknown or a value impossible.
@@ -140,7 +140,7 @@ class Machine:
         return Machine.from_table({**self.to_dict(), **changes})
 
     def without(self, *names: str) -> Machine:
-        """Return the same machine with these effects off.
+        """Return a copy of the machine with the named effects off.
 
         Raises:
             InputError: If a name is unknown.
@@ -148,7 +148,7 @@ class Machine:
         return self.with_(**dict.fromkeys(_check_names(names), False))
 
     def only(self, *names: str) -> Machine:
-        """Return the same machine with every other effect off.
+        """Return a copy of the machine that keeps the named effects and has all others off.
 
         Raises:
             InputError: If a name is unknown.
@@ -157,9 +157,9 @@ class Machine:
         return self.without(*(name for name in EFFECTS if name not in names_off))
 
     def nominal(self) -> Machine:
-        """Return the same machine with all spreads zero, so that all samples are equal.
+        """Return a copy of the machine with all spreads zero, so that all samples are equal.
 
-        An unknown start state becomes "unwound", the middle of its range.
+        An unknown start state becomes "unwound", the middle of the possible states.
         """
         if "unknown" not in self.start_state and not any(q.varies for q in self.effects.values()):
             return self
@@ -168,8 +168,8 @@ class Machine:
         return self.with_(start_state=states[0] if len(states) == 1 else states, **means)
 
     def mean(self, name: str, joints: int | None = None) -> Array:
-        """Return the mean of an effect, one number or one per motor or joint; its off value when it
-        is off.
+        """Return the mean of an effect: one number, or one per motor or joint. The mean of an
+        effect that is off is its off value.
 
         Args:
             name: The effect.
@@ -180,8 +180,8 @@ class Machine:
         return np.array(value if joints is None else fit_to_joints(name, value, joints))
 
     def spread(self, name: str, joints: int) -> Array:
-        """Return the standard deviation of an effect between machines, in the form of `mean`; 0
-        when off."""
+        """Return the standard deviation of an effect between machines, in the form of `mean`; an
+        effect that is off has 0."""
         spread = self.effects[name].spread if name in self.effects else (0.0,)
         return np.array(fit_to_joints(name, spread, joints))
 
@@ -194,12 +194,12 @@ class Machine:
 
     @property
     def start_words(self) -> str:
-        """How the arm came to rest before the start, in words."""
+        """Phrase that says how the arm came to rest before the start."""
         return f"{', '.join(self.start_state)} at the start"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the `[machine]` table with every effect in it, so that it does not depend on
-        presets."""
+        """Return the machine's `[machine]` table with every effect in it, so that the table does
+        not depend on presets."""
         settings = {
             name: self.effects[name].to_setting() if name in self.effects else False
             for name in EFFECTS
@@ -228,8 +228,8 @@ class Machine:
         return "\n".join(rows if self.effects else [*rows, "  no effect is on"])
 
     def __getattr__(self, name: str) -> float | list[float]:
-        """Return the mean of an effect (`machine.backlash_deg`) in its unit; its off value when it
-        is off."""
+        """Return the mean of the effect `name` in its unit, as in `machine.backlash_deg`; the mean
+        of an effect that is off is its off value."""
         if name in EFFECTS:
             return _as_plain(tuple(self.mean(name).tolist()))
         hint = allowed_hint(name, list(EFFECTS))
@@ -253,7 +253,7 @@ def machine_for(table: MachineTable, given: Machine | str | None) -> Machine:
         given: A machine, the name of a preset, or None for the machine of the table.
 
     Raises:
-        InputError: If it is none of these.
+        InputError: If `given` is none of these.
     """
     if given is None:
         return Machine.from_table(table)
@@ -303,7 +303,7 @@ def _as_plain(numbers: tuple[float, ...]) -> float | list[float]:
 
 
 POSITIVE_FLOOR = 0.1
-"""An effect that must be positive is drawn no lower than this fraction of its mean."""
+"""Least value that is drawn for an effect that must be positive, as a fraction of its mean."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,27 +333,28 @@ class Draws:
         return name in self.values
 
     def __getitem__(self, name: str) -> Array:
-        """Return the values (c, S) of an effect that is on; its off value, (1, 1), when it is
+        """Return the values (c, S) of an effect that is on, or the off value (1, 1) of one that is
         off."""
         if name in self.values:
             return self.values[name]
         return np.array([[EFFECTS[name].off_value]])
 
     def part(self, chosen: slice) -> Draws:
-        """Return the draws of a range of samples."""
+        """Return the parameters of the samples in the range `chosen`."""
         values = {name: value[:, chosen] for name, value in self.values.items()}
         return Draws(self.numbers[chosen], values, self.start[:, chosen])
 
 
 MOST_MACHINES = 1_000_000
-"""Largest number of machines in one replay; it takes from 15 minutes to hours, and half a GB."""
+"""Largest number of machines in one replay, which then takes 15 minutes to hours and half a GB."""
 
 
 def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
-    """Return the numbers of the first `samples` samples, or the given numbers, checked; shape (S,).
+    """Return sample numbers, shape (S,): those of the first `samples` samples, or the list itself.
 
     Raises:
-        InputError: If the list is empty, or an entry is not a whole number from 0.
+        InputError: If the number is not from 1 to `MOST_MACHINES`, or the list is empty or has an
+            entry that is not a whole number from 0.
     """
     if isinstance(samples, bool):
         raise InputError(
@@ -376,16 +377,16 @@ def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
 
 
 def draw(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -> Draws:
-    """Draw single machines.
+    """Draw the parameters of single machines from the distribution that a machine describes.
 
     Args:
-        machine: The distribution.
+        machine: The machine with its spreads.
         joints: Coordinates after the first, N−1 (n for the manipulator).
         numbers: Numbers of the samples, counted from 0, shape (S,).
         seed: Seed, ≥ 0.
 
     Returns:
-        Their parameters, in the units of the machine's table.
+        The parameters, in the units of the machine's table.
 
     Raises:
         InputError: If a list of the machine does not match the system's joints.
@@ -406,10 +407,10 @@ _SHARES = {"unwound": np.nan, "forward": 1.0, "backward": -1.0}
 
 
 def draw_start(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -> Array:
-    """Return `Draws.start`, (1+n, S); draw an unknown position uniformly from the whole range.
+    """Return the gears' positions before the start, `Draws.start`; draw unknown ones uniformly.
 
     Raises:
-        InputError: If there is not one word for each joint.
+        InputError: If the start state has neither one word nor one for each joint.
     """
     words = machine.start_state * (joints if len(machine.start_state) == 1 else 1)
     if len(words) != joints:
@@ -426,8 +427,8 @@ def draw_start(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: 
 
 
 def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int) -> Array:
-    """Return uniform random numbers, (count, S): the entries `numbers` (S,) of the effect's
-    stream."""
+    """Return the random numbers (count, S), uniform in 0 … 1, of the samples `numbers` (S,) from
+    the stream of an effect."""
     sequence = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),))
     bits = np.random.PCG64(
         sequence
@@ -446,7 +447,7 @@ def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> 
 
     Args:
         name: The effect.
-        quantity: Its mean and spread.
+        quantity: Mean and spread of the effect.
         joints: Coordinates after the first, N−1.
         uniform: Quantiles, 0 … 1, shape (c, S), c being the number of values of that effect (see
             `Draws`).
@@ -477,7 +478,7 @@ def at_quantiles(name: str, quantity: Quantity, joints: int, uniform: Array) -> 
 
 
 IDEAL: Mapping[str, Any] = MappingProxyType({"step_s": 0.001})
-"""No effect is on: the command is continuous and the kinematics are exact."""
+"""Preset with every effect off: commands are continuous and kinematics exact."""
 
 PROTOTYPE: Mapping[str, Any] = MappingProxyType(
     {

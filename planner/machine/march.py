@@ -38,12 +38,12 @@ LEAST_DRAG = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class _Gears:
-    """Quantities that are constant over a step; for `first` and `second` see `StageLaws`.
+    """Gear ratios, contact laws and link masses, constant over a step of time.
 
-    The slopes and limits are those of the contacts. `drag` limits the drag of contacts that slide
-    sideways on disk B1 and on the stages, (1+m, S), N m; `pull` is the torque on the joints by
-    gravity and by the rotation of the links, (1+m, S), N m; `mass` is the links' mass matrix,
-    (1+m, 1+m, S), kg m^2.
+    For `first` and `second` see `StageLaws`. `slope` and `limit` are those of the contacts; `drag`
+    is the largest drag of contacts that slide sideways on disk B1 and on the stages, (1+m, S), N m;
+    `pull` is the torque on the joints by gravity and by the rotation of the links, (1+m, S), N m;
+    `mass` is the links' mass matrix, (1+m, 1+m, S), kg m^2.
     """
 
     first: Array
@@ -60,7 +60,7 @@ class _Gears:
 
 @dataclass(frozen=True, eq=False)
 class _StageEnd:
-    """State (rows, S), pieces of the laws, and powers (2, S) at the end of a stage."""
+    """State (rows, S), pieces of the laws, and power of motors and losses (2, S) after a stage."""
 
     y: Array
     pieces: Array
@@ -69,7 +69,7 @@ class _StageEnd:
 
 @dataclass(frozen=True, eq=False)
 class March:
-    """S arms that advance together.
+    """S arms with inertia that advance together in time.
 
     Attributes:
         data: Parameters of the arms.
@@ -97,7 +97,7 @@ class March:
         return np.concatenate([getattr(self.data, f.name) for f in fields(Masses)])
 
     def step(self, mean: Array, swing: Array, h: float, lead: float) -> None:
-        """Advance by a step in which the reference changes linearly.
+        """Advance the arms by a step in which the reference speeds change linearly.
 
         Args:
             mean: Mean of the reference, (2, S), rad/s.
@@ -130,7 +130,7 @@ class March:
         self.energy[:] += energy
 
     def _gears(self, h: float, lead: float) -> _Gears:
-        """Return the ratios at the middle of the step, and the laws of the contacts there.
+        """Return gear ratios, laws of the contacts and link masses at the middle of the step.
 
         The friction that a contact has left for the sideways direction depends on its load, which
         is computed from the shafts' torques at the end of the last step.
@@ -172,7 +172,7 @@ class March:
     def _stage(
         self, data: Masses, gears: _Gears, y: Array, reference: Array, h: float, pieces: Array
     ) -> _StageEnd:
-        """Advance by a stage of length h with the implicit Euler method: new = y + h f(new)."""
+        """Advance the state y by a stage of h seconds with the implicit Euler method."""
         place, rows = self.place, self.place.bodies
         feedforward = data.inertia[rows.motors] / h * (reference - y[place.reference])
         stage = self._laws(data, gears, y, reference, feedforward, h)
@@ -200,7 +200,8 @@ class March:
     def _laws(
         self, data: Masses, gears: _Gears, y: Array, reference: Array, feedforward: Array, h: float
     ) -> StageLaws:
-        """Return the laws of a stage of length h from y; `feedforward` is a torque, (2, S), N m."""
+        """Return the laws of a stage of h seconds from state y; `feedforward` is a torque, (2, S),
+        N m."""
         place, rows = self.place, self.place.bodies
         heavy, spring = data.inertia / h, data.stiffness + data.damping / h
         coupling = gears.mass / h
@@ -233,8 +234,8 @@ class March:
 
 
 def begin_march(system: Manipulator, draws: Draws, q: Array) -> March:
-    """Return the machines at rest at coordinates q (N, S), each joint at its start position in its
-    play."""
+    """Return S arms with inertia at rest at coordinates q (N, S), each joint at its start position
+    in its play."""
     k = gear_constants(system, draws)
     data, place = masses(draws, k), StateRows(len(k))
     y = np.zeros((place.count, draws.count))

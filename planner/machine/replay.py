@@ -44,7 +44,7 @@ class Replay(Recording):
         t: Recorded times, shape (R,), s; the last one is `settle_s` after the plan's end.
         q: True coordinates of the first M samples, whose motions are kept (by default all), shape
             (M, R, N), in the coordinates' units; `motion` gives those of any sample.
-        motor_rates: Speeds of both their motors, shape (M, R, 2), rad/s.
+        motor_rates: Speeds of both motors of these samples, shape (M, R, 2), rad/s.
         peak_rates: Largest |speed| of both motors at the recorded times, shape (S, 2), rad/s.
         saturated_s: Time during which the command of each motor exceeded its limit of speed or
             torque, shape (S, 2), s.
@@ -57,8 +57,8 @@ class Replay(Recording):
             beyond, shape (S, P), in the parts' units; see `limits`. NaN with `record_s=None`.
         margin_s: Time of the least distance, shape (S, P), s.
         terminal_error: True end minus planned end, shape (S, N), in the coordinates' units.
-        deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1).
-            For a compensated plan both errors refer to the original plan, from its start on.
+        deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1). For
+            a compensated plan both errors refer to the original plan, from its start on.
         effort: ∫ u₁² + u₂² dt of the controller's commands, (S,); None in open loop.
         fallbacks: Number of control steps in which the controller used a fallback command, (S,).
         run_s: Time from the first command to the end of the last, s: the plan's duration, and with
@@ -83,7 +83,7 @@ class Replay(Recording):
 
     @property
     def slip_words(self) -> str:
-        """Which contact slips grossly, when, and on how many machines; "" if none does."""
+        """Words on which contact slips grossly, when, and on how many machines; "" without slip."""
         slips, count = np.flatnonzero(self.slip_contact >= 0), len(self.numbers)
         if not slips.size:
             return ""
@@ -97,9 +97,9 @@ class Replay(Recording):
 
     @cached_property
     def limits(self) -> tuple[MachineLimit, ...]:
-        """How the machines keep the joint limits, obstacles and the links' clearance.
+        """Results of checking joint limits, obstacles and the links' clearance on the machines.
 
-        They are checked at the recorded times; empty with `record_s=None`.
+        The limits are checked at the recorded times; there are none with `record_s=None`.
         """
         times, shape = self.t[self.t <= self.plan.duration], (1, self.margin.shape[1])
         planned, when = np.full(shape, np.inf), np.zeros(shape)
@@ -110,12 +110,12 @@ class Replay(Recording):
 
     @property
     def limit_share(self) -> float:
-        """Share of the machines that break any of these limits; NaN if none was checked."""
+        """Share (0 … 1) of the machines that break a limit of `limits`; NaN if none was checked."""
         return float(np.mean(self._beyond)) if self.limits else np.nan
 
     @property
     def limit_words(self) -> str:
-        """Which limits the machines break, and what would help; "" if they break none."""
+        """Words on which limits the machines break, and what would help; "" if none is broken."""
         return limit_words(self.limits, int(np.sum(self._beyond)))
 
     @property
@@ -134,7 +134,7 @@ class Replay(Recording):
     def motion(self, place: int) -> Array:
         """Return the true coordinates of the sample at index `place` of `numbers`, shape (R, N).
 
-        A motion that was not kept is replayed.
+        If the sample's motion was not kept, the sample is replayed.
         """
         if place < len(self.q):
             return np.asarray(self.q[place])
@@ -275,7 +275,7 @@ class Statistic:
 
     @property
     def title(self) -> str:
-        """Heading of a column."""
+        """Heading of the statistic's column, such as "E 95 %"."""
         return f"{self.error} {self.percent} %"
 
 
@@ -283,7 +283,7 @@ ERRORS = {
     "E": "largest joint error on the machine at any time (eq. 29)",
     "end": "largest joint error on the machine at the end",
 }
-"""The errors of a replay on one machine."""
+"""Names and meanings of the errors of one machine's motion."""
 
 STATISTICS = {
     "E_median_deg": Statistic("E", 50),
@@ -291,11 +291,11 @@ STATISTICS = {
     "end_median_deg": Statistic("end", 50),
     "end_p95_deg": Statistic("end", 95),
 }
-"""The errors of a replay on all machines, by their names in rows, JSON and CSV."""
+"""Statistics of the errors over all machines of a replay, by their names in rows, JSON and CSV."""
 
 ERROR_WORDS = "; ".join(f"{name}: {words}" for name, words in ERRORS.items())
 PERCENTILE_WORDS = "median (50 %) and 95th percentile (95 %)"
-"""What captions say about the errors and about `STATISTICS`."""
+"""Words of captions that explain `ERRORS` and the percentiles of `STATISTICS`."""
 
 
 def replay(
@@ -333,9 +333,9 @@ def replay(
 
     Raises:
         InputError: If the plan has no real inputs, the machine does not match the system, an
-            argument is out of range, or the motions to keep take more than 2 GB of memory.
-            The rest takes some hundred bytes per sample and half a GB; a tracker some kB per
-            period.
+            argument is out of range, or the motions to keep take more than 2 GB of memory. Besides
+            the motions a replay takes half a GB and some hundred bytes per sample, a tracker some
+            kB per control period.
     """
     refuse_inexecutable(plan)
     closing = feedback_of(plan, feedback)
@@ -364,7 +364,8 @@ def replay(
 
 
 def feedback_of(plan: Plan, feedback: bool | Feedback) -> Feedback | None:
-    """Return the feedback that `replay` is asked for; None for open loop."""
+    """Return the feedback law that the argument `feedback` of `replay` names; None for open
+    loop."""
     if feedback is True:
         from planner.machine.feedback.tracker import Tracker  # imports OSQP, needed only here
 

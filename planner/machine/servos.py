@@ -24,13 +24,13 @@ from planner.machine.machine import Draws
 from planner.support.arrays import Array
 
 SPEED_TOLERANCE_RAD_S = 1e-12
-"""Speeds that differ by less are equal, rad/s."""
+"""Difference of two speeds that count as equal, rad/s."""
 
 LagFactors = tuple[Array, ...]
 
 
 class Servos:
-    """Both motors of S samples, at rest at first.
+    """Both servo motors of S machines, at rest at first.
 
     Attributes:
         saturated_s: Time for which the command of each motor exceeded its limit, (2, S), s.
@@ -58,7 +58,7 @@ class Servos:
         self.saturated_s = np.zeros(shape)
 
     def step(self, command: Array, h: float, running: bool) -> tuple[Array, Array]:
-        """Run for one step.
+        """Advance the motors by one time step.
 
         Args:
             command: At the step's P points (2: its ends; 3: the middle too), (P, 2, S or 1), rad/s.
@@ -66,8 +66,8 @@ class Servos:
             running: Whether a plan is being executed.
 
         Returns:
-            Speed at the points, (P, 2, S), rad/s; travel from the start to each later point,
-            (P−1, 2, S), rad.
+            Speed at the points, (P, 2, S), rad/s; travel from the start to each later point, (P−1,
+            2, S), rad.
         """
         if not (running is self._running and np.array_equal(command, self._command)):
             self._command, self._running = command, running
@@ -88,8 +88,8 @@ class Servos:
         return speed, travel
 
     def _reference(self, command: Array, running: bool) -> tuple[list[Array], Array | None]:
-        """Return the reference speeds (2, S) at the points (one array if all agree), and which are
-        clipped."""
+        """Return the reference speeds (2, S) at each point of a step, and which of them are clipped
+        (None if none is)."""
         is_constant = bool(np.all(command == command[0]))
         r = self._gain * command[:1] if is_constant else self._gain * command
         if running:
@@ -100,7 +100,8 @@ class Servos:
         return points, excess if excess.any() else None
 
     def _advance(self, r0: Array, r1: Array, h: float) -> Array:
-        """Advance by h for a reference from r0 to r1; return the travel, (2, S)."""
+        """Advance the motors by h s under a reference from r0 to r1; return the travel, (2, S),
+        rad."""
         before = self._speed
         second = self._damping is not None
         free, travel = (self._second_order if second else self._first_order)(r0, r1, h)
@@ -121,8 +122,8 @@ class Servos:
         return np.where(is_held, (before + new) * (h / 2), travel)
 
     def _first_order(self, r0: Array, r1: Array, h: float) -> tuple[Array, Array]:
-        """Return the speed ω = p + (ω₀ − p₀) e^{−bh}, with the particular solution p = r − ṙ/b, and
-        the travel."""
+        """Return speed and travel of first-order servos after h seconds: ω = p + (ω₀ − p₀) e^{−bh}
+        with the particular solution p = r − ṙ/b."""
         (decay,) = self._lag(h)
         if r0 is r1:
             gap = self._speed - r0
@@ -135,7 +136,7 @@ class Servos:
         return r1 - behind + left, travel
 
     def _second_order(self, r0: Array, r1: Array, h: float) -> tuple[Array, Array]:
-        """Return speed and travel of second-order servos, with p = r − 2ζṙ/b and two states."""
+        """Return speed and travel of second-order servos; the particular solution is r − 2ζṙ/b."""
         assert self._damping is not None
         e11, e12, e21, e22 = self._lag(h)
         b, twice = self._bandwidth, 2 * self._damping / self._bandwidth
@@ -157,8 +158,8 @@ class Servos:
 
 
 def _oscillator(b: Array, damping: Array, h: float) -> LagFactors:
-    """Return the entries of exp([[0, 1], [−b², −2ζb]] h), for any damping (complex roots
-    included)."""
+    """Return the four entries of the matrix exp([[0, 1], [−b², −2ζb]] h), for any damping ζ
+    (complex roots included)."""
     root = b * np.sqrt((damping**2 - 1).astype(complex))
     slow, fast = np.exp((root - damping * b) * h), np.exp((-root - damping * b) * h)
     cosh = ((slow + fast) / 2).real
@@ -170,7 +171,7 @@ def _oscillator(b: Array, damping: Array, h: float) -> LagFactors:
 
 
 def integrals(f: Array, h: float) -> list[Array]:
-    """Return the integrals from the start of a step of length h to each of its later points.
+    """Return the integrals of a function from the start of a step to each of its later points.
 
     Args:
         f: Values at the 2 or 3 equally spaced points, along the first axis.
@@ -186,7 +187,7 @@ def integrals(f: Array, h: float) -> list[Array]:
 
 
 def to_end(f: Array, h: float) -> Array:
-    """Return the integral from the start to the end of the step."""
+    """Return the integral of a function over a whole step; for f and h see `integrals`."""
     if len(f) == 2:
         return np.asarray((h / 2) * (f[0] + f[1]))
     return np.asarray((h / 6) * (f[0] + f[2]) + (4 * h / 6) * f[1])

@@ -35,32 +35,32 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 CHUNK_SAMPLES = 1000
-"""Samples that advance together: enough to keep NumPy busy, few enough to stay in the cache."""
+"""Number of samples in a block: enough to keep NumPy busy, few enough to stay in the cache."""
 
 PROGRESS_PARTS = 1000
-"""Progress of a run is reported in this many parts."""
+"""Number of parts in which the progress of each block of samples is reported."""
 
 MOST_BYTES = 2_000_000_000
 """Limit on the memory of recorded motions: half of the memory of the smallest computers in use."""
 
 STRETCH_STEPS = 100_000
-"""Steps in a stretch; each takes some hundred bytes."""
+"""Number of steps in a stretch of time; each step takes some hundred bytes."""
 
 BLOCK_BYTES = 250_000_000
 """Limit on the memory for the motions of one block in one stretch."""
 
 FEWEST_TIMES = 3
-"""Number of times that are always recorded: start, end and rest. These alone do not show whether
-limits are kept."""
+"""Number of times that are always recorded (start, end and rest): too few to show whether a motion
+keeps its limits."""
 
 Progress = Callable[[int, int], None]
 Tell = Callable[[float], None]
-"""Called with the fraction that is done, 0 … 1."""
+"""Function that is called with the fraction that is done, 0 … 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Results of S samples; for the attributes see `planner.Replay`."""
+    """Results of a simulation of S samples; for the attributes see `planner.Replay`."""
 
     t: Array
     q: Array
@@ -114,7 +114,7 @@ def simulate(
     feedback: Feedback | None = None,
     progress: Progress | None = None,
 ) -> Recording:
-    """Run an executable plan through single machines.
+    """Simulate the motions of single machines that execute a plan.
 
     All samples share the step and the control period of `machine`. The motions of the first
     `motions` samples are kept, by default those of all.
@@ -148,7 +148,7 @@ def simulate_variants(
     """Simulate the nominal machine under S variants of its commands.
 
     Args:
-        plan: Gives the system, the start, and the loads to hold against gravity.
+        plan: Plan that gives the system, the start, and the loads to hold against gravity.
         machine: The machine; its spreads are ignored.
         t: Ends of the commands' ticks, shape (K+1,), s.
         values: Commanded inputs in each tick, shape (K, 2, S).
@@ -174,15 +174,15 @@ def simulate_variants(
 
 
 def _row_bytes(plan: Plan) -> int:
-    """Return the bytes that one sample's motion takes at one recorded time."""
+    """Return the bytes of memory that the motion of one sample takes per recorded time."""
     return 8 * (plan.problem.system.size + 2)
 
 
 def _refuse_too_large(plan: Plan, records: int, settle: float, record: float | None) -> None:
-    """Refuse motions that need too much memory.
+    """Refuse to record motions that need too much memory.
 
     Raises:
-        InputError: If the motions to keep take more than `MOST_BYTES`, or one of them does.
+        InputError: If the motions to keep, or a single motion, would take more than `MOST_BYTES`.
     """
     span, width = plan.duration + settle, _row_bytes(plan)
     rows = 3 if record is None else 3 + span / record
@@ -201,7 +201,7 @@ def _refuse_too_large(plan: Plan, records: int, settle: float, record: float | N
 
 
 class _ReplayRun:
-    """A replay whose samples run block after block.
+    """Simulation of all samples of a replay, one block of samples after another.
 
     Args:
         plan: The plan.
@@ -229,7 +229,7 @@ class _ReplayRun:
         )
 
     def open_loop(self, chosen: slice, tell: Tell) -> None:
-        """Run some samples under the plan's own command."""
+        """Simulate the samples `chosen` under the plan's commands, without feedback."""
         motion = _at_start(self._plan, self._machine, self._draws.part(chosen))
         for i, (_, rows) in enumerate(self._stretches):
             orders = self._command(i).part(chosen)
@@ -241,7 +241,8 @@ class _ReplayRun:
         tell(1.0)
 
     def closed_loop(self, chosen: slice, tell: Tell, feedback: Feedback) -> float:
-        """Run some samples under a controller; return how long it commands, s."""
+        """Simulate the samples `chosen` under a controller; return how long the controller runs,
+        s."""
         draws, delay, whole = self._draws.part(chosen), self._draws["delay_s"][0], self._whole
         controller = feedback.start(self._plan, self._machine, draws.numbers)
         one_delay, until = bool(np.all(delay == delay[0])), float(whole.t[-1])
@@ -267,7 +268,7 @@ class _ReplayRun:
         return controller.lead_s + controller.end_s
 
     def _keep(self, chosen: slice, motion: MachineMotion, orders: CommandGrid, rows: slice) -> None:
-        """Store the requested results of a stretch."""
+        """Store the results of one stretch for the samples `chosen`."""
         whole, kept = self._whole, max(0, len(self._whole.q) - chosen.start)
         whole.q[chosen, rows] = motion.q[:kept]
         whole.motor_rates[chosen, rows] = motion.speed[:kept]
@@ -282,7 +283,7 @@ class _ReplayRun:
         begin[new] = orders.t[step[new]]
 
     def _end(self, chosen: slice, motion: MachineMotion) -> None:
-        """Store the results that are known only at the end of the run."""
+        """Store the results of the samples `chosen` that are known only at the end of the run."""
         whole, plan = self._whole, self._plan
         whole.terminal_error[chosen] = motion.q[:, -1] - plan.wanted(plan.duration)
         whole.deviation[chosen] = motion.deviation
@@ -291,13 +292,13 @@ class _ReplayRun:
 
 
 def _whole_periods(longest: float, period: float | None) -> float:
-    """Return the longest multiple of the period up to `longest`, s; `longest` itself without a
-    period."""
+    """Return the largest multiple of `period` up to `longest`, s; `longest` itself without a
+    shorter period."""
     return longest // period * period if period and period < longest else longest
 
 
 def _at_start(plan: Plan, machine: Machine, draws: Draws) -> MachineMotion:
-    """Return the machines at the start of a plan, ready to run."""
+    """Return drawn machines at the start of a plan, ready to simulate."""
     system = plan.problem.system
     if isinstance(system, Manipulator) and machine.fidelity == "quasi-static":
         refuse_sliding(plan, system, draws)
@@ -307,15 +308,16 @@ def _at_start(plan: Plan, machine: Machine, draws: Draws) -> MachineMotion:
 def _begin(
     motion: MachineMotion, plan: Plan, orders: CommandGrid, times: Array, rows: slice
 ) -> None:
-    """Begin a stretch that records the rows `rows` of a recording's times."""
+    """Begin a stretch of the simulation `motion`, in which the entries `rows` of `times` are
+    recorded."""
     desired = plan.wanted(orders.t)[:, 1:, None]
     desired[orders.t < times[0]] = np.nan  # ignore deviations before the plan's start
     motion.begin(orders, desired, np.searchsorted(orders.t, times[rows]))
 
 
 def make_motion(plan: Plan, machine: Machine, draws: Draws, start: Array) -> MachineMotion:
-    """Return the machines at the start, simulated by the compiled kernel if it is there, else in
-    NumPy."""
+    """Return drawn machines at the start, to be simulated by the compiled kernel if possible, else
+    in NumPy."""
     system = plan.problem.system
     few = machine.fidelity == "quasi-static" or system.size - 2 <= MOST_PASSIVE
     if isinstance(system, Manipulator) and few and library() is not None:
@@ -333,8 +335,8 @@ def _tell(progress: Progress | None, before: int, runs: int, share: float) -> No
 
 
 def _start(plan: Plan, draws: Draws) -> Array:
-    """Return the true coordinates at the start, (N, S): the plan's, with the initial errors of its
-    angles."""
+    """Return the true coordinates at the start, (N, S): those of the plan plus each machine's
+    initial errors of the angles."""
     q = np.repeat(plan.q(0.0)[:, None], draws.count, axis=1)
     angular = [i for i, c in enumerate(plan.problem.system.coordinates) if c.unit == "rad" and i]
     errors = np.broadcast_to(np.deg2rad(draws["initial_angle_error_deg"]), q[1:].shape)
@@ -343,7 +345,7 @@ def _start(plan: Plan, draws: Draws) -> Array:
 
 
 def _record_times(duration: float, settle: float, record: float | None) -> Array:
-    """Return the times to record: start, end and rest, and every `record` seconds between them."""
+    """Return the times to record, s: start, end, rest, and every `record` seconds between them."""
     ends = merge_times(np.array([0.0, duration, duration + settle]))
     if record is None:
         return ends

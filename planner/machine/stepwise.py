@@ -41,7 +41,7 @@ REPORT_EVERY = 250
 
 
 class Plant(Protocol):
-    """The mechanism that the motors move."""
+    """The mechanism of S samples, from motor speeds to coordinates."""
 
     @property
     def q(self) -> Array:
@@ -49,14 +49,16 @@ class Plant(Protocol):
 
     @property
     def slipping(self) -> Array:
-        """Which contact of each slips grossly, (S,); see `contacts.contact_name`."""
+        """Number of each sample's contact in gross slip, (S,), or −1; see
+        `contacts.contact_name`."""
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
-        """Advance by h seconds under motor speeds (P, 2, S) and travels (P−1, 2, S)."""
+        """Advance the mechanism by h seconds under motor speeds (P, 2, S) and travels (P−1, 2,
+        S)."""
 
 
 class MachineMotion(Protocol):
-    """S sampled machines that are simulated in step, and whose state can be read in between.
+    """S machines simulated together, whose state can be read between the steps.
 
     A run has one or more stretches; `begin` starts each.
 
@@ -76,7 +78,7 @@ class MachineMotion(Protocol):
 
     @property
     def coordinates(self) -> Array:
-        """Coordinates, (N, S)."""
+        """Present coordinates, (N, S)."""
 
     @property
     def saturated_s(self) -> Array:
@@ -93,11 +95,11 @@ class MachineMotion(Protocol):
         """
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
-        """Advance to the point `last` of the stretch's grid."""
+        """Simulate up to the point `last` of the stretch's grid; `tell` reports the steps done."""
 
 
 class StepwiseMotion:
-    """A `MachineMotion` that steps any plant, all samples at once.
+    """Simulation of any plant in NumPy, all samples at once; a `MachineMotion`.
 
     Args:
         plan: The plan.
@@ -113,7 +115,7 @@ class StepwiseMotion:
         self.slip = np.tile([0.0, -1.0, -1.0], (draws.count, 1))
 
     def begin(self, orders: CommandGrid, desired: Array, rows: NDArray[np.int64]) -> None:
-        """See `MachineMotion`."""
+        """Begin a stretch where the one before ended; see `MachineMotion.begin`."""
         self._orders, self._desired, self._k = orders, desired, 0
         self._rows = {k: row for row, k in enumerate(rows.tolist())}
         self._lengths = lengths(orders.t).tolist()
@@ -124,17 +126,17 @@ class StepwiseMotion:
 
     @property
     def coordinates(self) -> Array:
-        """See `MachineMotion`."""
+        """Present coordinates, (N, S)."""
         return self._plant.q
 
     @property
     def saturated_s(self) -> Array:
-        """See `MachineMotion`."""
+        """Time so far for which the command of each motor exceeded its limit, (S, 2), s."""
         limited = self._plant.limited_s if isinstance(self._plant, DynamicChain) else 0.0
         return np.asarray((self._servos.saturated_s + limited).T)
 
     def advance(self, last: int, tell: Steps | None = None) -> None:
-        """See `MachineMotion`."""
+        """Simulate up to the point `last` of the stretch's grid."""
         orders, end = self._orders, len(self._lengths)
         for k in range(self._k, last):
             h = self._lengths[k]
@@ -160,7 +162,8 @@ class StepwiseMotion:
 
 
 def _note_slip(slip: Array, k: int, h: float, slipping: Array) -> None:
-    """Update `slip` (S, 3) by step k; see `MachineMotion.slip`."""
+    """Update the record of gross slip `slip` (S, 3), see `MachineMotion`, by step k of h
+    seconds."""
     slips = np.broadcast_to(slipping, len(slip)) >= 0
     if slips.any():
         new = slips & (slip[:, 1] < 0)
@@ -169,8 +172,8 @@ def _note_slip(slip: Array, k: int, h: float, slipping: Array) -> None:
 
 
 def plant(plan: Plan, machine: Machine, draws: Draws, start: Array) -> Plant:
-    """Return the plant of a plan: the disk chain of a manipulator, or the kinematics of another
-    system."""
+    """Return the plant of a plan: a manipulator's disk chain, with or without inertia, or the
+    kinematics of another system."""
     system = plan.problem.system
     if isinstance(system, Manipulator) and machine.fidelity == "dynamic":
         return DynamicChain(system, draws, start)
@@ -180,7 +183,7 @@ def plant(plan: Plan, machine: Machine, draws: Draws, start: Array) -> Plant:
 
 
 class KinematicPlant:
-    """S copies of a system, integrated by the classical Runge–Kutta method (order 4).
+    """S copies of a system without gears, integrated by the classical Runge–Kutta method.
 
     Args:
         system: The system.
@@ -198,10 +201,9 @@ class KinematicPlant:
         return self._q.T
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
-        """Advance by h seconds under motor speeds (P, 2, S) at the step's points.
+        """Advance the copies by h seconds under motor speeds (P, 2, S) at the step's points.
 
-        Without a middle point (P = 2) the speeds are assumed linear. `travel` is for systems with
-        gears; it is not used here.
+        Without a middle point (P = 2) the speeds are assumed linear. `travel` is ignored.
         """
         points = np.swapaxes(speed, 1, 2)
         start, end = points[0], points[-1]
@@ -210,7 +212,7 @@ class KinematicPlant:
 
 
 class DynamicChain:
-    """S manipulators with inertia.
+    """Motion of S manipulators with inertia.
 
     Args:
         system: The manipulator as the planner knows it.
@@ -218,7 +220,7 @@ class DynamicChain:
         q: Coordinates at the start, (N, S); everything is at rest then.
 
     Attributes:
-        limited_s: Time so far at each motor's torque limit, (2, S), s.
+        limited_s: Time so far that each motor spent at its torque limit, (2, S), s.
     """
 
     def __init__(self, system: Manipulator, draws: Draws, q: Array) -> None:
@@ -234,7 +236,8 @@ class DynamicChain:
 
     @property
     def slipping(self) -> Array:
-        """Which contact of each slips grossly, (S,); see `contacts.contact_name`."""
+        """Number of each sample's contact in gross slip, (S,), or −1; see
+        `contacts.contact_name`."""
         return np.asarray(self._march.slipping[0])
 
     @property
@@ -243,7 +246,7 @@ class DynamicChain:
         return self._y[self._place.bodies.motors]
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
-        """Advance by a step.
+        """Advance the manipulators by one time step.
 
         Args:
             speed: Reference of the motor speeds at the step's P points (2 or 3), (P, 2, S), rad/s.

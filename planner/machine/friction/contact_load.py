@@ -27,18 +27,18 @@ from planner.support.calculus.extremes import sample_times
 from planner.systems.manipulator import Manipulator, gravity_torques
 
 LEAST_INSTANTS = 100
-"""Least number of sample times; the torque is smooth, and its maxima are flat. A plan with more
-pieces than this, such as a compensated one, is sampled only where a piece ends."""
+"""Least number of sample times of a plan: the torque is smooth, and its maxima are flat. A plan
+with more pieces, such as a compensated plan, is sampled only where a piece ends."""
 
 BLOCK = 64
-"""Instants per block, so that the arrays of a thousand machines fit into the processor's cache."""
+"""Instants per block, so few that the arrays of a thousand machines fit into the cache."""
 
 GRAVITY_M_S2 = 9.80665
 """Standard acceleration of free fall."""
 
 
 def gear_constants(system: Manipulator, draws: Draws) -> Array:
-    """Gear constants k₂ … kₙ of each machine, (n−1, S)."""
+    """Return the gear constants k₂ … kₙ of each machine, (n−1, S)."""
     k = system.k_g * system.K[:, None] * (1 + draws["gear_ratio_error"])
     return np.broadcast_to(k, (len(k), draws.count)).copy()
 
@@ -107,11 +107,11 @@ def contact_load(
 
 
 def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
-    """Refuse loads of gravity that friction cannot hold: only dynamic fidelity can compute them.
+    """Refuse machines on which gravity overcomes a friction contact: they need dynamic fidelity.
 
     Args:
         plan: The plan.
-        system: Its manipulator.
+        system: The plan's manipulator.
         draws: The machines, quasi-static.
 
     Raises:
@@ -133,7 +133,7 @@ def refuse_sliding(plan: Plan, system: Manipulator, draws: Draws) -> None:
 
 
 def largest_load(system: Manipulator, draws: Draws, q: Array, rates: Array) -> ContactLoad:
-    """Return the largest loads over T states of motion.
+    """Return the largest loads of the friction contacts over T states of motion.
 
     Args:
         system: The manipulator.
@@ -149,8 +149,8 @@ def largest_load(system: Manipulator, draws: Draws, q: Array, rates: Array) -> C
 
 
 def _loads(system: Manipulator, draws: Draws, q: Array, rates: Array) -> tuple[Array, Array, Array]:
-    """Return the largest load of any contact, largest ratio to the load at which it slips, largest
-    torque of motor 1, (S,) each; for the arguments see `largest_load`."""
+    """Return the largest load of any contact, the largest ratio of a load to that at which its
+    contact slips, and the largest torque of motor 1, (S,) each."""
     friction = [draws[name] for name in ("coulomb_friction_nm", "viscous_friction_nms_per_rad")]
     coulomb, viscous = (values[:, None, :] for values in friction)
     turning = rates[:, 2:].T[..., None]

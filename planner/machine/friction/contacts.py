@@ -36,14 +36,14 @@ from planner.machine.machine import Draws
 from planner.support.arrays import Array
 
 UNBOUNDED_TORQUE_NM = 1e30
-"""Stands for an unlimited torque, N m."""
+"""Number that stands for an unlimited torque, N m."""
 
 LEAST_COSINE = 1e-9
-"""Least |cosθ| of a contact; smaller values count as this one."""
+"""Least |cosθ| of a contact; smaller values are raised to this value."""
 
 MOST_SHARE = 0.99
-"""Largest |X|/C of a load that drives the contact. With more load the contact slides by itself,
-which only a model with inertia can compute."""
+"""Largest load that drives a contact, as a fraction of its capacity. With more load the contact
+slides by itself, which only a model with inertia can compute."""
 
 LEAST_TORQUE_NM = 1e-30
 
@@ -52,31 +52,31 @@ SLIP_SPEED_RAD_S = 1e-3
 1:100 gearhead) is the servo settling."""
 
 MOST_TRIES, RATE_TOLERANCE = 60, 1e-12
-"""Limits of Newton's method for the fraction that a contact transmits; it mostly takes five."""
+"""Most iterations and tolerance of Newton's method in `share`, which mostly takes five."""
 
 
 MOST_CAPACITY_NM = 1e5
-"""A contact of this capacity or more counts as unlimited; all values used for infinity are more."""
+"""Capacity from which a contact counts as unlimited; all values used for infinity are larger."""
 
 
 def lateral_friction(draws: Draws) -> Array:
-    """ε of each machine, (1, S or 1); 0 where the capacity is unlimited."""
+    """Return ε, sideways over driving friction, (1, S or 1); 0 where the capacity is unlimited."""
     is_finite = draws["friction_capacity_nm"] < MOST_CAPACITY_NM
     return np.asarray(np.where(is_finite, draws["lateral_friction"], 0.0))
 
 
 def friction_capacity(draws: Draws) -> Array:
-    """C of each machine, (1, S or 1), N m; `UNBOUNDED_TORQUE_NM` where it is unlimited."""
+    """Return a contact's largest torque C, (1, S or 1), N m; `UNBOUNDED_TORQUE_NM` if unlimited."""
     return np.minimum(draws["friction_capacity_nm"], UNBOUNDED_TORQUE_NM)
 
 
 class Grip:
-    """Contacts turned by given angles, with the law above.
+    """Friction contacts whose wheels are turned against each other by given angles θ.
 
     Args:
-        cosines: cosθ, any shape (…).
-        lateral: ε, of a shape that broadcasts to it.
-        capacity: C, of a shape that broadcasts to it, N m.
+        cosines: Cosines of θ, any shape (…).
+        lateral: Ratio ε of sideways to driving friction, of a shape that broadcasts to (…).
+        capacity: Largest torque C of a contact, of a shape that broadcasts to (…), N m.
 
     Attributes:
         cosine: |cosθ|, at least `LEAST_COSINE`.
@@ -91,12 +91,12 @@ class Grip:
         self.most = capacity * c / np.sqrt(c * c + s * s)
 
     def contact_load(self, load: Array) -> Array:
-        """Return the load that the contact carries, N m."""
+        """Return the part of a load that the contact carries, N m."""
         return np.maximum(np.minimum(load, self.most), -MOST_SHARE * self._capacity)
 
     def hold(self, load: Array) -> Array:
-        """Return the friction left for sideways sliding under a load that the contact carries, C
-        cosψ, N m."""
+        """Return the friction C cosψ that is left for sideways sliding under a load that the
+        contact carries, N m."""
         left = np.sqrt(np.maximum(self._capacity * self._capacity - load * load, 0.0))
         return np.maximum(left, LEAST_TORQUE_NM)
 
@@ -106,7 +106,8 @@ class Grip:
         return np.asarray(load * self.cosine + self.sideways * self.hold(load))
 
     def transmission(self, load: Array) -> Array:
-        """Return the fraction transmitted under a load, V' / (V cosθ); 0 in gross slip."""
+        """Return the fraction of the rate V cosθ that is transmitted under a load; 0 in gross
+        slip."""
         carried = self.contact_load(load)
         lost = self.sideways * carried / (self.cosine * self.hold(carried))
         return np.where(load < self.most, np.maximum(1.0 - lost, 0.0), 0.0)
@@ -166,10 +167,10 @@ def chain_loads(
 
 
 def share(grip: Grip, steady: Array, whole: Array) -> tuple[Array, Array]:
-    """Solve rate = transmission(steady + rate · (whole − steady)); return load and rate.
+    """Return the load of a contact and the fraction of the rate that it transmits under this load.
 
-    It is Newton's method within bounds. Each sample stops when it has converged, so its result does
-    not depend on the others.
+    Newton's method within bounds solves fraction = transmission(steady + fraction · (whole −
+    steady)). Each sample stops when it has converged, so samples do not affect each other.
     """
     full, rising = grip.transmission(whole), whole - steady
     low, high = np.zeros_like(full), np.ones_like(full)
@@ -190,10 +191,10 @@ def share(grip: Grip, steady: Array, whole: Array) -> tuple[Array, Array]:
 
 
 def contact_name(contact: int) -> str:
-    """Return the name of a contact for users, such as "P2 at joint 1". Its number is 3 j + 0, 1 or
-    2 for P₁, P₂ or P₃ of stage j, counted from 0 at motor 1."""
+    """Return the name of a contact for users, such as "P2 at joint 1". The contact's number is 3 j
+    + 0, 1 or 2 for P₁, P₂ or P₃ of stage j, counted from 0 at motor 1."""
     return f"P{contact % 3 + 1} at joint {contact // 3 + 1}"
 
 
 VARYING_EFFECTS = ("creep_per_nm", "friction_capacity_nm")
-"""Effects with which the fraction that a contact transmits varies along the motion."""
+"""Effects that make the fraction that a contact transmits vary along the motion."""

@@ -18,10 +18,10 @@ from planner.systems.triangular_system import TriangularSystem
 
 @dataclass(frozen=True, eq=False)
 class RunUp:
-    """A preparatory motion; it ends with the plan's first coordinates and inputs.
+    """Preparatory motion before a plan, which ends at rest at the plan's first coordinates.
 
     Attributes:
-        t: Increasing times (m+1,), s; the last is 0, where the motion starts.
+        t: Increasing times (m+1,), s; the last is 0, where the plan's motion starts.
         q: Coordinates at these times, (m+1, N).
         u: Inputs between these times, (m, 2).
     """
@@ -32,14 +32,15 @@ class RunUp:
 
 
 class Course:
-    """Coordinates to follow and commanded motor angles, at any time.
+    """Reference motion of the tracker: coordinates and commanded motor angles at any time.
 
-    For a compensated plan whose drive reverses, this is the predicted motion. For other compensated
-    plans it is the path of the original plan, since the tracker removes the remaining errors.
+    For a compensated plan without run-up, or whose drive reverses, this is the predicted motion.
+    For other compensated plans this is the path of the original plan; the tracker removes the
+    errors.
 
     Args:
         plan: The plan.
-        run_up: Its preparatory motion, if any.
+        run_up: The preparatory motion before the plan, if any.
         shift: Time from each motor's command to its effect, (2,), s.
         play: Full backlash of each motor's gearhead, (2,), rad.
 
@@ -82,7 +83,7 @@ class Course:
             self._commanded.append((when, angle))
 
     def q(self, t: Array) -> Array:
-        """Return the coordinates (…, N) at times t (…); at rest before and after."""
+        """Return the coordinates (…, N) to follow at times t (…), s; constant before and after."""
         out = self._followed.trajectory.q(np.minimum(t, self.end) - self._late)
         if self._run_up is None:
             return out
@@ -93,15 +94,15 @@ class Course:
         return np.where((when < 0)[..., None], before, out)
 
     def commanded_angles(self, t: Array) -> Array:
-        """Return the integrals (…, 2) of the commands up to times t (…) that follow the course,
-        rad."""
+        """Return the angles (…, 2), rad, by which the commands that follow the course turn the
+        motors up to times t (…), s."""
         return np.stack([np.interp(t, when, angle) for when, angle in self._commanded], axis=-1)
 
 
 def first_motion(plan: Plan) -> Array:
     """Return the signs of the first motion of both inputs, (2,); 0 for an input that never acts.
 
-    For a compensated plan they are those of its original plan.
+    The signs of a compensated plan are those of the original plan.
     """
     plan = plan.compensates or plan
     u = plan.u(np.linspace(0.0, plan.duration, 501))
@@ -110,7 +111,7 @@ def first_motion(plan: Plan) -> Array:
 
 
 def turns_back(plan: Plan) -> bool:
-    """Return whether the drive reverses during the motion, and so crosses its backlash again."""
+    """Return whether a plan's drive reverses and so crosses its backlash again."""
     plan = plan.compensates or plan
     drive = plan.u(np.linspace(0.0, plan.duration, 501))[:, 0]
     least = -1e-6 * np.max(np.abs(drive))
@@ -121,12 +122,12 @@ PARTS_A_TICK = 16
 """Parts of a tick for integrating a plan's inputs, which may jump inside a tick."""
 
 BLOCK_PARTS = 100_000
-"""Parts whose inputs are computed at once."""
+"""Number of parts whose inputs are computed at once."""
 
 
 def turn_angles(plan: Plan, tick: float) -> tuple[Array, Array]:
-    """Return the times (M,), s, and the angles (M, 2) by which the plan has then turned the motors,
-    rad."""
+    """Return times (M,), s, and the angles (M, 2), rad, by which a plan's inputs turn the motors up
+    to these times."""
     count = PARTS_A_TICK * int(np.ceil(plan.duration / tick))
     times = np.unique(np.concatenate([plan.t, np.linspace(0.0, plan.duration, count + 1)]))
     angles = np.zeros((len(times), 2))
@@ -138,8 +139,8 @@ def turn_angles(plan: Plan, tick: float) -> tuple[Array, Array]:
 
 
 def through_play(angles: Array, half: float) -> Array:
-    """Return the output angles behind play of ± `half` for input angles (M,); both begin at the
-    same angle."""
+    """Return the output angles (M,) behind a play of ± `half` for input angles (M,), rad; the first
+    output equals the first input."""
     room = zip((angles[1:] - half).tolist(), (angles[1:] + half).tolist(), strict=True)
     follow = accumulate(
         room, lambda last, ends: min(max(last, ends[0]), ends[1]), initial=float(angles[0])
@@ -153,7 +154,7 @@ DEFAULT_TICK_S = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """Times of the tracker's readings and commands, and of their effects.
+    """Clock of the tracker: times of readings, of commands and of their effects.
 
     Attributes:
         begin: Time of the first reading, s; 0 is the beginning of the plan.
@@ -184,11 +185,10 @@ class Timing:
 def timing(
     options: FeedbackTable, system: TriangularSystem, machine: Machine, begin: float, start: float
 ) -> Timing:
-    """Return the clock for a machine: it begins at or before `begin`, whole periods before `start`.
+    """Return the tracker's clock: it begins at or before `begin`, whole periods before `start`, s.
 
     Raises:
-        InputError: If the period is shorter than the machine's control period, or no longer than
-            the latency.
+        InputError: If the period is shorter than the machine's control period or than the latency.
     """
     hold = machine.effects.get("control_period_s")
     longest = hold.value[0] if hold else min(DEFAULT_TICK_S, options.period_s)

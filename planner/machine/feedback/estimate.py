@@ -31,14 +31,14 @@ from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
 
 RATE_SPREAD = 0.01
-"""Expected standard deviation of ε."""
+"""Expected standard deviation of ε, the relative error of a joint's rate."""
 
 LOST_SPREAD = 0.2
 """Expected standard deviation of lost motion, and of an axis's start position in it, as a fraction
-of its mean. It results from 20 % each of backlash and friction and 10 % of stiffness."""
+of mean lost motion: the result of 20 % each of backlash and friction and 10 % of stiffness."""
 
 ROUNDING_VARIANCE_FACTOR = 2.0
-"""Factor on the variance of rounding, since slow joints stay in one encoder step for long."""
+"""Factor on the variance of encoders' rounding: slow joints stay in one encoder step for long."""
 
 UNMODELLED_SPREAD_RAD = float(np.deg2rad(0.003))
 """Standard deviation of an axis's unmodelled motion per period, rad."""
@@ -48,8 +48,8 @@ EXACT_READING_SPREAD = 1e-9
 
 SETTLING_SHARE = 0.04
 """Error of a reading while servos settle, as a fraction of the change of an axis's travel from one
-period to the next; the model knows only their lag. Without it swings of θ₁ give a wrong estimate of
-its gearhead's play (by 0.1 degrees), and E is 0.24 degrees instead of 0.21 (95 %)."""
+period to the next; the model has only the lag of the servos. With 0 instead, the estimated play of
+motor 2's gearhead is wrong by 0.1 degrees, and E is 0.24 degrees instead of 0.21 (95 %)."""
 
 FITTING_SPREADS = 3.0
 """Largest error of a plausible reading, in standard deviations."""
@@ -57,11 +57,11 @@ FITTING_SPREADS = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Positions of S samples.
+    """Positions of joints, axes and motor 1 of S samples.
 
     Attributes:
         q: Coordinates, (N, S).
-        axis: Angles of the joints' axes, (N−1, S), on the same scale; that of joint 1 is motor 2's.
+        axis: Angles of the joints' axes, (N−1, S), on the joints' scale; joint 1's axis is motor 2.
         side: Position of motor 1 in its gearhead's play, (S,), rad.
     """
 
@@ -71,13 +71,13 @@ class Pose:
 
 
 SWING_SPREAD_RAD = float(np.deg2rad(0.3))
-"""Standard deviation of the swing of links with inertia on their shafts, rad. Without it the filter
+"""Standard deviation of the swing of links with inertia on their shafts, rad. With 0 the filter
 takes swings for lost motion and errors of ratios, and the error at the end is 0.59 degrees instead
 of 0.29 (95 %)."""
 
 
 def reading_variance(resolution: Array, swings: bool) -> Array:
-    """Return the variance of joints' readings, (N−1, 1).
+    """Return the variance of each joint's encoder reading, (N−1, 1).
 
     Args:
         resolution: Resolution of all readings, (N, 1).
@@ -88,7 +88,7 @@ def reading_variance(resolution: Array, swings: bool) -> Array:
 
 
 class StateEstimate:
-    """The estimated state of S samples.
+    """Estimate of positions, lost motion and rate errors of S samples.
 
     Args:
         q: Coordinates expected at the start, (N, S).
@@ -98,9 +98,9 @@ class StateEstimate:
         variance: Variance of each joint's reading, (N−1, 1).
 
     Attributes:
-        pose: The estimate.
-        lost_motion: Lost motion of each joint, (N−1, S).
-        rate_error: ε of each joint, (N−1, S).
+        pose: Estimated positions.
+        lost_motion: Estimated lost motion of each joint, (N−1, S).
+        rate_error: Estimated relative error ε of each joint's rate, (N−1, S).
     """
 
     def __init__(self, q: Array, resolution: Array, lost_motion: Array, variance: Array) -> None:
@@ -121,7 +121,7 @@ class StateEstimate:
         self._settling = np.zeros((joints, count))
 
     def take_forecast(self, pose: Pose) -> None:
-        """Replace the estimated pose by its forecast, and advance the covariance."""
+        """Replace the estimated positions by their forecast `pose`, and advance the covariance."""
         moved = pose.axis - self.pose.axis
         way = np.where(moved == 0, self._way, np.sign(moved))
         self._settling = (SETTLING_SHARE * (moved - self._last_turn)) ** 2
@@ -134,7 +134,7 @@ class StateEstimate:
         self._cov[0, 0] += UNMODELLED_SPREAD_RAD**2
 
     def read(self, measured: Array) -> None:
-        """Update the estimate with a reading (N, S), NaN where it is lost."""
+        """Update the estimate with encoder readings (N, S); NaN stands for a lost reading."""
         seen, lost = measured[1:], np.isnan(measured[1:])
         is_pushed = self._way * (seen - self._last_reading) > self._half[1:] + EXACT_READING_SPREAD
         self._last_reading = np.where(lost, self._last_reading, seen)
@@ -177,7 +177,7 @@ class StateEstimate:
 
 
 class History:
-    """Commands of S samples by ticks, from the first reading on; old ones can be dropped.
+    """Commands sent to S samples, tick by tick from the first reading on.
 
     Args:
         tick: Length of a tick, s.
@@ -197,26 +197,26 @@ class History:
         return self._values[-1] if self._values else np.zeros_like(self._travel[0])
 
     def append(self, values: Array) -> None:
-        """Add commands of further ticks, (m, 2, S)."""
+        """Add the commands of the next m ticks, (m, 2, S), rad/s."""
         for value in values:
             self._values.append(value)
             self._travel.append(self._travel[-1] + self._tick * value)
 
     def ticks(self, first: int, count: int) -> Array:
-        """Commands of `count` ticks from `first` on, (count, 2, S); zero after the last one."""
+        """Return the commands of `count` ticks from number `first` on, (count, 2, S); then zero."""
         none = np.zeros_like(self._travel[0])
         first -= self._first
         values = self._values[first : first + count]
         return np.stack(values + [none] * (count - len(values)))
 
     def forget(self, time: float) -> None:
-        """Drop the ticks before a time, s, which are no longer needed."""
+        """Drop the commands of ticks that ended before `time`, s, to save memory."""
         count = max(0, int(time // self._tick) - 1 - self._first)
         del self._values[:count], self._travel[:count]
         self._first += count
 
     def travel(self, times: Array) -> Array:
-        """Commanded travel of each motor until its own time (2,), (2, S), rad."""
+        """Return each motor's travel, (2, S), rad, commanded up to its entry of `times` (2,), s."""
         if not self._values:
             return self._travel[0]
         end = self._first + len(self._values)
@@ -231,7 +231,7 @@ class History:
 
 
 class Forecast:
-    """Predicts the positions of S samples.
+    """Model of the nominal machine that predicts the positions of S samples.
 
     Args:
         system: The system.
@@ -245,13 +245,13 @@ class Forecast:
     def __call__(
         self, known: StateEstimate, done: Array, until: Array, history: History, passing: Array
     ) -> Pose:
-        """Predict the positions of S samples.
+        """Predict the positions of S samples after their motors have executed further commands.
 
         Args:
-            known: The estimate once each motor has executed its commands until `done`.
-            done: Time of each motor since the first reading, (2,), s.
+            known: The state estimated for the times `done`.
+            done: Times until which the motors' commands have been executed, (2,), s.
             until: Times until which the motors' commands will be executed, (2,), s.
-            history: The commands.
+            history: The commands, from the first reading at time 0 on.
             passing: Fraction of the ideal rates that the mean arm's contacts transmit, (N−1, 1).
         """
         pose = known.pose
@@ -264,10 +264,10 @@ class Forecast:
         return pose
 
     def predict(self, pose: Pose, travel: Array, lost: Array, rate: Array) -> Pose:
-        """Predict the positions after both motors have turned.
+        """Predict the positions of S samples after both motors have turned by given travels.
 
         Args:
-            pose: Positions before.
+            pose: Positions before the motors turn.
             travel: Travel of the motors, (2, S), rad.
             lost: Lost motion of each joint, (N−1, S).
             rate: 1 + ε of each joint, (N−1, S).

@@ -18,7 +18,7 @@ from planner.support.arrays import Array
 
 
 class HomingRule:
-    """Feedback that runs the plan of `planner.homing`; see `planner.replay`."""
+    """Feedback law that runs a plan of `planner.homing`, for `planner.replay`."""
 
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> HomingController:
         """Return a controller of the samples `numbers` (S,).
@@ -30,7 +30,7 @@ class HomingRule:
 
 
 class HomingController:
-    """Commands S samples; see `planner.machine.closed_loop.Controller`.
+    """Controller that runs a homing plan on S samples (`planner.machine.closed_loop.Controller`).
 
     Attributes:
         done_s: Time at which each sample ended the slow turn, (S,), s; infinite until then.
@@ -48,7 +48,7 @@ class HomingController:
         self._least: Array = np.full((1, count), np.inf)
 
     def __call__(self, t: float, measured: Array) -> Array:
-        """Return the speeds for the tick from t on, (1, 2, S), rad/s."""
+        """Return the motor speeds to command in the tick from t on, (1, 2, S), rad/s."""
         until, joints = self._until, measured[2:]
         if t >= until["count_from_s"]:
             self._least = np.minimum(self._least, joints)

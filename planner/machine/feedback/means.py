@@ -41,8 +41,8 @@ def gearhead_play(system: TriangularSystem, machine: Machine) -> Array:
 
 
 def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
-    """Return the mean angle by which each passive axis leads its joint, in either direction,
-    (N−2,), rad."""
+    """Return the mean lost motion of each passive joint, (N−2,), rad: the angle by which its axis
+    leads the joint, in either direction."""
     if not isinstance(system, Manipulator):
         return np.zeros(system.size - 2)
     play, friction, stiffness = (
@@ -53,8 +53,8 @@ def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
 
 
 def lost_spread(machine: Machine, joints: int) -> Array:
-    """Return the standard deviation of an arm's lost motion to first order, one for all joints or
-    one each."""
+    """Return the standard deviation of the lost motion of joints to first order, rad: one for all
+    joints or one each."""
     names = ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
     _, friction, stiffness = (machine.mean(name, joints) for name in names)
     play, rough, soft = (machine.spread(name, joints) for name in names)
@@ -71,7 +71,7 @@ def mean_passing(system: TriangularSystem, machine: Machine, q: Array) -> Array:
     """Return the fraction of the rates that the contacts of the mean arm transmit under its joints'
     friction.
 
-    They lose some by creep, and some sideways where joints turn them; see `friction.contacts`.
+    Contacts lose some rate by creep, and some where joints turn them; see `friction.contacts`.
 
     Args:
         system: The system; for other systems than arms the result is 1.
@@ -101,17 +101,17 @@ def input_limit(plan: Plan, machine: Machine) -> Array:
 
 
 def input_scale(plan: Plan, machine: Machine) -> Array:
-    """Return the speeds by which corrections are scaled, (2,): the limits; without a limit the
-    plan's peak, or 1 if that is zero."""
+    """Return the speeds by which corrections are scaled, (2,): the input limits; without a limit
+    the peak of the plan's input, or 1 if the input is zero."""
     limit, peak = input_limit(plan, machine), peak_inputs(plan.trajectory)
     return np.where(np.isfinite(limit), limit, np.where(peak > 0, peak, 1.0))
 
 
 def resolution_of(system: TriangularSystem, machine: Machine) -> Array:
-    """Return the resolution of each reading, (N, 1).
+    """Return the resolution of each coordinate's reading, (N, 1).
 
-    It is the encoders' for angles, infinite for the disk's angle, which has no encoder, and 0 for
-    all others, which are read exactly.
+    Angles have the resolution of their encoders, except the disk's angle, which has no encoder and
+    thus infinity. All other coordinates are read exactly and have 0.
     """
     steps = np.broadcast_to(machine.mean("encoder_resolution_deg"), system.size - 1)
     out = np.zeros((system.size, 1))

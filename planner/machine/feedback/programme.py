@@ -38,12 +38,12 @@ KEPT_STEPS = 2000
 """Largest number of programmes kept for later samples, some 50 kB each."""
 
 Rows = tuple[Array, Array, Array, Array]
-"""M (r, n), T (r, 2H), least and greatest values (r,)."""
+"""Constraint rows: M (r, n), T (r, 2H), least values (r,) and greatest values (r,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class ControlStep:
-    """The programme of one instant, with m rows; the first 2H are the corrections.
+    """Constraints low ≤ M ξ + T c ≤ high at one instant: m rows, first the 2H corrections.
 
     Attributes:
         M: Derivative of the rows by the state ξ, (m, n).
@@ -66,8 +66,8 @@ class Decision:
 
     Attributes:
         corrections: Corrections of the next H periods, (H, 2, S).
-        c: Their deviations from the regulator, (2H, S), with which OSQP starts next time.
-        fallback: Whether they are a fallback, not the optimum, (S,).
+        c: Deviations of the corrections from the regulator, (2H, S): OSQP's next first guess.
+        fallback: Whether a sample's corrections are a fallback instead of the optimum, (S,).
     """
 
     corrections: Array
@@ -80,7 +80,7 @@ class TrackingProgramme:
 
     Args:
         ref: The course.
-        law: Its regulator.
+        law: The regulator along the course.
         horizon: Number of periods H over which limits are kept.
         iterations: Number of OSQP's iterations after which an answer counts as late.
     """
@@ -159,7 +159,7 @@ class TrackingProgramme:
         return ControlStep(M, T, low, high, T[: self._driven])
 
     def _solve(self, step: ControlStep, values: Array, guess: Array) -> tuple[Array | None, bool]:
-        """Solve for c, and return whether it is a fallback; c is None without an answer in time.
+        """Return the c of one sample, None without an answer in time, and whether c is a fallback.
 
         Input limits are always kept. If the state limits cannot be kept, they are widened to the
         states that the regulator reaches when its corrections are clipped to the input limits.
@@ -184,7 +184,7 @@ class TrackingProgramme:
         return (clipped if result.c is None else result.c), True
 
     def _clip(self, step: ControlStep, values: Array) -> Array:
-        """Return the c that results if each of the regulator's corrections is clipped to its
+        """Return the deviation c that clips each correction of the regulator to the input
         limits."""
         c = np.zeros(step.T.shape[1])
         for j in range(0, len(c), 2):
@@ -197,9 +197,9 @@ class TrackingProgramme:
 
 
 def change_range(ref: Reference, i: int) -> tuple[Array, Array]:
-    """Return the least and greatest change v − w of period i that the limit of input rates allows.
+    """Return the least and greatest change of corrections in period i that input rates allow.
 
-    The largest change of the course itself from one tick to the next is subtracted.
+    The largest change of the course's inputs from one tick to the next is subtracted.
     """
     ramps = np.zeros((1, 2))
     if ref.timing.ticks > 1:
@@ -210,7 +210,7 @@ def change_range(ref: Reference, i: int) -> tuple[Array, Array]:
 
 
 def _free_rows(rows: int, n: int, width: int) -> Rows:
-    """Return the rows without limits, for a period after the course's end, where nothing moves."""
+    """Return constraint rows without limits, for a period after the end of the course."""
     wide = np.full(rows, np.inf)
     return np.zeros((rows, n)), np.zeros((rows, width)), -wide, wide
 
@@ -224,15 +224,15 @@ OSQP_STEP = 1.0
 """OSQP's first step size rho, the same for every programme."""
 
 SOLVED_STATUS, INFEASIBLE_STATUSES = 1, (3, 4)
-"""OSQP's status for a solution within tolerance, and those for infeasible programmes."""
+"""OSQP's status for a solution within tolerance, and its statuses for infeasible programmes."""
 
 
 @dataclass(frozen=True, eq=False)
 class ProgrammeResult:
-    """The result of OSQP.
+    """Answer of OSQP to one programme.
 
     Attributes:
-        c: The solution, or None.
+        c: The solution, or None without a solution.
         infeasible: Whether no point keeps all limits. If this is false and c is None, OSQP was too
             late.
     """
@@ -242,7 +242,7 @@ class ProgrammeResult:
 
 
 class Solver:
-    """OSQP, set up once; rows are updated in place.
+    """OSQP, set up once for programmes of one shape, whose rows are updated in place.
 
     An answer depends only on its programme and guess, not on earlier ones. So replays are
     repeatable, and a sample does not depend on the others that run with it.
@@ -265,7 +265,7 @@ class Solver:
         self._osqp = osqp.OSQP()
 
     def __call__(self, T: Array, low: Array, high: Array, guess: Array) -> ProgrammeResult:
-        """Solve.
+        """Minimise ½ |c|² subject to low ≤ T c ≤ high.
 
         Args:
             T: Rows (m, p); not read again if it is the same object as last time.
@@ -285,7 +285,7 @@ class Solver:
         return ProgrammeResult(None, status in INFEASIBLE_STATUSES)
 
     def _result(self, T: Array, low: Array, high: Array, guess: Array) -> Any:
-        """Solve with OSQP, and return its result."""
+        """Return the result of OSQP itself; for the arguments see `__call__`."""
         if self._loaded is None:
             self._set_up()
         if T is not self._loaded:

@@ -42,15 +42,15 @@ from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 
 LEFT_JOINT_RAD = float(np.deg2rad(0.05))
-"""An axis farther from its joint than this has left it, rad."""
+"""Distance from which an axis counts as having left its joint, rad."""
 
 RESTING_SHARE = 1e-3
-"""A drive slower than this fraction of its limit is at rest; it is less than the resolution."""
+"""Largest speed of a resting drive as a fraction of its limit, less than a command's resolution."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The course by periods, with N coordinates and K periods of M ticks.
+    """The tracker's course of N coordinates, sampled in K periods of M ticks.
 
     Attributes:
         timing: The clock.
@@ -61,7 +61,7 @@ class Reference:
             s.
         is_counted: Whether the period's effect begins after the start of the motion whose errors
             are measured, (K,).
-        rests: Whether the drive rests while θ₁ swings, before that start, (K,).
+        rests: Whether the drive rests while θ₁ swings, before the start of that motion, (K,).
         q: The course at times s, (K+1, N); passive joints where their axes would push them to.
         joints: Passive joints at times s, (K+1, N−2).
         feed: Mean input of the course in each tick, within the limit, (K, M, 2).
@@ -75,7 +75,7 @@ class Reference:
         way: Direction in which each passive axis pushes its joint next, 1 or −1, (K+1, N−2).
         push: Distance by which the axis pushes its joint before the axis turns back, (K+1, N−2); if
             it does not reach the joint, minus the remaining gap.
-        next_push: The same for the following push, (K+1, N−2).
+        next_push: The same as `push` for the push after that, (K+1, N−2).
         lost_motion: Lost motion that the course allows for, (N−2, 1).
         low: Least correction, (K, 2).
         high: Greatest correction, (K, 2).
@@ -129,7 +129,7 @@ def reference(
         lost: Lost motion of each passive joint that the course allows for, (N−2, 1).
         limit: Largest |u|, (2,).
         count: Number of periods K.
-        least_speed: Least speed along the path, as a fraction of the course's.
+        least_speed: Least speed along the path, as a fraction of the course's speed.
     """
     problem = course.plan.problem
     system, tick, ticks = problem.system, timing.tick, timing.ticks
@@ -276,10 +276,10 @@ def _bounds(feed: Array, limit: Array, least_speed: Array) -> tuple[Array, Array
 
 
 def drive_direction(least: Array, most: Array) -> Array:
-    """1 forward, -1 backward, 0 free (K,), from the least and greatest drive of each period.
+    """Return where the drive may turn in each period, (K,): 1 forward, −1 backward, 0 both ways.
 
-    A period at rest takes the direction of its neighbours if they agree. At the end it takes that
-    of the previous motion.
+    A period at rest takes the direction of the motions before and after the rest if both agree. At
+    the course's start and end it takes that of the nearest motion.
     """
     way = np.where(least >= 0, 1.0, 0.0) - np.where(most <= 0, 1.0, 0.0)
     still = (least >= 0) & (most <= 0)
@@ -328,13 +328,13 @@ def _state_limits(
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """Weights of the cost.
+    """Weights of errors and corrections in the cost that the regulator minimises.
 
     Attributes:
-        path: Diagonal of Q for each period's start, (K, N).
-        goal: Diagonal of G, (N,).
-        size: Diagonal of R for each period, (K, 2).
-        step: Diagonal of S for each period, (K, 2).
+        path: Weight of each coordinate's deviation at each period's start, diagonal of Q, (K, N).
+        goal: Weight of each coordinate's deviation at the end, diagonal of G, (N,).
+        size: Weight of each period's corrections, diagonal of R, (K, 2).
+        step: Weight of the corrections' changes in each period, diagonal of S, (K, 2).
     """
 
     path: Array
@@ -362,7 +362,7 @@ class Regulator:
 
 
 def regulator(ref: Reference, weights: Weights) -> Regulator:
-    """Solve the Riccati recursion backwards."""
+    """Return the linear-quadratic regulator along a course, by the backward Riccati recursion."""
     count, size = ref.A.shape[:2]
     F, G = _augment(ref)
     n = F.shape[-1]

@@ -64,24 +64,25 @@ time than it gains; below 60 degrees the drive of joint 3 moves joint 2 too much
 instead of 0.23, 95 %; on the paper's problem, where the run-up takes 8 s)."""
 
 BACK_DEG, BACK_SPREADS, FINAL_BACK_DEG = 8.0, 10.0, 4.0
-"""Least distance that the last joint goes back, degrees, so that its lost motion w is measured; the
-same in standard deviations of w; and the last drive of joint 2, degrees, which the tracker can
-leave out if that joint arrives early. Each joint loses 2w on the way back and forth; the difference
-between two joints has the standard deviation 2√2, so ten of them leave room for 3.5 of that. With
-half of it E is 2.1 degrees instead of 0.4 (95 %, with twice the prototype's spreads)."""
+"""Least distance that the last joint goes back so that its lost motion w is measured, first in
+degrees, then in standard deviations of w; and the last drive of joint 2, degrees, which the tracker
+can leave out if joint 2 arrives early. Each joint loses 2w on the way back and forth. The
+difference between two joints varies by 2√2 standard deviations of w, so ten leave room for 3.5
+times that. With half of the ten, E is 2.1 degrees instead of 0.4 (95 %, with twice the prototype's
+spreads)."""
 
 APPROACH_DEG, APPROACH_S, REST_S = 1.5, 0.4, 0.2
 """Last approach of θ₁ to its start: distance, degrees; time, s; and rest afterwards, s, of ten time
 constants of the servos and of the joints' friction."""
 
 SWING_SHARE, DRIVE_SHARE = 0.95, 0.9
-"""Speeds of θ₁'s motor and the drive, as fractions of their limits; the rest is for corrections."""
+"""Speeds of motor 2 and of the drive, as fractions of their limits; the rest is for corrections."""
 
 COAST_DEG, LEAST_SPEED_SHARE = 0.25, 0.2
 """Largest distance that a joint with inertia may coast until friction stops it, degrees, since the
-plan starts with that error. At full speed the prototype's joints coast by up to 4 degrees, and E is
-1.2 instead of 0.3 degrees (50 %). And the least speed, as a fraction of the speed without inertia,
-so that the preparation takes at most five times as long.
+plan starts with that error; and least speed, as a fraction of the speed without inertia, so that
+the run-up takes at most five times as long. At full speed the prototype's joints coast by up to 4
+degrees, and E is 1.2 instead of 0.3 degrees (50 %).
 """
 
 
@@ -89,7 +90,7 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
     """Return the run-up of a plan on a machine; None if it is not wanted or would not help.
 
     Raises:
-        InputError: If it is requested and the arm has more than three joints.
+        InputError: If the run-up is requested and the arm has more than three joints.
     """
     system = plan.problem.system
     if not options.run_up or not isinstance(system, Manipulator):
@@ -128,8 +129,8 @@ def _coasting_speed(machine: Machine) -> Array:
 
 
 def hindrance(plan: Plan, machine: Machine) -> str:
-    """Return why play cannot be taken up before the start, in words; "" if it can, or there is
-    none."""
+    """Return why a run-up cannot take up the play before a plan, in words; "" if it can, or without
+    play."""
     system = plan.problem.system
     if not isinstance(system, Manipulator) or not lost_motion(system, machine).any():
         return ""
@@ -174,7 +175,7 @@ class _Approach:
         return RunUp(STEP_S * np.arange(-len(u), 1.0), q, u)
 
     def _drive(self, theta1_deg: float, joint: int, angle: float) -> float:
-        """Return the travel of the drive while the axis of a joint turns by `angle`, rad."""
+        """Return the travel of the drive, rad, that turns the axis of a joint by `angle`, rad."""
         q = self._start.copy()
         q[1] = np.deg2rad(theta1_deg) if len(self._lost) > 3 else q[1]
         return float(angle / self._rates(q, np.array([1.0, 0.0]))[joint])
@@ -208,7 +209,7 @@ class _Approach:
     def _motion(self, u: Array) -> Array:
         """Return the coordinates of the nominal machine at the ends of all steps, (m+1, N).
 
-        They are integrated one after the other, since each rate depends only on the coordinates
+        The coordinates are integrated one by one, since each rate depends only on the coordinates
         before it and on the drive, whose coordinate comes last.
         """
         turns = STEP_S * u
@@ -224,14 +225,14 @@ class _Approach:
 
 
 EXCESS_TRAVEL_SHARE = 0.05
-"""Largest fraction of an input's travel above its limit; the tracker can make up for so much."""
+"""Largest fraction of an input's travel above its limit that the tracker can make up for."""
 
 
 def refuse_excess(plan: Plan, machine: Machine) -> None:
-    """Refuse a plan whose inputs exceed what can be commanded for a large part of its motion.
+    """Refuse a plan whose inputs exceed their limits during a large part of the motion.
 
     Raises:
-        UntrackableError: With the input, its peak, the limit and the source of that limit.
+        UntrackableError: If so; the message names the input, its peak and the limit.
     """
     limit = input_limit(plan, machine)
     share = excess_share(plan.trajectory, limit)

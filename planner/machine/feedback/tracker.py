@@ -52,8 +52,8 @@ class Tracker:
     velocity limit. The preparatory motion also uses the spread of lost motion and, with dynamic
     fidelity, the inertia.
 
-    The tracker follows the path of the plan. For a compensated plan whose drive reverses, it
-    follows the predicted motion to the same goal, which includes the lost motion of each reversal.
+    The tracker follows the path of the plan. For a compensated plan whose drive reverses or that
+    has no preparatory motion, the tracker follows the predicted motion, which has the same goal.
 
     If a programme has no solution, its state limits are widened to the motion of the regulator
     clipped to the input limits. If OSQP is late, the earlier corrections continue as planned.
@@ -87,8 +87,8 @@ class Tracker:
         return TrackerControl(self.design(plan, machine), len(numbers))
 
     def design(self, plan: Plan, machine: Machine) -> TrackerDesign:
-        """Return the design that all samples share, cached for later runs of the plan on the
-        machine."""
+        """Return the tracker's design for a plan on a machine, which all samples share; designs are
+        cached."""
         key = (id(plan), machine)
         if key not in self._designs:
             self._designs[key] = (plan, design(plan, machine, self.options))
@@ -105,7 +105,7 @@ PLAY_SPREAD_SHARE = 0.1
 
 
 class TrackerControl:
-    """One controller of S samples; see `planner.machine.closed_loop.Controller`.
+    """Controller of S samples that tracks a plan; see `planner.machine.closed_loop.Controller`.
 
     Args:
         design: The design that all samples share.
@@ -129,7 +129,7 @@ class TrackerControl:
         )
 
     def __call__(self, t: float, measured: Array) -> Array:
-        """Commands of the ticks from t to the next reading, (M, 2, S), rad/s.
+        """Return the commands of the ticks from t to the next reading, (M, 2, S), rad/s.
 
         Args:
             t: Time of the reading, s; readings come in order, one per period.
@@ -174,11 +174,12 @@ class TrackerControl:
         self._history.append(self._clip_commands(k, commands + self._crossing(k, commands, pose)))
 
     def _state(self, k: int, pose: Pose) -> Array:
-        """Return deviations, last corrections, rate errors and lost motion, (n, S); see
-        `Regulator`. The deviation of a passive joint is that of the position where it will end:
-        there its axis pushes it to, or it stays if the axis does not reach it. In the course the
-        axis pushes it by `more`; a negative `more` is the gap that remains. A deviation of the lost
-        motion counts only as far as it changes the push after that, `then`.
+        """Return the regulator's state, (n, S): deviations from the course, last corrections, rate
+        errors, deviations of lost motion.
+
+        A passive joint counts at the position where its axis will push it to, or where it rests if
+        the axis does not reach it. In the course the axis pushes the joint by `more` (if negative,
+        the gap that remains) and later by `then`, the only push that lost motion can change.
         """
         ref, state = self._ref, self._estimate
         off, way = pose.q - ref.q[k][:, None], ref.way[k][:, None]
@@ -193,7 +194,7 @@ class TrackerControl:
         return np.concatenate([off, self._answer.corrections[0], state.rate_error[1:], lost])
 
     def _crossing(self, k: int, commands: Array, pose: Pose) -> Array:
-        """Commands to add so that a reversing motor crosses its play, (M, 2, S).
+        """Return the speeds to add so that a reversing motor crosses its play, (M, 2, S), rad/s.
 
         The crossing is spread over the period. It begins only if the travel exceeds the uncertainty
         of the play; until then the motor stands.
@@ -215,7 +216,7 @@ class TrackerControl:
         return np.where(stand, -commands, added)
 
     def _clip_commands(self, k: int, commands: Array) -> Array:
-        """Clip commands to the limits of speed and of its change from tick to tick.
+        """Clip the commands of period k to the limits of speed and of changes from tick to tick.
 
         If the course ends with a speed, the motor may stop at once there, as the plan does.
         """
@@ -234,20 +235,20 @@ class TrackerControl:
 
 RUN_UP_ERROR_DEG, RUN_UP_STEP = 5.0, 0.05
 """Weights of the run-up: the error that weighs as much as one unit of correction, degrees; and the
-weight of a change of corrections, as a fraction of that during the plan. Only the rest at the end
-of the run-up is weighted, and no more than any instant of the plan, which can reduce small initial
-errors since the tracker has learnt the ratios of joints 2 and 3. With the weight of the goal there,
-E and the end would be 0.26 and 0.09 degrees (95 %) instead of 0.24 and 0.07."""
+weight of a change of corrections, as a fraction of that weight during the plan. The rest at the end
+of the run-up has the plan's weight of errors: the tracker has learnt the ratios of joints 2 and 3
+and reduces small initial errors during the plan. With the goal's weight at that rest, E and the
+error at the end would be 0.26 and 0.09 degrees (95 %) instead of 0.24 and 0.07."""
 
 LIGHT_LINK_KGM2 = 0.003
 """Largest inertia of a link that follows its axis. A jump of speed excites a heavier link, which
-then swings at about 1 Hz with little damping; corrections that respond to each swing sustain it.
-So the unit of a change of corrections is divided by the ratio of the link's inertia to this one.
-The prototype's links have 0.032; without the division E is 2.9 degrees instead of 0.9, and the end
-0.85 instead of 0.29 (95 %)."""
+then swings at about 1 Hz with little damping; corrections that respond to each swing sustain it. So
+the unit of a change of corrections is divided by the link's inertia over this one. The prototype's
+links have 0.032; without the division E is 2.9 degrees instead of 0.9, and the end 0.85 instead of
+0.29 (95 %)."""
 
 RESTING_WEIGHT = 1e4
-"""Weight of a correction while the drive rests, relative to the weight at other times."""
+"""Weight of a correction of the drive while it rests, relative to the weight at other times."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,12 +257,12 @@ class TrackerDesign:
 
     Attributes:
         ref: The course on the tracker's clock.
-        law: The regulator, the law where no limit is active.
-        programme: The control steps.
+        law: The regulator, which holds where no limit is active.
+        programme: The quadratic programmes of the control steps.
         forecast: The model of the nominal machine.
         passing: Fraction of the ideal rates that the mean arm's contacts transmit, (K, N−1).
         lost_motion: Mean lost motion of each joint, (N−1, 1), rad.
-        play: Whole play of each motor's gearhead, (2,), rad; zero when it is not crossed.
+        play: Whole play of each motor's gearhead, (2,), rad; zero if the tracker ignores play.
         resolution: Resolution of each reading, (N, 1).
         variance: Variance of each joint's reading, (N−1, 1).
     """
@@ -283,7 +284,7 @@ class TrackerDesign:
 
 
 def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesign:
-    """Prepare the tracker of a plan for a machine, of which it uses no sample's parameters.
+    """Design the tracker of a plan on a machine, from the machine's means and spreads.
 
     Raises:
         InputError: If the options do not fit the machine, or the plan takes too much memory.
@@ -318,12 +319,12 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
 
 
 COURSE_BYTES, MODEL_BYTES = 1500, 48
-"""Memory for each tick of a course while it is integrated, and of its linear model for each product
-of two coordinates, measured: up to 1412 bytes, and 770 with four coordinates."""
+"""Memory per tick of a course, bytes: while the course is integrated, and of the linear model per
+pair of coordinates. Measured are up to 1412 bytes, and 770 bytes with four coordinates."""
 
 
 def _refuse_too_long(plan: Plan, size: int) -> None:
-    """Refuse a plan whose course takes more memory than a replay's motions may."""
+    """Refuse a plan so long that its course takes more memory than a replay's motions may."""
     each = max(COURSE_BYTES, MODEL_BYTES * size**2)
     longest = MOST_BYTES / each * DEFAULT_TICK_S
     if plan.duration > longest:
@@ -336,7 +337,7 @@ def _refuse_too_long(plan: Plan, size: int) -> None:
 
 
 def cost_weights(plan: Plan, machine: Machine, ref: Reference, options: FeedbackTable) -> Weights:
-    """Return the weights of the cost from the units in the options; 1 m counts as 1 rad."""
+    """Return the weights of the regulator's cost from the feedback options; 1 m counts as 1 rad."""
     tracked = np.ones(ref.q.shape[1])
     if plan.problem.system.coordinates[0].unit == "rad":
         tracked[0] = 0.0

@@ -18,11 +18,11 @@ NO_COMPENSATION = "no compensation (compensation.on = false)"
 LARGER_INPUTS = "larger limits.input_rad_s, which shorten plan and compensation"
 
 LEAST_UNEVEN_DEG = 1.0
-"""Largest angle that an axis may lack after a take-up without being reported, half of the error
-that spreads leave."""
+"""Angle that an axis may lack after a take-up before it is reported, degrees: half of the error
+that a machine's spreads leave."""
 
 Settings = dict[str, bool | str]
-"""Dotted keys of a problem file to values."""
+"""Settings of a problem file: values by dotted key."""
 
 
 def meets_before_start(plan: Plan, violations: Sequence[Violation]) -> bool:
@@ -49,9 +49,9 @@ def settings_to_try(plan: Plan, violations: Sequence[Violation]) -> list[Setting
 def compensation_changes(
     plan: Plan, violations: Sequence[Violation], options: CompensationTable
 ) -> list[str]:
-    """Return the changes that would help, in words, beside `settings_to_try`: obstacles that are in
-    the way, steps that are switched off, and time. It names nothing that the problem leaves free or
-    that `follow` tried."""
+    """Return changes other than `settings_to_try` that would help a compensated plan, in words:
+    moving obstacles, switching on steps of the compensation, another path, more time. Changes of
+    what the problem leaves free, or that `follow` tried, are left out."""
     problem = plan.problem
     asking = [problem.asking(v.label) for v in violations]
     met = [pair[0].number for pair in asking if pair and isinstance(pair[0], Obstacle)]
@@ -93,8 +93,8 @@ def compensation_changes(
 
 
 def _drift_deg(plan: Plan) -> float:
-    """Return the angle by which a motor's bias has turned it at the end (two standard deviations),
-    degrees."""
+    """Return the angle, degrees, by which a bias of two standard deviations turns a motor until the
+    plan's end."""
     assert plan.compensation is not None
     bias = Machine.from_table(plan.compensation.machine).effects.get("input_bias_rad_s")
     return float(np.rad2deg(2 * max(bias.spread) * plan.duration)) if bias else 0.0

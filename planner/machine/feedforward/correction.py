@@ -29,41 +29,41 @@ from planner.support.arrays import Array
 from planner.support.interrupts import osqp_result
 
 PROBES_RAD = np.deg2rad([0.3, 0.05])
-"""Changes of one knot for finite differences: first a fifteenth of the joints' lost motion, to see
-beyond the next few steps; then a smaller one, when the first gains no more."""
+"""Changes of the correction at one knot for finite differences: a fifteenth of the joints' lost
+motion, to see beyond the next few steps; and a smaller change, once the first gains no more."""
 
 PIN_PRICES = {2: 4.0, 8: 1.5, 32: 4.0}
-"""Powers of the norm of the errors in turn, and the cost of missing a pin by 1 degree with each.
-First comes the mean square, which converges from far away; the last is near the maximum, by which
-plans are judged. The lower cost in between lets the motion leave the path that the mean square
+"""Powers of the norm of the errors, used in turn, and the cost of missing a pin by 1 degree at
+each. Power 2, the mean square, converges from far away; power 32 is near the maximum, by which
+plans are judged. The lower cost at power 8 lets the motion leave the path that the mean square
 chose to reach the goal."""
 
 MOST_ROUNDS, LEAST_GAIN = 8, 0.02
-"""Largest number of rounds for each power, and the least gain of a round that justifies another, as
-a fraction of the measure. Also the least gain of a step of a single knot, as a fraction of the
-miss."""
+"""Largest number of rounds for each power; and least gain of a round that justifies another round,
+as a fraction of the measure. A step of a single knot must gain this fraction of the miss."""
 
 RIDGE = 0.05
 """Weight of a correction's change between knots, relative to an equal error of every joint."""
 
 STEPS = (0.01, 0.1, 1.0, 10.0)
-"""Levenberg weights tried in a round, as multiples of that of the previous round."""
+"""Levenberg weights tried in a round, as multiples of the weight that the last round left."""
 
 PARTS = (1.0, 0.5, 0.2)
-"""Fractions of a step that are tried."""
+"""Fractions of each computed step that are tried."""
 
 GOOD_DEG = 0.4
 """Largest error of a motion that is good enough, a fifth of the median error that spreads leave.
 Also the largest miss of a pin at which steps of single knots are tried."""
 
 PIN_WEIGHT = 30.0
-"""Weight of goal and waypoints, relative to one error."""
+"""Weight of the misses of goal and waypoints, relative to that of the joints' errors."""
 
 PIN_TOLERANCE_RAD = np.deg2rad(0.01)
-"""Largest miss of a pin that is good enough, a fifth of what the judge allows."""
+"""Largest miss of a pin (goal or waypoint) that is good enough: a fifth of what the judge
+allows."""
 
 NEAR_MARGIN = 0.05
-"""A requirement bounds the programmes if its margin, in its scale, is less than this."""
+"""Margin below which a requirement bounds the programmes, in the requirement's scale."""
 
 PIN_SLACK_RAD = np.deg2rad(0.03)
 """Largest miss of a pin without a cost."""
@@ -78,20 +78,21 @@ PINNED_DEG = 0.05
 """Largest miss of the goal or a waypoint that the judge allows."""
 
 END_ROUNDS, PIN_GAIN = 10, 0.75
-"""Largest number of final rounds. Of the steps that leave at most this fraction of the miss, a
-round takes the one that changes the motion least; if there is none, the one that leaves least."""
+"""Largest number of final rounds; and largest fraction of the miss that a step may leave. Of such
+steps a round takes the one that costs the motion least; without any, the one that leaves least."""
 
 KNOT_STEP, KNOT_GAIN, LAST_KNOTS = 2.0, 0.8, 5
 """Steps of one motor alone, tried if the other steps cost the motion more than they gain at the
-goal: their size as a multiple of the miss (a joint follows by half of it); the fraction of the miss
-that they may leave; and the knots at which they start, the last fifth."""
+goal: size as a multiple of the miss (a joint follows by half of it); largest fraction of the miss
+that a step may leave; and denominator of the share of knots, the last fifth, at which steps
+start."""
 
 SPANS = ((0, 4), (0, 2), (2, 4), (0, 1), (1, 2), (2, 3), (3, 4))
 """Ranges of knots, in quarters, that the final rounds change."""
 
 
 class Correction:
-    """The correction of a plan's commands.
+    """Correction of a plan's commands that keeps the nominal machine near the plan's path.
 
     Args:
         plan: The plan whose motion is wanted.
@@ -112,8 +113,8 @@ class Correction:
         self.rounds, self.keeps_all = 0, False
 
     def _measure(self, runs: Runs, values: Array, power: int) -> float:
-        """Return the objective: a norm of the errors, and costs of missed pins and limits,
-        degrees."""
+        """Return the objective of the search, degrees: a norm of the errors plus costs of missed
+        pins and limits."""
         size = np.abs(runs.errors)
         largest = max(float(size.max()), 1e-9)
         norm = largest * float(np.mean((size / largest) ** power)) ** (1 / power)
@@ -130,7 +131,7 @@ class Correction:
         return self._shape.commands(self.values[:, :, None], self.knots)[:, :, 0]
 
     def search(self) -> None:
-        """Find the correction.
+        """Search for the correction, and keep the best one found in `values`.
 
         Raises:
             TimeUpError: If time is up; the best correction so far is kept.
@@ -143,7 +144,8 @@ class Correction:
         self.keeps_all = bool(missed < PINNED_DEG and np.min(now.margins, initial=0.0) >= -SAFE)
 
     def _run_rounds(self, now: Runs, power: int) -> Runs:
-        """Run the rounds for one norm; return the resulting motion."""
+        """Improve the correction in rounds for one power of the norm; return the resulting
+        motion."""
         best, damping, probes = self._measure(now, self.values, power), 1.0, list(PROBES_RAD)
         if not self.rounds:  # even a tiny correction makes a resting motor cross its play
             best = np.inf
@@ -260,13 +262,13 @@ class Correction:
         return now
 
     def _best_of(self, steps: Array, now: Runs, gain: float) -> tuple[float, Array, Runs] | None:
-        """Find the step that costs least among those that reduce the miss enough.
+        """Return the step that costs least among those that reduce the miss enough.
 
         Args:
             steps: The steps (m, 2, S); fractions of them are tried too.
             now: The present motion.
-            gain: Largest fraction of the miss that a step may leave; if every step leaves more,
-                the one that leaves least is taken.
+            gain: Largest fraction of the miss that a step may leave; if every step leaves more, the
+                one that leaves least is taken.
 
         Returns:
             Increase of the cost, degrees, correction and motion; None if no step reduces the miss.
@@ -289,7 +291,7 @@ class Correction:
         """Return the steps that turn one motor by a constant angle from a knot on, (m, 2, S), rad.
 
         The angle is proportional to the miss. These steps use no derivatives, which are not
-        reliable where a joint comes to rest: a change may move it the same way in both directions.
+        reliable where a joint comes to rest: changes of either sign may move it the same way.
         """
         m, out = len(self.knots), []
         for k in range(m - m // LAST_KNOTS, m):
@@ -302,7 +304,7 @@ class Correction:
     def _pin_steps(self, now: Runs) -> Array:
         """Return the changes that remove the misses and change the motion least, (m, 2, S), rad.
 
-        One changes all knots, others only a half or a quarter of them, each with every probe. The
+        One step changes all knots, others a half or a quarter of them, each with every probe. The
         variety helps where motors reverse or are at their limits, since one derivative is not
         reliable there.
         """

@@ -30,7 +30,7 @@ CUT_SHORT_WORDS = "ended the compensation; these are the best commands so far"
 def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
     """Compensate a plan; the result is not verified.
 
-    If time is up before the correction is finished, the result is the best so far and says so.
+    If time is up before the correction is finished, the result is the best plan so far.
 
     Args:
         plan: An executable plan.
@@ -109,7 +109,7 @@ def plan_with_commands(
         commands: Commands of the motors.
 
     Raises:
-        TimeUpError: If it takes too long.
+        TimeUpError: If the prediction takes too long.
     """
     plan = compensation.plan
     system = plan.problem.system
@@ -133,8 +133,8 @@ RANKED_MACHINES = 100
 
 
 def compensated_error_deg(plan: Plan) -> float:
-    """95th percentile of E over the problem's machines, for the plan compensated for them, degrees;
-    infinite if time is up."""
+    """Return the 95th percentile of E, degrees, over the problem's machines, for the plan
+    compensated for them; infinite if time is up."""
     machine = Machine.from_table(plan.problem.machine)
     try:
         answer = follow(plan, machine, plan.problem.compensation)

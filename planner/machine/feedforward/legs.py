@@ -43,13 +43,13 @@ PRICE_DEG_S = 0.05
 joint 1 by 0.03 degrees per second (one standard deviation)."""
 
 LEAST_TURN_RAD = 0.02
-"""A drive that turns back by less does not count as reversing: it moves a joint by at most one
-degree, a fifth of the lost motion."""
+"""Angle of turning back from which a drive counts as reversing, rad: less moves a joint by at most
+one degree, a fifth of the lost motion."""
 
 MOST_AWAYS_DEG, AWAY_SHARE = (2.0, 6.0), 0.2
-"""Largest distance of the passive joints from their position at the reversal when the leg begins;
-the second is tried if the first misses the goal or a requirement. And the fraction of that distance
-that counts as an error: the joints wait for that long, and the correction removes a part."""
+"""Largest distance of the passive joints, when a leg begins, from their position at the reversal,
+degrees: the second if the first misses the goal or a requirement. And the fraction of that distance
+that counts as an error, since the correction removes a part of the distance."""
 
 WAY_BACK_SHARE = 0.95
 """Fraction of the way back after which a joint of the nominal machine would follow. Creep and the
@@ -57,7 +57,7 @@ machine's true pose may make it follow a little earlier."""
 
 SLIP_DEG = 0.3
 """Largest slip of a passive joint when joint 1 swings back on a machine with inertia, degrees. The
-other remaining errors of the prototype are as large; half of it takes 1.4 times as long."""
+other remaining errors of the prototype are as large; half the slip takes 1.4 times as long."""
 
 END_S = 1.0
 """Rest after a plan whose drive reverses, so that corrections up to the end take effect, s."""
@@ -80,7 +80,7 @@ class MotorLeg:
     """Motion of the motors while the plan's clock is held.
 
     Attributes:
-        place_s: Reading of the clock meanwhile, s.
+        place_s: Reading of the plan's clock during the leg, s.
         angles: Angles of both motors at the ticks, from 0 at the leg's start, shape (m+1, 2), rad.
         misses: Amount by which each passive axis falls short of its lost motion or exceeds it,
             shape (N−2,), rad ≥ 0; or empty.
@@ -92,11 +92,12 @@ class MotorLeg:
 
     @property
     def uneven_rad(self) -> float:
-        """The largest angle by which the leg misses, rad."""
+        """Largest angle by which a passive axis falls short of its lost motion or exceeds it,
+        rad."""
         return float(np.max(self.misses, initial=0.0))
 
     def seconds(self, tick: float) -> float:
-        """Return the duration of the leg, s, at this tick."""
+        """Return the duration of the leg, s, for ticks of `tick` seconds."""
         return tick * (len(self.angles) - 1)
 
 
@@ -119,11 +120,11 @@ def legs_of(
 
     Args:
         plan: The plan.
-        system: Its arm.
-        machine: Gives mean backlash, friction and stiffness, and the state before the start.
+        system: The plan's arm.
+        machine: The machine, for its mean backlash, friction, stiffness and start state.
         options: Which legs are on.
         tick: Length of a tick, s.
-        most_away: One of `MOST_AWAYS_DEG`.
+        most_away: Entry of `MOST_AWAYS_DEG`, degrees.
     """
     out: list[MotorLeg] = []
     lost = lost_motion(system, machine)
@@ -144,8 +145,8 @@ def legs_of(
 
 
 def stopping_s(plan: Plan, machine: Machine) -> float:
-    """Return the time for motors at their limits to stop at the right place, s; 0 without limits on
-    rates."""
+    """Return the time, s, that motors at their speed limits need to stop at a given place; 0
+    without limits on rates."""
     return float(np.max(STOPS * input_limit(plan, machine) / plan.problem.limits.input_rate))
 
 
@@ -169,7 +170,7 @@ def reversals(plan: Plan) -> tuple[float, list[float]]:
 
 
 def axis_rates(system: Manipulator, q: Array) -> Array:
-    """Return the turn of the passive axes per turn of the drive at q (…, N), (…, N−2)."""
+    """Return the |turn| of each passive axis per turn of the drive at q (…, N), (…, N−2)."""
     return np.asarray(np.abs(system.rates(q, np.array([1.0, 0.0]))[..., 2:]))
 
 
@@ -195,9 +196,10 @@ def evenest_drive(rates: Array, needs: Array) -> tuple[Array, Array]:
 def preparation(
     plan: Plan, system: Manipulator, machine: Machine, way: float, needs: Array, tick: float
 ) -> MotorLeg:
-    """Move joint 1 to where all axes need the same travel, turn the drive, and move joint 1 back.
+    """Return the leg that takes up lost motion before the plan.
 
-    The angle of joint 1 minimises the largest error of the axes plus the cost of the time.
+    Joint 1 moves to the angle that minimises the largest error of the axes plus the cost of the
+    time, the drive turns, and joint 1 moves back.
     """
     start, limits = plan.q(0.0), plan.problem.limits
     if not np.any(needs > 0):
@@ -291,13 +293,14 @@ def take_ups(
 def return_leg(
     plan: Plan, system: Manipulator, machine: Machine, needs: Array, tick: float
 ) -> MotorLeg:
-    """Turn the drive back through just less than twice the lost motion of the fastest axis.
+    """Return the leg that turns the drive back by just less than twice the fastest axis's lost
+    motion.
 
     On the nominal machine no joint follows. On a machine with less lost motion the joints have gone
-    too far and are moved back, so errors of that sign become smaller. There is no such leg if the
-    drive reverses during the plan, since the joints' errors then have either sign (the problem
-    "crossing" and four joints would end 0.1 degrees worse at 95 %). Nor is there one if an axis was
-    in contact before the plan, since its joint then goes too far on no machine (of 37 homed arms of
+    too far and are moved back, so errors of that sign become smaller. The leg is empty if the drive
+    reverses during the plan, since the joints' errors then have either sign (the problem "crossing"
+    and four joints would end 0.1 degrees worse at 95 %). The leg is also empty if an axis was in
+    contact before the plan, since its joint then goes too far on no machine (of 37 homed arms of
     two joints, 11 would have larger errors than without compensation; without this leg none has).
     """
     lost, way = lost_motion(system, machine), float(first_motion(plan)[0])
@@ -310,8 +313,8 @@ def return_leg(
 
 
 def _seconds(plan: Plan, machine: Machine, motor: int, angle: Array) -> Array:
-    """Rest-to-rest time T, s, of a motor along a cubic: its peak speed is 3/2 · angle/T, its
-    peak acceleration 6 · angle/T²."""
+    """Return the rest-to-rest time T, s, of a motor along a cubic: its peak speed is 3/2 · angle/T,
+    its peak acceleration 6 · angle/T²."""
     speed, rate = input_scale(plan, machine)[motor], plan.problem.limits.input_rate[motor]
     return np.asarray(np.maximum(1.5 * np.abs(angle) / speed, np.sqrt(6 * np.abs(angle) / rate)))
 

@@ -16,7 +16,7 @@ from planner.support.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A motion of the nominal machine.
+    """Predicted motion of the nominal machine.
 
     Attributes:
         t: Times no farther apart than the longest step of a simulation, shape (R,), s.

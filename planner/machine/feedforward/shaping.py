@@ -39,7 +39,7 @@ from planner.systems.triangular_system import TriangularSystem
 
 @dataclass(frozen=True, eq=False)
 class MotorCommands:
-    """Commands of the motors.
+    """Commands of both motors, tick by tick.
 
     Attributes:
         t: Ends of the ticks, shape (K+1,), s, from 0.
@@ -55,8 +55,8 @@ class MotorCommands:
     is_linear: bool = False
 
     def trajectory(self, system: TriangularSystem, q: Array) -> StateTrajectory:
-        """Return the trajectory with these inputs and coordinates (K+1, N) at the ends of the
-        ticks."""
+        """Return the trajectory with these commands as inputs and with coordinates q (K+1, N) at
+        the ends of the ticks."""
         after = np.concatenate([self.u[1:], self.u[-1:]]) if self.is_linear else self.u
         q_curve = Bernstein(np.stack([q[:-1], q[1:]]), self.t)
         return StateTrajectory(system, q_curve, Bernstein(np.stack([self.u, after]), self.t))
@@ -67,14 +67,14 @@ class CommandShape:
 
     Args:
         plan: An executable plan.
-        system: Its arm.
+        system: The plan's arm.
         machine: The machine to compensate for, by its means and its `start_state`.
         options: Which steps of the compensation are on.
         most_away: See `legs_of`.
 
     Attributes:
         tick: Length of a tick, s.
-        legs: Motions of the motors while the clock is held.
+        legs: Motions of the motors while the plan's clock is held.
         clock: The plan's clock.
         t: Ends of the ticks, shape (K+1,), s.
         is_linear: See `MotorCommands`.
@@ -126,12 +126,12 @@ class CommandShape:
         return out
 
     def commands(self, corrections: Array, knots: Array, is_rounded: bool = True) -> Array:
-        """Commands of the motors in each tick, (K, 2, S), rad/s.
+        """Return the commands of the motors in each tick, (K, 2, S), rad/s.
 
         Args:
             corrections: Corrections of the motors' angles at the knots, shape (m, 2, S), rad.
             knots: Times of the knots, (m,), s.
-            is_rounded: Whether to round to the motors' resolution, as when they are sent.
+            is_rounded: Whether commands are rounded to the motors' resolution, as when sent.
         """
         angle = self._angle[:, :, None] + self._interpolate(corrections, knots)
         return self._pursue(angle, self._grain if is_rounded else np.zeros(2))
@@ -179,7 +179,7 @@ class CommandShape:
         return out
 
     def _pursue_by_speed(self, angle: Array, grain: Array) -> Array:
-        """Do as `_pursue` without a limit on the change of speeds; grain (2, 1)."""
+        """Return the speeds as `_pursue`, without limits on changes of speed; `grain` is (2, 1)."""
         tick, limit = self.tick, self.limit[:, None]
         place = np.zeros(angle.shape[1:])
         if np.any(grain):
@@ -201,8 +201,8 @@ class CommandShape:
 
 
 def _stopping_speed(far: Array, step: Array, room: Array) -> Array:
-    """Return the speed from which a motor can stop in a distance, in whole ticks; infinite without
-    a limit."""
+    """Return the speed from which a motor can stop within the distance `far`, in whole ticks;
+    infinite without a limit on changes of speed."""
     finite = np.isfinite(step)
     step, room = np.where(finite, step, 0.0), np.where(finite, room, 0.0)
     return np.where(finite, (np.sqrt(step * step + room * far) - step) / 2, math.inf)
@@ -226,7 +226,8 @@ STILL_RAD = 1e-9
 
 
 def round_to_grid(value: Array, low: Array, high: Array, grain: Array) -> Array:
-    """Round values to multiples of `grain` between low and high; keep a value if there is none."""
+    """Round values to multiples of `grain` from `low` to `high`; keep a value without such
+    multiple."""
     safe = np.where(grain > 0, grain, 1.0)
     nearest, slack = safe * np.round(value / safe), 1e-9 * safe
     nearest = np.where(nearest > high + slack, nearest - safe, nearest)

@@ -30,13 +30,13 @@ ROWS = 150
 """Number of instants at which errors count, over the plan and its holds."""
 
 SAFE = 0.01
-"""Least margin of a requirement, in its scale. It allows for lower values between the sampling
-times, which are only a few per second."""
+"""Least margin of a requirement, in the requirement's scale: room for lower values between the
+sampling times, which are only a few per second."""
 
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """Motions of S variants.
+    """Errors and margins of the motions of S variants of a correction.
 
     Attributes:
         errors: Errors of the joints, shape (S, E), degrees.
@@ -85,7 +85,7 @@ class Variants:
         self._reference = target[self._is_in_plan, 1:]
 
     def _place_knots(self) -> Array:
-        """Place knots evenly over the plan, and more densely in the holds."""
+        """Return the times of the knots, s: evenly over the plan, and more densely in the holds."""
         clock, spacing = self.shape.clock, self._plan.duration / KNOTS
         holds = set(clock.holds)
         holds |= {(clock.when(clock.seconds), self._end)}
@@ -99,7 +99,7 @@ class Variants:
 
     @cached_property
     def _pins(self) -> list[tuple[Array, float]]:
-        """Coordinates (N,) of goal and waypoints, NaN where free, with their times in the plan."""
+        """Coordinates (N,) of each waypoint, NaN where free, with its time in the plan, s."""
         problem, out = self._plan.problem, []
         for point in problem.waypoints:
             when = point.time_s
@@ -110,7 +110,7 @@ class Variants:
         return out
 
     def run(self, corrections: Array, is_sent: bool = False) -> Runs:
-        """Simulate variants of the correction.
+        """Simulate the nominal machine under variants of the correction.
 
         Args:
             corrections: Corrections at the knots, (m, 2, S), rad.
@@ -149,17 +149,17 @@ class Variants:
 
     @cached_property
     def _goal(self) -> Array:
-        """q(T), shape (N,): the goal, with the plan's values for free coordinates."""
+        """Coordinates of the goal, (N,), with the plan's end values for free coordinates."""
         goal = self._plan.problem.target
         return np.where(np.isnan(goal), self._plan.trajectory.q(self._plan.duration), goal)
 
     def slopes(self, values: Array, now: Runs, probe: float) -> Runs:
-        """Return the derivatives by the corrections at the knots after the first, (2(m−1), …), per
-        degree.
+        """Return the derivatives of errors, pins and margins by the corrections at the knots after
+        the first, (2(m−1), …), per degree.
 
         Args:
             values: The corrections, (m, 2), rad.
-            now: Their motion.
+            now: The motion with these corrections.
             probe: Change of one knot for the finite difference, rad.
         """
         m = len(self.knots)

@@ -19,11 +19,11 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 FIT_SHARE, UNFIT_SHARE = 0.25, 0.7
-"""Ratios of the residual's root mean square to the motion's: a run with less than the first fits;
-one with more is refused if undoing a mistake makes it fit, and with more than the second in any
-case. The ratio is 0.07 for an emulated arm, 0.18 for one whose servos lag by 0.1 s, up to 0.27 for
-twice the prototype's spreads and 0.65 for three times (40 arms each). It is 0.3 or more for the
-mildest mistake, joints 2 and 3 exchanged, and 0.8 for most."""
+"""Limits of the ratio of residual to motion, as root mean squares. Below the first a run fits. From
+the first on a run is refused if undoing a mistake makes it fit, from the second on always. The
+ratio is 0.07 for an emulated arm, 0.18 if its servos lag by 0.1 s, up to 0.27 for twice the
+prototype's spreads and 0.65 for three times the spreads (40 arms each). The mildest mistake, joints
+2 and 3 exchanged, gives 0.3 or more, and most mistakes give 0.8."""
 
 MOST_LATE_S = 0.2
 """Largest plausible lag of a motor, s; in the presets it is 0.04 s. The fit itself allows 0.3 s."""
@@ -36,10 +36,10 @@ MAX_JOINTS = 4
 """Largest number of joints for which all orders are tried; for more, only exchanges of two."""
 
 LEAST_SWING_DEG = 4.0
-"""A joint that moves less stays within its lost motion and gives no evidence."""
+"""Least motion of a joint that is evidence, degrees; less may stay within its lost motion."""
 
 PLAYS_DEG = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0])
-"""Halves of the lost motion that are tried; in the presets they are one to four degrees."""
+"""Values of lost motion that are tried, degrees; the presets have one to four degrees."""
 
 FACTORS = {
     np.pi / 180: "degrees/s",
@@ -53,7 +53,7 @@ FACTORS = {
 
 
 def refuse_misfit(log: Log, system: Manipulator) -> None:
-    """Refuse a run that does not fit this arm.
+    """Refuse a recorded run that does not fit an arm.
 
     Args:
         log: The run.
@@ -86,10 +86,10 @@ def refuse_misfit(log: Log, system: Manipulator) -> None:
 
 
 def _misfit(log: Log, system: Manipulator) -> Array:
-    """Return the root mean square of read minus commanded angles, divided by that of the larger
-    motion, (n,).
+    """Return each joint's misfit, (n,): the root mean square of read minus commanded angles,
+    divided by that of the larger of both motions.
 
-    For joints behind contacts it uses the play that gives the least.
+    Joints 2 … n are given the lost motion of `PLAYS_DEG` with the least misfit.
     """
     q = np.column_stack([np.zeros(len(log.t)), log.theta])
     middle = (q[:-1] + q[1:]) / 2
@@ -143,8 +143,8 @@ def _mistakes(log: Log) -> Iterator[tuple[str, Log]]:
 
 
 def _delay(log: Log) -> float:
-    """Return the delay of joint 1 behind its commands at which the two agree best, s; 0 if it
-    hardly turns."""
+    """Return the delay, s, at which joint 1 best follows its commands; 0 if joint 1 hardly turns or
+    follows at no delay."""
     turned = np.concatenate([[0.0], np.cumsum(log.u[:-1, 1] * np.diff(log.t))])
     read = log.theta[:, 0]
     if min(np.ptp(turned), np.ptp(read)) < np.deg2rad(LEAST_SWING_DEG):

@@ -39,7 +39,7 @@ RATE_HZ, INDEPENDENT_HZ = 50.0, 25.0
 """Readings used per second, and how many of them count as independent."""
 
 SOFT_FROM = 3.0
-"""Residuals beyond this many standard deviations count less than by their square."""
+"""Number of standard deviations beyond which a residual counts less than by its square."""
 
 MOST_STEPS, TOLERANCE = 30, 1e-5
 
@@ -50,12 +50,12 @@ START_SPREAD = 0.3
 
 
 Tell = Callable[[str, float], None]
-"""Called with what is done now and the fraction done, 0 … 1."""
+"""Function that is called with what is done now and the fraction done, 0 … 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class BestFit:
-    """A minimum of the fit.
+    """Parameters at the minimum of the fit, with their uncertainty.
 
     Attributes:
         x: Parameters, (P,).
@@ -75,7 +75,7 @@ def fit(
     seed: int,
     tell: Tell,
 ) -> BestFit:
-    """Return the best of the minima found from several starts.
+    """Return the best fit of the parameters to the logs among searches from several starts.
 
     Args:
         models: The logs.
@@ -162,12 +162,12 @@ class _LeastSquares:
         self._kept: tuple[Array, Array, Array] | None = None
 
     def split(self, z: Array) -> tuple[Array, Array]:
-        """Return the parameters (P,) and offsets (L, n), rad."""
+        """Return the parameters (P,) and the logs' offsets (L, n), rad, that z contains."""
         offsets = OFFSET_RAD * z[self.machine :].reshape(len(self._models), self._joints)
         return z[: self.machine], offsets
 
     def with_settled_offsets(self, z: Array) -> Array:
-        """Return z with offsets that agree with the readings."""
+        """Return z with the offsets at which each log's angles agree with the readings."""
         x = z[: self.machine]
         offsets = [model.settled_offsets(x[None])[0] for model in self._models]
         return np.concatenate([x, np.ravel(offsets) / OFFSET_RAD])
@@ -177,11 +177,11 @@ class _LeastSquares:
         return self._evaluate(z)[0]
 
     def slopes(self, z: Array) -> Array:
-        """Return the derivatives of `residuals`."""
+        """Return the derivatives of `residuals` by z."""
         return self._evaluate(z)[1]
 
     def _evaluate(self, z: Array) -> tuple[Array, Array]:
-        """Return the residuals and derivatives, from one call of the simulation."""
+        """Return the residuals at z and their derivatives by z, from one simulation of each log."""
         if self._kept is None or not np.array_equal(self._kept[0], z):
             self.count += 1
             self.heard(self.count)

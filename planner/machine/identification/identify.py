@@ -31,25 +31,25 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 Progress = Callable[[str, float], None]
-"""Called with what is done now and the fraction done, 0 … 1."""
+"""Function that is called with what is done now and the fraction done, 0 … 1."""
 
 STARTS = 2
 """Default number of searches; the second, from another start, can reveal a local minimum."""
 
 NOISE_RATIO = 1.5
-"""Residuals above this multiple of the encoder's noise are reported. On emulated arms inertia gives
+"""Multiple of an encoder's noise above which a residual is reported. On emulated arms inertia gives
 7, an encoder that is eccentric by 0.1 degrees hardly more than 1."""
 
 COARSE_DEG = 0.3
-"""Above this resolution the encoder's steps exceed all unmodelled effects; 12 bits are 0.088
-degrees."""
+"""Resolution above which an encoder's steps exceed all unmodelled effects, degrees; 12 bits give
+0.088 degrees."""
 
 ZERO_OFF_DEG, ZERO_SPREADS = 0.3, 5.0
 """Error of an encoder's zero, and multiple of its standard deviation, above which it is reported.
-On emulated arms that are read without one, it is 0.12 degrees or 2.5 deviations at most."""
+On emulated arms without such an error the estimate is at most 0.12 degrees or 2.5 deviations."""
 
 PRIOR_SHARE = 0.9
-"""The logs do not determine a parameter that keeps this fraction of its prior's deviation."""
+"""Fraction of its prior's deviation that a parameter keeps if the logs do not determine it."""
 
 
 @dataclass(frozen=True)
@@ -58,12 +58,12 @@ class Estimate:
 
     Attributes:
         parameter: The parameter.
-        preset, value: Its value before and after the fit.
+        preset, value: Value of the parameter before and after the fit.
         spread: Standard deviation of the value by the bootstrap, from the readings only; it leaves
             out errors of effects that the model merges or lacks.
-        told: How much the logs determine it, 0 … 1: 1 minus the remaining fraction of the prior's
-            standard deviation.
-        at_edge: Whether it ended at an end of its range.
+        told: How much the logs determine the parameter, 0 … 1: 1 minus the remaining fraction of
+            the prior's standard deviation.
+        at_edge: Whether the value is at an end of the parameter's range.
     """
 
     parameter: FitParameter
@@ -162,7 +162,7 @@ class Identification:
         return np.array([values.get(f"zero{i}", 0.0) for i in range(1, self.problem.system.size)])
 
     def error(self, log: Log, machine: Machine | None = None) -> PredictionError:
-        """Error of the prediction once the arm's state is known; arguments as for `predict`."""
+        """Return the error of the prediction of a log; for the arguments see `predict`."""
         gap = np.abs(self.predict(log, machine).theta_deg - log.theta_deg)
         first = int(np.flatnonzero(gap.any(axis=1))[0]) if gap.any() else 0
         rms = np.sqrt(np.mean(gap[first:] ** 2, axis=0))
@@ -179,7 +179,7 @@ class Identification:
         }
 
     def table(self) -> Table:
-        """For a terminal: `rich.print(found.table())`."""
+        """Return the estimates as a table for a terminal: `rich.print(found.table())`."""
         return terminal_table(COLUMNS, self.estimates)
 
     def plot(self) -> Figure:
@@ -190,7 +190,7 @@ class Identification:
         return figure
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready data."""
+        """Return the result as JSON-ready data."""
         return {
             "machine": self.machine.to_dict(),
             "parameters": [
@@ -229,7 +229,7 @@ class Identification:
         )
 
     def save(self, path: str | Path) -> Path:
-        """Write the `[machine]` table; `planner.load_machine` reads it back.
+        """Write the identified machine's `[machine]` table; `planner.load_machine` reads it back.
 
         Raises:
             InputError: If the file cannot be written.
@@ -260,16 +260,16 @@ def identify(
     """Identify the machine of an arm from recorded runs.
 
     Lost motion, ratios, lags, gains, biases and the gearheads' backlash are fitted to the runs,
-    with a prior about the preset (see `planner.machine.identification.parameters` and `fit`); and
-    where the runs show that one is off, the zeros of all encoders but the last, whose angle no rate
-    depends on. The result names parameters that stand for several effects or that the runs do not
-    determine. If there are several runs, the last is kept out, to test how well the machine
-    predicts it.
+    with a prior about the preset (see `planner.machine.identification.parameters` and `fit`). If
+    the runs show that an encoder's zero is off, the zeros are fitted too, except that of the last
+    joint, on whose angle no rate depends. The result names parameters that stand for several
+    effects or that the runs do not determine. If there are several runs, the last is kept out, to
+    test how well the machine predicts it.
 
     Args:
         logs: One run or several; see `planner.read_log`. The motion of `planner.excitation`
             determines most parameters.
-        problem: Defines the arm: number of joints and gear constants.
+        problem: The problem that defines the arm: number of joints and gear constants.
         machine: Start of the search, and the values that are not fitted: a machine, the name of a
             preset, or None for the problem's own. With fidelity "dynamic" the model has inertia,
             separates friction, backlash and twist, and a fit takes two minutes.
@@ -354,7 +354,7 @@ def _estimates(parameters: Parameters, result: BestFit) -> Iterator[Estimate]:
 
 
 EDGE_SHARE = 1e-3
-"""A parameter is at the end of its range if it is this near, in deviations of its prior."""
+"""Distance from the end of its range at which a parameter is at the edge, in prior deviations."""
 
 
 def find_warnings(

@@ -20,7 +20,8 @@ from planner.problem.problem import Problem
 from planner.support.arrays import Array
 
 KNOWN_DEG = 1.0
-"""A joint that has moved by this is pushed by its axis; it is ten times an encoder's error."""
+"""Motion after which a joint is surely pushed by its axis, degrees: ten times an encoder's
+error."""
 
 STEP_S = 0.0025
 """Time step of the simulation; its error, 0.001 degrees, is a thirtieth of an encoder's."""
@@ -33,11 +34,11 @@ LEAST_NOISE_DEG = 0.005
 
 
 class LogModel:
-    """A log, and machines under its commands.
+    """Simulation of many machines under the commands of one log.
 
     Args:
         log: The log.
-        problem: Defines the arm.
+        problem: The problem that defines the arm.
         parameters: The parameters in which the machines differ.
 
     Attributes:
@@ -88,8 +89,8 @@ class LogModel:
 
 READINGS, OFFSET_ROUNDS = 100, 3
 """Number of readings whose mean gives the position of a joint: a second, in which a link with
-inertia swings to and fro. And the rounds until the offsets, which depend on each other through
-cosines, no longer change (the second round changes them by 0.01 degrees)."""
+inertia swings to and fro. And number of rounds until the offsets, which depend on each other
+through cosines, no longer change (the second round changes them by 0.01 degrees)."""
 
 
 def known_row(log: Log, has_inertia: bool = False) -> int:
@@ -123,8 +124,8 @@ def known_row(log: Log, has_inertia: bool = False) -> int:
 def reading_noise(log: Log) -> Array:
     """Return the standard deviation of a log's readings, (n,), rad: noise and resolution together.
 
-    It is the median over blocks of the second differences. At a controller's rate the motion of an
-    arm hardly affects these, except in a few blocks, as where the drive reverses.
+    The noise is the median over blocks of the second differences. At a controller's rate the motion
+    of an arm hardly affects these, except in a few blocks, as where the drive reverses.
     """
     second = np.diff(log.theta, 2, axis=0)
     blocks = np.array_split(second, max(1, round(log.t[-1] / NOISE_BLOCK_S)))

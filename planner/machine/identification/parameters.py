@@ -55,7 +55,7 @@ LOAD_EFFECTS = {"lateral_friction", "friction_capacity_nm"}
 """Effects through which the joints' friction can be seen: loaded contacts transmit less."""
 
 LEAST_LAG_S = 0.001
-"""A servo with less lag counts as having none; the steps of the simulation are longer."""
+"""Least lag of a servo beyond the delay that is fitted, s; steps of the simulation are longer."""
 
 
 ZERO_PRIOR_DEG, ZERO_MOST_DEG = 2.0, 20.0
@@ -64,17 +64,17 @@ ZERO_PRIOR_DEG, ZERO_MOST_DEG = 2.0, 20.0
 
 @dataclass(frozen=True)
 class FitParameter:
-    """One fitted number.
+    """Parameter of the fit.
 
     Attributes:
-        key: Its name in results, such as "w2".
-        name: Its name in words.
-        unit: Unit in which it is shown.
+        key: Name in results, such as "w2".
+        name: Name in words.
+        unit: Unit in which the parameter is shown.
         scale: Size of this unit in the unit of `value`.
         value: The preset's value.
         prior: Standard deviation of the prior.
-        low, high: Its range.
-        merged: The effects that it stands for, in words; "" if only one.
+        low, high: Range of the parameter.
+        merged: The effects that the parameter stands for, in words; "" if only one.
     """
 
     key: str
@@ -101,7 +101,7 @@ class _Direct:
         first: Number of the motor or joint that the effect's first value belongs to.
         fitted: Index of the first value that is fitted.
         merged: See `FitParameter`.
-        always: Whether it is fitted even if the effect is off in the preset.
+        always: Whether the effect is fitted even if it is off in the preset.
     """
 
     effect: str
@@ -227,9 +227,9 @@ class Parameters:
                 yield FitParameter(*words, 0.01, share, prior, 0.05, 0.95)
 
     def zeros(self, x: Array) -> Array:
-        """Encoder readings at joint angles of zero, (S, n), rad, from x (S, P).
+        """Return the encoder readings at joint angles of zero, (S, n), rad, from x (S, P).
 
-        That of the last joint is set to zero, since no rate depends on its angle.
+        The reading of the last joint is zero, since no rate depends on its angle.
         """
         rows = [k for k, row in enumerate(self.rows) if row.key.startswith("zero")]
         out = np.zeros((len(x), self.system.n))
@@ -288,7 +288,7 @@ class Parameters:
         return Draws(np.arange(count), values, start)
 
     def machine(self, x: Array) -> Machine:
-        """Return the machine with these parameters (P,), without spreads except of a run's start
+        """Return the machine with the parameters x (P,), without spreads except of a run's start
         state."""
         run = {name: q for name, q in self._machine.effects.items() if name in OF_A_RUN}
         settings: dict[str, Any] = {name: q.to_setting() for name, q in run.items()}

@@ -40,12 +40,12 @@ from planner.support.user_tables import allowed_hint
 from planner.verification.verify import verify
 
 Real = Literal["double", "float"]
-"""Types of the numbers in C."""
+"""Type of the numbers in C."""
 
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Options that only some formats have; `export` documents them."""
+    """Options of `export` that only some formats have."""
 
     rate_hz: float = field(default=RATE_HZ, metadata={"words": "samples per second"})
     joint_names: Sequence[str] | None = field(default=None, metadata={"words": "joint names"})
@@ -58,16 +58,16 @@ class Format:
     """An export format: one kind of file or folder.
 
     Attributes:
-        holds: Its content in words, for the command's completion and the documentation.
+        holds: The format's content in words, for the command's completion and the documentation.
         endings: File name endings that select this format only; empty if the format is a folder.
-        content: Builds the whole file (text or bytes), or the files of a folder by name.
+        content: Function that returns the file (text or bytes), or a folder's files by name.
         reader: Name of the Python function that reads the file back, or "".
         options: Names of the fields of `ExportOptions` that the format uses.
-        is_command: Whether a machine or robot executes it directly, so that `export` warns of a
-            plan that does not start at rest.
+        is_command: Whether a machine or robot executes the file directly, so that `export` warns of
+            a plan that does not start at rest.
         sample_and_hold: Whether motors hold the command of each row until the next row.
-        command_columns: Returns the names of the columns with the motors' commands; empty for
-            formats without named columns.
+        command_columns: Function that returns the names of the columns with the motors' commands;
+            empty for formats without named columns.
     """
 
     holds: str
@@ -126,7 +126,7 @@ FORMATS: dict[str, Format] = {
         options=("real", "machine"),
     ),
 }
-"""Every format by name; the command, messages and the documentation use this table."""
+"""All export formats by name; the command, messages and the documentation use this table."""
 
 
 def fitting(option: str) -> str:
@@ -156,15 +156,15 @@ def export(
             or inputs exist; formats for a robot refuse it.
         path: The file, or the folder if the format is one. An existing file is replaced, a folder
             only if it is from an earlier export.
-        format: One of `FORMATS`; by default from the ending of `path`.
+        format: Name in `FORMATS`; by default that of the ending of `path`.
         rate_hz: Samples per second, if the format has samples; see `sample`.
         joint_names: Joint names, if the format has them; see `joint_trajectory`.
         real: Type of the numbers in C: "double" or "float".
         machine: Machine whose mean values the tracker in C knows; by default the `[machine]` table.
 
     Raises:
-        InputError: If the format is unknown, does not have one of the given options, or cannot
-            hold the plan; or if the file cannot be written.
+        InputError: If the format is unknown, does not have one of the given options, or cannot hold
+            the plan; or if the file cannot be written.
     """
     expect_plan(plan)
     name = find_format(path, format)
@@ -190,7 +190,7 @@ def export(
 
 
 def refuse_target(path: str | Path, format: str) -> None:
-    """Check that the target, a file or a folder according to the format, can be written.
+    """Check that the file, or the folder if the format is a folder, can be written.
 
     Raises:
         InputError: If it cannot be written.
@@ -210,7 +210,7 @@ def _refuse_options(name: str, options: ExportOptions) -> None:
 
 
 def find_format(path: str | Path, format: str | None) -> str:
-    """Return the given format, or that of the path's ending.
+    """Return the name of the given format, or without one of the format of the path's ending.
 
     Raises:
         InputError: If there is no such format.
@@ -280,7 +280,8 @@ REST_SHARE = 1e-6
 """Largest |u| at an end that counts as rest, relative to the input's peak."""
 
 DIFFERENCE_SHARE = 1e-6
-"""Half width of the difference quotients for accelerations, as a share of the smooth piece."""
+"""Half width of difference quotients for accelerations, as a fraction of a smooth piece of the
+plan."""
 
 
 def joint_trajectory(
@@ -348,7 +349,7 @@ def _joint_rates(plan: Plan, t: Array) -> Array:
 def time_slopes(plan: Plan, function: Callable[[Array], Array], t: Array) -> Array:
     """Return the time derivative of a function at times t (m,); at a corner, the right-hand one.
 
-    It uses central differences inside the plan's smooth piece that contains t.
+    The derivative is a central difference inside the smooth piece of the plan that contains t.
     """
     k = np.clip(np.searchsorted(plan.t, t, side="right") - 1, 0, len(plan.t) - 2)
     left, right = plan.t[k], plan.t[k + 1]
@@ -359,7 +360,7 @@ def time_slopes(plan: Plan, function: Callable[[Array], Array], t: Array) -> Arr
 
 
 def moving_inputs(plan: Plan, time: float) -> list[str]:
-    """Describe the inputs that are not zero at a time, including undefined (NaN) ones."""
+    """Return words on each input that is not zero, or undefined (NaN), at a time."""
     u, peaks = np.abs(plan.u(time)), np.maximum(peak_inputs(plan.trajectory), 1e-12)
     return [
         f"|{each.name}| = {u[i]:.4g} {each.unit}"
@@ -423,7 +424,7 @@ def _stamp(t: float) -> dict[str, int]:
 
 
 def _flow(value: Any) -> str:
-    """Write a value as JSON, which is also YAML; YAML 1.1 needs a point before an exponent."""
+    """Return a value as JSON that is also YAML 1.1, which needs a point before an exponent."""
     if isinstance(value, float):
         text = repr(value)
         return text if "e" not in text or "." in text else text.replace("e", ".0e")

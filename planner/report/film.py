@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Progress = Callable[[int, int], None]
-"""Called with (frames done, total frames)."""
+"""Function that is called with (frames done, total frames)."""
 
 SUFFIXES = (".gif", ".mp4")
 LAST_FRAME_S = 1.0
-"""Time for which the last frame stays, seconds."""
+"""Time for which a film shows its last frame, seconds."""
 
 MAX_FRAMES = 5000
 TRAIL_COLOUR = "#BBBBBB"
@@ -45,7 +45,7 @@ BODY_COLOUR = "#222222"
 
 @dataclass(frozen=True)
 class _Scene:
-    """The panel of one plan: the moving parts and their positions in each frame."""
+    """Panel of one plan in a film: the moving parts and their positions in each frame."""
 
     axes: Any
     line: Any
@@ -124,7 +124,7 @@ def check_film(path: str | Path, fps: int, speed: float) -> str:
 
 
 def _frames(drawn: Sequence[Curve], times: Array, progress: Progress | None) -> Iterator[Frame]:
-    """Yield the frames, each (height, width, 3); only moving parts are redrawn."""
+    """Yield the frames of a film, each (height, width, 3); only the moving parts are redrawn."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     figure, scenes, clock = _stage(drawn, times)
@@ -185,7 +185,8 @@ GIF_COLOURS = 64
 
 
 def gif(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
-    """Encode a GIF that loops; the last frame stays for the time of `hold` more frames."""
+    """Return frames as a GIF that loops; the last frame stays for the time of `hold` more
+    frames."""
     from PIL import Image
 
     pictures = [Image.fromarray(frame) for frame in frames]
@@ -202,7 +203,7 @@ def gif(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
 
 
 def mp4(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
-    """Encode an H.264 film that every browser plays; the last frame is repeated `hold` times.
+    """Return frames as an H.264 film for every browser; the last frame is repeated `hold` times.
 
     Raises:
         InputError: If ffmpeg is missing or fails; the message quotes ffmpeg.
@@ -242,10 +243,10 @@ def _feed(
 
 
 def find_ffmpeg() -> str:
-    """Find the program ffmpeg, on the search path or from imageio-ffmpeg.
+    """Return the path of the program ffmpeg, from the search path or from imageio-ffmpeg.
 
     Raises:
-        InputError: If there is none.
+        InputError: If ffmpeg is missing.
     """
     program = shutil.which("ffmpeg")
     if program is not None:

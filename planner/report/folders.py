@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOTION_INSTANTS = 300
-"""Number of instants at which the motion of the machine with median E is stored."""
+"""Number of instants at which replays.json has the motion of the machine with median E."""
 
 
 def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> Path:
@@ -85,8 +85,9 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
 def replay_data(comparison: Comparison) -> dict[str, Any]:
     """Return the part of the replays that replays.json stores, by label, as JSON-ready data.
 
-    `E_deg` lists the error index E of every machine, in the order of their numbers. `median` is the
-    motion of the machine with the median E: its `number`, times `t` (s), coordinates `q` (rad, m).
+    `E_deg` lists the error index E of every machine, in the order of the machines' numbers.
+    `median` is the motion of the machine with the median E: `number` of that machine, times `t`
+    (s), coordinates `q` (rad, m).
     """
     out = {}
     for row in comparison.rows:
@@ -110,7 +111,8 @@ def _copy_problem(comparison: Comparison, place: Path) -> None:
 
 
 def _write_plans(comparison: Comparison, place: Path) -> list[str | None]:
-    """Write the plans; return each row's file name in the folder, None for rows without a plan."""
+    """Write a comparison's plans; return each row's file name in the folder, None without a
+    plan."""
     (place / "plans").mkdir()
     out: list[str | None] = []
     for k, row in enumerate(comparison.rows):

@@ -30,14 +30,14 @@ from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import Coordinate, TriangularSystem
 
 DRAWN_LIMIT_SHARE = 0.75
-"""A limit is drawn if the values reach this share of it."""
+"""Share of a limit that values must reach for the limit to be drawn."""
 
 OVERSHOOT = 1.6
-"""The view extends at most to this multiple of the limit, or of 1.5 times the usual values if these
-are larger; peaks beyond it are cut off and noted."""
+"""Largest value that a panel shows, as a multiple of the limit or, if larger, of 1.5 times the
+usual values; peaks beyond are cut off and noted."""
 
 PEAK_RATIO = 5.0
-"""Without a limit, peaks are cut off only above this multiple of the usual values."""
+"""Multiple of the usual values above which peaks are cut off if an input has no limit."""
 
 
 Pair = Sequence[float]  # coordinates of a point, or the least and the greatest value of a range
@@ -48,14 +48,14 @@ class Series:
     """A curve of a panel.
 
     Attributes:
-        plan: Index of its plan among the drawn plans.
+        plan: Index of the curve's plan among the drawn plans.
         y: Vertical values (m,).
         x: Horizontal values (m,) in a `PlanePanel`; None in a `TimePanel`.
         t: Times (m,), seconds; None for the times of the plan.
         name: Name; None for that of the plan.
-        colour: Index of its colour; None for that of the plan.
-        machine: Whether it is the motion of the machine with median error. Its times are then
-            those at which this motion is stored.
+        colour: Index of the curve's colour; None for the colour of the plan.
+        machine: Whether the curve is the motion of the machine with median error, drawn at the
+            times at which this motion is stored.
     """
 
     plan: int
@@ -69,7 +69,7 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Shade:
-    """A shaded range from `low` to `high` (m,), at the times of the panel's first series."""
+    """A shaded range of a panel, from `low` to `high` (m,), at the times of the first series."""
 
     low: Array
     high: Array
@@ -78,7 +78,7 @@ class Shade:
 
 @dataclass(frozen=True)
 class Peak:
-    """The value of largest magnitude of a plan that is outside the view, and its time in s."""
+    """Value of largest magnitude of a plan's curve, outside the view, and its time, s."""
 
     plan: int
     t: float
@@ -107,7 +107,7 @@ class Panel:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TimePanel(Panel):
-    """A panel over time.
+    """A panel whose curves run over time.
 
     Attributes:
         band: A shaded range.
@@ -134,7 +134,7 @@ class TimePanel(Panel):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlanePanel(Panel):
-    """A panel in a plane; both axes have the unit of the panel.
+    """A panel whose curves are paths in a plane; both axes have the unit of the panel.
 
     Attributes:
         names: Names of the axes.
@@ -164,7 +164,7 @@ class PlanCurves:
     """A plan and the times at which it is drawn.
 
     Attributes:
-        number: Its index among the drawn plans.
+        number: Index of the plan among the drawn plans.
         plan: The plan.
         t: Times (m,), seconds from the plan's beginning.
         machine: The machine whose effects figures show; None for the machine of the plan's problem.
@@ -200,13 +200,13 @@ class PlanFigure:
 
     Attributes:
         id: Name, for files and on the page.
-        panels: Builds its panels for plans of one problem.
+        panels: Function that returns the figure's panels for plans of one problem.
         title: Title.
         caption: Explanation on the page.
-        executable: Whether folders and pages draw it only for executable plans; the explorer draws
-            it for all, so its panels must accept NaN.
+        executable: Whether folders and pages draw the figure only for executable plans. The
+            explorer draws it for all, so the panels must accept NaN.
         columns: Whether a picture has one column per plan.
-        fits: Returns whether a system has this figure.
+        fits: Function that returns whether a system has this figure.
     """
 
     id: str
@@ -280,8 +280,8 @@ def _z2_panel(one: PlanCurves) -> TimePanel:
 def shown_coordinates(system: TriangularSystem) -> list[tuple[int, Coordinate]]:
     """Return the user coordinates that are drawn, with their indices.
 
-    The first is left out if the user coordinates are those of the triangular system, where it is
-    the path coordinate.
+    The first coordinate is left out if the user coordinates are those of the triangular system,
+    whose first coordinate is the path coordinate.
     """
     every = list(enumerate(system.user_coordinates))
     return every if system.has_user_coordinates else every[1:]
@@ -334,7 +334,7 @@ def input_panels(drawn: DrawnPlans) -> list[TimePanel]:
 
 
 def near_limits(values: Array, limit: float) -> list[float]:
-    """Return −limit and limit if values come close to them; far lines would shrink the curves."""
+    """Return those of −limit and limit that values come close to; far lines would shrink curves."""
     reach = [(side, np.nanmax(side * values, initial=-np.inf)) for side in (-1, 1)]
     return [side * limit for side, most in reach if most > DRAWN_LIMIT_SHARE * limit]
 
@@ -400,9 +400,10 @@ MAP_MARGIN_DEG, NO_EDGE_DEG = 6.0, 1e4
 
 
 def _chart_range(problem: Problem, i: int) -> tuple[float, float] | None:
-    """Return how far coordinate i alone can move from the start inside the chart, degrees.
+    """Return the range (low, high), degrees, of coordinate i inside the chart, the others at the
+    start.
 
-    It is a range (low, high), or None if the start lies on an edge of the chart.
+    The result is None if the start lies on an edge of the chart.
     """
     system, steps = problem.system, np.arange(0.0, 180.25, 0.5)
     branch = system.branch(problem.start)
@@ -462,7 +463,7 @@ PLAN_FIGURES = {
 
 
 def merge(panels: Sequence[Panel]) -> Iterator[Panel]:
-    """Yield one plan's panels; merge those with the same id and unit, with one colour per curve."""
+    """Yield one plan's panels; those with the same id and unit become one, a colour per curve."""
     groups: dict[tuple[str, str], list[Panel]] = {}
     for panel in panels:
         groups.setdefault((panel.id, panel.unit), []).append(panel)
@@ -503,10 +504,10 @@ def span(plan: Plan) -> dict[str, Any]:
 # -- for a browser ------------------------------------------------------------------------------
 
 ROUNDING = 1e-12
-"""Smaller numbers are rounding errors; they are shown as 0, not with an exponent."""
+"""Magnitude below which a number is a rounding error and shown as 0."""
 
 SCREEN_DIGITS = 5
-"""Significant digits for the browser, more than a screen shows."""
+"""Number of significant digits for the browser, more than a screen shows."""
 
 
 def screen_data(panel: Panel) -> dict[str, Any]:
@@ -536,7 +537,8 @@ def _screen_value(value: Any) -> Any:
 
 
 def to_screen_digits(values: Array) -> list[Any]:
-    """Round numbers for display, as nested lists; None replaces numbers that are not finite."""
+    """Return numbers rounded for the screen, as nested lists; None for numbers that are not
+    finite."""
     values = np.asarray(values, dtype=float)
     finite, size = np.isfinite(values), np.abs(values)
     visible = finite & (size >= ROUNDING)

@@ -24,8 +24,8 @@ from planner.verification.load_plan import load_plan
 def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
     """Read the folder that `Comparison.save` wrote, and verify its plans again.
 
-    Rows, plans and the errors on each machine are restored; replays are not (see `load_replays`).
-    If a row is marked as solved but its file has no valid plan of this problem, the row becomes
+    Rows, plans and the errors on each machine are restored; replays are not (see `load_replays`). A
+    row that is marked as solved, but whose file has no valid plan of this problem, becomes
     unsolved: its `why` says what is wrong, and its numbers, which belong to another motion, are
     dropped.
 
@@ -72,9 +72,9 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
 
 
 def load_replays(folder: str | Path) -> dict[str, Any]:
-    """Read replays.json, the data that `planner.report.folders.replay_data` returned, by label.
+    """Return the content of a folder's replays.json: the result of `folders.replay_data`, by label.
 
-    Returns {} if the folder has no such file.
+    Without that file the result is {}.
 
     Raises:
         InputError: If the file is damaged.
@@ -84,12 +84,13 @@ def load_replays(folder: str | Path) -> dict[str, Any]:
 
 
 def _task_tables(problem: Problem) -> dict[str, Any]:
-    """Return the problem as tables, without its title."""
+    """Return a problem as tables, without the title."""
     return {key: value for key, value in problem.to_dict().items() if key != "title"}
 
 
 def _machine_errors(path: Path) -> dict[str, Array]:
-    """Read E and the end error of each machine, (2, S), degrees, by label; {} without a file."""
+    """Return E and the end error of each machine, (2, S), degrees, by plan label; {} without
+    file."""
     if not path.exists():
         return {}
     pairs: dict[str, list[list[float]]] = {}
@@ -120,7 +121,7 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem, errors: Array |
 
 
 def _read_back(value: Any) -> Any:
-    """Convert null to NaN, lists to tuples, and clean texts."""
+    """Return a JSON value with NaN for null, tuples for lists, and clean texts."""
     if isinstance(value, list):
         return tuple(_read_back(item) for item in value)
     if isinstance(value, str):

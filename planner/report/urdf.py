@@ -19,7 +19,7 @@ THICKNESS = 0.08
 
 
 def urdf_text(plan: Plan) -> str:
-    """Describe the arm of a plan: a base, and for each joint a link that turns about the vertical.
+    """Return the arm of a plan as URDF: a base, and per joint a link that turns about the vertical.
 
     Lengths are those of `link_lengths`, in m. A joint's range is its limit in the problem or,
     without a limit, one turn each way. URDF also requires a maximum speed, which is the plan's, and

@@ -14,13 +14,14 @@ STYLE = "charts.css"
 
 
 def script(room: str, names: Sequence[str]) -> str:
-    """Return the charts' scripts, followed by the files `names` of the package `room`."""
+    """Return the charts' JavaScript, followed by that of the files `names` of the package
+    `room`."""
     charts = [source(CHARTS, name) for name in SCRIPTS]
     return "\n".join(charts + [source(room, name) for name in names])
 
 
 def stylesheet(room: str, name: str) -> str:
-    """Return the charts' style sheet and the file `name` of `room`, with the plans' colours."""
+    """Return the charts' style sheet and that in the file `name` of `room`, with plans' colours."""
     text = Template(source(CHARTS, STYLE) + source(room, name))
     each = range(len(PALETTE))
     return text.substitute(

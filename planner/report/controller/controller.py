@@ -33,7 +33,7 @@ PACKAGE = "planner.report.controller"
 SOURCES = ("tracker.h", "tracker.c", "selftest.c")
 
 FREE = 1e30
-"""Stands for infinity; it fits into a float."""
+"""Number that stands for infinity and fits into a float."""
 
 ROUNDING: dict[str, dict[str, float]] = {
     "double": {"TOLERANCE": 1e-9, "DEPENDENT": 1e-12, "ROUNDING_TICKS": 1e-9},
@@ -47,19 +47,19 @@ A time that is less than ROUNDING_TICKS ticks before a tick counts as this tick.
 """
 
 ALLOWED_SHARE: dict[str, float] = {"double": 5e-4, "float": 0.02}
-"""Tolerance of commands in the self-test, relative to the greatest command. For double, it covers
-the inaccuracy of OSQP, the solver in Python."""
+"""Tolerance of commands in the self-test, relative to the greatest command, by type of numbers.
+That of double covers the inaccuracy of OSQP, the solver in Python."""
 
 ODD_SHARE: dict[str, float] = {"double": 0.0, "float": 0.02}
 """Share of the self-test's periods in which commands may differ by more than `ALLOWED_SHARE`.
 Rounding can decide whether a joint has moved; later readings bring both versions together."""
 
 MAX_STEPS = 400
-"""Maximum steps of the active-set method; the worst of 200 arms needs a tenth of it."""
+"""Largest number of steps of the active-set method; the worst of 200 arms needs a tenth."""
 
 
 def controller_files(plan: Plan, machine: Machine | None, real: str) -> dict[str, str]:
-    """Build the text of every file of the folder, by file name.
+    """Return the text of every file of the C tracker's folder, by file name.
 
     Args:
         plan: The plan; may be compensated.
@@ -181,7 +181,7 @@ def _arrays(design: TrackerDesign) -> dict[str, Array]:
 
 
 def _recording(plan: Plan, machine: Machine, follower: Tracker, real: str) -> str:
-    """Build recording.h: encoder readings of one emulated machine, some lost, and the commands."""
+    """Return recording.h: encoder readings of one emulated machine, some lost, and the commands."""
     recorder = Recorder(follower, _lose)
     replay(plan, machine, samples=1, seed=0, feedback=recorder, record_s=None)
     write = _writer(real)
@@ -201,7 +201,7 @@ def _recording(plan: Plan, machine: Machine, follower: Tracker, real: str) -> st
 
 
 LOST_EVERY = 23
-"""One reading of this many is lost in the recording: alternately the last joint's and all."""
+"""Number of readings per lost reading: alternately the last joint's and those of all joints."""
 
 
 def _lose(k: int, measured: Array) -> Array:
@@ -212,12 +212,12 @@ def _lose(k: int, measured: Array) -> Array:
 
 
 class Recorder:
-    """Feedback that records its readings and commands.
+    """Feedback that passes readings to another feedback law and records its commands.
 
     Args:
-        feedback: The feedback that computes the commands.
-        tamper: Called with the number of a reading and the reading (N, S); returns the reading that
-            the feedback receives instead.
+        feedback: The feedback law that computes the commands.
+        tamper: Function of the number of a reading and the reading (N, S) that returns the reading
+            for the feedback law.
 
     Attributes:
         log: Time, reading and commands (M, 2, S) of each period.
@@ -230,7 +230,7 @@ class Recorder:
         self.log: list[tuple[float, Array, Array]] = []
 
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> Controller:
-        """Start the feedback, as in `Feedback`, and clear the log."""
+        """Start the feedback law, as in `Feedback`, and clear the log."""
         self._control = self._feedback.start(plan, machine, numbers)
         self.log.clear()
         return cast("Controller", self)
@@ -239,7 +239,7 @@ class Recorder:
         return getattr(self._control, name)
 
     def __call__(self, t: float, measured: Array) -> Array:
-        """Return the commands for a reading, as in `Controller`, and record both."""
+        """Return the commands for a reading, as in `Controller`; record reading and commands."""
         read = self._tamper(len(self.log), measured)
         out = self._control(t, read)
         self.log.append((t, read.copy(), out))
@@ -265,7 +265,7 @@ def _writer(real: str) -> Callable[[float], str]:
 
 
 def _array(head: str, values: Any, write: Callable[[Any], str]) -> str:
-    """Write an array in C; an axis of length 0 gets length 1, since C has no empty arrays."""
+    """Return an array as C text; an axis of length 0 gets length 1, since C has no empty arrays."""
     values = np.asarray(values)
     values = values if values.size else np.zeros([max(1, n) for n in values.shape])
 
@@ -278,7 +278,7 @@ def _array(head: str, values: Any, write: Callable[[Any], str]) -> str:
 
 
 def _rates_in_c(system: TriangularSystem, write: Callable[[float], str]) -> list[str]:
-    """Write the system's rates as a C function, one operation per line."""
+    """Return the lines of a C function of the system's rates, one operation per line."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = ca.Function("rates", [q, u], [ca.cse(ca.densify(ca.vertcat(*system.rates_expr(q, u))))])
     powers = {ca.OP_POW: "pow({}, {})", ca.OP_CONSTPOW: "pow({}, {})", ca.OP_SQ: "({0} * {0})"}
@@ -319,7 +319,7 @@ def _guard(name: str, lines: list[str]) -> str:
 
 
 def _readme(plan: Plan, machine: Machine, design: TrackerDesign, real: str) -> str:
-    """Build README.md, which explains the calls with this plan's numbers."""
+    """Return README.md, which explains the tracker's calls with the plan's numbers."""
     ref, clock, system = design.ref, design.ref.timing, plan.problem.system
     size, horizon = 8 if real == "double" else 4, 2 * design.programme.horizon
     rows = horizon * (2 if design.ramp else 1) + horizon // 2 * ref.rows.shape[1]

@@ -31,7 +31,7 @@ COLOUR_MAP = "viridis"
 
 
 def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure, Any]:
-    """Draw the arm at equal time steps, coloured by time, and the path of its tip; one panel per
+    """Draw the arm at equal time steps, coloured by time, and the path of its tip: one panel per
     plan.
 
     Vehicles are drawn by their axles, other systems with coordinates x and y as a point.
@@ -43,8 +43,8 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
         poses: Number of poses.
 
     Returns:
-        The figure and its axes, shape (1, plans), or (plans, 1) for motions at least twice as
-            wide as high.
+        The figure and its axes, shape (1, plans), or (plans, 1) for motions at least twice as wide
+        as high.
 
     Raises:
         InputError: If no plan is executable, `axes` do not fit, or the system has no position in
@@ -81,13 +81,13 @@ def drawable(plans: Plans) -> list[Curve]:
 
 
 def can_draw(system: TriangularSystem) -> bool:
-    """Return whether `plot_arm` can draw the system: it is an arm or has coordinates x and y."""
+    """Return whether `plot_arm` can draw a system: an arm, or a system with coordinates x and y."""
     names = {c.name for c in system.user_coordinates}
     return hasattr(system, "arm_points") or {"x", "y"} <= names
 
 
 def body_points(problem: Problem, q: Array) -> Array:
-    """Return points of the body at q (…, N), shape (…, P, 2); the last one is the tip or (x, y)."""
+    """Return points of the arm or vehicle at q (…, N), (…, P, 2); the last is the tip or (x, y)."""
     system: Any = problem.system
     if hasattr(system, "arm_points"):
         return np.asarray(system.arm_points(q[..., 1:]))
@@ -126,7 +126,7 @@ def draw_places(ax: Any, problem: Problem) -> None:
 
 
 def _pose_to_pass(problem: Problem, point: Waypoint) -> Array:
-    """Return points of the body at a waypoint, (P, 2); NaN where the waypoint leaves them free."""
+    """Return points of the arm or vehicle at a waypoint, (P, 2); NaN where a coordinate is free."""
     system = problem.system
     if system.has_user_coordinates and np.any(np.isnan(point.q)):
         return _position(system, point.user)[None]
@@ -142,7 +142,7 @@ def tips_to_pass(problem: Problem) -> Array:
 
 
 MOST_ABREAST = 4
-"""Panels in a row of a new figure; more would be too small on a page."""
+"""Largest number of panels in a row of a new figure; more would be too small on a page."""
 
 
 def plane_axes(drawn: Sequence[Curve], axes: Any = None) -> tuple[Figure, Any]:
@@ -187,7 +187,7 @@ def _draw(ax: Any, curve: Curve, scale: Any, poses: int) -> None:
 
 
 def _draw_closest(ax: Any, plan: Plan) -> None:
-    """Draw the pose in which two links are closest to each other, and their distance."""
+    """Draw the arm's pose in which two links are closest to each other, and the links' distance."""
     requirement = plan.problem.self_collision
     if requirement is None:
         return

@@ -31,10 +31,10 @@ TAKEN_COLOUR, PRESENT_COLOUR = COLOURS[1], COLOURS[2]
 SLIP_COLOUR, OTHER_COLOUR = "#B00020", "#9A9A9A"
 
 LOG_RATIO = 5.0
-"""A figure of merit is shown by its logarithm if its values differ by a larger factor."""
+"""Factor between values of a figure of merit above which the axis or shade is logarithmic."""
 
 MAX_LABELS = 8
-"""Maximum number of labelled points of the front; more would overlap."""
+"""Largest number of labelled points of the Pareto front; more labels would overlap."""
 
 
 def plot_design(study: DesignStudy, *, axes: Any = None) -> tuple[Picture, Any]:
@@ -71,10 +71,10 @@ def plot_design(study: DesignStudy, *, axes: Any = None) -> tuple[Picture, Any]:
 
 
 def _decisive_figures(study: DesignStudy) -> list[DesignFigure]:
-    """Choose up to five figures of merit to draw.
+    """Return the up to five figures of merit to draw.
 
-    These are, in order: those of the front, the contacts' load, tasks with a one-way
-    motion, tasks solved by a second method, errors at the end.
+    These are, in order: those of the front, the contacts' load, tasks with a one-way motion, tasks
+    solved by a second method, errors at the end.
     """
     by_key = {figure.key: figure for figure in study.figures}
     solved = [key for key in by_key if key.startswith("solved ")]
@@ -86,7 +86,7 @@ def _decisive_figures(study: DesignStudy) -> list[DesignFigure]:
 def _front(ax: Any, study: DesignStudy) -> None:
     """Plot the designs and their Pareto front.
 
-    The axes are the front's first two figures of merit, or its only one and the contacts' load.
+    The axes are the front's first two figures of merit, or the only one and the contacts' load.
     """
     x, *rest = study.front_by
     load = next(figure for figure in study.figures if figure.key == CONTACT_LOAD)
@@ -132,7 +132,7 @@ def _front(ax: Any, study: DesignStudy) -> None:
 
 
 def _scale_axis(axis: Any, values: Sequence[float]) -> tuple[float, float]:
-    """Set and return the ends of an axis; make it logarithmic if values are far apart."""
+    """Set and return the ends of an axis, logarithmic if the values are far apart."""
     numbers = [v for v in values if np.isfinite(v)] or [0.0, 1.0]
     low, high = min(numbers), max(numbers)
     if low > 0 and high > LOG_RATIO * low:
@@ -164,7 +164,8 @@ def _figure_title(study: DesignStudy, figure: DesignFigure) -> str:
 
 
 def _value(study: DesignStudy, figure: DesignFigure, row: DesignRow) -> tuple[float, str]:
-    """Return a figure of merit as number and text; a share of tasks becomes a number of tasks."""
+    """Return a design's figure of merit as number and text; a share of tasks becomes their
+    number."""
     value = row.figures.get(figure.key, np.nan)
     if figure.reduction == "part":
         return value * study.tasks, number(value * study.tasks, 4)
@@ -172,7 +173,7 @@ def _value(study: DesignStudy, figure: DesignFigure, row: DesignRow) -> tuple[fl
 
 
 def _variables(study: DesignStudy) -> tuple[str, str] | None:
-    """Return the two variables over which maps are drawn; None unless the designs form a grid."""
+    """Return the names of the two design variables of the maps; None unless designs form a grid."""
     rows = [row.design.values for row in study.rows if row.design.values]
     keys = list(rows[0]) if rows else []
     if len(keys) != 2 or any(values.keys() != rows[0].keys() for values in rows):
@@ -184,7 +185,7 @@ def _variables(study: DesignStudy) -> tuple[str, str] | None:
 
 
 def _map(ax: Any, study: DesignStudy, figure: DesignFigure) -> None:
-    """Draw one figure of merit over two design variables, one cell per design."""
+    """Draw one figure of merit as a map over two design variables, one cell per design."""
     from matplotlib.patches import Rectangle
 
     variables = _variables(study)
@@ -228,7 +229,7 @@ def _map(ax: Any, study: DesignStudy, figure: DesignFigure) -> None:
 
 
 def _bars(ax: Any, study: DesignStudy, figure: DesignFigure) -> None:
-    """Draw one figure of merit, one bar per design."""
+    """Draw one figure of merit as bars, one per design."""
     values = [_value(study, figure, row) for row in study.rows]
     most = max((v for v, _ in values if np.isfinite(v)), default=1.0)
     for k, (row, (value, text)) in enumerate(zip(study.rows, values, strict=True)):

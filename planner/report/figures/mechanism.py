@@ -42,10 +42,10 @@ CONTACT_COLOUR, LINK_COLOUR, INK_COLOUR, NOTE_COLOUR = "#B00020", "#9A9A9A", "#2
 BAND_COLOURS = ("#F3F3F3", "#FFFFFF")
 
 RADII_PER_INCH = 1 / 1.3
-"""Largest radii per inch of paper; labels of 9 points then do not overlap."""
+"""Scale of the drawing: largest radii of the mechanism per inch of paper."""
 
 NOTE_LETTERS = 62
-"""Letters per line of the text beside the view from above, 5 inches wide."""
+"""Number of letters per line of the notes beside the view from above, 5 inches wide."""
 
 RIM_RATIO = 1.12
 """Ratio of a drawn disk's radius to the distance of its contact, which lies inside the rim."""
@@ -54,12 +54,12 @@ THICKNESS = 0.07
 """Thickness of disks and wheels, in largest radii."""
 
 BEND_ANGLE = np.deg2rad(35.0)
-"""Angle of joint 1 in the view from above."""
+"""Angle of joint 1 in the view from above, rad."""
 
 
 @dataclass(frozen=True)
 class MechanismLayout:
-    """Positions of all parts, in units of the largest radius of the geometry.
+    """Positions of all parts in the drawing of a mechanism, in units of the largest radius.
 
     Attributes:
         gears: Geometry of the stages 1 … n−1.
@@ -80,22 +80,22 @@ class MechanismLayout:
 
     @property
     def r2(self) -> float:
-        """Radius of the wheels B'. It cancels out and is not part of the geometry."""
+        """Radius of the wheels B', which cancels out and is not part of the geometry."""
         return 0.6 * self.r1
 
     @property
     def p3(self) -> float:
-        """Height of the contact P₃; that of P₁ is zero, P₂ is on the lower face of disk A."""
+        """Height of the contact P₃, if P₁ has height zero and P₂ is on the lower face of disk A."""
         return -THICKNESS - 2 * self.r2
 
     @property
     def belt(self) -> float:
-        """Height of the belts."""
+        """Height of the belts in the side view."""
         return self.p3 - THICKNESS - 0.42
 
     @property
     def link(self) -> float:
-        """Height of the links."""
+        """Height of the links in the side view."""
         return self.belt - 0.3
 
     @property
@@ -110,23 +110,23 @@ class MechanismLayout:
         return np.array([-0.2, self.top_view_z - 0.25 * RADII_PER_INCH - side])
 
     notes_x = 2.7
-    """x at which the notes begin, to the right of disk and link in the view from above."""
+    """x at which the notes begin, to the right of the view from above."""
 
     left = -2.6
 
     @property
     def right(self) -> float:
-        """Right end of the picture."""
+        """x of the right end of the picture."""
         return max(float(self.joints[-1]) + 2.0, self.notes_x + 5.2 * RADII_PER_INCH)
 
     @property
     def top(self) -> float:
-        """Upper end of the picture."""
+        """Height of the upper end of the picture."""
         return 2 * self.r1 + 0.75
 
     @property
     def bottom(self) -> float:
-        """Lower end of the picture."""
+        """Height of the lower end of the picture."""
         lines = 17 + len(textwrap.wrap(self.inferred, NOTE_LETTERS))
         disk_bottom = float(self.contact[1]) - max(self.r1, 0.6 * self.gears[0].R)
         note_bottom = self.top_view_z - 0.2 * lines * RADII_PER_INCH
@@ -149,7 +149,7 @@ def plot_mechanism(system: TriangularSystem, *, axes: Any = None) -> tuple[Figur
     first contact from above with joint 1 bent, which explains the factor cosθ. Radii are to scale
     if they are known; link lengths are not. An arm that is given by K and k_g has no radii, and an
     arm whose stages differ does not fit the drawing. For both, a geometry with the same joint rates
-    and λ = η = R = 1 is inferred, and the figure says that it is not to scale.
+    and λ = η = R = 1 is inferred, and the figure says that the drawing is not to scale.
 
     Args:
         system: A `Manipulator`.
@@ -202,7 +202,7 @@ def mechanism_svg(system: TriangularSystem) -> str:
 
 
 class _Drawing:
-    """Draws parts into axes; each part has a name (gid) for tests and scripts."""
+    """Pen that draws parts into axes; each part has a name (gid) for tests and scripts."""
 
     def __init__(self, ax: Any) -> None:
         self.ax = ax
@@ -261,7 +261,8 @@ AXIS_DASHES = (0, (8, 3, 1, 3))
 
 
 def _bands(pen: _Drawing, plan: MechanismLayout) -> None:
-    """Shade the region between each two joints; its parts are carried by the link between them."""
+    """Shade the region between each two joints, whose parts are carried by the link between
+    them."""
     low = plan.link - 0.75
     for k, (a, b) in enumerate(pairwise([plan.left, *plan.joints.tolist(), plan.right])):
         middle, height = ((a + b) / 2, (plan.top + low) / 2), plan.top - low
@@ -324,7 +325,7 @@ def _stage(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
 
 
 def _write_names(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
-    """Write names of the parts of stage i and its output speeds; for stage 1 also distances."""
+    """Write the names of stage i's parts and its output speeds; for stage 1 also the distances."""
     gear, (x, next_x) = plan.gears[i - 1], plan.joints[i - 1 : i + 1].tolist()
     first, wheel_z = i == 1, -THICKNESS - plan.r2
     pen.write((x + 0.1, 2 * gear.r1), f"$B_{i}$" + (", a wheel" if first else ""))
@@ -357,7 +358,7 @@ def _write_names(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
 
 
 def _link(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
-    """Draw the bar of link i and the axis of its joint, and name its angle."""
+    """Draw the bar of link i and the axis of joint i, and name both and the joint's angle."""
     x = float(plan.joints[i - 1])
     end = float(plan.joints[i]) if i < len(plan.joints) else x + 1.5
     low, top = plan.link - 0.14 * (i % 2), 2 * plan.r1

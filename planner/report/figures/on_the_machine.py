@@ -145,13 +145,14 @@ def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, A
 
 
 def needs_log_axis(values: ArrayLike) -> bool:
-    """Return whether values span more than a factor of ten; their axis is then logarithmic."""
+    """Return whether an axis should be logarithmic: values span more than a factor of ten."""
     every = np.asarray(values, dtype=float)
     return bool(np.min(every) > 0 and np.max(every) > 10 * np.min(every))
 
 
 def _scale(axis: Any, log: bool) -> None:
-    """If `log`, make an axis logarithmic and say so in its label; otherwise start it at zero."""
+    """Make an axis logarithmic and say so in its label if `log`; else let the axis start at
+    zero."""
     if not log:
         axis.axes.set(**{f"{axis.axis_name}lim": (0, None)})
         return
@@ -187,7 +188,8 @@ def _join(ax: Any, rows: list[Row], colour: dict[str, str]) -> None:
 def plot_errors(
     errors: Mapping[str, ArrayLike | None], *, refused: Collection[str] = (), axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Plot the share of machines whose error is below each value; dots: median, 95th percentile.
+    """Plot the share of machines with an error below each value; dots mark median and 95th
+    percentile.
 
     Curves of plans with feedback are dotted, in the colour of the same plan without feedback;
     curves of refused plans are dashed.

@@ -46,7 +46,7 @@ EXIT_STYLE = {"marker": "x", "color": "#B00020", "markersize": 8, "linestyle": "
 DOT_STYLE = {"marker": "o", "color": "black", "markersize": 4, "linestyle": "none"}
 Panels = Sequence[Panel]
 PANEL_SIZES = {"inputs": (4.8, 3.4), "map": (6.4, 4.6)}
-"""Width and height of one panel, inches, if not the usual size."""
+"""Width and height of one panel of a figure, inches, where they differ from the usual size."""
 
 
 def plot_inputs(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
@@ -137,7 +137,8 @@ def plot(
 
     Args:
         name: Name of the figure.
-        plans: One plan, several, or several by label; plans that it cannot show are left out.
+        plans: One plan, several, or several by label; plans that the figure cannot show are left
+            out.
         axes: Axes to draw into, one per panel.
         machine: The machine whose effects the figure shows; by default that of the plans' problem.
 
@@ -165,7 +166,7 @@ def plot(
 
 
 def _panels(plan_panels: Panels, drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
-    """Draw all plans in each panel."""
+    """Draw a figure with all plans in each panel; return the figure and its axes."""
     over_time = isinstance(plan_panels[0], TimePanel)
     share: tuple[Sharing, Sharing] = ("all" if over_time else "none", "none")
     rows = -(-len(plan_panels) // 4)
@@ -188,7 +189,7 @@ def _panels(plan_panels: Panels, drawn: Sequence[Curve], axes: Any) -> tuple[Fig
 
 
 def _columns(plans: Sequence[Panels], drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
-    """Draw one column per plan; its panels with the same id share axes."""
+    """Draw a figure with one column per plan; a plan's panels with the same id share axes."""
     columns = [[list(same) for _, same in groupby(each, attrgetter("id"))] for each in plans]
     figure, axes, _ = grid(len(columns[0]), len(drawn), axes, share=("col", "row"))
     for k, (curve, column) in enumerate(zip(drawn, columns, strict=True)):
@@ -248,7 +249,7 @@ def _name(ax: Any, name: str, t: Array, y: Array) -> None:
 
 
 def _times(series: panels.Series, drawn: Sequence[Curve]) -> Array:
-    """Return the times of a curve; 0 is the start of the path, after any preparatory motion."""
+    """Return the times of a curve, s; 0 is the start of the path, after any preparatory motion."""
     plan = drawn[series.plan].plan
     return np.asarray(times(plan) - plan.lead_s if series.t is None else series.t)
 
@@ -287,7 +288,7 @@ def _frame(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
 
 
 def _view(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
-    """Set a readable view, label its limit, and note each peak outside it."""
+    """Set the range of values that a panel shows, label the limit, and note each peak outside."""
     ax.set_ylim(panel.view)
     if panel.limits:
         ax.text(0.995, max(panel.limits), "limit", transform=ax.get_yaxis_transform(),

@@ -29,8 +29,8 @@ def plot_run(
     """Plot the angles of a recorded run, of its plan and of a machine's prediction over time.
 
     Below each angle, the reading minus the plan and the reading minus the prediction are shown
-    pale, with their running means over 0.3 s. If the plan is compensated, its curve is the motion
-    that it expects of its machine, not the original path.
+    pale, with their running means over 0.3 s. The curve of a compensated plan is the motion that
+    the plan expects of its machine, instead of the original path.
 
     Args:
         log: The run; its first nonzero command is taken to be that of the plan (`Log.part` cuts off
@@ -72,7 +72,8 @@ def plot_run(
 
 
 def _differences(ax: Any, t: Array, values: Array, style: dict[str, Any]) -> None:
-    """Draw values at equally spaced times t in a pale colour, and their running mean."""
+    """Draw values at equally spaced times t in a pale colour, and the running mean of the
+    values."""
     window = np.ones(min(len(t), 1 + 2 * round(MEAN_S / 2 * (len(t) - 1) / float(t[-1] - t[0]))))
     mean = np.convolve(values, window, "same") / np.convolve(np.ones_like(values), window, "same")
     ax.plot(t, values, color=style["color"], linewidth=0.5, alpha=0.25, zorder=1)
@@ -87,7 +88,7 @@ def start_of(log: Log, plan: Plan) -> float:
 
 
 def moving(u: Array) -> Array:
-    """Return at which of m times a command (m, 2) exceeds the noise of zero commands, (m,)."""
+    """Return whether the commands u (m, 2) exceed the noise of zero commands at each time, (m,)."""
     return np.asarray(np.max(np.abs(u), axis=1) > 1e-3)
 
 

@@ -175,13 +175,14 @@ def entry_name(entry: MachineEntry) -> str:
 
 
 def parameter_symbol(parameter: str) -> str:
-    """Return the name of a parameter of the plan, with mathematical symbols."""
+    """Return the label of a plan's parameter, with mathematical symbols for Matplotlib."""
     word, _, which = parameter.partition(" ")
     return f"{word} {symbol(which)}" if which else symbol(f"k{word[1:]}").replace("k", "K")
 
 
 def size_of(value: float, unit: str) -> str:
-    """Return the size of an error with its unit: fractions in percent, angles in degrees."""
+    """Return the size of an error as text with its unit: fractions in percent, angles in
+    degrees."""
     if unit == "1":
         return f"{100 * value:.3g} %"
     if unit == "rad":
@@ -190,14 +191,14 @@ def size_of(value: float, unit: str) -> str:
 
 
 PALE = 0.35
-"""Opacity of the totals, so that the passive blocks stand out."""
+"""Opacity of the bars of totals, so that those of the passive blocks stand out."""
 
 BAR_SPAN = 0.8
-"""Width of the group of bars over one error, relative to the distance between groups."""
+"""Width of a group of bars, one group per error, relative to the distance between groups."""
 
 
 def plot_sensitivities(found: Sensitivities, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Draw the passive block and the total of each plan, and its response to each error.
+    """Draw each plan's passive block, total, and response to each error, as bars.
 
     Args:
         found: The sensitivities.
@@ -301,7 +302,8 @@ def _bars(ax: Any, places: Any, values: Any, reach: Any, colour: int, label: str
 
 
 def _reach(costs: tuple[Cost, ...], kind: str) -> Any:
-    """Return how far the intervals reach below and above the values, (2, effects); 0 if unknown."""
+    """Return how far intervals reach below and above the costs, (2, effects), degrees; 0 if
+    unknown."""
     middle = np.array([getattr(c, f"{kind}_deg") for c in costs])
     ends = np.array([getattr(c, f"{kind}_interval_deg") for c in costs]).reshape(-1, 2)
     return np.nan_to_num(np.maximum([middle - ends[:, 0], ends[:, 1] - middle], 0.0))
@@ -316,7 +318,7 @@ KNEE_STYLE = {"marker": "o", "markersize": 11, "fillstyle": "none", "markeredgew
 
 
 def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
-    """Plot response and errors on machines against cost, and three paths.
+    """Plot a trade-off curve: response and errors on machines against cost, and three paths.
 
     The paths are those of the first point of the curve, of its knee and of its last point.
 
@@ -340,12 +342,13 @@ def plot_trade_off(curve: TradeOff, *, axes: Any = None) -> tuple[Figure, Any]:
 
 
 PASSIVE_SHARE = 0.99
-"""`knee_sentence` reports the passive block if, at the knee, it is less than this share of that at
-the first point. Otherwise the change would not be visible, and it reports the total."""
+"""Share of the first point's passive block below which `knee_sentence` reports the passive block at
+the knee; above, the change would not be visible, and the sentence reports the total."""
 
 
 def knee_sentence(curve: TradeOff) -> str:
-    """Return a sentence (without full stop) on what the knee of a curve gains for its cost."""
+    """Return a sentence (without full stop) on what the knee of a trade-off curve gains and
+    costs."""
     first, knee = curve.points[0], curve.knee
     unit = {"effort": f" {effort_unit(curve.problem.system)}", "duration": " s", "peak": ""}
     cost = f"{curve.kind} {number(_cost(curve, knee))}{unit[curve.kind]}"
@@ -368,7 +371,7 @@ def distinct_texts(*angles: float) -> list[str]:
 
 
 def _degrees(angle: float, digits: int) -> str:
-    """Format an angle; if it is below an encoder's resolution, write "less than" instead of 0."""
+    """Return an angle as text; one below an encoder's resolution becomes "less than ... deg"."""
     if abs(angle) < ENCODER_DEG:
         return f"less than {ENCODER_DEG:g} deg"
     places = max(digits - 1 - int(np.floor(np.log10(abs(angle)))), 0)

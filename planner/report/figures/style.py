@@ -39,7 +39,7 @@ PALETTE = (
     ("#332288", "#332288", "#a79be8"),
     ("#117733", "#0f6a2e", "#a9e5a0"),
 )
-"""Each colour in three variants: for pictures, and for a browser on light and dark background.
+"""Plans' colours, each in three variants: for pictures, and for a browser on light and on dark.
 
 The colours are distinct for all common kinds of colour vision (M. Okabe, K. Ito, 2008; P. Tol,
 2021)."""
@@ -66,7 +66,7 @@ DOMAIN_COLOUR = "#DCEBF5"
 OUTSIDE_COLOUR = "#F3D9D0"
 LIMIT_COLOUR = "#555555"
 LABEL_BOX = {"boxstyle": "square,pad=0.1", "color": "white", "alpha": 0.7}
-"""Background of text on curves."""
+"""Look of the box behind a text on curves."""
 
 GRID_STYLE = {"color": "#DDDDDD", "linewidth": 0.6}
 
@@ -81,13 +81,13 @@ Plans = Plan | Sequence[Plan] | Mapping[str, Plan | None]
 
 @dataclass(frozen=True)
 class Curve:
-    """A plan and how it is drawn.
+    """A plan and how figures draw it.
 
     Attributes:
         label: Name in legends and titles.
         plan: The plan.
         colour: Colour, the same in all figures.
-        followed: Whether its compensated plan, which has the same path, is drawn too.
+        followed: Whether the plan's compensated plan, which has the same path, is drawn too.
     """
 
     label: str
@@ -97,7 +97,7 @@ class Curve:
 
     @property
     def look(self) -> dict[str, Any]:
-        """Colour, dashes and width; wide and pale if its compensated plan is drawn over it."""
+        """Colour, dashes and width of the line; wide and pale below a compensated plan."""
         wide = {"linewidth": 4.5, "alpha": 0.45} if self.followed else {"linewidth": 1.6}
         return {"color": self.colour, "linestyle": self.dashes, **wide}
 
@@ -109,23 +109,23 @@ class Curve:
 
     @property
     def dashes(self) -> str:
-        """Line style; refused plans are dashed."""
+        """Style of the line: dashed if the plan is refused."""
         return "--" if self.refused else "-"
 
     @property
     def name(self) -> str:
-        """The label, with a suffix if the plan is refused."""
+        """Label of the plan, with a suffix if the plan is refused."""
         return f"{self.label}{REFUSED_SUFFIX}" if self.refused else self.label
 
     @property
     def title(self) -> str:
-        """The name, wrapped for narrow panels."""
+        """Name of the plan, wrapped for narrow panels."""
         label = self.label.replace(":", ":\n", 1) if len(self.label) > 24 else self.label
         return f"{label}\nrefused" if self.refused else label
 
 
 def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
-    """Assign labels and colours to plans; colours do not depend on which plans are left out.
+    """Return plans with labels and colours, which do not depend on which plans are left out.
 
     Args:
         plans: One plan, several, or several by label.
@@ -163,7 +163,7 @@ def find_covered(labels: Iterable[str]) -> set[str]:
 
 
 def colours(labels: Sequence[str]) -> dict[str, str]:
-    """Return each plan's colour by label; a plan with feedback has that of the plan without."""
+    """Return each plan's colour by label; a plan has the same colour with and without feedback."""
     return {label: COLOURS[k] for label, k in colour_numbers(labels).items()}
 
 
@@ -194,7 +194,7 @@ def _method(label: str) -> str:
 
 
 def times(plan: Plan, count: int = 1500) -> Array:
-    """Return times at which to draw a plan, denser near the ends of its pieces; (m,), seconds."""
+    """Return the times (m,), s, at which to draw a plan, denser near the ends of its pieces."""
     return sample_times(plan.t, max(count, 12 * (len(plan.t) - 1)))
 
 
@@ -266,7 +266,7 @@ def make_logarithmic(axis: Any) -> None:
 
 
 def symbol(name: str) -> str:
-    """Write a coordinate's name as mathematics if it has a number: theta1 becomes θ₁."""
+    """Return a name as Matplotlib's mathematics if it has a number, so that theta1 becomes θ₁."""
     match = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
     if not match:
         return escape_math(name.replace("_", " "))
@@ -279,7 +279,7 @@ _DIGITS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 
 def readable_name(name: str) -> str:
-    """Write theta1 as θ₁ and u2 as u₂; in other names, replace underscores by spaces."""
+    """Return theta1 as θ₁ and u2 as u₂; other names with spaces instead of underscores."""
     match = re.fullmatch(r"(theta|phi|alpha|beta|[a-z])(\d+)", name)
     if not match:
         return name.replace("_", " ")
@@ -303,7 +303,8 @@ def unit_of(coordinate: Coordinate) -> str:
 
 
 def length_unit(system: TriangularSystem) -> str:
-    """Return the unit of positions in the plane: m, or "link lengths" if these are all 1."""
+    """Return the unit of positions in the plane: m, or "link lengths" if all links have length
+    1."""
     lengths = getattr(system, "link_lengths", None)
     return "m" if lengths is None or np.any(lengths != 1) else "link lengths"
 
@@ -320,7 +321,7 @@ def write_beside(ax: Any, text: str, place: Any, shift: tuple[int, int], **look:
 
 
 def line(curve: Curve) -> Any:
-    """Return a legend entry for a curve."""
+    """Return a legend entry with the look and name of a curve."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], label=curve.name, **curve.look)
@@ -329,7 +330,7 @@ def line(curve: Curve) -> Any:
 def legend(
     figure: Figure, axes: Any, handles: Sequence[Any], *, ours: bool, abreast: int = 3
 ) -> None:
-    """Draw a legend: below the axes if the figure is `ours`, else inside the first of the axes."""
+    """Draw a legend: below the axes if the figure is `ours`, made here; else in the first axes."""
     if ours:
         columns = min(abreast, len(handles))
         figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
@@ -338,7 +339,7 @@ def legend(
 
 
 def heading(figure: Figure, text: str, *, ours: bool) -> None:
-    """Set a title above the figure if it is `ours`, that is not the caller's."""
+    """Set a title above the figure if the figure is `ours`, made here instead of by the caller."""
     if ours:
         letters = int(11 * figure.get_figwidth())
         figure.suptitle(escape_math(textwrap.fill(text, letters)), fontsize=11)

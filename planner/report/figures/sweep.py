@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
     """Draw the solved cases of each method, the effort of each solved case, and E if replayed.
 
-    Refused cases have no dot. If only one key is varied and its values are numbers, they are the
-    horizontal axis; otherwise the axis counts the points of the sweep.
+    Refused cases have no dot. If only one key is varied and its values are numbers, these values
+    are the horizontal axis; otherwise the axis counts the points of the sweep.
 
     Args:
         columns: Names of the columns; those before `method` are the varied keys.
@@ -59,7 +59,7 @@ def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
 
 
 _PAPER = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
-"""Background of the counts that makes them readable on every colour."""
+"""Look of the box behind the counts, which keeps the counts readable on every colour."""
 
 
 POINT = "point (in the order of the sweep)"

@@ -29,11 +29,11 @@ from planner.support.tables import Column, Markup, R, html_table, number
 PACKAGE = "planner.report.page"
 
 SCRIPTS = ("machines.js", "motion.js", "main.js")
-"""Scripts in order; they follow those of the charts in one script."""
+"""Scripts of the page, in order; in the page they follow the scripts of the charts."""
 
 
 def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
-    """Write the page of a comparison's folder.
+    """Write the web page of a comparison from the comparison's folder.
 
     Args:
         folder: A folder that `Comparison.save` (or `planner compare --out`) wrote.
@@ -60,7 +60,7 @@ def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
 
 
 def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mapping[str, Any]) -> str:
-    """Build the page as HTML.
+    """Return the page of a comparison as HTML.
 
     Args:
         comparison: The comparison with its plans.
@@ -142,7 +142,7 @@ def _definitions(pairs: Sequence[tuple[str, str]]) -> str:
 def _figures() -> str:
     """Return a hidden, empty figure with a caption for each entry of `PLAN_FIGURES`.
 
-    The page's script fills and shows those for which there is data.
+    The page's script fills and shows the figures for which there is data.
     """
     return "\n".join(
         f'<figure id="fig-{one.id}" hidden>\n<figcaption><b>{html.escape(one.title)}.</b>'
@@ -170,7 +170,7 @@ def _typeset(column: Column[R], title: str) -> Column[R]:
 
 
 def _symbols(title: str) -> str:
-    """Write |u1| as |u₁|, and keep each percent sign on the line of its number."""
+    """Return a title with |u1| as |u₁|, and with no line break before a percent sign."""
     text = "|".join(readable_name(part) for part in title.split("|"))
     return text.replace(" %", "\N{NO-BREAK SPACE}%")
 
@@ -215,7 +215,8 @@ PAIR_COLUMNS: list[Column[Pair]] = [
 
 
 def _differences(pairs: Sequence[Pair]) -> str:
-    """Return a collapsed table that compares each two plans on the same machines; "" if none."""
+    """Return a collapsed table that compares each two plans on the same machines; "" without
+    pairs."""
     if not pairs:
         return ""
     name, *numbers = PAIR_COLUMNS
@@ -230,7 +231,7 @@ on the same machine. p: sign test, corrected for all pairs.</p></details>"""
 
 
 def _worst(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a collapsed list of commands; each replays one plan on its worst machine alone."""
+    """Return a collapsed list of commands, each of which replays one plan on its worst machine."""
     finite = [
         f"# {row['label']}: machine {row['worst']}\n{row['worst_command']}"
         for row in rows

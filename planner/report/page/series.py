@@ -40,11 +40,11 @@ CURVE_POINTS = 500
 """Approximate number of times at which a curve is drawn."""
 
 MOTION_PICTURES = 240
-"""Frames of a motion; the page interpolates between them."""
+"""Number of frames of a motion; the page interpolates between the frames."""
 
 
 def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, Any]:
-    """Build the page's data: plans with their times and motions, and figures with their panels.
+    """Return the page's data: plans with their times and motions, and figures with their panels.
 
     Args:
         comparison: The comparison with its plans.
@@ -72,7 +72,7 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
 
 
 def _opening(comparison: Comparison) -> list[str]:
-    """Return labels of plans in the order in which the page prefers to show their motion."""
+    """Return the plans' labels in order of preference for the motion that the page shows first."""
     take = comparison.recommended
     labels = [] if take is None else [take.label]
     labels += ["collocation", *(row.label for row in comparison.rows if row.solved)]
@@ -100,7 +100,7 @@ def _plan(drawn: Curve, replay: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def _motion(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
-    """Return points of the body, and shown coordinates in their display units, over time."""
+    """Return a motion of arm or vehicle over time: its points, and coordinates in display units."""
     problem = plan.problem
     shown, w = shown_coordinates(problem.system), problem.system.user(q)
     values = np.column_stack([to_display(w[:, i], c.unit) for i, c in shown])
@@ -119,7 +119,7 @@ def _motion(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
 def _figures(
     machine: Machine, drawn: Sequence[Curve], closed: Collection[str], replays: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the figures of `PLAN_FIGURES`, without plans with feedback, whose path is the same."""
+    """Yield the data of `PLAN_FIGURES`, without the plans `closed` with feedback: same paths."""
     system = drawn[0].plan.problem.system
     every = [
         PlanCurves(k, one.plan, _times(one.plan), machine)
@@ -140,7 +140,7 @@ def _figures(
 
 
 def _median_machine(drawn: Sequence[Curve], replays: Mapping[str, Any], i: int) -> Iterator[Series]:
-    """Yield user coordinate i of the machine with median error, for each replayed plan."""
+    """Yield the curve of user coordinate i on the machine with median error, per replayed plan."""
     for k, one in enumerate(drawn):
         if one.label in replays:
             q = np.asarray(replays[one.label]["median"]["q"], dtype=float)
@@ -178,7 +178,7 @@ def _spreads(
 
 
 def _times(plan: Plan) -> Array:
-    """Return the times at which to draw a plan: dense near its corners, limited in number."""
+    """Return the times at which the page draws a plan, s: dense near corners, limited in number."""
     every = times(plan, CURVE_POINTS)
     if len(every) <= 2 * CURVE_POINTS:
         return every

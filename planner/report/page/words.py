@@ -19,7 +19,8 @@ from planner.systems.triangular_system import Coordinate
 
 
 def colour_places(comparison: Comparison) -> dict[str, int]:
-    """Return the index of each row's colour; a plan with feedback has that of the plan without."""
+    """Return the index of each row's colour; a plan has the same colour with and without
+    feedback."""
     return colour_numbers([row.label for row in comparison.rows])
 
 
@@ -40,7 +41,8 @@ def question(problem: Problem) -> str:
 
 
 def answer(comparison: Comparison, row: Row) -> str:
-    """Return the answer for one row, as one sentence of HTML: solved or not, effort, error."""
+    """Return the answer for one row of a comparison as a sentence of HTML: solved, effort,
+    error."""
     if not row.solved:
         note = "; replayed for study" if np.isfinite(row.E_median_deg) else ""
         advice = comparison.advice.get(row.label, "")
@@ -58,7 +60,7 @@ def answer(comparison: Comparison, row: Row) -> str:
 
 
 def verdict_html(comparison: Comparison) -> str:
-    """Return the overall answer, as a few sentences of HTML."""
+    """Return the overall answer of a comparison, as a few sentences of HTML."""
     rows = [row for row in comparison.rows if not row.feedback]
     solved = sum(row.solved for row in rows)
     text = html.escape(comparison.headline.replace(" deg", "°"))
@@ -156,7 +158,7 @@ def _angles(radians: Sequence[float] | np.ndarray) -> str:
 
 
 def _places(problem: Problem, w: np.ndarray) -> str:
-    """Return user coordinates w in words; a path coordinate that is NaN follows from the travel."""
+    """Return user coordinates w in words; the travel gives a path coordinate that is NaN."""
     parts, no_travel = [], problem.travel is None or problem.system.has_user_coordinates
     for c, value in zip(problem.system.user_coordinates, w, strict=True):
         if not np.isfinite(value):
@@ -169,6 +171,6 @@ def _places(problem: Problem, w: np.ndarray) -> str:
 
 
 def _amount(coordinate: Coordinate, value: float, style: str) -> str:
-    """Format a value with its unit; angles in degrees."""
+    """Return a coordinate's value as text with its unit; angles are in degrees."""
     unit = "°" if coordinate.unit == "rad" else f" {coordinate.unit}"
     return f"{float(to_display(np.array([value]), coordinate.unit)[0]):{style}}{unit}"

@@ -253,10 +253,9 @@ EDGE_RAD = 1e-16
 class StageLaws:
     """Torque laws of all connections between the bodies in one implicit stage of a time step.
 
-    The letters o, g, e, A and the relative speed w are those of the file's docstring. Arrays are
-    (rows, S), speeds as in `BodyRows`. Rows of limited laws: servos (2), contacts P1 (m), contacts
-    P2 with P3 (m), friction of the links (1 + m), drag of contacts that slide sideways on disk B1
-    and on the stages (1 + m).
+    Letters are those of the file's docstring. Arrays are (rows, S), speeds as in `BodyRows`. Rows
+    of limited laws: servos (2), contacts P1 (m), contacts P2 with P3 (m), friction of the links (1
+    + m), drag of contacts that slide sideways on disk B1 and on the stages (1 + m).
 
     Attributes:
         rows: Rows of the bodies.

@@ -133,8 +133,7 @@ class FeedbackCommand:
         self.running: NDArray[np.bool_] = self.t[:-1] + np.diff(self.t) / 2 < self._end
 
     def _keep(self, first: int, last: int) -> None:
-        """Drop the commands of ticks before `first`, and make room for those of ticks up to
-        `last`."""
+        """Drop the commands of ticks before `first`; make room for those of ticks up to `last`."""
         dropped, self._first = first - self._first, first
         self._effort += self._effort_of(self._values[:dropped])
         room = np.zeros((last - first, *self._values.shape[1:]))

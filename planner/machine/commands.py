@@ -29,8 +29,7 @@ class CommandSource(Protocol):
     Attributes:
         jumps: Increasing times, s, between which the command is smooth enough for the quadrature,
             from the plan's start to its end.
-        parts: Positions in a step at which the command is read: 0 at the start, 1 just before the
-            end.
+        parts: Positions in a step where the command is read: 0 at the start, 1 just before the end.
     """
 
     jumps: Array
@@ -347,8 +346,7 @@ def lengths(times: Array) -> Array:
 
 
 def snap_times(times: Array, marks: Array) -> Array:
-    """Set each of `times` that equals one of the increasing `marks` within rounding to that
-    mark."""
+    """Move each of `times` that equals one of increasing `marks` within rounding to that mark."""
     index = np.clip(np.searchsorted(marks, times), 1, len(marks) - 1)
     below, above = marks[index - 1], marks[index]
     near = np.where(times - below < above - times, below, above)

@@ -55,9 +55,8 @@ FLAGS = ("lagging", "second", "limited", "ramped", "geared_1", "geared_2", "lagg
 """Flags in the C structure `Model`: which effects are on, for all samples."""
 
 COUNTS = ("samples", "joints", "points", "steps", "rows", *FLAGS, "dynamic", "coordinates", "heavy")
-"""Integers in the C structure `Model`. `dynamic` is the number of rows of a dynamic state (0 if
-quasi-static), `coordinates` the first row of its coordinates, `heavy` how many numbers `Masses`
-has."""
+"""Integers in the C structure `Model`. `dynamic` is the number of rows of a dynamic state (else 0),
+`coordinates` the first row of its coordinates, `heavy` how many numbers `Masses` has."""
 
 ARRAYS = {
     "parameters": "const double",  # (samples, see `Own`)
@@ -216,8 +215,7 @@ def source_checksum(unknown: int) -> int:
 
 
 def open_library(path: Path) -> Any | None:
-    """Load the kernel in a file; return None if the kernel is of another version (see
-    `library`)."""
+    """Load the kernel in a file; return None for a kernel of another version (see `library`)."""
     kernel = ctypes.CDLL(str(path))
     versions = kernel.planner_kernel_version, kernel.planner_kernel_source
     for function in versions:

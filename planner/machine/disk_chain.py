@@ -91,8 +91,7 @@ class DiskChain:
 
     @property
     def disk(self) -> Array:
-        """Angles of the first disk and of motor 1, counted at its gearhead's output, (2, S),
-        rad."""
+        """Angles of the first disk and of motor 1 (at its gearhead's output), (2, S), rad."""
         return np.stack([self._motor.theta, self._motor.axis])
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
@@ -269,8 +268,7 @@ class Play:
         )
 
     def move(self, travel: Array, h: float) -> Array:
-        """Turn the axis by `travel` (S,), rad, at constant speed in h seconds; return the joint
-        angle."""
+        """Turn the axis by `travel` (S,), rad, evenly over h seconds; return the joint's angle."""
         axis = self.axis = self.axis + travel
         if self.exact:
             self.theta = axis

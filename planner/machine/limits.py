@@ -185,8 +185,7 @@ def _furthest(violations: Sequence[MachineLimit]) -> list[MachineLimit]:
 
 
 def _advice(each: MachineLimit) -> str:
-    """Return the setting that would keep 95 % of machines clear of a limit, in words; "" if
-    none."""
+    """Return the setting that would keep 95 % of machines clear of a limit, in words, or ""."""
     requirement = each.requirement
     if isinstance(requirement, Obstacle):
         return f"clearance_m = {_round_up(each.sweep)} of obstacle {requirement.number}"

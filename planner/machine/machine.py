@@ -353,8 +353,7 @@ def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
     """Return sample numbers, shape (S,): those of the first `samples` samples, or the list itself.
 
     Raises:
-        InputError: If the number is not from 1 to `MOST_MACHINES`, or the list is empty or has an
-            entry that is not a whole number from 0.
+        InputError: If the number is not in 1 … `MOST_MACHINES`, or the list is not of numbers ≥ 0.
     """
     if isinstance(samples, bool):
         raise InputError(

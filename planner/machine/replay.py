@@ -364,8 +364,7 @@ def replay(
 
 
 def feedback_of(plan: Plan, feedback: bool | Feedback) -> Feedback | None:
-    """Return the feedback law that the argument `feedback` of `replay` names; None for open
-    loop."""
+    """Return the feedback law for the argument `feedback` of `replay`; None for open loop."""
     if feedback is True:
         from planner.machine.feedback.tracker import Tracker  # imports OSQP, needed only here
 

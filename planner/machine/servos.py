@@ -100,8 +100,7 @@ class Servos:
         return points, excess if excess.any() else None
 
     def _advance(self, r0: Array, r1: Array, h: float) -> Array:
-        """Advance the motors by h s under a reference from r0 to r1; return the travel, (2, S),
-        rad."""
+        """Advance the motors by h s for a reference from r0 to r1; return travels, (2, S), rad."""
         before = self._speed
         second = self._damping is not None
         free, travel = (self._second_order if second else self._first_order)(r0, r1, h)

@@ -241,8 +241,7 @@ class _ReplayRun:
         tell(1.0)
 
     def closed_loop(self, chosen: slice, tell: Tell, feedback: Feedback) -> float:
-        """Simulate the samples `chosen` under a controller; return how long the controller runs,
-        s."""
+        """Simulate the samples `chosen` under a controller; return how long it commands, s."""
         draws, delay, whole = self._draws.part(chosen), self._draws["delay_s"][0], self._whole
         controller = feedback.start(self._plan, self._machine, draws.numbers)
         one_delay, until = bool(np.all(delay == delay[0])), float(whole.t[-1])
@@ -308,8 +307,7 @@ def _at_start(plan: Plan, machine: Machine, draws: Draws) -> MachineMotion:
 def _begin(
     motion: MachineMotion, plan: Plan, orders: CommandGrid, times: Array, rows: slice
 ) -> None:
-    """Begin a stretch of the simulation `motion`, in which the entries `rows` of `times` are
-    recorded."""
+    """Begin a stretch of a simulation, in which the entries `rows` of `times` are recorded."""
     desired = plan.wanted(orders.t)[:, 1:, None]
     desired[orders.t < times[0]] = np.nan  # ignore deviations before the plan's start
     motion.begin(orders, desired, np.searchsorted(orders.t, times[rows]))

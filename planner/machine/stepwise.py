@@ -49,12 +49,10 @@ class Plant(Protocol):
 
     @property
     def slipping(self) -> Array:
-        """Number of each sample's contact in gross slip, (S,), or −1; see
-        `contacts.contact_name`."""
+        """Number of the contact in gross slip, (S,), or −1; see `contacts.contact_name`."""
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
-        """Advance the mechanism by h seconds under motor speeds (P, 2, S) and travels (P−1, 2,
-        S)."""
+        """Advance the mechanism by h s under motor speeds (P, 2, S) and travels (P−1, 2, S)."""
 
 
 class MachineMotion(Protocol):
@@ -162,8 +160,7 @@ class StepwiseMotion:
 
 
 def _note_slip(slip: Array, k: int, h: float, slipping: Array) -> None:
-    """Update the record of gross slip `slip` (S, 3), see `MachineMotion`, by step k of h
-    seconds."""
+    """Update a record of gross slip (S, 3), see `MachineMotion.slip`, by step k of h seconds."""
     slips = np.broadcast_to(slipping, len(slip)) >= 0
     if slips.any():
         new = slips & (slip[:, 1] < 0)
@@ -236,8 +233,7 @@ class DynamicChain:
 
     @property
     def slipping(self) -> Array:
-        """Number of each sample's contact in gross slip, (S,), or −1; see
-        `contacts.contact_name`."""
+        """Number of the contact in gross slip, (S,), or −1; see `contacts.contact_name`."""
         return np.asarray(self._march.slipping[0])
 
     @property

@@ -73,7 +73,7 @@ class Limits:
 
     @property
     def unlimited(self) -> NDArray[np.bool_]:
-        """Whether each input has a limit neither on itself nor on its rate, shape (2,)."""
+        """Whether each input is without limits on its value and on its rate, shape (2,)."""
         return np.isinf(self.input) & np.isinf(self.input_rate)
 
 
@@ -107,7 +107,7 @@ def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle
 
 
 SMALL_UNITS = {100.0: "centimetres", 1000.0: "millimetres"}
-"""Units per metre, for a goal more than ten times out of reach that may not be in metres."""
+"""Small units by number per metre: a goal farther than ten arm lengths may be in such a unit."""
 
 
 def tip_of(
@@ -116,7 +116,7 @@ def tip_of(
     """Return the goal of an arm's tip; None if the file has none.
 
     Raises:
-        InputError: If it is out of reach with joint angles within 90 degrees, or lies inside an
+        InputError: If the goal is out of reach with joint angles within 90 degrees, or inside an
             obstacle.
     """
     table = tables.tip()
@@ -165,7 +165,7 @@ def tip_of(
 def self_collision_of(
     tables: ProblemFile, system: TriangularSystem, source: str
 ) -> SelfCollision | None:
-    """Return the requirement that an arm's links keep clear of each other; None if there is none.
+    """Return the requirement that an arm's links keep clear of each other; None without one.
 
     Raises:
         InputError: If this arm can never keep the clearance, or has no links that could cross.
@@ -217,7 +217,7 @@ def _fault(requirement: Requirement, system: TriangularSystem) -> str | None:
 def contradiction(
     states: Mapping[str, Array], requirements: Iterable[Requirement], system: TriangularSystem
 ) -> str:
-    """Describe the first of these named states (N,) that violates a requirement; empty if none."""
+    """Describe the first of the named `states` (N,) that violates a requirement; "" if none."""
     for name, q in states.items():
         for requirement in requirements:
             try:
@@ -261,7 +261,7 @@ def clash_of_times(waypoints: Sequence[Waypoint], duration: float | None) -> str
 
 
 LOOKS_LIKE_RADIANS_DEG = 1.6
-"""Angles in degrees that are all smaller than this are probably radians: joints stay below 90
+"""Number below which angles that should be in degrees are probably in radians: joints stay below 90
 degrees, 1.57 rad, and motions within 1.6 degrees are rare."""
 
 

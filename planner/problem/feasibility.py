@@ -26,7 +26,7 @@ from planner.systems.manipulator import Manipulator
 
 @dataclass(frozen=True)
 class End:
-    """One end of the motion, relative to the chart.
+    """One end of the motion and where this end lies relative to the chart.
 
     Attributes:
         name: "start" or "goal".
@@ -49,11 +49,11 @@ class End:
 
     @property
     def in_chart(self) -> bool:
-        """Whether a motion in chained coordinates can begin or end here; false with free joints."""
+        """Whether a motion in chained coordinates can have this end; false with free joints."""
         return not (self.singular or self.crossed or np.any(np.isnan(self.z[1:])))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready form (NaN where undefined)."""
+        """Return the end as JSON-ready data, NaN where undefined."""
         return {
             "q": self.q.tolist(),
             "z": self.z.tolist(),
@@ -66,7 +66,7 @@ class End:
 
 
 def chart_ends_report(problem: Problem) -> tuple[End, End]:
-    """Examine start and goal relative to the chart."""
+    """Return where start and goal lie relative to the chart."""
     return _end("start", problem, problem.start), _end("goal", problem, problem.target)
 
 
@@ -116,7 +116,7 @@ GOAL_MISS, LIMIT_MISS = 2e-5, 1e-6
 
 
 def least_duration(problem: Problem) -> DurationBound:
-    """Return a lower bound of the duration: each coordinate must move its way at its largest rate.
+    """Return a lower bound of the duration: the longest time of a coordinate at its largest rate.
 
     A plan may need longer.
     """
@@ -170,7 +170,7 @@ def _top_rates(problem: Problem) -> np.ndarray[tuple[int], np.dtype[np.float64]]
 
 
 def format_value(value: float, unit: str) -> str:
-    """Return a value with its unit; angles in degrees."""
+    """Return a value as text with its unit; angles are in degrees."""
     return f"{np.rad2deg(value):.4g} deg" if unit == "rad" else f"{value:.4g} {unit}"
 
 
@@ -210,7 +210,7 @@ class TravelWindow:
 
 
 def travel_window(problem: Problem) -> TravelWindow | None:
-    """Find the travels that are possible without reversing the disk between start and goal.
+    """Return the travels that are possible without reversing the disk between start and goal.
 
     Returns:
         The window; None for systems other than the manipulator, or if the goal leaves joints free.
@@ -260,5 +260,5 @@ def _forward_window(system: Manipulator, start: Array, goal: Array) -> TravelWin
 
 
 def _sine_integral(angle: float) -> float:
-    """Return the integral of cos³ from 0 to an angle, sin − sin³/3."""
+    """Return the integral of cos³ from 0 to `angle`, which is sin − sin³/3."""
     return float(np.sin(angle) - np.sin(angle) ** 3 / 3)

@@ -29,8 +29,8 @@ from planner.support.arrays import Array
 FREE, MIXED, BLOCKED = 0, 1, 2
 
 COARSEST, MOST_CELLS = 8, 2**20
-"""Cells per joint of the first grid; and total number of cells of the finest grid: 1024 per joint
-for two joints, 64 for three, 32 for four. With more than six joints nothing is proven."""
+"""Number of cells per joint of the first grid; and total number of cells of the finest grid: 1024
+per joint for two joints, 64 for three, 32 for four. With more than six joints nothing is proven."""
 
 TOLERANCE = 1e-6
 """Extra depth that a cell needs to count as blocked, as a share of the arm's length; larger than
@@ -44,12 +44,12 @@ STEP_RAD, MOST_SAMPLES, SHORTCUTS = 0.35, 3000, 60
 (successful ones need 1 to 1,200); and number of shortcuts that are tried."""
 
 MOST_PARTS = 20_000
-"""Largest number of parts of a segment; one that needs more counts as touching a disc."""
+"""Largest number of parts of a segment; a segment that needs more counts as touching a disc."""
 
 
 def clearance(problem: Problem, theta: Array) -> Array:
-    """Return the least distance between links and discs minus the required one, shape (…), at θ (…,
-    n), m."""
+    """Return the least distance between links and discs minus the required distance, shape (…), m,
+    at angles `theta` (…, n)."""
     points = problem.system.arm_points(theta)  # type: ignore[attr-defined]
     every = (disc.clearances(points).min(axis=-1) - disc.clearance for disc in problem.obstacles)
     least = next(every)
@@ -86,7 +86,7 @@ def why_blocked(problem: Problem) -> str | None:
 
 
 def find_way(problem: Problem, seed: int = 0) -> Array | None:
-    """Find a short path of joint angles from start to goal that is clear of all discs.
+    """Return a short path of joint angles from start to goal that is clear of all discs.
 
     Two trees of poses grow from start and goal towards poses drawn at random, until they meet. The
     path ignores the kinematics.
@@ -111,11 +111,11 @@ def find_way(problem: Problem, seed: int = 0) -> Array | None:
 
 
 Tree = list[tuple[Array, int]]
-"""Poses, each with the number of the pose that it was reached from."""
+"""Poses of a search tree, each with the number of the pose from which it was reached."""
 
 
 def _grow(problem: Problem, tree: Tree, towards: Array) -> Array | None:
-    """Add to a tree a pose that lies one step from its nearest pose in the direction of `towards`.
+    """Add to a tree the pose one step from the tree's nearest pose in the direction of `towards`.
 
     Returns:
         The new pose: `towards` itself if within one step; None if a disc is in the way.
@@ -141,7 +141,7 @@ def _branch(tree: Tree) -> list[Array]:
 
 
 def _shorten(problem: Problem, way: list[Array], rng: np.random.Generator) -> Array:
-    """Replace parts of a path by straight segments that are clear of all discs."""
+    """Return a path (M, n) in which clear straight segments replace parts of the path `way`."""
     for _ in range(SHORTCUTS):
         one, other = sorted(rng.integers(len(way), size=2))
         if other - one > 1 and is_clear(problem, way[one], way[other]):
@@ -165,7 +165,7 @@ def is_clear(problem: Problem, one: Array, other: Array) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class JointGrid:
-    """The box of joint angles, divided into equal cells.
+    """Grid of equal cells that divide the box of joint angles.
 
     Attributes:
         low: Least angles of the box, shape (n,).
@@ -178,7 +178,7 @@ class JointGrid:
     cells: NDArray[np.int8]
 
     def centres(self, index: NDArray[np.int64]) -> Array:
-        """Return the angles at the cells' centres, shape (…, n)."""
+        """Return the joint angles at the centres of the cells `index` (…, n)."""
         return np.asarray(self.low + (index + 0.5) * self.widths)
 
     def index(self, theta: Array) -> tuple[int, ...]:
@@ -187,8 +187,8 @@ class JointGrid:
         return tuple(np.clip(cell, 0, np.array(self.cells.shape) - 1).tolist())
 
     def goal_cells(self, problem: Problem) -> NDArray[np.bool_]:
-        """Return the mask of cells that may contain a goal: several if the goal leaves joints
-        free."""
+        """Return whether each cell may contain a goal: true for several cells if the goal leaves
+        joints free."""
         goal, tip = problem.goal[1:], problem.tip
         mask = np.zeros(self.cells.shape, dtype=bool)
         index = zip(self.index(np.nan_to_num(goal)), np.isnan(goal), strict=True)

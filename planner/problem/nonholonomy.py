@@ -34,20 +34,20 @@ from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
 
 SINGULAR = 1e-12
-"""For a smaller |sinθᵢ| or |cosθᵢ|, step i counts as a division by zero."""
+"""Value of |sinθᵢ| or |cosθᵢ| below which step i of a recursion counts as dividing by zero."""
 
 Step = Callable[[float, bool, Any, Any, Any], tuple[Any, Any]]
-"""A function from kᵢ₊₁, whether it is the last step, θᵢ, Yᵢ and Zᵢ to Xᵢ₊₁ and Yᵢ₊₁."""
+"""Step of a recursion: function of kᵢ₊₁, whether the step is last, θᵢ, Yᵢ and Zᵢ to Xᵢ₊₁, Yᵢ₊₁."""
 
 
 @dataclass(frozen=True)
 class Family:
-    """Result of one recursion at one configuration.
+    """Result of one recursion for the basis X₁ … Xₙ, Yₙ at one configuration.
 
     Attributes:
-        x_error: Largest entry of |Xᵢ₊₁ − ∂/∂θᵢ₊₁| for each step i = 1 … n−1; NaN from the
-            first division by zero on.
-        y_error: Largest entry of |Yᵢ₊₁ − (0, yᵢ₊₁)| for each step; NaN in the same cases.
+        x_error: Largest entry of |Xᵢ₊₁ − ∂/∂θᵢ₊₁| for each step i = 1 … n−1; NaN from the first
+            division by zero on.
+        y_error: Largest entry of |Yᵢ₊₁ − (0, yᵢ₊₁)| for each step; NaN where `x_error` is.
         divides_by_zero: Steps i whose divisor vanishes at q.
         determinant: det(X₁ … Xₙ, Yₙ), rows in the order θ₁ … θₙ, φ; NaN after a division by zero.
     """
@@ -59,7 +59,7 @@ class Family:
 
     @property
     def holds(self) -> tuple[bool, ...]:
-        """Whether each step satisfies (14) and (15)."""
+        """Whether each step satisfies eqs (14) and (15) of the paper."""
         return tuple(max(e) < 1e-9 for e in zip(self.x_error, self.y_error, strict=True))
 
 
@@ -93,7 +93,7 @@ def paper_recursion(system: Manipulator, q: ArrayLike) -> PaperRecursion:
         q: Configuration (φₙ₋₁, θ₁ … θₙ), shape (n+1,), radians.
 
     Returns:
-        For both, which steps hold, which divide by zero, and the determinants.
+        For both forms, which steps hold, which divide by zero, and the determinants.
 
     Raises:
         InputError: If the system is not the manipulator or q does not fit it.
@@ -179,11 +179,11 @@ def _steps(family: Family) -> list[str]:
 
 
 MOST_DEPTH = 8
-"""Greatest bracket length examined here; `planner.controllability` has no such limit."""
+"""Longest bracket that `nonholonomy` examines; `planner.controllability` has no such limit."""
 
 RECURSION_JOINTS = 6
-"""Maximum number of joints for the paper's recursion, which then takes a second; each further joint
-takes eight times as long."""
+"""Largest number of joints for the paper's recursion, which then takes a second; each further joint
+multiplies that time by eight."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ class Probe:
     finding: Controllability | None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready form."""
+        """Return the probe as JSON-ready data."""
         finding = None if self.finding is None else self.finding.to_dict()
         return {"at": self.name, "controllability": finding}
 
@@ -223,7 +223,7 @@ class Nonholonomy:
 
     @property
     def recursion_verdict(self) -> str:
-        """One line on which steps of the paper's recursion fail; empty if it was not tested."""
+        """Line on which steps of the paper's recursion fail; "" if the recursion was not tested."""
         if self.recursion is None:
             return ""
         failing = [str(i) for i, holds in enumerate(self.recursion.printed.holds, 1) if not holds]
@@ -237,7 +237,7 @@ class Nonholonomy:
         return f"{text} (it belongs to a sine law); corrected for cos^3 it {corrected}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready form."""
+        """Return the result as JSON-ready data."""
         verdict = self.recursion_verdict or None
         return {"places": [p.to_dict() for p in self.places], "paper_recursion": verdict}
 
@@ -262,7 +262,7 @@ def nonholonomy(problem: Problem) -> Nonholonomy:
 
 
 def _place(system: TriangularSystem, name: str, q: Array) -> Probe:
-    """Test one configuration; limit the bracket length if full rank may need very long brackets."""
+    """Test controllability at q (N,), up to a limited length where long brackets may be needed."""
     flat = int(np.sum(np.abs(q[1:-1]) < 1e-12))
     depth = MOST_DEPTH if system.size - 1 + flat > MOST_DEPTH else None
     try:

@@ -117,8 +117,8 @@ class Problem:
     def from_dict(cls, data: Mapping[str, Any], source: str = "problem") -> Problem:
         """Build a problem from the tables of a problem file.
 
-        Gives a `planner.InputWarning` if angles look like radians, or if compensation is on and
-        does not respect one of the limits.
+        A `planner.InputWarning` is given if angles look like radians, or if compensation is on and
+        ignores one of the limits.
 
         Raises:
             InputError: If a key, value or combination is wrong; the message names it.
@@ -274,7 +274,7 @@ class Problem:
         return copy.deepcopy(dict(self._data))
 
     def changed(self, changes: Mapping[str, Any]) -> Problem:
-        """Return a copy with some keys changed, and check it.
+        """Return a checked copy of the problem with some keys changed.
 
         Args:
             changes: Dotted keys and values, for example {"goal.travel": 0.8, "limits.joint_deg":
@@ -319,7 +319,7 @@ class Problem:
         return self if len(near) == len(self.obstacles) else replace(self, obstacles=near)
 
     def with_travel(self, travel: float | None) -> Problem:
-        """Return a copy with another travel of the first coordinate (None: free), and check it.
+        """Return a checked copy with another travel of the first coordinate (None: free).
 
         The key depends on the system: `goal.travel` for arms, `goal.x_m` for vehicles.
 
@@ -329,7 +329,7 @@ class Problem:
         return self.changed(self.travel_change(travel))
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """Return the dotted key that sets the travel, with the value for `travel` (None: free)."""
+        """Return the dotted key that sets the travel, with its value for `travel` (None: free)."""
         return parse_file(self.to_dict(), self.source).travel_change(travel)
 
     @property
@@ -339,7 +339,7 @@ class Problem:
 
     @property
     def has_travel_key(self) -> bool:
-        """Whether the file has a key for the travel; if not, the goal's values determine it."""
+        """Whether the file has a key for the travel; otherwise the goal determines the travel."""
         return 0 in self.system.shared.values()
 
     @property
@@ -394,7 +394,7 @@ class Problem:
 
     @cached_property
     def final(self) -> tuple[Requirement, ...]:
-        """Conditions that apply only at the end; without `UserGoal` if the goal gives all of q."""
+        """Conditions that apply only at the end, without `UserGoal` if the goal gives all of q."""
         every = (d for d in self.demands if isinstance(d, Requirement) and d.final)
         whole = not np.any(np.isnan(self.user_goal))  # then the goal gives all of q
         return tuple(d for d in every if not (whole and isinstance(d, UserGoal)))
@@ -424,7 +424,7 @@ class Problem:
         return np.minimum(self.limits.joint[list(self.free)], WIDEST_FREE_JOINT_RAD)
 
     def asking(self, label: str) -> tuple[Demand, Part] | None:
-        """Return the demand and its part with this label; None if no part has it."""
+        """Return the demand that has a part with this label, and the part; None without one."""
         named = ((each, part) for each in self.demands for part in each.parts)
         return next((pair for pair in named if pair[1].label == label), None)
 
@@ -434,19 +434,19 @@ class Problem:
         return any(requirement.divides for requirement in self.requirements)
 
     def reads(self, name: str) -> bool:
-        """Return whether a requirement depends on the argument `name`: "q", "u" or "du"."""
+        """Return whether any requirement depends on the argument `name`: "q", "u" or "du"."""
         return any(name in requirement.reads for requirement in self.requirements)
 
     @property
     def target(self) -> Array:
-        """q(T), shape (N,): the goal; the travel sets the first coordinate (NaN if free)."""
+        """Goal q(T), shape (N,), with the first coordinate set by the travel (NaN if free)."""
         out = self.goal.copy()
         if self.travel is not None:
             out[0] = self.start[0] + self.travel
         return out
 
     def expecting(self, goal: Array) -> Problem:
-        """Return the same problem with an expected q(T) (N,), from which a search can start."""
+        """Return a copy with an expected q(T), `goal` (N,), from which a search can start."""
         return replace(self, _hint=goal)
 
     @cached_property
@@ -459,7 +459,7 @@ class Problem:
         return replace(self, goal=goal, user_goal=user, travel=travel, tip=None, _hint=None)
 
     def settled(self, end: Array) -> Problem:
-        """Return the problem with the joints of q(T) (N,) as its goal; this one if none is free.
+        """Return the problem with the joints of `end` (N,) as its goal; itself if none is free.
 
         Raises:
             InputError: As for `from_dict`.
@@ -490,13 +490,13 @@ def expect_problem(value: object) -> None:
     """Raise an error unless the value is a `Problem`; a path or a table is not accepted.
 
     Raises:
-        InputError: If it is not a problem; the message says how to get one.
+        InputError: If the value is not a problem; the message says how to get one.
     """
     expect(Problem, value, "planner.load_problem(path) reads one")
 
 
 def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> Problem:
-    """Read a problem file.
+    """Read a problem from a file.
 
     Args:
         path: A TOML file; `planner schema` prints its keys.

@@ -17,20 +17,20 @@ from planner.problem.requirements.requirement import MotionPoint
 from planner.support.arrays import Array
 
 START_POINTS = 256
-"""Number of starting points; with three joints at least twenty of them lead to each branch."""
+"""Number of starting points; with three joints at least twenty points lead to each branch."""
 
 MOST_STEPS, LONGEST_STEP_RAD = 60, 0.5
-"""Iterations (ten times what most starting points need), and the largest step of a joint, rad."""
+"""Number of iterations, ten times what most points need; and largest step of a joint, rad."""
 
 TIP_TOLERANCE = 1e-10
-"""Errors (rad, or relative to the reach) below this count as zero; `verify` allows 2e-5."""
+"""Error (rad, or relative to the reach) below which a goal is met; `verify` allows 2e-5."""
 
 REFINED_POINTS = 4
 """Number of failed points from which the nearest reachable pose is searched."""
 
 INWARD_SHARE = 0.02
-"""Share by which joints at the nearest pose are moved towards the middle of their ranges. They then
-keep off their limits, and a rounded position is still within reach."""
+"""Share by which joints at the nearest pose are moved towards the middle of their ranges. The
+joints then keep off their limits, and a rounded position is still within reach."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +42,10 @@ class Reach:
             solution for each combination of elbow directions, the nearest to the start first.
         blocked: Number of further branches, whose solutions violate a requirement.
         tip: The reachable tip pose nearest to the required one, shape (3,): x, y in metres and
-            direction in radians; equal to the required one if there is a branch.
-        missed: Distance of that pose from the required one: metres, or radians if only a direction
-            is required. If both are, the root of the sum of squares in metres; there one radian
-            counts as the arm's reach.
+            direction in radians; the required pose if there is a branch.
+        missed: Distance of that pose from the required pose: metres, or radians if only a direction
+            is required. If position and direction are required, one radian counts as the arm's
+            reach in metres.
         reach: Sum of the links' lengths, metres.
     """
 
@@ -56,7 +56,7 @@ class Reach:
     reach: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready form."""
+        """Return the result as JSON-ready data, with angles in degrees."""
         return {
             "branches_theta_deg": [np.rad2deg(q[1:]).tolist() for q in self.branches],
             "blocked_branches": self.blocked,
@@ -70,8 +70,8 @@ class Reach:
 def expected_goals(problem: Problem) -> list[Array]:
     """Return likely ends q(T) (N,) of a motion to a goal that leaves coordinates free.
 
-    For an arm they are the branches of `goal_reach`, the nearest to the start first; otherwise
-    there is one, in which free user coordinates keep their values at the start.
+    For an arm the ends are the branches of `goal_reach`, the nearest to the start first. Other
+    systems have one end, at which free user coordinates keep their values at the start.
     """
     reach, system = goal_reach(problem), problem.system
     if reach is not None:
@@ -81,7 +81,7 @@ def expected_goals(problem: Problem) -> list[Array]:
 
 
 def goal_reach(problem: Problem) -> Reach | None:
-    """Find the configurations in which a motion of an arm to the goal may end.
+    """Return the configurations in which a motion of an arm to the goal may end.
 
     Returns:
         The configurations; None if the goal gives every joint, or the system is not an arm.
@@ -114,7 +114,7 @@ def _arm(problem: Problem) -> Any:
 
 
 def _goal_angles(problem: Problem) -> Array:
-    """Joint angles (S, n) inside their limits that meet the goal or come as close as possible."""
+    """Return joint angles (S, n) within limits that meet the goal or come as close as possible."""
     free = np.array(problem.free) - 1
     most = problem.free_within
     rng = np.random.default_rng(0)
@@ -133,7 +133,7 @@ def _goal_angles(problem: Problem) -> Array:
 
 
 def _improved_angles(problem: Problem, theta: Array, free: Array, most: Array) -> Array:
-    """Take one Levenberg-Marquardt step of the free joints; a joint stops at its limit."""
+    """Return the free joints' angles after one Levenberg-Marquardt step; joints stop at limits."""
     off, slope = _tip_errors(problem, theta), _tip_slopes(problem, theta)[:, :, free]
     now = theta[:, free]
     damping = (1e-14 + np.sum(off**2, axis=1))[:, None, None] * np.eye(off.shape[1])
@@ -151,8 +151,8 @@ def _improved_angles(problem: Problem, theta: Array, free: Array, most: Array) -
 
 
 def _tip_errors(problem: Problem, theta: Array) -> Array:
-    """Return the errors of the m tip quantities at angles (S, n), shape (S, m): relative to reach,
-    or rad."""
+    """Return the errors of the m tip quantities at angles `theta` (S, n), shape (S, m): positions
+    relative to the arm's reach, directions in rad."""
     if problem.tip is None:
         return np.zeros((len(theta), 0))
     q = np.column_stack([np.zeros(len(theta)), theta])
@@ -187,7 +187,7 @@ def _keeps_requirements(problem: Problem, theta: Array) -> Array:
 
 
 def _nearest_by_branch(problem: Problem, theta: Array) -> list[Array]:
-    """Select from theta (S, n) the nearest to the start in each branch; sort by that distance."""
+    """Return the row of `theta` (S, n) nearest to the start in each branch, nearest first."""
     distances = np.linalg.norm(theta - problem.start[1:], axis=1)
     branches: dict[tuple[bool, ...], Array] = {}
     for k in np.argsort(distances, kind="stable"):
@@ -196,7 +196,7 @@ def _nearest_by_branch(problem: Problem, theta: Array) -> list[Array]:
 
 
 def _closest_angles(problem: Problem, theta: Array) -> Array:
-    """Refine the configurations (S, n) with the smallest tip error; return the best, (n,)."""
+    """Return angles (n,) with the least tip error, refined from the best of `theta` (S, n)."""
     from scipy.optimize import least_squares  # slow to import, rarely needed
 
     free, most = np.array(problem.free) - 1, problem.free_within

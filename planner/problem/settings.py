@@ -31,7 +31,7 @@ def changed_settings(
 
 
 def problem_words(problem: Problem) -> list[str]:
-    """Return the words of a command line that name a problem: its file and the `--set` options."""
+    """Return the words of a command line that name a problem: file and `--set` options."""
     return [problem.source, *set_words(changed_settings(problem) or {})]
 
 

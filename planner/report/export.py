@@ -280,8 +280,7 @@ REST_SHARE = 1e-6
 """Largest |u| at an end that counts as rest, relative to the input's peak."""
 
 DIFFERENCE_SHARE = 1e-6
-"""Half width of difference quotients for accelerations, as a fraction of a smooth piece of the
-plan."""
+"""Half width of difference quotients for accelerations, as a fraction of a plan's smooth piece."""
 
 
 def joint_trajectory(

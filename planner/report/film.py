@@ -185,8 +185,7 @@ GIF_COLOURS = 64
 
 
 def gif(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
-    """Return frames as a GIF that loops; the last frame stays for the time of `hold` more
-    frames."""
+    """Return frames as a GIF that loops; the last frame stays for `hold` more frames."""
     from PIL import Image
 
     pictures = [Image.fromarray(frame) for frame in frames]

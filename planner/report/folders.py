@@ -85,9 +85,8 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
 def replay_data(comparison: Comparison) -> dict[str, Any]:
     """Return the part of the replays that replays.json stores, by label, as JSON-ready data.
 
-    `E_deg` lists the error index E of every machine, in the order of the machines' numbers.
-    `median` is the motion of the machine with the median E: `number` of that machine, times `t`
-    (s), coordinates `q` (rad, m).
+    `E_deg` lists the error index E of every machine, in the order of their numbers. `median` is the
+    motion of the machine with the median E: its `number`, times `t` (s), coordinates `q` (rad, m).
     """
     out = {}
     for row in comparison.rows:
@@ -111,8 +110,7 @@ def _copy_problem(comparison: Comparison, place: Path) -> None:
 
 
 def _write_plans(comparison: Comparison, place: Path) -> list[str | None]:
-    """Write a comparison's plans; return each row's file name in the folder, None without a
-    plan."""
+    """Write the plans; return each row's file name in the folder, None without a plan."""
     (place / "plans").mkdir()
     out: list[str | None] = []
     for k, row in enumerate(comparison.rows):

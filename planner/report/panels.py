@@ -400,8 +400,7 @@ MAP_MARGIN_DEG, NO_EDGE_DEG = 6.0, 1e4
 
 
 def _chart_range(problem: Problem, i: int) -> tuple[float, float] | None:
-    """Return the range (low, high), degrees, of coordinate i inside the chart, the others at the
-    start.
+    """Return the range (low, high) of coordinate i alone from the start in the chart, degrees.
 
     The result is None if the start lies on an edge of the chart.
     """
@@ -537,8 +536,7 @@ def _screen_value(value: Any) -> Any:
 
 
 def to_screen_digits(values: Array) -> list[Any]:
-    """Return numbers rounded for the screen, as nested lists; None for numbers that are not
-    finite."""
+    """Return numbers rounded for the screen, as nested lists; None if not finite."""
     values = np.asarray(values, dtype=float)
     finite, size = np.isfinite(values), np.abs(values)
     visible = finite & (size >= ROUNDING)

@@ -89,8 +89,7 @@ def _task_tables(problem: Problem) -> dict[str, Any]:
 
 
 def _machine_errors(path: Path) -> dict[str, Array]:
-    """Return E and the end error of each machine, (2, S), degrees, by plan label; {} without
-    file."""
+    """Return E and end error of each machine, (2, S), degrees, by label; {} without a file."""
     if not path.exists():
         return {}
     pairs: dict[str, list[list[float]]] = {}

@@ -35,8 +35,7 @@ class Course:
     """Reference motion of the tracker: coordinates and commanded motor angles at any time.
 
     For a compensated plan without run-up, or whose drive reverses, this is the predicted motion.
-    For other compensated plans this is the path of the original plan; the tracker removes the
-    errors.
+    For other compensated plans this is the original path, since the tracker removes errors.
 
     Args:
         plan: The plan.

@@ -174,12 +174,11 @@ class TrackerControl:
         self._history.append(self._clip_commands(k, commands + self._crossing(k, commands, pose)))
 
     def _state(self, k: int, pose: Pose) -> Array:
-        """Return the regulator's state, (n, S): deviations from the course, last corrections, rate
-        errors, deviations of lost motion.
-
-        A passive joint counts at the position where its axis will push it to, or where it rests if
-        the axis does not reach it. In the course the axis pushes the joint by `more` (if negative,
-        the gap that remains) and later by `then`, the only push that lost motion can change.
+        """Return the regulator's state, (n, S): deviations from the course, last corrections,
+        errors of rates and of lost motion. A passive joint counts at the position where its axis
+        will push it to, or where it rests if the axis does not reach it. In the course the axis
+        pushes the joint by `more` (if negative, the gap that remains) and later by `then`, the only
+        push that lost motion can change.
         """
         ref, state = self._ref, self._estimate
         off, way = pose.q - ref.q[k][:, None], ref.way[k][:, None]

@@ -59,8 +59,7 @@ PIN_WEIGHT = 30.0
 """Weight of the misses of goal and waypoints, relative to that of the joints' errors."""
 
 PIN_TOLERANCE_RAD = np.deg2rad(0.01)
-"""Largest miss of a pin (goal or waypoint) that is good enough: a fifth of what the judge
-allows."""
+"""Largest miss of a pin (goal or waypoint) that is good enough: a fifth of `PINNED_DEG`."""
 
 NEAR_MARGIN = 0.05
 """Margin below which a requirement bounds the programmes, in the requirement's scale."""
@@ -84,8 +83,7 @@ steps a round takes the one that costs the motion least; without any, the one th
 KNOT_STEP, KNOT_GAIN, LAST_KNOTS = 2.0, 0.8, 5
 """Steps of one motor alone, tried if the other steps cost the motion more than they gain at the
 goal: size as a multiple of the miss (a joint follows by half of it); largest fraction of the miss
-that a step may leave; and denominator of the share of knots, the last fifth, at which steps
-start."""
+that a step may leave; and inverse of the share of knots, the last fifth, at which steps start."""
 
 SPANS = ((0, 4), (0, 2), (2, 4), (0, 1), (1, 2), (2, 3), (3, 4))
 """Ranges of knots, in quarters, that the final rounds change."""
@@ -144,8 +142,7 @@ class Correction:
         self.keeps_all = bool(missed < PINNED_DEG and np.min(now.margins, initial=0.0) >= -SAFE)
 
     def _run_rounds(self, now: Runs, power: int) -> Runs:
-        """Improve the correction in rounds for one power of the norm; return the resulting
-        motion."""
+        """Improve the correction in rounds for one power of the norm; return its motion."""
         best, damping, probes = self._measure(now, self.values, power), 1.0, list(PROBES_RAD)
         if not self.rounds:  # even a tiny correction makes a resting motor cross its play
             best = np.inf

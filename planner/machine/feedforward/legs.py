@@ -92,8 +92,7 @@ class MotorLeg:
 
     @property
     def uneven_rad(self) -> float:
-        """Largest angle by which a passive axis falls short of its lost motion or exceeds it,
-        rad."""
+        """Largest angle by which a passive axis misses its lost motion, rad; see `misses`."""
         return float(np.max(self.misses, initial=0.0))
 
     def seconds(self, tick: float) -> float:
@@ -196,10 +195,9 @@ def evenest_drive(rates: Array, needs: Array) -> tuple[Array, Array]:
 def preparation(
     plan: Plan, system: Manipulator, machine: Machine, way: float, needs: Array, tick: float
 ) -> MotorLeg:
-    """Return the leg that takes up lost motion before the plan.
+    """Return the leg before the plan: joint 1 moves away, the drive turns, joint 1 moves back.
 
-    Joint 1 moves to the angle that minimises the largest error of the axes plus the cost of the
-    time, the drive turns, and joint 1 moves back.
+    The angle of joint 1 minimises the largest error of the axes plus the cost of the time.
     """
     start, limits = plan.q(0.0), plan.problem.limits
     if not np.any(needs > 0):
@@ -293,8 +291,7 @@ def take_ups(
 def return_leg(
     plan: Plan, system: Manipulator, machine: Machine, needs: Array, tick: float
 ) -> MotorLeg:
-    """Return the leg that turns the drive back by just less than twice the fastest axis's lost
-    motion.
+    """Return the leg that turns the drive back by just under twice the fastest axis's lost motion.
 
     On the nominal machine no joint follows. On a machine with less lost motion the joints have gone
     too far and are moved back, so errors of that sign become smaller. The leg is empty if the drive

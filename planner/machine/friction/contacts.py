@@ -106,8 +106,7 @@ class Grip:
         return np.asarray(load * self.cosine + self.sideways * self.hold(load))
 
     def transmission(self, load: Array) -> Array:
-        """Return the fraction of the rate V cosθ that is transmitted under a load; 0 in gross
-        slip."""
+        """Return the fraction of the rate V cosθ transmitted under a load; 0 in gross slip."""
         carried = self.contact_load(load)
         lost = self.sideways * carried / (self.cosine * self.hold(carried))
         return np.where(load < self.most, np.maximum(1.0 - lost, 0.0), 0.0)

@@ -20,8 +20,7 @@ from planner.problem.problem import Problem
 from planner.support.arrays import Array
 
 KNOWN_DEG = 1.0
-"""Motion after which a joint is surely pushed by its axis, degrees: ten times an encoder's
-error."""
+"""Motion after which a joint is pushed by its axis, degrees: ten times an encoder's error."""
 
 STEP_S = 0.0025
 """Time step of the simulation; its error, 0.001 degrees, is a thirtieth of an encoder's."""

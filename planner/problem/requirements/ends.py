@@ -19,7 +19,7 @@ class Start(Demand):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One part: the largest error of a coordinate."""
+        """One part: the largest error of a coordinate at the start."""
         return (Part("start", "", -np.inf, 0.0, 1.0),)
 
 
@@ -37,20 +37,20 @@ class Goal(Demand):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One part per given coordinate: its error."""
+        """One part per coordinate that the goal gives: the coordinate's error."""
         pairs = [(i, c) for i, c in enumerate(self.coordinates) if i not in self.free]
         return tuple(Part(f"goal {c.name}", c.unit, -np.inf, 0.0, 1.0, i) for i, c in pairs)
 
 
 @dataclass(frozen=True)
 class TipGoal(Requirement):
-    """The tip of an arm ends at a position, or its last link in a direction, or both.
+    """The tip of an arm ends at a position, its last link in a direction, or both.
 
     Attributes:
         quantities: Which of "x", "y" (both or neither) and "angle", in this order.
-        targets: Their values, in metres and radians. The angle is the sum of all joint angles.
-        reach: Sum of the links' lengths, metres. It scales position errors: turning the first joint
-            of the stretched arm by an angle moves its tip by the angle times the reach.
+        targets: Values of the quantities, in metres and radians. The angle sums all joint angles.
+        reach: Sum of the links' lengths, metres, which scales position errors: turning the first
+            joint of the stretched arm by an angle moves the tip by the angle times the reach.
     """
 
     quantities: tuple[str, ...]
@@ -61,7 +61,7 @@ class TipGoal(Requirement):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One part per quantity, with equal lower and upper limits."""
+        """One part per quantity of the tip, with equal lower and upper limits."""
         kinds = {"x": ("m", self.reach), "y": ("m", self.reach), "angle": ("rad", 1.0)}
         return tuple(
             Part(f"goal tip {name}", kinds[name][0], value, value, kinds[name][1])
@@ -126,13 +126,13 @@ class Duration(Demand):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One part: the duration."""
+        """One part: the duration of the motion."""
         return (Part("duration", "s", self.seconds, self.seconds, self.seconds),)
 
 
 @dataclass(frozen=True)
 class LongestDuration(Demand):
-    """The whole run, with what compensation adds, takes at most the given time.
+    """The whole run takes at most the given time.
 
     Attributes:
         seconds: Longest duration, s, including what compensation adds.

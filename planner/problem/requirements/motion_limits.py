@@ -18,7 +18,7 @@ from planner.systems.triangular_system import Coordinate, TriangularSystem
 
 @dataclass(frozen=True)
 class ChartDomain(Demand):
-    """Every margin of the chart is positive on the start's branch, so real coordinates exist.
+    """The chart's margins are positive on the start's branch, so that real coordinates exist.
 
     Attributes:
         start: q(0), whose branch of the chart the motion must not leave.
@@ -30,12 +30,12 @@ class ChartDomain(Demand):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One part: the least margin. The domain is open; zero is outside."""
+        """One part: the least margin, which must be greater than zero."""
         return (Part("chart domain", "", 0.0, np.inf, 1.0),)
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """Return no advice, because no key of the file widens the domain."""
+        """Return no advice, because no key of the problem file widens the chart's domain."""
         return ""
 
     def branch(self, system: TriangularSystem) -> Array:
@@ -43,11 +43,11 @@ class ChartDomain(Demand):
         return system.branch(np.array(self.start))
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """Return the chart's margins as expressions; empty if the system does not provide them."""
+        """Return the chart's margins as expressions; empty for a system without them."""
         return point.system.chart_margins_expr(point.q, self.branch(point.system))
 
     def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:
-        """Describe why no motion in the chart can begin or end at q (N,); None if one can."""
+        """Describe why no motion in the chart can begin or end at q (N,); None if a motion can."""
         branch = self.branch(system)
         margins = system.chart_margins(q, branch)
         worst = int(np.argmin(margins))
@@ -86,12 +86,12 @@ WIDEST_LIMITS = {
 
 @dataclass(frozen=True)
 class SymmetricLimit(Requirement):
-    """|value| ≤ most for some inputs or coordinates.
+    """Some inputs or coordinates keep their limits, |value| ≤ most.
 
     Attributes:
         words: Prefix of the parts' labels, as in "input u2".
         quantities: All inputs or coordinates, with names and units.
-        most: The limit of each; infinite without a limit.
+        most: The limit of each quantity; infinite without a limit.
     """
 
     words: ClassVar[str]
@@ -112,13 +112,13 @@ class SymmetricLimit(Requirement):
 
 
 class InputLimit(SymmetricLimit):
-    """|uᵢ| ≤ most."""
+    """The inputs keep their limits, |uᵢ| ≤ most."""
 
     words, reads, speed_power = "input", frozenset({"u"}), 1
 
 
 class RateLimit(SymmetricLimit):
-    """|duᵢ/dt| ≤ most; at a jump of an input its rate is infinite."""
+    """The inputs' rates keep their limits, |duᵢ/dt| ≤ most; a jump has an infinite rate."""
 
     words, reads, speed_power = "rate of input", frozenset({"du"}), 2
 
@@ -127,16 +127,16 @@ class RateLimit(SymmetricLimit):
 
 
 class JointLimit(SymmetricLimit):
-    """|qᵢ| ≤ most."""
+    """The coordinates keep their limits, |qᵢ| ≤ most."""
 
     words, reads = "joint", frozenset({"q"})
 
     def limit_name(self, part: Part) -> str:
-        """Return the coordinate's name."""
+        """Return the name of the coordinate that a part limits."""
         return self.quantities[part.index].name
 
     def contradiction_text(self, name: str, v: Violation) -> str:
-        """Describe that the start, goal or waypoint violates the limit; say what to change."""
+        """Return words on how start, goal or waypoint violates the limit, and what to change."""
         value, limit, unit = replace(v, limit=abs(v.limit)).shown(6)
         what = f"{name} {v.label.removeprefix(self.words + ' ')} = {value}{unit}"
         return f"{what} lies outside its limit of {limit}{unit}; move it or widen the limit"
@@ -149,7 +149,7 @@ class JointLimit(SymmetricLimit):
 
 @dataclass(frozen=True)
 class Z2Margin(Requirement):
-    """z₂ on the start's side of zero, by a margin.
+    """z₂ stays on the start's side of zero, by a margin.
 
     Attributes:
         margin: Least |z₂|.
@@ -168,14 +168,14 @@ class Z2Margin(Requirement):
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """Advise a smaller margin, or none if z₂ changes sign."""
+        """Advise a smaller margin of z₂, or no margin if z₂ changes sign."""
         ((_, _, v),) = breaches
         if v.value > 0:
             return f"limits.z2_margin = {0.999 * v.value:.4g} or less"
         return "leave out limits.z2_margin, so that z2 may change sign"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """Return the change that removes the margin."""
+        """Return the change of the problem file that removes the margin of z₂."""
         return {"limits.z2_margin": None}, "leave out limits.z2_margin", "the z2 margin"
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
@@ -183,7 +183,7 @@ class Z2Margin(Requirement):
         return [self.side * chained_form(point.system).z_expr(point.q)[1]]
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
-        """Return the quantity of `rows` as an array, by the chart's NumPy code."""
+        """Return z₂ as an array, with its sign chosen to be positive at the start."""
         z2 = chained_form(point.system).z(point.states)[..., 1] if point.z is None else point.z[1]
         return [self.side * z2]
 

@@ -18,10 +18,10 @@ from planner.systems.triangular_system import TriangularSystem
 
 @dataclass(frozen=True, eq=False)
 class Waypoint(Demand):
-    """A place that the motion passes through.
+    """The motion passes through a place.
 
     Attributes:
-        number: Its number in the problem file, from 1.
+        number: Number in the problem file, from 1.
         user: User coordinates, shape (N,), NaN if free.
         time_s: Time of passing, s; None if free.
         unit: Unit of the given coordinates; empty if they differ.
@@ -41,7 +41,7 @@ class Waypoint(Demand):
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """Advise to leave out the waypoints that are missed."""
+        """Advise to leave out the waypoints that the motion misses."""
         return _omission("waypoints", breaches)
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
@@ -55,28 +55,28 @@ class Waypoint(Demand):
 
     @cached_property
     def beside_q(self) -> tuple[int, ...]:
-        """Indices of given user coordinates that are not triangular; none if all are given."""
+        """Indices of given user coordinates that are not triangular; empty if all are given."""
         indices = np.flatnonzero(~np.isnan(self.user)).tolist()
         some = len(indices) < len(self.user)
         return tuple(i for i in indices if some and i not in self.system.shared)
 
     def distance(self, q: Array) -> Array:
-        """Return the largest error of a given user coordinate, shape (…,), at q (…, N)."""
+        """Return the largest error of a user coordinate that is given, at q (…, N), shape (…,)."""
         return np.asarray(np.nanmax(np.abs(self.system.user(q) - self.user), axis=-1))
 
 
 @dataclass(frozen=True)
 class Obstacle(Requirement):
-    """A disc that the links of an arm must not touch.
+    """The links of an arm keep clear of a disc.
 
     Attributes:
-        number: Its number in the problem file, from 1.
+        number: Number in the problem file, from 1.
         links: Number of the arm's links.
         x: x of the centre, metres.
         y: y of the centre, metres.
         radius: Radius, metres.
         clearance: Least distance between links and disc, metres.
-        reach: Length of the stretched arm, metres; an excess is divided by it.
+        reach: Length of the stretched arm, metres, by which an excess is divided.
     """
 
     number: int
@@ -93,7 +93,7 @@ class Obstacle(Requirement):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One part per link."""
+        """One part per link: the link's distance from the disc."""
         words = f"from obstacle {self.number}"
         return tuple(
             Part(f"clearance of link {link} {words}", "m", self.clearance, np.inf, self.reach)
@@ -118,12 +118,12 @@ class Obstacle(Requirement):
         return {"obstacles": []}, "", "the obstacles"
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """Return for each link an expression that is close to its distance near the clearance.
+        """Return for each link an expression close to the link's distance near the clearance.
 
-        For a link from P in direction e with length l and the centre C, the nearest point is at
-        t = clip((C − P)·e, 0, l), and the squared distance is |P − C|² + 2t (P − C)·e + t². Let R
-        be radius plus clearance. (distance² − R²)/(2R) is smooth where the distance is zero, and
-        has the slope of the distance where the distance is R. The clearance is added.
+        For a link from P in direction e with length l and the centre C, the nearest point is at t =
+        clip((C − P)·e, 0, l), and the squared distance is |P − C|² + 2t (P − C)·e + t². Let R be
+        radius plus clearance. (distance² − R²)/(2R) is smooth where the distance is zero, and has
+        the slope of the distance where the distance is R. The clearance is added.
         """
         system: Any = point.system
         offset: list[Any] = [-self.x, -self.y]
@@ -146,7 +146,7 @@ class Obstacle(Requirement):
         return list(np.moveaxis(self.clearances(system.arm_points(point.states[..., 1:])), -1, 0))
 
     def contradiction_text(self, name: str, v: Violation) -> str:
-        """Describe that a link is too near at the start, goal or waypoint; say what to change."""
+        """Return words on a link too near at start, goal or waypoint, and what to change."""
         link = next(k for k, part in enumerate(self.parts, 1) if part.label == v.label)
         if v.value > 0:
             near = f"is {v.value:.3g} m from obstacle {self.number}, clearance_m = {v.limit:g}"
@@ -156,7 +156,7 @@ class Obstacle(Requirement):
         return f"at the {name} link {link} reaches {into}; move one of them"
 
     def values_out_of_reach(self, system: TriangularSystem) -> Sequence[float] | None:
-        """Return a lower bound of each link's distance if none can reach the disc; else None."""
+        """Return a lower bound of each link's distance if no link can reach the disc; else None."""
         reach = float(np.sum(system.link_lengths))  # type: ignore[attr-defined]
         near = float(np.hypot(self.x, self.y)) - self.radius
         free = near - self.clearance > reach * (1 + 1e-9)

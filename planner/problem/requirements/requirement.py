@@ -24,7 +24,7 @@ class MotionPoint:
         system: The system.
         q: Coordinates: a CasADi vector (N), or an array (N, …).
         u: Inputs: a CasADi vector (2), or an array (2, …).
-        du: Rates of the inputs, likewise.
+        du: Rates of the inputs, in the form of `u`.
         z: Chained coordinates, an array (N, …), if already computed.
     """
 
@@ -36,7 +36,7 @@ class MotionPoint:
 
     @classmethod
     def of(cls, system: TriangularSystem, *last: Array) -> MotionPoint:
-        """Build from arrays q, u, du (or fewer); the last axis holds coordinates or inputs."""
+        """Return the point of arrays q, u, du (or fewer) whose last axis is N or 2 long."""
         return cls(system, *(np.moveaxis(values, -1, 0) for values in last))
 
     @property
@@ -47,14 +47,14 @@ class MotionPoint:
 
 @dataclass(frozen=True)
 class Part:
-    """One value of a demand that must lie between low and high; messages and tables list it.
+    """One value of a demand that must lie between `low` and `high`.
 
     Attributes:
         label: Name of the limited value, as in "input u2"; unique within a problem.
         unit: Unit of value and limits.
         low: Least value; may be −∞.
         high: Largest value; may be ∞.
-        scale: What an excess is divided by to compare it with others, in the unit.
+        scale: Divisor that makes an excess comparable with those of other parts, in the unit.
         index: Index of the input or coordinate, from 0.
     """
 
@@ -70,7 +70,7 @@ class Demand(ABC):
     """A condition on a motion: at an end, at a waypoint, or (a `Requirement`) at all times.
 
     Attributes:
-        in_chart: Whether it applies only to a motion that is given in chained coordinates.
+        in_chart: Whether the demand applies only to motions in chained coordinates.
     """
 
     in_chart: ClassVar[bool] = False
@@ -78,15 +78,15 @@ class Demand(ABC):
     @property
     @abstractmethod
     def parts(self) -> tuple[Part, ...]:
-        """The R parts of the condition."""
+        """The R limited values of the demand."""
 
     def limit_name(self, part: Part) -> str:
-        """Return the name of a part in a list of limits."""
+        """Return the name of a part for a list of limits."""
         return part.label
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """Describe a change of the problem file that would permit all of these breaches."""
+        """Describe a change of the problem file that would permit all of the `breaches`."""
         peaks = []
         for demand, part, v in breaches:
             above = v.limit == part.high
@@ -121,17 +121,17 @@ class Requirement(Demand):
     tuples of floats) share compiled rows; a different string or integer compiles new ones.
 
     Attributes:
-        reads: Arguments of its rows, a subset of "q", "u" and "du".
-        row_fields: Names of the float fields that its rows read. A float that only `parts` use,
-            as `low` or `high`, is not listed.
-        speed_power: Power of the speed with which its `values` grow: 0 for coordinates, 1 for
-            inputs, 2 for their rates and products. If it is not 0, a slow enough motion satisfies
-            it. Rows that replace the values may grow with another power.
-        divides: Whether paths can pass it on different sides, so that several optima exist.
-        smooth: Whether its values are differentiable wherever they come near a limit; if not, its
-            parts must have no upper limit.
-        final: Whether it applies only at the end; then it reads "q" and is smooth.
-        key: Its key in the `[limits]` table, for a kind that applies to all systems.
+        reads: Arguments of the rows, a subset of "q", "u" and "du".
+        row_fields: Names of the float fields that the rows read. A float that only `parts` use, as
+            `low` or `high`, is not listed.
+        speed_power: Power of the speed with which the `values` grow: 0 for coordinates, 1 for
+            inputs, 2 for their rates and products. Unless it is 0, a slow enough motion satisfies
+            the requirement. Rows that replace the values may grow with another power.
+        divides: Whether paths can pass on different sides, so that several optima exist.
+        smooth: Whether the values are differentiable near their limits; if not, the parts must have
+            no upper limit.
+        final: Whether the requirement applies only at the end; then it reads "q" and is smooth.
+        key: Key in the `[limits]` table, for a kind that applies to all systems.
         table: Type and description of that key's value, optionally an example for `planner new`.
     """
 
@@ -146,7 +146,7 @@ class Requirement(Demand):
 
     @classmethod
     def of(cls, value: Any, system: TriangularSystem) -> Self:
-        """Build it from the value of its key in the problem file.
+        """Build the requirement from the value of its key in the problem file.
 
         Raises:
             ValueError: If the value is impossible; the message continues after "limits.KEY".
@@ -156,7 +156,7 @@ class Requirement(Demand):
     def rows(self, point: MotionPoint) -> Sequence[Any]:
         """Return R differentiable expressions that must lie between low and high.
 
-        By default they are the inputs, rates or coordinates that `index` of each part selects.
+        By default these are the inputs, rates or coordinates that the parts' `index` selects.
         """
         (name,) = self.reads
         entries = getattr(point, name)
@@ -165,19 +165,19 @@ class Requirement(Demand):
     def values(self, point: MotionPoint) -> Sequence[Any]:
         """Return the limited values for verification: R arrays of the shape of `point.q[0]`.
 
-        A class overrides this if its rows only approximate the values or need CasADi.
+        A class overrides this method if its rows only approximate the values or need CasADi.
         """
         return self.rows(point)
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """Return the change that removes its key; None for a limit that depends on the speed."""
+        """Return the change that removes the key; None for a limit that depends on the speed."""
         if self.speed_power or not self.key:
             return None
         what = f"the limit on {self.parts[0].label}"
         return {f"limits.{self.key}": None}, f"leave out limits.{self.key}", what
 
     def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:
-        """Describe why no motion may pass through a place; None if one may.
+        """Describe why no motion may pass through a place; None if a motion may.
 
         Args:
             name: Name of the place: "start", "goal" or a waypoint.
@@ -198,7 +198,7 @@ class Requirement(Demand):
         return self.contradiction_text(name, max(violations, key=lambda v: v.scaled))
 
     def contradiction_text(self, name: str, v: Violation) -> str:
-        """Describe that the start, goal or waypoint violates it; say what to change."""
+        """Return a message that start, goal or waypoint violates the limit, and what to change."""
         value, limit, unit = v.shown(6)
         change = f"change limits.{self.key}" if self.key else "widen the limit"
         return (
@@ -206,23 +206,23 @@ class Requirement(Demand):
         )
 
     def values_out_of_reach(self, system: TriangularSystem) -> Sequence[float] | None:
-        """Return the least values that it can take if no motion can violate it; else None."""
+        """Return the least possible values if no motion can violate the requirement; else None."""
         return None
 
     @property
     def thickness(self) -> float:
-        """If the requirement `divides`: how deep a motion can violate it at most, in its unit."""
+        """Largest depth, in its unit, of a violation, for a requirement that `divides`."""
         return min(part.scale for part in self.parts)
 
     @cached_property
     def bounds(self) -> tuple[Array, Array, Array]:
-        """Low, high and scale of its parts, shape (R,) each."""
+        """Least value, largest value and scale of each part, shape (R,) each."""
         low, high, scale = np.array([(p.low, p.high, p.scale) for p in self.parts]).T
         return low, high, scale
 
     def slowing_factor(self, least: Array, most: Array) -> Array:
-        """Return the factor by which to slow a motion whose R values range from `least` to `most`
-        (R,)."""
+        """Return the factors (R,) by which to slow a motion whose values range from `least` to
+        `most` (R,)."""
         low, high, _ = self.bounds
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(high > 0, most / high, 0.0), np.where(low < 0, least / low, 0.0)
@@ -235,7 +235,7 @@ class Requirement(Demand):
 
     @cached_property
     def template(self) -> Self:
-        """The same requirement with all finite floats zero.
+        """Copy of the requirement with all finite floats zero.
 
         Requirements that differ only in floats have equal templates and share compiled expressions.
         """
@@ -244,11 +244,11 @@ class Requirement(Demand):
 
     @property
     def row_field_values(self) -> list[float]:
-        """Values of the `row_fields`."""
+        """Values of the fields that `row_fields` names, in order."""
         return [float(getattr(self, name)) for name in self.row_fields]
 
     def fault(self, system: TriangularSystem) -> str | None:
-        """Describe why the fields, parts, rows and values do not fit together; None if they do."""
+        """Describe why fields, parts, rows and values do not fit together; None if they do."""
         try:
             hash(self)
         except TypeError:
@@ -274,7 +274,7 @@ class Requirement(Demand):
         return None
 
     def with_row_fields(self, values: Sequence[Any]) -> Self:
-        """Return the same requirement with other values, numbers or symbols, of `row_fields`."""
+        """Return a copy of the requirement with other numbers or symbols in `row_fields`."""
         new = dict(zip(self.row_fields, values, strict=True))
         return replace(self, **new) if new else self
 

@@ -30,7 +30,7 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class SelfCollision(Requirement):
-    """Links that are not neighbours stay apart.
+    """Links of an arm that are not neighbours stay apart.
 
     Attributes:
         links: Number of the arm's links; with fewer than three, all are neighbours.
@@ -47,7 +47,7 @@ class SelfCollision(Requirement):
 
     @classmethod
     def of(cls, value: Any, system: TriangularSystem) -> SelfCollision:
-        """Build it from the clearance.
+        """Build the requirement from the clearance `value`, metres.
 
         Raises:
             ValueError: If all links are neighbours, or a link between two is too short.
@@ -72,7 +72,7 @@ class SelfCollision(Requirement):
     def joint_link_pairs(self) -> dict[Pair, list[Pair]]:
         """Pairs of a joint (from 0; the last is the tip) and a link (from 1) that stay apart.
 
-        Each maps to the pairs of links that could cross if these two touched.
+        Each pair maps to the pairs of links that could cross if joint and link touched.
         """
         out: dict[Pair, list[Pair]] = {}
         for i, j in self.link_pairs:
@@ -82,7 +82,7 @@ class SelfCollision(Requirement):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """One part for each joint (or tip) and each link that is not adjacent to it."""
+        """One part for each pair of a joint (or the tip) and a link that is not adjacent."""
         names = [*(f"joint {k + 1}" for k in range(self.links)), "the tip"]
         least = self.clearance
         return tuple(
@@ -92,18 +92,18 @@ class SelfCollision(Requirement):
 
     @classmethod
     def easing(cls, breaches: Sequence[Breach]) -> str:
-        """Advise a smaller clearance, or none if links cross."""
+        """Advise a smaller clearance of the links, or no clearance if links cross."""
         least = min(v.value for *_, v in breaches)
         if least > 0:
             return f"limits.{cls.key} = {0.999 * least:.4g} or less"
         return f"leave out limits.{cls.key}"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
-        """Return the change that removes the clearance."""
+        """Return the change of the problem file that removes the links' clearance."""
         return {f"limits.{self.key}": None}, f"leave out limits.{self.key}", "the links' clearance"
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """Return for each part an expression that is close to its distance near the clearance c.
+        """Return for each part an expression that is close to the distance near the clearance c.
 
         (distance² + c²)/(2c) is smooth where the distance is zero; at distance c it has the value
         and slope of the distance. If two links cross, the distance counts as negative and is that
@@ -155,8 +155,8 @@ class SelfCollision(Requirement):
 
     @cached_property
     def _numbers(self) -> tuple[Index, Index]:
-        """Index arrays: the four parts of each pair of links (P, 4); and the first and the last
-        pair of links that each part belongs to (R, 2)."""
+        """Indices of the four parts of each pair of links, (P, 4); and of the first and the last
+        pair of links that each part belongs to, (R, 2)."""
         parts, pairs = list(self.joint_link_pairs), self.link_pairs
         ends = [[parts.index(end) for end in _joints_of_pair(pair)] for pair in pairs]
         first_and_last = [
@@ -165,7 +165,7 @@ class SelfCollision(Requirement):
         return np.array(ends), np.array(first_and_last)
 
     def contradiction_text(self, name: str, v: Violation) -> str:
-        """Describe that links are too near at the start, goal or waypoint; say what to change."""
+        """Return words on links too near at start, goal or waypoint, and what to change."""
         what = v.label.removeprefix("clearance of ")
         change = f"move it or lower limits.{self.key}"
         if v.value <= 0:
@@ -177,7 +177,7 @@ class SelfCollision(Requirement):
         return f"at the {name} {is_}; {change}"
 
     def nearest_pair(self, points: Array) -> tuple[Array, Array, float]:
-        """Find the joint and the point of a link that are nearest to each other in one pose.
+        """Return the joint and the point of a link that are nearest to each other in one pose.
 
         Args:
             points: Base, joints and tip, shape (n+1, 2), metres.
@@ -206,7 +206,7 @@ def _cross_product(a: Array, b: Array) -> Array:
 
 
 def _squared_distance(point: Any, first: Any, last: Any) -> Any:
-    """Squared distance of a point from a segment, as an expression."""
+    """Return the squared distance of a point from a segment, as an expression."""
     step, off = (last[0] - first[0], last[1] - first[1]), (point[0] - first[0], point[1] - first[1])
     share = (off[0] * step[0] + off[1] * step[1]) / (step[0] ** 2 + step[1] ** 2)
     share = ca.fmin(ca.fmax(share, 0.0), 1.0)
@@ -214,5 +214,5 @@ def _squared_distance(point: Any, first: Any, last: Any) -> Any:
 
 
 def _side(a: Any, b: Any, c: Any) -> Any:
-    """Positive if point c lies to the left of the line from a to b, negative to the right."""
+    """Return a number: positive if point c lies left of the line from a to b, negative if right."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

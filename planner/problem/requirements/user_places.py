@@ -16,21 +16,21 @@ from planner.systems.triangular_system import Coordinate
 
 
 class _UserPart(Requirement):
-    """A requirement on some user coordinates; each of its parts names one by its `index`."""
+    """Requirement on user coordinates: each part concerns the one with the part's `index`."""
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
-        """Return these user coordinates as expressions."""
+        """Return the user coordinates of the parts as expressions."""
         every = point.system.user_expr(point.q)
         return [every[part.index] for part in self.parts]
 
     def values(self, point: MotionPoint) -> Sequence[Any]:
-        """Return these user coordinates as arrays, by the system's NumPy code."""
+        """Return the user coordinates of the parts as arrays, by the system's NumPy code."""
         every = point.system.user(point.states)
         return [every[..., part.index] for part in self.parts]
 
 
 class UserLimit(_UserPart, JointLimit):
-    """|user coordinate| ≤ most, for user coordinates that are not triangular."""
+    """User coordinates that are not triangular keep their limits, |user coordinate| ≤ most."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class UserGoal(_UserPart):
 
     Attributes:
         coordinates: The user coordinates whose value is given.
-        indices: Their indices among all user coordinates, from 0.
-        targets: Their values, in their units.
+        indices: Indices of these coordinates among all user coordinates, from 0.
+        targets: Values of these coordinates, in their units.
     """
 
     coordinates: tuple[Coordinate, ...]

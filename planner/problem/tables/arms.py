@@ -82,11 +82,11 @@ class LimitsTable(ArmLimits):
 MAX_TRAVEL_RAD = 8 * np.pi
 
 MOST_JOINTS = 8
-"""Each further joint makes the expressions of the chained form three times as long. With eight, a
-choice of travel takes half a minute; with twelve no method finishes in that time."""
+"""Largest number of joints: each further joint makes the chained form's expressions three times as
+long. With eight a travel is chosen in half a minute, too short for any method with twelve."""
 
 MOST_RATIO = 1000.0
-"""Ratios of an arm's gears are about one; with 1e8 a search runs for minutes without a result."""
+"""Largest ratio of an arm's gears, usually about 1; with 1e8 a search runs minutes in vain."""
 
 Ratio = Annotated[float, Field(gt=0, le=MOST_RATIO)]
 Joints = Annotated[int, Field(ge=2, le=MOST_JOINTS)]
@@ -214,7 +214,7 @@ class ArmFile(ProblemFile):
         return ["free"] * self.system.joints if theta_deg is None else theta_deg
 
     def start_state(self) -> Array:
-        """q(0), shape (n+1,), radians."""
+        """Return q(0), shape (n+1,), radians."""
         return np.array([self.start.phi_rad, *np.deg2rad(self.start.theta_deg)])
 
     def goal_state(self) -> Array:
@@ -232,11 +232,11 @@ class ArmFile(ProblemFile):
         return out
 
     def path_travel(self) -> float | None:
-        """Change of the disk angle, radians; None if free."""
+        """Return the change of the disk angle from start to goal, radians; None if free."""
         return None if self.goal.travel == "free" else float(self.goal.travel)
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """Return the dotted key that sets the travel, with its value."""
+        """Return the dotted key that sets the travel, with its value for `travel` (None: free)."""
         return {"goal.travel": "free" if travel is None else travel}
 
     def joint_limits(self) -> Array:
@@ -244,7 +244,7 @@ class ArmFile(ProblemFile):
         return np.array([np.inf, *bound_deg(self.limits.joint_deg, self.system.joints)])
 
     def waypoint_states(self) -> list[Array]:
-        """q of each waypoint, shape (n+1,), radians, NaN if free."""
+        """Return q of each waypoint, shape (n+1,), radians, NaN if free."""
         out = []
         for point in self.waypoints:
             travel = np.nan if point.travel is None else point.travel
@@ -258,7 +258,7 @@ class ArmFile(ProblemFile):
 
 
 def _check_lengths(n: int, K: list[float] | None, link_lengths: list[float] | None) -> None:
-    """Raise an error if the length of a list does not fit n joints."""
+    """Raise a ValueError if K or `link_lengths` has the wrong length for n joints."""
     if K is not None and len(K) != n - 1:
         raise ValueError(f"joints = {n} needs {n - 1} values in K (K2 ... K{n}), not {len(K)}")
     if link_lengths is not None and len(link_lengths) != n:
@@ -266,7 +266,7 @@ def _check_lengths(n: int, K: list[float] | None, link_lengths: list[float] | No
 
 
 class BallGearTable(Table):
-    """Nakamura's manipulator."""
+    """Constants of Nakamura's manipulator."""
 
     kind: Literal["ball-gear"]
     joints: Joints = Field(description=f"Number of joints n, at most {MOST_JOINTS}.")
@@ -392,4 +392,4 @@ class ManipulatorFile(ArmFile):
 
 
 FILES: dict[str, type[ProblemFile]] = {"manipulator": ManipulatorFile, "ball-gear": BallGearFile}
-"""Class of the problem file, by `system.kind`."""
+"""Classes of the problem files of arms, by `system.kind`."""

@@ -54,7 +54,7 @@ class UserTable(Table):
     )
 
     def as_lines(self) -> dict[str, list[str]]:
-        """Return the table with each text on one line."""
+        """Return the table as a dict, each text reduced to one line."""
         return {key: list(map(line, texts)) for key, texts in self.model_dump().items()}
 
 
@@ -94,7 +94,7 @@ class CustomTable(Table):
 
     @cached_property
     def built(self) -> CustomSystem:
-        """Build the system that the tables describe."""
+        """The system that the table describes."""
         named = zip(self.coordinates, map(line, self.units), strict=True)
         first, second = zip(map(line, self.inputs), map(line, self.input_units), strict=True)
         return CustomSystem(
@@ -163,7 +163,7 @@ class OwnFile(NamedFile):
 
     @cached_property
     def built(self) -> TriangularSystem:
-        """The system, built once."""
+        """The system that the tables describe, built once."""
         return self.build_system()
 
     @property
@@ -173,7 +173,7 @@ class OwnFile(NamedFile):
 
     @property
     def path_index(self) -> int | None:
-        """Index of the user coordinate that is the path coordinate q₁; None if none is."""
+        """Index of the user coordinate that is the path coordinate q₁; None without one."""
         return next((i for i, j in self.built.shared.items() if j == 0), None)
 
     @model_validator(mode="after")
@@ -222,7 +222,7 @@ class OwnFile(NamedFile):
         return np.array([self.start.q[name] for name in self.names])
 
     def start_state(self) -> Array:
-        """q(0), shape (N,)."""
+        """Return q(0), shape (N,)."""
         return self.built.from_user(self._user_start())
 
     def goal_state(self) -> Array:
@@ -238,14 +238,14 @@ class OwnFile(NamedFile):
         return w
 
     def path_travel(self) -> float | None:
-        """Change of the first coordinate; None if free."""
+        """Return the change of the first coordinate from start to goal; None if free."""
         if self.path_index is not None:
             return None if self.goal.travel == "free" else float(self.goal.travel)
         end = self.built.fixed_by(self.user_goal())[0]
         return None if np.isnan(end) else float(end - self.start_state()[0])
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """Return the dotted key that sets the travel, with its value."""
+        """Return the dotted key that sets the travel, with its value for `travel` (None: free)."""
         return {"goal.travel": "free" if travel is None else travel}
 
     def joint_limits(self) -> Array:
@@ -273,7 +273,7 @@ class CustomFile(OwnFile):
 
 
 class CoinTable(Table):
-    """The coin."""
+    """Constants of the coin."""
 
     kind: Literal["coin"]
     radius_m: Positive = Field(description="Radius of the coin in m.")
@@ -292,4 +292,4 @@ class CoinFile(OwnFile):
 
 
 FILES: dict[str, type[ProblemFile]] = {"custom": CustomFile, "coin": CoinFile}
-"""Class of the problem file, by `system.kind`."""
+"""Classes of the problem files of this module, by `system.kind`."""

@@ -42,7 +42,7 @@ GROUP = "planner.plugins"
 
 
 class _Plugins:
-    """The plugins of this process.
+    """State of the plugins of this process.
 
     Attributes:
         failures: One line for each plugin that failed; None until plugins are called.
@@ -65,8 +65,8 @@ def load_plugins() -> None:
     """Call the functions of all installed plugins, once per process.
 
     Raises:
-        InputError: If a plugin fails, now and at every later call, since it may be half
-            registered. Names the plugin, its package and the error.
+        InputError: If a plugin fails, now and at every later call, since it may be half registered.
+            The message names the plugin, its package and the error.
     """
     with _plugins.lock:
         if _plugins.failures is None:
@@ -94,7 +94,7 @@ def _call(entry: EntryPoint, failures: list[str]) -> None:
 
 
 LONGEST_MESSAGE = 300
-"""Maximum length of a foreign error's message, characters."""
+"""Largest number of characters of a foreign error's message."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Provider:
 
         Raises:
             MethodError: If the function raises anything but a refusal (no plan exists or time is
-                up) or an interrupt; names the package.
+                up) or an interrupt; the message names the package.
         """
         try:
             return function(*given)
@@ -145,18 +145,18 @@ class Provider:
 
 
 def remember(what: str) -> None:
-    """Remember a name such as "method 'mine'" if no plugin is being called."""
+    """Remember a name, such as "method 'mine'", that is registered outside a plugin."""
     if not _plugins.caller:
         _plugins.local_names.add(what)
 
 
 def local_only(*used: str) -> list[str]:
-    """Select the names that other processes do not know, since no plugin registers them."""
+    """Return those names that other processes do not know, since no plugin registers them."""
     return [what for what in used if what in _plugins.local_names]
 
 
 FILES: dict[str, type[ProblemFile]] = {**arms.FILES, **vehicles.FILES, **custom.FILES}
-"""Class of the problem file, by `system.kind`. `load_plugins` adds the kinds of plugins."""
+"""Classes of problem files, by `system.kind`. `load_plugins` adds the kinds of plugins."""
 
 REQUIREMENTS: dict[str, type[Requirement]] = {}
 """Registered limits, which apply to all kinds of systems, by their key in `[limits]`.
@@ -184,8 +184,8 @@ def example_of(kind: str) -> str:
 def register_system(kind: str, file: type[ProblemFile]) -> None:
     """Register a kind of system, so that problem files can use `system.kind = kind`.
 
-    Other processes, such as workers of a sweep, know it only if a plugin registers it: a package
-    whose entry point `planner.plugins` names a function that calls this one.
+    Other processes, such as workers of a sweep, know the kind only if a plugin registers it: a
+    package whose entry point `planner.plugins` names a function that calls this one.
 
     Args:
         kind: Name used in files: letters, digits, - and _.
@@ -214,10 +214,10 @@ def register_system(kind: str, file: type[ProblemFile]) -> None:
 def register_requirement(kind: type[Requirement]) -> None:
     """Register a kind of limit, so that every problem file can use `limits.KEY`.
 
-    Collocation and desensitised plans keep it, retiming respects it if it depends on the speed, and
-    `verify` checks it; `certify` proves it if its rows allow that. Other processes, such as workers
-    of a sweep, know it only if a plugin registers it: a package whose entry point `planner.plugins`
-    names a function that calls this one.
+    Collocation and desensitised plans keep the limit; retiming respects a limit that depends on the
+    speed; `verify` checks the limit, and `certify` proves it if its rows allow that. Other
+    processes, such as workers of a sweep, know the limit only if a plugin registers it: a package
+    whose entry point `planner.plugins` names a function that calls this one.
 
     Args:
         kind: A frozen dataclass, subclass of `planner.problem.requirements.requirement.Requirement`
@@ -243,7 +243,7 @@ def register_requirement(kind: type[Requirement]) -> None:
 
 
 def _shortcomings(kind: Any) -> Iterator[str]:
-    """Yield reasons why a class cannot be a kind of requirement in a file."""
+    """Yield reasons why a class cannot be registered as a kind of limit in problem files."""
     if not isinstance(kind, type) or not issubclass(kind, Requirement):
         yield f"{line(repr(kind))} is not a subclass of Requirement"
         return
@@ -280,7 +280,7 @@ def _add_requirement_keys() -> None:
 
 
 def _rebuild_files() -> None:
-    """Rebuild the file classes that were built already; the others are built on first use."""
+    """Rebuild the file classes that Pydantic has built; it builds the others on first use."""
     for file in FILES.values():
         if file.__pydantic_complete__:
             file.model_rebuild(force=True)
@@ -318,7 +318,7 @@ def add_method_table(name: str, options: type[Table]) -> None:
 
 
 def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
-    """Validate a problem file's tables.
+    """Return the validated tables of a problem file.
 
     Raises:
         InputError: If keys or values are wrong, with one line for each; if a plugin fails; or if
@@ -341,7 +341,7 @@ def system_of(tables: ProblemFile) -> TriangularSystem:
     """Build the system that a problem file describes.
 
     Raises:
-        InputError: If the system's class lacks a method that every system needs; names the method.
+        InputError: If the system's class lacks a method that every system needs.
     """
     with _name_missing_methods(tables.system.kind):
         return tables.build_system()
@@ -349,7 +349,7 @@ def system_of(tables: ProblemFile) -> TriangularSystem:
 
 @contextmanager
 def _name_missing_methods(kind: str) -> Iterator[None]:
-    """Turn the TypeError for missing abstract methods into an `InputError` that names them."""
+    """Turn a TypeError for missing abstract methods into an `InputError` that names the methods."""
     try:
         yield
     except TypeError as error:

@@ -46,8 +46,8 @@ class Effect:
         low: Least value, by default 0; excluded itself if `positive`.
         high: Greatest value.
         positive: Whether `low` itself is excluded.
-        may_spread: Whether it may differ from machine to machine.
-        dynamic_only: Whether it acts only in dynamic fidelity.
+        may_spread: Whether the effect may differ from machine to machine.
+        dynamic_only: Whether the effect acts only in dynamic fidelity.
     """
 
     unit: str
@@ -112,11 +112,11 @@ class Effect:
         return [_check_finite(v) for v in value]
 
     def count(self, joints: int) -> int:
-        """Return the number of values of this effect on a system with this many joints."""
+        """Return the number of values of the effect on a system with `joints` joints."""
         return {"machine": 1, "motor": 2, "joint": joints, "passive": joints - 1}[self.owner]
 
     def mismatch(self, key: str, numbers: Sequence[float], joints: int) -> str | None:
-        """Describe how a list has the wrong length for this many joints; None if it fits."""
+        """Describe how the list `numbers` has the wrong length for `joints` joints; else None."""
         count = self.count(joints)
         if len(numbers) in (1, count):
             return None
@@ -124,7 +124,7 @@ class Effect:
 
     @property
     def owner_words(self) -> str:
-        """The parts of the machine that the values of a list belong to, in words."""
+        """Parts of the machine to which a list's values belong, in words, such as "2 motors"."""
         return _OWNER_WORDS[self.owner]
 
     def _in_range(self, numbers: Numbers) -> None:
@@ -167,7 +167,7 @@ def _check_finite(value: Any) -> float:
 
 
 StartState = Literal["unwound", "forward", "backward", "unknown"]
-"""State of an arm before a motion."""
+"""Word for how an arm came to rest before a motion."""
 
 
 class MachineTable(Table):
@@ -358,7 +358,7 @@ class MachineTable(Table):
     )
 
     def mismatch(self, joints: int) -> str | None:
-        """Describe the first list whose length does not fit this many joints; None if all fit."""
+        """Describe the first list whose length does not fit `joints` joints; None without one."""
         if isinstance(self.start_state, list) and len(self.start_state) != joints:
             count = len(self.start_state)
             return (
@@ -381,4 +381,4 @@ EFFECTS: dict[str, Effect] = {
     for meta in field.metadata
     if isinstance(meta, Effect)
 }
-"""Every effect by its key, in the order of the signal path."""
+"""All effects of a machine by key, in the order of the signal path."""

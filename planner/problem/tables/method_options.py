@@ -30,7 +30,7 @@ class Slider:
 
 
 NO_SLIDER = Slider(0, 0)
-"""No slider: the option is set elsewhere on the screen, or only changes a solver's effort."""
+"""Mark of an option without slider: set elsewhere on the screen, or only a solver's effort."""
 
 Weight = Annotated[float, Field(ge=0), Slider(0.0, 10.0)]
 Size = Annotated[float, Field(ge=0)]
@@ -45,8 +45,8 @@ Rest = Annotated[
 
 
 def rests(option: Rest, input_rate: Array) -> bool:
-    """Return whether inputs are zero at both ends; "auto": if one of the rate limits (2,) is
-    finite."""
+    """Return whether inputs are zero at both ends; with "auto" they are if an input rate has a
+    finite limit (2,)."""
     return bool(np.any(np.isfinite(input_rate))) if option == "auto" else option
 
 
@@ -141,7 +141,7 @@ class DesensitisedOptions(Table):
 
 
 MOST_POINTS = 20
-"""Each point raises the degree of v2 by one; with more, its equations are ill-conditioned."""
+"""Largest number of constraint points; with more, v2's equations are ill-conditioned."""
 
 
 class LawOptions(Table):
@@ -399,7 +399,7 @@ class MethodsTable(Table):
 
     @classmethod
     def add(cls, name: str, options: type[Table]) -> None:
-        """Add a table; the caller rebuilds the tables that contain this one."""
+        """Add the table of a method's options; the caller rebuilds the tables around this one."""
         # Keep the class object, so that existing and pickled problems stay valid.
         cls.model_fields[name] = FieldInfo(annotation=options, default_factory=options)
         cls.model_rebuild(force=True)

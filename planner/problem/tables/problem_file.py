@@ -85,7 +85,7 @@ def bound_deg(value: float | Sequence[float] | None, size: int) -> Array:
 
 
 class BaseLimits(Table):
-    """What the limits of every kind of system have in common."""
+    """Common base of the `[limits]` tables of all kinds of systems."""
 
     @abstractmethod
     def inputs(self) -> Array:
@@ -165,8 +165,9 @@ AngleDeg = Annotated[float, Field(gt=-90, lt=90)]
 
 
 MOST_WAYPOINTS, MOST_OBSTACLES = 50, 100
-"""Largest numbers. With more waypoints a motion would have more pieces than the first mesh has
-intervals. Each obstacle adds a constraint per link and mesh point, and time in the verification."""
+"""Largest numbers of waypoints and obstacles. More waypoints give a motion more pieces than the
+first mesh has intervals. Each obstacle adds a constraint per link and mesh point, and time to
+verify."""
 
 
 class WaypointTable(Table):
@@ -271,15 +272,15 @@ class ProblemFile(Table):
 
     @abstractmethod
     def start_state(self) -> Array:
-        """q(0), shape (N,)."""
+        """Return q(0), shape (N,)."""
 
     @abstractmethod
     def goal_state(self) -> Array:
-        """q(T), shape (N,); NaN for the path coordinate q₁ and for coordinates left free."""
+        """Return q(T), shape (N,); NaN for the path coordinate q₁ and for free coordinates."""
 
     @abstractmethod
     def path_travel(self) -> float | None:
-        """q₁(T) − q₁(0); None if free."""
+        """Return the travel q₁(T) − q₁(0); None if free."""
 
     @abstractmethod
     def travel_change(self, travel: float | None) -> dict[str, Any]:
@@ -292,7 +293,7 @@ class ProblemFile(Table):
     def user_goal(self) -> Array:
         """Return the goal in user coordinates, shape (N,), NaN if free.
 
-        By default it is the goal's q, for a system whose user coordinates are the triangular ones.
+        By default this is q(T), for systems whose user coordinates are the triangular ones.
         """
         return self.goal_state()
 
@@ -302,7 +303,7 @@ class ProblemFile(Table):
 
     @abstractmethod
     def waypoint_states(self) -> list[Array]:
-        """User coordinates of each waypoint, shape (N,), NaN where free."""
+        """Return the user coordinates of each waypoint, shape (N,), NaN where free."""
 
     def turn_words(self) -> str:
         """Describe how a vehicle's heading turns from start to goal; empty for other systems."""
@@ -318,7 +319,7 @@ class ProblemFile(Table):
 
 
 SUFFIXES = {"_deg": ("rad", np.pi / 180), "_m": ("m", 1.0)}
-"""For each suffix of a coordinate's key: the unit that the coordinate must have, and the factor
+"""Suffixes of coordinates' keys, each with the unit that the coordinate must have and the factor
 that converts a value to that unit."""
 
 
@@ -327,7 +328,7 @@ class NamedFile(ProblemFile):
 
     Attributes:
         largest_angles: Largest angle in rad that a waypoint may give, by the coordinate's name
-            without its number; a larger one is probably in degrees.
+            without its number; a larger angle is probably in degrees.
     """
 
     places: ClassVar[str] = """
@@ -351,7 +352,7 @@ class NamedFile(ProblemFile):
         return self
 
     def waypoint_states(self) -> list[Array]:
-        """User coordinates of each waypoint, shape (N,), NaN where free."""
+        """Return the user coordinates of each waypoint, shape (N,), NaN where free."""
         coordinates = self.build_system().user_coordinates
         units = {c.name: c.unit for c in coordinates}
         states = []
@@ -369,7 +370,7 @@ class NamedFile(ProblemFile):
     def _meant(
         self, where: str, key: str, value: float | list[float], units: dict[str, str]
     ) -> dict[str, float]:
-        """Return the coordinates that a key of a waypoint gives, by name, in their own units."""
+        """Return the values that a key of a waypoint gives, by coordinate, in its own unit."""
         ending = next((end for end in SUFFIXES if key.endswith(end) and key not in units), "")
         word, (unit, size) = key.removesuffix(ending), SUFFIXES.get(ending, ("", 1.0))
         numbered = [name for name in units if name.rstrip("0123456789") == word != name]

@@ -27,7 +27,7 @@ from planner.support.user_tables import Positive, Table
 from planner.systems.vehicles import Car, Trailers, Unicycle
 
 Degrees = Annotated[float, Field(ge=-36000, le=36000)]
-"""A heading, which may include up to a hundred whole turns; more are probably a mistake."""
+"""Heading in degrees with at most a hundred whole turns; more turns are probably a mistake."""
 
 SteeringDeg = Annotated[float, Field(gt=-90, lt=90)]
 HitchDeg = Annotated[float, Field(gt=-180, lt=180)]
@@ -122,7 +122,7 @@ class VehicleFile(NamedFile):
         return degrees
 
     def start_state(self) -> Array:
-        """q(0), shape (N,), in m and radians."""
+        """Return q(0), shape (N,), in m and radians."""
         return self._set_heading([self.start.x_m, *self.angles(self.start, 0.0), self.start.y_m], 0)
 
     def goal_state(self) -> Array:
@@ -130,7 +130,7 @@ class VehicleFile(NamedFile):
         return self._set_heading([np.nan, *self.angles(self.goal, 0.0), self.goal.y_m], -1)
 
     def waypoint_states(self) -> list[Array]:
-        """q of each waypoint, shape (N,), NaN if free."""
+        """Return q of each waypoint, shape (N,), NaN if free."""
         return [self._set_heading(q, k) for k, q in enumerate(super().waypoint_states(), 1)]
 
     def _set_heading(self, q: Sequence[float] | Array, place: int) -> Array:
@@ -161,7 +161,7 @@ class VehicleFile(NamedFile):
         return [start, *passed, goal + FULL_TURN * (extra or 0)]
 
     def turn_words(self) -> str:
-        """Describe how the heading turns from start to goal."""
+        """Describe how the vehicle's heading turns from start to goal."""
         turn = np.rad2deg(self.headings[-1] - self.headings[0])
         extra = self.goal.turns or 0
         way = f"goal.turns = {extra} beyond the nearest way" if extra else "the nearest way"
@@ -174,19 +174,18 @@ class VehicleFile(NamedFile):
         return np.array([np.inf, *self.angles(self.limits, np.inf), np.inf])
 
     def path_travel(self) -> float | None:
-        """goal.x_m − start.x_m in m; None if free."""
+        """Return the travel goal.x_m − start.x_m, m; None if free."""
         return None if self.goal.x_m == "free" else float(self.goal.x_m) - self.start.x_m
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """Return the dotted key that sets the travel, with its value."""
+        """Return the dotted key that sets the travel, with its value for `travel` (None: free)."""
         return {"goal.x_m": "free" if travel is None else self.start.x_m + travel}
 
 
 def nearest_turn(angle: float, before: float, most: float) -> float:
-    """Add whole turns to an angle to bring it nearest to the one before, radians.
+    """Return an angle plus the whole turns that bring it nearest to the angle `before`, radians.
 
-    Angles within ±`most` are preferred. Of two that are equally near, the one with fewer turns is
-    taken.
+    Angles within ±`most` are preferred. Of two equally near angles, that with fewer turns is taken.
     """
     turns = (angle - before) / FULL_TURN
     nearest = -np.copysign(max(0.0, np.ceil(abs(turns) - 0.5 - TURN_ROUNDING)), turns)
@@ -196,7 +195,7 @@ def nearest_turn(angle: float, before: float, most: float) -> float:
 
 
 class CarTable(Table):
-    """The car."""
+    """Constants of the car."""
 
     kind: Literal["car"]
     wheelbase_m: Positive = Field(description="Distance between the axles in m.")
@@ -250,7 +249,7 @@ _HitchLimit = Annotated[float, Field(gt=0, le=180)]
 
 
 class TrailersTable(Table):
-    """The car and its trailers."""
+    """Constants of the car and its trailers."""
 
     kind: Literal["trailers"]
     wheelbase_m: Positive = Field(description="Distance between the car's axles in m.")
@@ -307,7 +306,7 @@ class TrailersFile(VehicleFile):
 
 
 class UnicycleTable(Table):
-    """The unicycle; it has no constants."""
+    """Kind of the unicycle, which has no constants."""
 
     kind: Literal["unicycle"]
 
@@ -339,4 +338,4 @@ FILES: dict[str, type[ProblemFile]] = {
     "car": CarFile,
     "trailers": TrailersFile,
 }
-"""Class of the problem file, by `system.kind`."""
+"""Classes of the problem files of vehicles, by `system.kind`."""

@@ -14,8 +14,7 @@ STYLE = "charts.css"
 
 
 def script(room: str, names: Sequence[str]) -> str:
-    """Return the charts' JavaScript, followed by that of the files `names` of the package
-    `room`."""
+    """Return the charts' scripts followed by the script files `names` of the package `room`."""
     charts = [source(CHARTS, name) for name in SCRIPTS]
     return "\n".join(charts + [source(room, name) for name in names])
 

@@ -164,8 +164,7 @@ def _figure_title(study: DesignStudy, figure: DesignFigure) -> str:
 
 
 def _value(study: DesignStudy, figure: DesignFigure, row: DesignRow) -> tuple[float, str]:
-    """Return a design's figure of merit as number and text; a share of tasks becomes their
-    number."""
+    """Return a design's figure of merit as number and text; a share of tasks becomes a count."""
     value = row.figures.get(figure.key, np.nan)
     if figure.reduction == "part":
         return value * study.tasks, number(value * study.tasks, 4)

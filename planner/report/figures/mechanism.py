@@ -261,8 +261,7 @@ AXIS_DASHES = (0, (8, 3, 1, 3))
 
 
 def _bands(pen: _Drawing, plan: MechanismLayout) -> None:
-    """Shade the region between each two joints, whose parts are carried by the link between
-    them."""
+    """Shade the region between each two joints, where one link carries all parts."""
     low = plan.link - 0.75
     for k, (a, b) in enumerate(pairwise([plan.left, *plan.joints.tolist(), plan.right])):
         middle, height = ((a + b) / 2, (plan.top + low) / 2), plan.top - low

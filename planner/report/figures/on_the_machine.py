@@ -151,8 +151,7 @@ def needs_log_axis(values: ArrayLike) -> bool:
 
 
 def _scale(axis: Any, log: bool) -> None:
-    """Make an axis logarithmic and say so in its label if `log`; else let the axis start at
-    zero."""
+    """Make an axis logarithmic, and say so in its label, if `log`; else start the axis at zero."""
     if not log:
         axis.axes.set(**{f"{axis.axis_name}lim": (0, None)})
         return
@@ -188,8 +187,7 @@ def _join(ax: Any, rows: list[Row], colour: dict[str, str]) -> None:
 def plot_errors(
     errors: Mapping[str, ArrayLike | None], *, refused: Collection[str] = (), axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Plot the share of machines with an error below each value; dots mark median and 95th
-    percentile.
+    """Plot the share of machines with less error over the error, with dots at median and 95 %.
 
     Curves of plans with feedback are dotted, in the colour of the same plan without feedback;
     curves of refused plans are dashed.

@@ -137,8 +137,7 @@ def plot(
 
     Args:
         name: Name of the figure.
-        plans: One plan, several, or several by label; plans that the figure cannot show are left
-            out.
+        plans: One plan, several, or several by label; plans without the figure are left out.
         axes: Axes to draw into, one per panel.
         machine: The machine whose effects the figure shows; by default that of the plans' problem.
 

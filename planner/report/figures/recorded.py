@@ -72,8 +72,7 @@ def plot_run(
 
 
 def _differences(ax: Any, t: Array, values: Array, style: dict[str, Any]) -> None:
-    """Draw values at equally spaced times t in a pale colour, and the running mean of the
-    values."""
+    """Draw values at equally spaced times t in a pale colour, and their running mean on top."""
     window = np.ones(min(len(t), 1 + 2 * round(MEAN_S / 2 * (len(t) - 1) / float(t[-1] - t[0]))))
     mean = np.convolve(values, window, "same") / np.convolve(np.ones_like(values), window, "same")
     ax.plot(t, values, color=style["color"], linewidth=0.5, alpha=0.25, zorder=1)

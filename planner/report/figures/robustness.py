@@ -181,8 +181,7 @@ def parameter_symbol(parameter: str) -> str:
 
 
 def size_of(value: float, unit: str) -> str:
-    """Return the size of an error as text with its unit: fractions in percent, angles in
-    degrees."""
+    """Return an error's size as text with its unit: fractions in percent, angles in degrees."""
     if unit == "1":
         return f"{100 * value:.3g} %"
     if unit == "rad":
@@ -302,8 +301,7 @@ def _bars(ax: Any, places: Any, values: Any, reach: Any, colour: int, label: str
 
 
 def _reach(costs: tuple[Cost, ...], kind: str) -> Any:
-    """Return how far intervals reach below and above the costs, (2, effects), degrees; 0 if
-    unknown."""
+    """Return how far intervals reach below and above costs, (2, effects), deg; 0 if unknown."""
     middle = np.array([getattr(c, f"{kind}_deg") for c in costs])
     ends = np.array([getattr(c, f"{kind}_interval_deg") for c in costs]).reshape(-1, 2)
     return np.nan_to_num(np.maximum([middle - ends[:, 0], ends[:, 1] - middle], 0.0))
@@ -347,8 +345,7 @@ the knee; above, the change would not be visible, and the sentence reports the t
 
 
 def knee_sentence(curve: TradeOff) -> str:
-    """Return a sentence (without full stop) on what the knee of a trade-off curve gains and
-    costs."""
+    """Return a sentence (without full stop) on gain and cost of a trade-off curve's knee."""
     first, knee = curve.points[0], curve.knee
     unit = {"effort": f" {effort_unit(curve.problem.system)}", "duration": " s", "peak": ""}
     cost = f"{curve.kind} {number(_cost(curve, knee))}{unit[curve.kind]}"

@@ -303,8 +303,7 @@ def unit_of(coordinate: Coordinate) -> str:
 
 
 def length_unit(system: TriangularSystem) -> str:
-    """Return the unit of positions in the plane: m, or "link lengths" if all links have length
-    1."""
+    """Return the unit of positions in the plane: m, or "link lengths" if all lengths are 1."""
     lengths = getattr(system, "link_lengths", None)
     return "m" if lengths is None or np.any(lengths != 1) else "link lengths"
 

@@ -215,8 +215,7 @@ PAIR_COLUMNS: list[Column[Pair]] = [
 
 
 def _differences(pairs: Sequence[Pair]) -> str:
-    """Return a collapsed table that compares each two plans on the same machines; "" without
-    pairs."""
+    """Return a collapsed table that compares each two plans on the same machines, or ""."""
     if not pairs:
         return ""
     name, *numbers = PAIR_COLUMNS

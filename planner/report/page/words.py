@@ -19,8 +19,7 @@ from planner.systems.triangular_system import Coordinate
 
 
 def colour_places(comparison: Comparison) -> dict[str, int]:
-    """Return the index of each row's colour; a plan has the same colour with and without
-    feedback."""
+    """Return the index of each row's colour, which is the same with and without feedback."""
     return colour_numbers([row.label for row in comparison.rows])
 
 
@@ -41,8 +40,7 @@ def question(problem: Problem) -> str:
 
 
 def answer(comparison: Comparison, row: Row) -> str:
-    """Return the answer for one row of a comparison as a sentence of HTML: solved, effort,
-    error."""
+    """Return the answer for one row as a sentence of HTML: solved or not, effort, error."""
     if not row.solved:
         note = "; replayed for study" if np.isfinite(row.E_median_deg) else ""
         advice = comparison.advice.get(row.label, "")

@@ -254,8 +254,8 @@ class StageLaws:
     """Torque laws of all connections between the bodies in one implicit stage of a time step.
 
     Letters are those of the file's docstring. Arrays are (rows, S), speeds as in `BodyRows`. Rows
-    of limited laws: servos (2), contacts P1 (m), contacts P2 with P3 (m), friction of the links (1
-    + m), drag of contacts that slide sideways on disk B1 and on the stages (1 + m).
+    of limited laws: servos (2), contacts P1 (m), contacts P2 with P3 (m), friction of the links
+    (1+m), drag of contacts that slide sideways on disk B1 and the stages (1+m).
 
     Attributes:
         rows: Rows of the bodies.

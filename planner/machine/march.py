@@ -200,8 +200,7 @@ class March:
     def _laws(
         self, data: Masses, gears: _Gears, y: Array, reference: Array, feedforward: Array, h: float
     ) -> StageLaws:
-        """Return the laws of a stage of h s from state y, with torques `feedforward` (2, S), N
-        m."""
+        """Return the laws of a stage of h s from state y; `feedforward` are torques (2, S), N m."""
         place, rows = self.place, self.place.bodies
         heavy, spring = data.inertia / h, data.stiffness + data.damping / h
         coupling = gears.mass / h

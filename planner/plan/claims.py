@@ -16,7 +16,7 @@ Status = Literal["proven", "undecided", "violated"]
 
 @dataclass(frozen=True)
 class Claim:
-    """Result for one requirement, over all time.
+    """Result of the proof of one requirement, over all time.
 
     Attributes:
         label: The requirement, as in `verify` ("input u2", "joint theta3").
@@ -25,7 +25,7 @@ class Claim:
         attained: Proven upper bound of the least margin, reached at `time_s`; NaN if unknown.
         time_s: Time of the least margin, in seconds; None if unknown, or if no single time has it.
         unit: Unit of the margin.
-        required: Whether the problem requires it; otherwise it is informative.
+        required: Whether the problem requires this; otherwise the claim is informative.
         why: Reason why the claim is undecided; empty otherwise.
     """
 
@@ -62,7 +62,7 @@ COLUMNS: list[Column[Claim]] = [
     Column("margin", "", lambda c: f"{c.guaranteed:.4g} {c.unit}".strip()),
     Column("least at", "s", lambda c: "" if c.time_s is None else f"{c.time_s:.4g}"),
 ]
-"""The table of claims in a notebook."""
+"""Columns of the table of claims in a notebook."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Certificate:
     """What is proven of a plan's true motion, on whole intervals and not only at samples.
 
     Attributes:
-        claims: One per requirement.
+        claims: One claim per requirement.
         motion_error: Proven bound of |plan.q(t) − true motion| over all time, by coordinate name,
             in the coordinates' units; infinite if no bound is proven.
         cells: Number of subintervals used in the proof.
@@ -88,13 +88,13 @@ class Certificate:
 
     @property
     def ok(self) -> bool:
-        """Whether everything required is proven."""
+        """Whether every requirement of the problem is proven."""
         required = [c for c in self.claims if c.required]
         return bool(required) and all(c.status == "proven" for c in required)
 
     @property
     def open(self) -> tuple[Claim, ...]:
-        """Requirements that are not proven; violations first."""
+        """Claims of required conditions that are not proven, violations first."""
         left = [c for c in self.claims if c.required and c.status != "proven"]
         return tuple(sorted(left, key=lambda c: c.status != "violated"))
 
@@ -113,7 +113,7 @@ class Certificate:
         return f"Certificate({self})"
 
     def _repr_html_(self) -> str:
-        """Notebook view: one row per claim."""
+        """Return the table that a notebook shows, one row per claim."""
         return html_table(COLUMNS, self.claims, str(self))
 
     def __str__(self) -> str:
@@ -129,7 +129,7 @@ class Certificate:
         return f"{counted}; {sampled} ({self.open[0].why})"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready form; unknown numbers are null. `certificate_from_dict` reads it."""
+        """Return JSON-ready data that `certificate_from_dict` reads; unknown numbers are null."""
         return {
             "ok": self.ok,
             "text": str(self),
@@ -150,17 +150,17 @@ class Certificate:
 
 
 MOST_LABELS = 3
-"""Maximum number of labels in one line; further ones are counted."""
+"""Largest number of labels in one line; further labels are only counted."""
 
 
 def shown_labels(labels: Sequence[str]) -> str:
-    """Join up to `MOST_LABELS` labels into one text that ends with the number of the others."""
+    """Return up to `MOST_LABELS` labels as one text that ends with the number of the others."""
     more = len(labels) - MOST_LABELS
     return ", ".join(labels[:MOST_LABELS]) + (f" and {more} more" if more > 0 else "")
 
 
 def certificate_from_dict(data: Mapping[str, Any]) -> Certificate:
-    """Read the output of `Certificate.to_dict`."""
+    """Return the certificate that `Certificate.to_dict` wrote."""
     errors = {n: np.inf if e is None else e for n, e in data["motion_error"].items()}
     claims = tuple(_claim_from_dict(c) for c in data["claims"])
     return Certificate(claims, errors, data["cells"], data["seconds"])
@@ -178,5 +178,5 @@ def _finite(value: float) -> float | None:
 
 
 def undecided_claim(label: str, unit: str, why: str, required: bool = True) -> Claim:
-    """Make an undecided claim, without a bound or a time, for the reason `why`."""
+    """Return an undecided claim without bound and time, for the reason `why`."""
     return Claim(label, "undecided", -np.inf, np.nan, None, unit, required, why)

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 from planner.support.arrays import Array
 
 RATE_TOLERANCE = 1e-6
-"""Largest difference of the clock's rate from 0 or 1: sums of time steps are rounded."""
+"""Largest difference of a clock's rate from 0 or 1 that rounding of time steps explains."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """A piecewise linear map from the machine's time to the plan's.
+    """A piecewise linear map from the machine's time to the plan's time.
 
     The plan's clock runs at the machine's rate or stands still. It stands still while backlash and
     torsion are taken up, before the plan starts and where its drive reverses, and after its end.
@@ -32,7 +32,7 @@ class Clock:
 
     @classmethod
     def running(cls, seconds: float) -> Clock:
-        """Return the clock of a plan without holds."""
+        """Return the clock of a plan without holds that lasts `seconds`."""
         return cls((0.0, seconds), (0.0, seconds))
 
     @classmethod
@@ -63,7 +63,7 @@ class Clock:
 
     @property
     def flaw(self) -> str:
-        """Why the map is not a valid clock; empty if it is."""
+        """Reason why the map is not a valid clock; empty for a valid clock."""
         if not (len(self.t) == len(self.s) >= 2 and self.t[0] == self.s[0] == 0):
             return "it must have equally many times of the machine and of the plan, both from 0"
         steps = np.diff(self.t)
@@ -79,10 +79,10 @@ class Clock:
         return np.asarray(np.interp(np.asarray(t, dtype=float), self.t, self.s))
 
     def when(self, s: float) -> float:
-        """The machine's time at which the plan's clock shows s.
+        """Return the machine's time at which the plan's clock shows s.
 
-        If the clock is held at s this is the end of the hold (for s = 0, of the preparatory
-        motion); for the plan's end it is the start of the hold.
+        If the clock is held at s, this is the end of the hold (for s = 0, of the preparatory
+        motion), but the start of the hold for the plan's end.
         """
         last = self.s[-1]
         if s >= last:

@@ -37,7 +37,7 @@ class Cells:
 
     @classmethod
     def between(cls, breaks: Array, times: Array, finest: float) -> Cells:
-        """The pieces, divided near the given times at multiples of the fraction `finest`."""
+        """Return the pieces divided near the given times, at multiples of the fraction `finest`."""
         piece = np.clip(np.searchsorted(breaks, times, side="right") - 1, 0, len(breaks) - 2)
         share = np.round((times - breaks[piece]) / np.diff(breaks)[piece] / finest) * finest
         begins = np.array(
@@ -51,7 +51,7 @@ class Cells:
 
     @property
     def width(self) -> Array:
-        """Durations in seconds, shape (C,), rounded."""
+        """Durations of the cells in seconds, shape (C,), rounded."""
         return np.asarray(np.diff(self.breaks)[self.piece] * self.size)
 
     def fractions(self, share: Array) -> Array:
@@ -59,21 +59,20 @@ class Cells:
         return np.asarray(self.low + self.size * share[:, None])
 
     def time(self, cell: Pieces, x: Array) -> Array:
-        """Time in seconds at x in [−1, 1] of the cells with these indices."""
+        """Return the times in seconds at x in [−1, 1] of the cells with the indices `cell`."""
         begins = self.breaks[self.piece] + np.diff(self.breaks)[self.piece] * self.low
         return np.asarray(begins[cell] + self.width[cell] * (x + 1) / 2)
 
     def times(self, x: Array) -> Array:
-        """Return the times (C, M) in seconds at x in [−1, 1] of each cell; x of shape (M,), or (C,
-        1)."""
+        """Return the times (C, M) in seconds at x in [−1, 1] of each cell; x is (M,) or (C, 1)."""
         return self.time(np.arange(len(self.piece))[:, None], x)
 
     def select(self, which: NDArray[Any]) -> Cells:
-        """Select cells by index or mask."""
+        """Return the cells that an index or mask selects."""
         return Cells(self.breaks, self.piece[which], self.low[which], self.size[which])
 
     def split(self, parts: NDArray[np.int_] | int = 4) -> tuple[Cells, Pieces]:
-        """Split each cell into equal parts (a power of two); also return each part's old cell.
+        """Return each cell split into equal parts (a power of two), and the old cell of each part.
 
         Near a singularity, splitting in four needs half as many rounds as halving.
         """
@@ -91,22 +90,22 @@ class Cells:
 
 
 def join_cells(parts: Sequence[Cells]) -> Cells:
-    """Concatenate groups of cells."""
+    """Return groups of cells as one, in order."""
     columns = [np.concatenate([getattr(p, n) for p in parts]) for n in ("piece", "low", "size")]
     return Cells(parts[0].breaks, *columns)
 
 
 MOST_DEGREE = 50
-"""Maximum degree of a curve: methods need less (35 for an input law of eight joints through
-twenty points), and up to this degree floats hold the binomial coefficients exactly. The
-verification evaluates each polynomial at more points than its degree."""
+"""Largest degree of a curve: methods need less (35 for an input law of eight joints through twenty
+points), and up to this degree floats hold the binomial coefficients exactly. The verification
+evaluates each polynomial at more points than its degree."""
 
 
 def expect_curve(name: str, curve: Bernstein, values: tuple[int, ...]) -> Bernstein:
-    """Check a curve over [0, duration]; convert SciPy's `BPoly` to `Bernstein`.
+    """Return a curve over [0, duration], checked, and as `Bernstein` if it was SciPy's `BPoly`.
 
     Raises:
-        ValueError: If its breaks do not increase from 0, its values have the wrong shape, or its
+        ValueError: If the breaks do not increase from 0, the values have the wrong shape, or the
             degree is too high.
     """
     breaks, shape = np.asarray(curve.x), curve.c.shape[2:]
@@ -120,6 +119,6 @@ def expect_curve(name: str, curve: Bernstein, values: tuple[int, ...]) -> Bernst
 
 
 def nonfinite_part(**parts: Array) -> str:
-    """Say which of the arrays contain NaN or infinity; empty if none does."""
+    """Say which of the arrays contain NaN or infinity; empty if all are finite."""
     bad = [name for name, part in parts.items() if not np.all(np.isfinite(part))]
     return f"{' and '.join(bad)} hold numbers that are not finite" if bad else ""

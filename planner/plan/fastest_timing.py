@@ -36,24 +36,24 @@ _RATE_POINTS = [0, DEGREE // 2, DEGREE]
 
 _MOST_ROUNDS = 5
 _LIMIT_TOLERANCE = 1e-5
-"""`fastest_clock` stops tightening limits when inputs and rates exceed them by less than this share
-between these points. Slowing the whole motion then removes the excess."""
+"""Share by which inputs and rates may exceed limits between these points before `fastest_clock`
+tightens the limits again. Slowing the whole motion then removes the excess."""
 
 _CORNER_TOLERANCE = JUMP_TOLERANCE / 2
-"""A larger change of direction at a node, in units of the limits, is a corner, where the motion
-stops. At a smaller one it goes on; the step of its inputs is then too small to count as a jump."""
+"""Change of direction at a node, in units of the limits, above which the node is a corner, where
+the motion stops. At smaller changes the inputs' step is too small to count as a jump."""
 
 _STRAIGHT_TOLERANCE = 1e-6
-"""A path whose direction changes by less in total, in units of the limits, counts as straight."""
+"""Total change of direction, in units of the limits, below which a path counts as straight."""
 
 
 @dataclass(frozen=True)
 class PathIntervals:
-    """A path, divided into intervals of its length.
+    """A path that is divided into intervals of its length.
 
     Attributes:
         nodes: Lengths at the nodes, shape (M+1,).
-        stations: The path's own times at the nodes, shape (M+1,).
+        stations: Times of the original path at the nodes, shape (M+1,).
         stops: Whether the motion must stop at each node, shape (M+1,): at corners, and at both ends
             if it starts and ends at rest.
         w: Inputs per unit of ds/dt at each interval's Chebyshev points, shape (M, D, 2).
@@ -70,11 +70,11 @@ class PathIntervals:
 def cut_path(
     path: Trajectory, length: Bernstein, scale: Array, intervals: int, rest: bool
 ) -> PathIntervals:
-    """Divide a path into about `intervals` intervals, finer where its direction changes.
+    """Return a path divided into about `intervals` intervals, finer where its direction changes.
 
     Args:
         path: The path.
-        length: Its length over its own time, from `arc_length`.
+        length: Length of the path over the path's own time, from `arc_length`.
         scale: Scale of each input, shape (2,), as for `arc_length`.
         intervals: Approximate number of intervals.
         rest: Whether the motion starts and ends at rest.
@@ -102,7 +102,7 @@ def _stop_nodes(w: Array, rest: bool) -> NDArray[np.bool_]:
 
 
 def _graded_grid(count: int, first: bool, last: bool) -> Array:
-    """Return the points on [0, 1], shape (count+1,), denser near ends where the motion stops.
+    """Return points from 0 to 1, shape (count+1,), denser near an end where the motion stops.
 
     Near a stop the length grows with the square of time.
     """
@@ -115,10 +115,10 @@ def _graded_grid(count: int, first: bool, last: bool) -> Array:
 
 
 def fastest_clock(stretch: PathIntervals, top: Array, rate: Array) -> Bernstein:
-    """Compute the fastest clock s(t), piecewise quadratic.
+    """Return the fastest clock s(t), piecewise quadratic.
 
-    The program limits the rates at three points of each interval. If a limit is exceeded between
-    them, it is tightened in that interval and the program is solved again.
+    The program limits the rates at three points of each interval. A limit that is exceeded between
+    the points is tightened in that interval, and the program is solved again.
 
     Args:
         stretch: The divided path.
@@ -142,9 +142,9 @@ def fastest_clock(stretch: PathIntervals, top: Array, rate: Array) -> Bernstein:
 
 
 def _directions(path: Trajectory, length: Bernstein, grid: Grid) -> Array:
-    """Inputs w per unit of ds/dt at the grid's points (lengths s), shape (M, D, 2).
+    """Return the inputs w per unit of ds/dt at the grid's points (lengths s), shape (M, D, 2).
 
-    The ends of each piece are evaluated slightly inside it.
+    The ends of each piece are evaluated slightly inside the piece.
     """
     left, right = grid.breaks[:-1, None], grid.breaks[1:, None]
     nudge = 1e-7 * (right - left)
@@ -156,7 +156,7 @@ def _directions(path: Trajectory, length: Bernstein, grid: Grid) -> Array:
 
 
 def _stations(length: Bernstein, nodes: Array) -> Array:
-    """The path's own times at the nodes; exact where a node is a break of `length`."""
+    """Return the path's own times at the nodes; exact where a node is a break of `length`."""
     edges = np.append(length.c[0], length.c[-1, -1])
     k = np.minimum(np.searchsorted(edges, nodes, side="right") - 1, len(edges) - 2)
     sigma = Inverse(length)(nodes, length.x[k], length.x[k + 1])
@@ -165,13 +165,13 @@ def _stations(length: Bernstein, nodes: Array) -> Array:
 
 
 def _rates(stretch: PathIntervals, b: Array) -> Array:
-    """du/dt at the Chebyshev points of every interval, shape (M, D, 2)."""
+    """Return du/dt at the Chebyshev points of every interval, shape (M, D, 2)."""
     slope = np.diff(b) / (2 * np.diff(stretch.nodes))
     return np.asarray(stretch.dw * _interpolate(b)[..., None] + stretch.w * slope[:, None, None])
 
 
 def _interpolate(b: Array) -> Array:
-    """Interpolate b linearly from the nodes to the Chebyshev points, shape (M, D)."""
+    """Return b at the Chebyshev points, (M, D), interpolated linearly between the nodes (M+1,)."""
     return np.asarray(b[:-1, None] + np.diff(b)[:, None] * Grid(np.array([0.0, 1.0])).times[0])
 
 
@@ -185,7 +185,7 @@ def _ceiling(stretch: PathIntervals, top: Array) -> Array:
 
 
 def _solve(stretch: PathIntervals, top: Array, rate: Array) -> Array:
-    """Solve the convex program for b at the nodes, with limits (M, 2) for each interval."""
+    """Return the optimal b at the nodes, (M+1,), for limits (M, 2) in each interval."""
     ceiling = _ceiling(stretch, top)
     free = np.flatnonzero(~stretch.stops)
     spread = ca.DM.zeros(len(stretch.nodes), len(free))
@@ -255,20 +255,20 @@ def fastest_motion(
     rest: bool = False,
     intervals: int = 200,
 ) -> tuple[RetimedTrajectory, dict[str, Any]]:
-    """Compute the fastest timing of a path within limits on inputs and their rates, not verified.
+    """Return the fastest timing of a path within limits on inputs and their rates, not verified.
 
     Args:
-        path: A trajectory with inputs at all times. For a retimed one, its original path is used.
+        path: A trajectory with inputs at all times; if retimed, its original path is used.
         limits: Limits on inputs and their rates; each moving input must have at least one.
-        requirements: The whole motion is slowed until it meets these: slightly for limits on
+        requirements: Requirements for which the whole motion is slowed: slightly for limits on
             inputs and rates, which the clock respects already; as needed for others.
         moving: Which inputs move, shape (2,).
         rest: Whether inputs are zero at both ends; needs rate limits.
         intervals: Number of intervals of the program, if rates are limited.
 
     Returns:
-        The motion and notes on it. The note `slowed_for_other_limits` is the factor by which other
-        limits slowed the motion; it is then not the fastest timing under those limits.
+        The motion and notes. The note `slowed_for_other_limits` is the factor by which other limits
+        slowed the motion, whose timing is then not the fastest under those limits.
 
     Raises:
         NotConvergedError: If the program is not solved, or an input would jump although a
@@ -293,8 +293,8 @@ def fastest_motion(
 
 
 CLOCK_SLOWING = 1.01
-"""A slowing factor up to this value only corrects the clock's small excess over its own limits. A
-larger one comes from another limit, under which the timing is not the fastest one."""
+"""Largest slowing factor that only corrects the clock's small excess over its own limits. A larger
+factor comes from another limit, under which the timing is not the fastest."""
 
 
 def _time_by_input_limits(path: Trajectory, limits: Limits, moving: InputMask) -> RetimedTrajectory:

@@ -35,7 +35,7 @@ from planner.systems.triangular_system import TriangularSystem
 EFFORT = "integral of u1^2 + u2^2 dt"
 SMOOTHNESS = "integral of (du1/dt)^2 + (du2/dt)^2 dt"
 CLOSENESS = "mean closeness to the domain's edge"
-"""Terms of an objective, as they appear in its name."""
+"""Terms of an objective, as the objective's name contains them."""
 
 EDGE_MARGIN = 0.05
 """Margin (for the manipulator, sin² of an angle) at which the closeness to an edge is 1/e."""
@@ -44,7 +44,7 @@ _GAUSS = np.polynomial.legendre.leggauss(4)
 
 
 def effort(trajectory: Trajectory) -> float:
-    """∫ u₁² + u₂² dt, by Gauss quadrature that is finer near the ends of pieces."""
+    """Return ∫ u₁² + u₂² dt, by Gauss quadrature that is finer near the ends of pieces."""
     return float(np.sum(_efforts(trajectory)))
 
 
@@ -85,7 +85,7 @@ def effort_unit(system: TriangularSystem) -> str:
 
 
 def excess_share(trajectory: Trajectory, limit: Array) -> Array:
-    """Share of each input's travel ∫|u| dt by which |u| exceeds its limit, shape (2,), 0 … 1.
+    """Return the share of each input's travel ∫|u| dt above the input's limit, shape (2,), 0 … 1.
 
     The share is ∫ max(|u| − limit, 0) dt / ∫ |u| dt; zero for an input that is always zero.
     """
@@ -97,7 +97,7 @@ def excess_share(trajectory: Trajectory, limit: Array) -> Array:
 
 
 def _quadrature(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Times and weights (M, 4) of Gauss quadrature that is finer near the ends of pieces."""
+    """Return times and weights (M, 4) of Gauss quadrature that is finer near the ends of pieces."""
     edges = np.unique(np.concatenate([sample_times(trajectory.breaks, 1000), trajectory.breaks]))
     nodes, weights = _GAUSS
     half = np.diff(edges)[:, None] / 2
@@ -105,7 +105,7 @@ def _quadrature(trajectory: Trajectory) -> tuple[Array, Array]:
 
 
 def objective_of(trajectory: Trajectory, name: str) -> float | None:
-    """Compute an objective for a motion from the objective's name; None if the name is unknown.
+    """Return the value of the named objective for a motion; None if the name is unknown.
 
     Args:
         trajectory: The motion.
@@ -137,9 +137,9 @@ _TERMS: dict[str, Callable[[Trajectory], float]] = {
 
 
 def _chart_objective(trajectory: Trajectory, kind: str) -> float | None:
-    """Objective of the convex method, "smoothness" or peak |v₂| for a constant v₁.
+    """Return an objective of the convex method, "smoothness" or peak |v₂| for a constant v₁.
 
-    It is computed from the path before retiming; None if that is not a chained trajectory.
+    The path before retiming counts; None if that path is not a chained trajectory.
     """
     path = trajectory
     while isinstance(path, RetimedTrajectory):
@@ -170,11 +170,11 @@ def peak_rates(trajectory: Trajectory) -> Array:
 
 
 LEAST_TURN = 0.02
-"""Reversals of the path coordinate below this share of its range do not count as turns."""
+"""Least reversal of the path coordinate that counts as a turn, as a share of its range."""
 
 
 def turns(trajectory: Trajectory) -> Array:
-    """Times (m,), s, at which q₁ reverses its direction by over `LEAST_TURN` of its range."""
+    """Return the times (m,), s, at which q₁ turns back by more than `LEAST_TURN` of its range."""
     t = np.linspace(0.0, trajectory.duration, 2001)
     way = trajectory.q(t)[:, 0]
     least, out, heading, far = LEAST_TURN * float(np.ptp(way)), [], 0.0, 0
@@ -189,11 +189,11 @@ def turns(trajectory: Trajectory) -> Array:
 
 
 def slowing_factor(requirements: Sequence[Requirement], trajectory: Trajectory) -> float:
-    """Factor by which to multiply a motion's time so that it just meets the limits on speed.
+    """Return the factor on a motion's time with which the motion just meets the limits on speed.
 
-    Below 1 the motion could be faster. Infinite if an input jumps although its rate is limited; NaN
-    if a limited value is undefined. A driftless system's path does not depend on timing: inputs
-    scale with 1/T, their rates with 1/T².
+    The factor is below 1 if the motion could be faster, infinite if an input with limited rate
+    jumps, NaN if a limited value is undefined. A driftless system's path does not depend on timing:
+    inputs scale with 1/T, their rates with 1/T².
     """
     speed_limits = [requirement for requirement in requirements if requirement.speed_power]
     formulas = [requirement for requirement in speed_limits if not requirement.is_direct]
@@ -225,7 +225,7 @@ class DomainReport:
         ok: Whether the trajectory stays strictly inside the chart's domain at all times.
         margin: Least margin (cos²θ or 1 − cos²θ, dimensionless); negative outside the domain.
         time_s: Time of the least margin, in seconds.
-        label: Name of that margin.
+        label: Name of the least margin.
         exits_s: Times at which the trajectory leaves or re-enters the domain, in seconds.
         z2_crossings_s: Times at which z₂ = 0, in seconds.
         z2_max: Greatest z₂ over all time.
@@ -250,7 +250,7 @@ class DomainReport:
 
     @property
     def singular_times_s(self) -> tuple[float, ...]:
-        """All times at which the chart is singular or left, increasing; none when `ok`."""
+        """Increasing times at which the chart is singular or left, s; empty if `ok`."""
         if self.ok:  # z2 = 0 is singular for the paper's three-joint arm, not for every system
             return ()
         times = sorted((*self.exits_s, *self.z2_crossings_s))
@@ -258,12 +258,12 @@ class DomainReport:
 
 
 def worst_margin(margins: Array) -> Array:
-    """Least margin over the last axis, ignoring NaN (if one is undefined, another is negative)."""
+    """Return the least margin over the last axis, without NaN: beside NaN another is negative."""
     return np.asarray(np.min(np.where(np.isnan(margins), np.inf, margins), axis=-1))
 
 
 def domain_report(trajectory: Trajectory) -> DomainReport:
-    """Find margins, exits and crossings of a trajectory over all time.
+    """Return margins, exits and crossings of a trajectory in the chart's domain, over all time.
 
     If the path stays inside, the extremes of the margins and z₂ are those of their Chebyshev
     series. A path that leaves the domain has no coordinates outside; then margins and z₂ come from

@@ -67,23 +67,23 @@ class Plan:
     computing times do not count.
 
     Attributes:
-        problem: The problem it solves.
+        problem: The problem that the plan solves.
         method: Name of the method.
         options: The method's options, as used.
         trajectory: The curve itself.
         status: "solved", or the reason why the plan is not valid ("singular", "not_converged", …).
         objective: Value of the method's objective.
         objective_name: Name of the objective ("effort: integral of u1^2 + u2^2 dt").
-        solve_time_s: Seconds the method spent solving.
-        build_time_s: Seconds it spent building the optimisation problem (zero if reused).
-        iterations: Iterations of its solver; 0 for closed-form methods.
+        solve_time_s: Seconds that the method spent solving.
+        build_time_s: Seconds spent building the optimisation problem (zero if reused).
+        iterations: Iterations of the method's solver; 0 for closed-form methods.
         verified: Whether the independent verification passed (set by `solve`).
         notes: Further facts from the method, JSON-ready (the first guess used, constraint points,
             …).
         certificate: What is proven of the plan between the nodes (set by `solve`; see `certify`).
-        why: The requirement that the plan violates, in one line, if its file wrongly calls it
-            verified; otherwise empty.
-        compensation: For a compensated plan, its original plan and machine (set by `compensate`);
+        why: The requirement that the plan violates, in one line, if the plan's file wrongly calls
+            the plan verified; otherwise empty.
+        compensation: Original plan and machine of a compensated plan (set by `compensate`);
             otherwise None.
         claimed: For a verified plan that was read from a file, the figures that were taken from the
             file and not computed again ("objective", "notes.optimality"); otherwise empty.
@@ -130,7 +130,7 @@ class Plan:
 
     @property
     def only_sampled(self) -> tuple[str, ...]:
-        """Labels of requirements that are sampled but not proven, for a verified plan.
+        """Labels of requirements of a verified plan that are sampled but not proven.
 
         Empty for a compensated plan, whose motion is that of the nominal machine.
         """
@@ -140,12 +140,12 @@ class Plan:
 
     @property
     def reservations(self) -> list[str]:
-        """Phrases that name requirements only sampled, and figures that only the file claims."""
+        """Phrases on requirements that are only sampled and figures that only the file claims."""
         said = {"only sampled": self.only_sampled, "only its file says": self.claimed}
         return [f"{words}: {shown_labels(labels)}" for words, labels in said.items() if labels]
 
     def __str__(self) -> str:
-        """A summary: method and state; effort and peak inputs if the inputs exist; problem."""
+        """Return a summary: method, state, effort and peak inputs if the inputs exist, problem."""
         lines = [repr(self)]
         if self.executable:
             peaks = peak_inputs(self.trajectory)
@@ -157,7 +157,7 @@ class Plan:
 
     @property
     def compensates(self) -> Plan | None:
-        """The original plan of a compensated plan; None for all others."""
+        """The original plan of a compensated plan; None for all other plans."""
         return None if self.compensation is None else self.compensation.plan
 
     @property
@@ -167,14 +167,14 @@ class Plan:
 
     @property
     def clock(self) -> Clock:
-        """Map from a compensated plan's time to its original plan's; for others, the identity."""
+        """Map from a compensated plan's time to the original plan's time; else the identity."""
         if self.compensation is None:
             return Clock.running(self.duration)
         return self.compensation.clock
 
     @property
     def lead_s(self) -> float:
-        """Duration of a compensated plan's preparatory motion, in seconds; else 0."""
+        """Duration of a compensated plan's preparatory motion, s; 0 for other plans."""
         return self.clock.lead_s
 
     @property
@@ -191,8 +191,8 @@ class Plan:
         """Return the reference coordinates (…, N) at times t (…), against which errors are
         measured.
 
-        They are the plan's own coordinates; for a compensated plan, those of the original plan at
-        the time that `clock` shows, and NaN during the preparatory motion.
+        These are the plan's own coordinates, or for a compensated plan those of the original plan
+        at the time that `clock` shows, and NaN during the preparatory motion.
         """
         if self.compensates is None:
             return self.trajectory.q(t)
@@ -206,17 +206,17 @@ class Plan:
 
     @property
     def duration(self) -> float:
-        """Seconds from start to end."""
+        """Duration of the motion, s."""
         return self.trajectory.duration
 
     @property
     def travel(self) -> float:
-        """q₁(T) − q₁(0), radians for the manipulator."""
+        """Travel q₁(T) − q₁(0), radians for the manipulator."""
         return float(self.z(self.duration)[0] - self.z(0.0)[0])
 
     @cached_property
     def domain(self) -> DomainReport:
-        """Margins and exits of the chart's domain over all time."""
+        """Report on where the plan lies in the chart's domain: margins and exits over all time."""
         return domain_report(self.trajectory)
 
     @property
@@ -225,19 +225,19 @@ class Plan:
         return self.trajectory.in_coordinates or self.domain.ok
 
     def q(self, t: ArrayLike) -> Array:
-        """Coordinates, shape (…, N), at times t (…); RuntimeWarning outside [0, duration]."""
+        """Return coordinates (…, N) at times t (…); RuntimeWarning outside [0, duration]."""
         return self.trajectory.q(self._times(t))
 
     def user(self, t: ArrayLike) -> Array:
-        """User coordinates, shape (…, N), at times t (…): `q` if the system defines no others."""
+        """Return user coordinates (…, N) at times t (…): `q` if the system defines no others."""
         return self.problem.system.user(self.trajectory.q(self._times(t)))
 
     def u(self, t: ArrayLike) -> Array:
-        """Inputs, shape (…, 2), at times t (…); RuntimeWarning outside [0, duration]."""
+        """Return inputs (…, 2) at times t (…); RuntimeWarning outside [0, duration]."""
         return self.trajectory.u(self._times(t))
 
     def theta(self, t: ArrayLike) -> Array:
-        """Joint angles of an arm, radians, shape (…, n), at times t (…).
+        """Return the joint angles of an arm, radians, shape (…, n), at times t (…).
 
         Times outside [0, duration] give a RuntimeWarning.
 
@@ -254,15 +254,15 @@ class Plan:
         return self.q(t)[..., joints]
 
     def z(self, t: ArrayLike) -> Array:
-        """Chained coordinates, shape (…, N), at times t (…); RuntimeWarning outside the plan."""
+        """Return chained coordinates (…, N) at times t (…); RuntimeWarning outside the plan."""
         return self.trajectory.z(self._times(t))
 
     def v(self, t: ArrayLike) -> Array:
-        """Chained inputs, shape (…, 2), at times t (…); RuntimeWarning outside [0, duration]."""
+        """Return chained inputs (…, 2) at times t (…); RuntimeWarning outside [0, duration]."""
         return self.trajectory.v(self._times(t))
 
     def _times(self, t: ArrayLike) -> Array:
-        """Convert times to floats; clip those outside the plan by rounding, warn about others."""
+        """Return times as floats; clip those just outside the plan by rounding, warn of others."""
         times, slack = np.asarray(t, dtype=float), ROUNDING * max(1.0, self.duration)
         outside = (times < -slack) | (times > self.duration + slack)
         if np.any(outside):
@@ -285,7 +285,7 @@ class Plan:
         return write_text(path, self.to_json())
 
     def to_json(self) -> str:
-        """Return the text that `save` writes."""
+        """Return the plan as the JSON text that `save` writes."""
         return json.dumps(jsonable(self._to_dict()), indent=1, allow_nan=False) + "\n"
 
     def _to_dict(self) -> dict[str, Any]:
@@ -337,19 +337,19 @@ class Compensation:
 
 
 def mark_cut_short(plan: Plan, span: Span, how: str) -> Plan:
-    """Return the plan with a status that says why the work on it ended early.
+    """Return the plan with the status "interrupted" or "time_limit", as the work ended early.
 
-    The note `ended_early` says the same in words, with the reason of `span` and `how`.
+    The note `ended_early` says in words why, from `span`, and `how` the work ended.
     """
     status = "interrupted" if span.ended_by else TimeLimitError.status
     return replace(plan, status=status, notes={**plan.notes, "ended_early": f"{span.why} {how}"})
 
 
 def expect_plan(value: object) -> None:
-    """Refuse anything but a plan, such as the name of its file.
+    """Refuse any value but a plan, such as the name of a plan's file.
 
     Raises:
-        InputError: If it is not a plan; the message says how to get one.
+        InputError: If the value is not a plan; the message says how to get one.
     """
     how = "planner.solve(problem, method) makes one and planner.load_plan(path) reads one"
     if callable(getattr(value, "plan", None)):  # a recorded run

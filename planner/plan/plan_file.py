@@ -26,7 +26,7 @@ def read_plan(path: str | Path) -> Plan:
     """Read a file of `Plan.save` without checking the plan; `planner.load_plan` verifies it.
 
     Raises:
-        InputError: If the file is missing, is not a plan, or has a newer version.
+        InputError: If the file is missing, is not a plan, or has another version.
     """
     return _plan(_read(path), path)
 
@@ -54,7 +54,7 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
 
 
 def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Clock:
-    """Read and check the clock; older files have only the durations of the holds at both ends."""
+    """Return the checked clock of a file; older files have only the holds at both ends."""
     seconds = original.duration
     if said := made_from.get("clock"):
         clock = Clock(tuple(said["t"]), tuple(said["s"]))
@@ -72,7 +72,7 @@ def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Cl
 
 
 def _read_back(value: Any) -> Any:
-    """Convert null to NaN, and make a text safe to display."""
+    """Return a JSON value with NaN for null and with texts safe to display."""
     if isinstance(value, str):
         return line(value)
     return float("nan") if value is None else value
@@ -89,10 +89,10 @@ def _read(path: str | Path) -> dict[str, Any]:
 
 
 Number = float | None
-"""A number; null if undefined."""
+"""A number in a plan file; null if undefined."""
 
 Finite = Annotated[float, Field(ge=-MOST_NUMBER, le=MOST_NUMBER)]
-"""A number from which the plan is computed. Like a problem's numbers it is bounded, so that no
+"""A number from which the plan is computed, bounded as a problem's numbers are, so that no
 computation overflows."""
 
 Amount = Annotated[float, Field(ge=0, le=MOST_NUMBER)]

@@ -31,69 +31,69 @@ from planner.support.calculus.chebyshev import (
 from planner.systems.triangular_system import TriangularSystem
 
 POINTS = 16
-"""Points per cell; rates up to degree 15 are integrated exactly."""
+"""Number of points per cell; rates up to degree 15 are integrated exactly."""
 
 CONTROL_POINTS = 29
-"""Points per cell at which the input is read and integrated a second time, as a check (control
-points). Only the ends coincide with the first 16. A curve of higher degree gets degree + 1."""
+"""Number of points per cell at which the input is read and integrated again as a check (control
+points). Only the ends coincide with the first 16. Curves of higher degree get degree + 1 points."""
 
 INPUT_TOLERANCE = 1e-7
-"""A cell is split if, at the control points, the input differs from its series by more than this
-share of its greatest value. It is a tenth of `JUMP_TOLERANCE` and of the tolerance of limits."""
+"""Difference between input and series at the control points, as a share of the input's greatest
+value, above which a cell is split: a tenth of `JUMP_TOLERANCE` and of the tolerance of limits."""
 
 LESSER_INPUT_SHARE = 0.01
-"""An input's error is measured relative to at least this share of the other input: rounding in the
-chart's inverse is about 1e-9 of the larger input."""
+"""Least scale of an input's error, as a share of the larger input: rounding in the chart's inverse
+is about 1e-9 of the larger input."""
 
 SAMPLES = 33
-"""Samples per cell for extremes: twice the number of extremes of a series of degree 15."""
+"""Number of samples per cell for extremes: twice the extremes of a series of degree 15."""
 
 CLOSE_SAMPLES = 129
-"""Samples of a cell that may contain the greatest value. From a maximum to the nearest sample the
-argument of the fastest term, cos 15θ, changes by at most a fifth of a radian, so Newton's method
-converges."""
+"""Number of samples of a cell that may contain the greatest value. From a maximum to the nearest
+sample the argument of the fastest term, cos 15θ, changes by at most a fifth of a radian, so
+Newton's method converges."""
 
 NEWTON_STEPS = 3
-"""Newton steps from a sample to a maximum; two leave an error of a billionth of a radian."""
+"""Number of Newton steps from a sample to a maximum; two leave an error of 1e-9 rad."""
 
 EXTREME_TOLERANCE = 1e-12
-"""A maximum is not searched for if it can exceed the best value by at most this share of the
-function's size."""
+"""Possible gain over the best value, as a share of the function's size, up to which a maximum is
+not searched for."""
 
 TAIL_TOLERANCE = 1e-11
-"""A cell is fine enough if the series' last coefficients (its tail) are below this share of the
+"""Largest tail (last coefficients of a series) of a cell that is fine enough, as a share of the
 function's size there, or of one if that is larger."""
 
 NOISE_TAIL = 1e-8
-"""A tail below this share that splitting does not reduce is due to rounding errors in the input."""
+"""Largest tail that counts as rounding of the input if splitting does not reduce the tail."""
 
 MOST_SPLITS = 20
-"""Maximum number of successive splits into four. The smallest cell is 1e-12 of its piece, in which
+"""Largest number of successive splits into four. The smallest cell is 1e-12 of its piece, in which
 floats still distinguish 4,000 times."""
 
 MOST_CELLS = 4000
-"""Maximum number of cells added to the pieces. A singular start needs 100; a noisy input would be
+"""Largest number of cells added to the pieces. A singular start needs 100; a noisy input would be
 split without end."""
 
 MOST_ROUNDS = 4
-"""Maximum number of integrations. Each one after the first splits all cells in four, so the last
-has cells of a 64th of the first."""
+"""Largest number of integrations. Each after the first splits all cells in four, so the cells of
+the last are a 64th of the first."""
 
 SWEEP_TOLERANCE = 1e-14
-"""Fixed-point sweeps end when q changes by less than this share of its size, or of one if that is
-larger: a few rounding units."""
+"""Change of q at which fixed-point sweeps end, as a share of q's size, or of one if that is larger:
+a few rounding units."""
 
 MOST_SWEEPS = 60
-"""Maximum number of sweeps with Newton's correction. If each rate reads only earlier coordinates,
-N + 1 sweeps without it suffice."""
+"""Largest number of sweeps with Newton's correction. If each rate reads only earlier coordinates, N
++ 1 sweeps without correction suffice."""
 
 JUMP_TOLERANCE = 1e-6
-"""A larger step between two cells, relative to the function's size, is a jump. Inputs near the edge
-of the chart and retimed inputs have errors of about 1e-7, which depend on the processor; an input
-may also exceed its limit by 1e-6."""
+"""Step between two cells, relative to the function's size, above which it is a jump. Inputs near
+the edge of the chart and retimed inputs have errors of about 1e-7, which depend on the processor;
+an input may also exceed its limit by 1e-6."""
 
 Values = Callable[[Array, Array], Array]
-"""Functions that the cells must resolve: they map q (P, C, N), u (P, C, 2) to values (P, C, F)."""
+"""Functions of q (P, C, N) and u (P, C, 2) to values (P, C, F) that the cells must resolve."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class Reading:
 
 
 def read_trajectory(trajectory: Trajectory, *values: Values, start: Cells | None = None) -> Reading:
-    """Read q and u on cells that are split until they resolve the given functions.
+    """Return q and u on cells that are split until they resolve the given functions.
 
     A cell on which a function is not finite is not split further.
 
@@ -146,9 +146,9 @@ def input_values(_: Array, u: Array) -> Array:
 
 
 def tails(values: Array) -> Array:
-    """Measure how well cells resolve functions (16, C, F), shape (C,); NaN where not finite.
+    """Return each cell's tail for functions (16, C, F), shape (C,); NaN where not finite.
 
-    It is the largest of the functions' last three Chebyshev coefficients, relative to the
+    The tail is the largest of the functions' last three Chebyshev coefficients, relative to the
     function's greatest value in the cell, or to one if that is larger.
     """
     last = apply(to_series(POINTS)[-3:], values)
@@ -162,17 +162,17 @@ class IntegratedMotion:
     """The motion q(t) under an input, by integration of the system's rates.
 
     Attributes:
-        cells: The cells on which it is stored.
+        cells: The cells on which the motion is stored.
         q: Coordinates, shape (16, C, N).
         u: Inputs, shape (16, C, 2).
-        error: Estimate of the largest error of q, in the coordinates' units; NaN where the input
-            or the rates are not finite.
+        error: Estimate of the largest error of q, in the coordinates' units; NaN where the input or
+            the rates are not finite.
         gap: Largest |q of the trajectory − q| over the 16 points and the control points, and its
             time.
         unresolved_input: Largest difference between the input and its series at the control points,
-            relative to its greatest value, and its time. Above `INPUT_TOLERANCE` only if splitting
-            cells did not reduce it enough.
-        unresolved_values: The same for further functions, relative to their greatest value or one.
+            relative to the input's greatest value, and its time. Above `INPUT_TOLERANCE` only if
+            splitting cells did not help.
+        unresolved_values: The same for further functions, relative to the greatest value or one.
     """
 
     cells: Cells
@@ -197,9 +197,9 @@ class IntegratedMotion:
         return _values_in_cells(self.series[:, cell], x)
 
     def input_distance(self, other: IntegratedMotion) -> float:
-        """Return the largest difference between another reading's input and this one's series.
+        """Return the largest difference between another motion's input and this motion's series.
 
-        It is relative to the input's greatest value.
+        The difference is relative to the input's greatest value.
 
         Args:
             other: The same trajectory, read on other cells; compared inside these cells.
@@ -228,8 +228,8 @@ def _values_in_cells(series: Array, x: Array) -> Array:
 
 
 def _share_of_peak(distances: Array, u: Array) -> Array:
-    """Return the larger of two inputs' distances (…, 2), each relative to its peak in u (16, C,
-    2)."""
+    """Return the larger of both inputs' distances (…, 2), each relative to the peak of that input
+    in u (16, C, 2)."""
     peaks = np.max(np.abs(u), axis=(0, 1))
     least = max(LESSER_INPUT_SHARE * np.max(peaks), 1e-12)
     return np.asarray(np.max(distances / np.maximum(peaks, least), axis=-1))
@@ -243,17 +243,17 @@ def integrate(
     system: TriangularSystem | None = None,
     cells: Cells | None = None,
 ) -> IntegratedMotion:
-    """Integrate a trajectory's input from `start` (N,).
+    """Return the motion from `start` (N,) under a trajectory's input, by integration.
 
     Args:
-        trajectory: Its u(t) is integrated; its q(t) is only a first guess.
+        trajectory: Trajectory whose u(t) is integrated and whose q(t) is only a first guess.
         start: q(0).
         tolerance: If the estimated error is larger, all cells are split and the motion integrated
             again.
         *values: Further functions that the cells must resolve; their values should be about one.
         system: The system whose rates are integrated; by default the trajectory's own.
-        cells: Cells that resolve the motion; they are split further only for the input and
-            the values. By default the trajectory's pieces are split as needed.
+        cells: Cells that resolve the motion; they are split further only for the input and the
+            values. By default the trajectory's pieces are split as needed.
     """
     system = system or trajectory.system
     for _ in range(MOST_ROUNDS if cells is None else 1):
@@ -267,7 +267,7 @@ def integrate(
 
 @dataclass(frozen=True, eq=False)
 class _Control:
-    """q (P, C, N) and u (P, C, 2) at the control points, and how far the series differ from them.
+    """q (P, C, N) and u (P, C, 2) at the control points, and how far the series differ there.
 
     `unresolved_input` and `unresolved_values` are as in `IntegratedMotion`.
     """
@@ -281,9 +281,9 @@ class _Control:
 def _read_and_control(
     trajectory: Trajectory, system: TriangularSystem, values: Sequence[Values], start: Cells | None
 ) -> tuple[Reading, _Control]:
-    """Read q and u on cells that also resolve input and values at the control points.
+    """Return q and u on cells that resolve input and values at the control points too.
 
-    Cells on which the input or the values differ there from their series are split.
+    Cells on which the input or the values differ from their series at these points are split.
     """
     count = max(CONTROL_POINTS, trajectory.degree + 1)
     for _ in range(MOST_ROUNDS):
@@ -342,7 +342,7 @@ def _integral(start: Array, width: Array, rates: Array) -> Array:
 
 
 def _fixed_point(system: TriangularSystem, start: Array, width: Array, q: Array, u: Array) -> Array:
-    """Solve q = start + ∫ rates(q, u) by fixed-point iteration; q has shape (16, C, N).
+    """Return the solution q (16, C, N) of q = start + ∫ rates(q, u), by fixed-point iteration.
 
     The sweeps converge if rates read only earlier coordinates. If a rate reads its own or a later
     coordinate, Newton's method then corrects q at the start of each cell.
@@ -383,13 +383,13 @@ def _jacobian(system: TriangularSystem, q: Array, u: Array) -> Array:
 
 
 def greatest(cells: Cells, values: Array) -> tuple[Array, Array]:
-    """Find the greatest value of functions (16, C, F) over all cells, and its time, both (F,).
+    """Return the greatest value of functions (16, C, F) over all cells, and its time, both (F,).
 
     In the angle θ with x = cos θ a series is a sum of cosines with |d²/dθ²| ≤ Σ k²|cₖ|. So a
     maximum exceeds the nearest sample by at most this bound times the squared sample distance over
     eight. Cells that may exceed all samples are sampled more densely. From each dense sample that
-    may be next to the greatest value, Newton's method finds the maximum. NaN where a function is
-    not finite.
+    may be next to the greatest value, Newton's method finds the maximum. The result is NaN where a
+    function is not finite.
     """
     series, samples = apply(to_series(POINTS), values), apply(resampling(POINTS, SAMPLES), values)
     order = np.arange(POINTS)[:, None]
@@ -426,7 +426,7 @@ def largest(cells: Cells, values: Array) -> Array:
 
 
 def jumps(values: Array) -> NDArray[np.bool_]:
-    """Return whether functions (16, C, F) jump between cells by over `JUMP_TOLERANCE` of their
+    """Return whether functions (16, C, F) jump between cells, by over `JUMP_TOLERANCE` of their
     size."""
     size = np.maximum(np.max(np.abs(values), axis=(0, 1)), 1e-12)
     return np.asarray(
@@ -435,7 +435,7 @@ def jumps(values: Array) -> NDArray[np.bool_]:
 
 
 def slopes(cells: Cells, values: Array) -> Array:
-    """Differentiate functions (16, C, F) in time, at the same points.
+    """Return the time derivatives of functions (16, C, F) at the same points.
 
     Differentiation multiplies a coefficient by up to 15² and divides it by the cell's width, so
     rounding in the last coefficients would dominate the slope in a short cell. Trailing
@@ -450,5 +450,5 @@ def slopes(cells: Cells, values: Array) -> Array:
 
 
 def _hidden_height(count: int) -> float:
-    """Bound on how far a maximum exceeds the nearest of `count` samples if |d²/dθ²| ≤ 1."""
+    """Return how far a maximum may exceed the nearest of `count` samples if |d²/dθ²| ≤ 1."""
     return (np.pi / (count - 1)) ** 2 / 8

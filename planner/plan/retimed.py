@@ -24,24 +24,24 @@ from planner.support.calculus.extremes import sample_times, zeros
 from planner.systems.triangular_system import TriangularSystem
 
 LENGTH_TOLERANCE = 1e-12
-"""Two lengths, or two of the path's own times, count as equal if they differ by less, relative to
-the whole length or time."""
+"""Difference of two lengths or times of a path that count as equal, relative to the whole length or
+time."""
 
 LEAST_GROWTH = 1e-4
-"""The length counts as constant where its slope ds/dσ, relative to its mean, is below this share of
-the inputs' norm, relative to its mean. For a length from `arc_length` these two ratios differ only
-because the inputs have different scales."""
+"""Least ratio of ds/dσ to the inputs' norm, each relative to its mean; where the ratio is less, the
+length counts as constant. For a length from `arc_length` the ratio differs from one only because
+the inputs have different scales."""
 
 
 @dataclass(frozen=True, eq=False)
 class RetimedTrajectory(Trajectory):
-    """q(t) = path.q(σ) with length(σ) = clock(t).
+    """Trajectory of a path with another timing: q(t) = path.q(σ) with length(σ) = clock(t).
 
-    The system is driftless, so with any increasing clock it follows the same path; its inputs are
-    the path's inputs times dσ/dt.
+    The system is driftless, so any increasing clock gives the same path; the inputs are the path's
+    inputs times dσ/dt.
 
     Attributes:
-        path: The trajectory whose path it follows.
+        path: The trajectory whose path is followed.
         length: Length s over the path's own time σ, scalar, increasing.
         clock: Length s over time t, scalar, increasing; it ends at the whole length.
         stations: σ at the clock's breaks, shape (K+1,); it contains every break of `length`, which
@@ -76,7 +76,7 @@ class RetimedTrajectory(Trajectory):
 
     @property
     def degree(self) -> int:
-        """Highest degree of its path, length and clock."""
+        """Highest degree of path, length and clock."""
         return max(self.path.degree, self.length.degree, self.clock.degree)
 
     @property
@@ -86,7 +86,7 @@ class RetimedTrajectory(Trajectory):
 
     @cached_property
     def flaw(self) -> str:
-        """Why the clock does not cover the path piece by piece without jumps; empty if it does.
+        """Reason why the clock does not cover the path piece by piece without jumps; else empty.
 
         Values at the ends and where two pieces meet are compared exactly, because a clock copies
         them from the length.
@@ -122,9 +122,9 @@ class RetimedTrajectory(Trajectory):
 
     @property
     def _stall(self) -> str:
-        """Where the length hardly grows although the path moves, in words; empty if nowhere.
+        """Words on where the length hardly grows although the path moves; empty if nowhere.
 
-        There dσ/dt, and with it the inputs, would be far too large.
+        At such a place dσ/dt, and thus the inputs, would be far too large.
         """
         grid = Grid(self.length.x)
         speed = np.linalg.norm(self.path.u(grid.times), axis=-1)
@@ -145,7 +145,7 @@ class RetimedTrajectory(Trajectory):
         return self.path.z(self.sigma(t))
 
     def margins(self, t: ArrayLike) -> Array:
-        """Chart margins of the path at σ(t)."""
+        """Return the chart margins of the path at σ(t)."""
         return self.path.margins(self.sigma(t))
 
     def u(self, t: ArrayLike) -> Array:
@@ -177,11 +177,11 @@ class RetimedTrajectory(Trajectory):
         return self.path.q(path_times), self.path.u(sigma) * pace
 
     def slowed(self, factor: float) -> RetimedTrajectory:
-        """The same path, which takes `factor` times as long."""
+        """Return the same path with a motion that takes `factor` times as long."""
         return RetimedTrajectory(self.path, self.length, self.clock.slowed(factor), self.stations)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready form."""
+        """Return the trajectory as JSON-ready data."""
         return {
             "kind": self.kind,
             "path": self.path.to_dict(),
@@ -192,7 +192,7 @@ class RetimedTrajectory(Trajectory):
 
     @classmethod
     def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> RetimedTrajectory:
-        """Read the output of `to_dict`."""
+        """Return the trajectory that `to_dict` wrote."""
         path = trajectory_from_dict(system, data["path"])
         length, clock = (Bernstein.from_dict(data[name]) for name in ("length", "clock"))
         return cls(path, length, clock, np.asarray(data["stations"], dtype=float))
@@ -206,7 +206,7 @@ class RetimedTrajectory(Trajectory):
         return self.clock.derivative()
 
     def sigma(self, t: ArrayLike) -> Array:
-        """Return the path's own time σ at t; at a break, that of the piece that begins there."""
+        """Return the path's own time σ at t; at a break, that of the piece that begins."""
         times = self._clip(t)
         low, high = self._stations_around(times)
         inner = self._inverse(self.clock(times), low, high)
@@ -253,21 +253,21 @@ class RetimedTrajectory(Trajectory):
 Norm = Literal["max", "euclid"]
 
 _TAIL_TOLERANCE = 1e-9
-"""A piece is fine enough if the Chebyshev tail of ‖u/c‖ is below this share of its maximum."""
+"""Largest Chebyshev tail of ‖u/c‖ on a piece that is fine enough, as a share of the maximum."""
 
 _NOISE_TAIL = 1e-6
-"""A tail below this share that halving a piece does not reduce is due to rounding errors in u."""
+"""Largest tail that counts as rounding of u if halving a piece does not reduce the tail."""
 
 _NEGLIGIBLE_TAIL = 1e-10
-"""A tail below this share of the mean of ‖u/c‖ over the whole path is ignored."""
+"""Largest tail that is ignored, as a share of the mean of ‖u/c‖ over the whole path."""
 
 
 def arc_length(path: Trajectory, scale: Array, norm: Norm) -> Bernstein:
-    """Compute the length s over the path's own time, increasing from 0, in smooth pieces.
+    """Return the length s over the path's own time, increasing from 0, in smooth pieces.
 
     Args:
         path: Any trajectory with inputs at all times.
-        scale: c, shape (2,).
+        scale: Scales c of the inputs, shape (2,).
         norm: "max" for max|uᵢ/cᵢ|, "euclid" for the root of the sum of squares.
     """
 
@@ -284,7 +284,7 @@ def arc_length(path: Trajectory, scale: Array, norm: Norm) -> Bernstein:
 
 
 class Inverse:
-    """The path's own time σ at a length s, by Newton's method inside a shrinking bracket.
+    """Map from lengths s to the path's own times σ, by Newton's method in a shrinking bracket.
 
     Args:
         length: As returned by `arc_length`.
@@ -297,7 +297,7 @@ class Inverse:
         self._length, self.slope = length, length.derivative()
 
     def __call__(self, s: Array, low: Array, high: Array) -> Array:
-        """σ (…) at lengths s (…), each between the bounds low and high (…) within one piece."""
+        """Return σ (…) at lengths s (…), each between bounds `low` and `high` (…) in one piece."""
         high = np.nextafter(high, low)  # `high` itself belongs to the next piece
         piece = self._length.piece(low)
         c = self._length.c[:, piece]
@@ -333,7 +333,7 @@ def _step(sigma: Array, gap: Array, slope: Array) -> Array:
 
 
 def _merge_breaks(breaks: Array, extra: Array) -> Array:
-    """Add the extra times to the breaks, except those very close to a time already there."""
+    """Return the breaks with the extra times, except those very close to a time already there."""
     apart = 1e-9 * breaks[-1]
     knots = list(breaks)
     for time in np.sort(extra):
@@ -343,9 +343,9 @@ def _merge_breaks(breaks: Array, extra: Array) -> Array:
 
 
 def _corners(path: Trajectory, scale: Array, norm: Norm, samples: Array, mean: float) -> Array:
-    """The path's own times at which its speed ‖u/c‖ has a kink.
+    """Return the path's own times at which the speed ‖u/c‖ has a kink.
 
-    These are stops (both inputs zero) and, for the norm "max", changes of the larger input.
+    Kinks are stops (both inputs zero) and, for the norm "max", changes of the larger input.
     """
 
     def scaled(sigma: Array) -> Array:
@@ -363,7 +363,7 @@ def _corners(path: Trajectory, scale: Array, norm: Norm, samples: Array, mean: f
 def _resolve_pieces(function: Callable[[Array], Array], edges: Array, atol: float) -> Grid:
     """Return the pieces between the edges, halved until interpolants of the function are accurate.
 
-    A piece is also kept if halving no longer improves its interpolant.
+    A piece is also kept if halving no longer improves the interpolant.
     """
     work = [(float(a), float(b), np.inf) for a, b in pairwise(edges)]
     starts: list[float] = []
@@ -384,5 +384,5 @@ def _resolve_pieces(function: Callable[[Array], Array], edges: Array, atol: floa
 
 
 def _inner_points(grid: Grid) -> Array:
-    """The grid's points, with the last of each piece moved inside, since inputs may jump there."""
+    """Return the grid's points, each piece's last moved inside, as inputs may jump there."""
     return np.minimum(grid.times, np.nextafter(grid.breaks[1:, None], -np.inf))

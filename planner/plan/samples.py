@@ -36,7 +36,7 @@ RATE_HZ = 100.0
 
 
 MISS_BLOCK = 5000
-"""Number of rows that `held_miss` integrates at once; they need some 100 MB."""
+"""Number of rows that `held_miss` integrates at once, in some 100 MB."""
 
 ARRAYS = ("t", "q", "u", "motors", "z", "v")
 """Arrays of `Samples`, in the order of its columns."""
@@ -53,7 +53,7 @@ class Samples:
         axes: Names of the columns of `motors`, for example "motor1_rad".
         t: Times, shape (R,), s; the first is 0, the last the duration.
         q: User coordinates, shape (R, N); NaN where they would not be real.
-        u: Inputs, shape (R, 2): their mean until the next time, 0 at the end; NaN if undefined.
+        u: Mean inputs until the next time, shape (R, 2); 0 at the end, NaN if undefined.
         motors: Motor angles, shape (R, 2); see `motor_angles`.
         z: Chained coordinates, shape (R, N).
         v: Chained inputs at these times, shape (R, 2); 0 at the end.
@@ -74,7 +74,7 @@ class Samples:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of all columns: t_s, those of q and u, of both motors, z1 … zN, v1, v2."""
+        """Names of all columns: t_s, then those of q, u, both motors, z1 … zN, v1, v2."""
         chained = [f"z{i + 1}" for i in range(len(self.coordinates))]
         return ("t_s", *self.coordinates, *self.inputs, *self.axes, *chained, "v1", "v2")
 
@@ -85,7 +85,7 @@ class Samples:
 
     @classmethod
     def from_table(cls, columns: Sequence[str], table: Array) -> Samples:
-        """Convert `columns` and `table` back to samples.
+        """Return the samples with the given `columns` and `table`.
 
         Raises:
             ValueError: If the number or the names of the columns are not those of samples.
@@ -103,7 +103,7 @@ class Samples:
 
 
 def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
-    """Sample a plan at evenly spaced times, for motors that hold each row's inputs until the next.
+    """Return samples of a plan at even times, for motors that hold inputs from row to row.
 
     Each input is its mean until the next row, so that at every row each motor has turned as far as
     the plan says. A compensated plan holds each command for one tick, so the mean over a tick is
@@ -149,9 +149,9 @@ def commands(plan: Plan) -> tuple[str, str]:
 def motor_angles(plan: Plan, t: Array) -> Array:
     """Return the angles of the motors at increasing times t (R,) from 0, (R, 2).
 
-    They are the integrals of u, in rad, or in m if the input is a speed. Motor 1 starts at 0, as
-    its axis has no absolute zero in the model; motor 2 starts at q₂, which is θ₁ of an arm. For a
-    compensated plan they are the commanded angles.
+    The angles are the integrals of u, in rad, or in m if the input is a speed. Motor 1 starts at 0,
+    as its axis has no absolute zero in the model; motor 2 starts at q₂, which is θ₁ of an arm. For
+    a compensated plan these are the commanded angles.
     """
     angles = np.concatenate([np.zeros((1, 2)), np.cumsum(_turns(plan, t), axis=0)])
     return np.asarray(angles + np.array([0.0, plan.q(0.0)[1]]))
@@ -160,7 +160,7 @@ def motor_angles(plan: Plan, t: Array) -> Array:
 def _turns(plan: Plan, t: Array) -> Array:
     """Return the integrals of u between consecutive times t (R,), (R − 1, 2).
 
-    By Gauss quadrature on cells where u is a polynomial up to rounding.
+    The method is Gauss quadrature on cells where u is a polynomial up to rounding.
     """
     cells = read_trajectory(plan.trajectory).cells
     begins = cells.time(np.arange(len(cells.piece)), np.array(-1.0))
@@ -173,7 +173,7 @@ def _turns(plan: Plan, t: Array) -> Array:
 
 
 def held_miss(plan: Plan, rate_hz: float = RATE_HZ) -> Array:
-    """Return the end of the sampled motion minus that of the original, in user coordinates (N,).
+    """Return the end of the sampled minus the end of the original motion, user coordinates (N,).
 
     The sampled motion holds each sample's inputs until the next; the original motion has the plan's
     own inputs. Both are integrated from the plan's start by the kinematics, without a machine. NaN
@@ -244,12 +244,12 @@ def _travel_unit(rate: Coordinate) -> str:
 
 
 def _column_name(coordinate: Coordinate) -> str:
-    """Return name and unit in one word, as in theta1_rad and speed_m_s; "1" if it has no unit."""
+    """Return name and unit in one word, as in theta1_rad and speed_m_s; the unit "1" for none."""
     return f"{coordinate.name}_{(coordinate.unit or '1').replace('/', '_').replace('^', '')}"
 
 
 def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> pandas.DataFrame:
-    """Sample the plan as a pandas frame: index t_s, columns with units in their names.
+    """Return samples of a plan as a pandas frame: index t_s, columns with units in their names.
 
     Raises:
         InputError: If pandas is not installed, or as for `sample`.
@@ -265,7 +265,7 @@ def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> pandas.DataFrame:
 
 
 def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
-    """Sample the plan as a dataset: q, u, z, v over time; coordinates and inputs by name.
+    """Return samples of a plan as a dataset: q, u, z, v over time; coordinates and inputs by name.
 
     `dataset.q.sel(coordinate="theta1")` is one angle; units are in the coordinates `unit_of_q` and
     `unit_of_u`.
@@ -298,10 +298,10 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
 
 
 def import_library(name: str) -> Any:
-    """Import an optional library such as pandas, which the package's extra `tables` installs.
+    """Return an optional library such as pandas, which the package's extra `tables` installs.
 
     Raises:
-        InputError: If it is not installed.
+        InputError: If the library is not installed.
     """
     try:
         return importlib.import_module(name)
@@ -312,7 +312,7 @@ def import_library(name: str) -> Any:
 
 
 def plan_facts(plan: Plan) -> dict[str, Any]:
-    """Facts about the plan, which frames and datasets store as attributes."""
+    """Return facts on the plan, which frames and datasets store as attributes."""
     return {
         "problem": plan.problem.name,
         "method": plan.method,

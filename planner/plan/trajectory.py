@@ -24,7 +24,7 @@ from planner.systems.triangular_system import TriangularSystem
 
 
 class Trajectory(ABC):
-    """q(t), u(t), z(t) and v(t) on [0, duration], vectorised over t.
+    """Curves q(t), u(t), z(t) and v(t) on [0, duration], vectorised over t.
 
     Before 0 and after the duration, coordinates are those of the nearest end; inputs are zero.
     """
@@ -58,11 +58,11 @@ class Trajectory(ABC):
 
     @abstractmethod
     def q(self, t: ArrayLike) -> Array:
-        """Coordinates, shape (…, N), at times t (…)."""
+        """Return the coordinates, shape (…, N), at times t (…)."""
 
     @abstractmethod
     def u(self, t: ArrayLike) -> Array:
-        """Inputs, shape (…, 2), at times t (…); the right-hand limit at a break."""
+        """Return the inputs, shape (…, 2), at times t (…); the right-hand limit at a break."""
 
     @abstractmethod
     def z(self, t: ArrayLike) -> Array:
@@ -87,20 +87,20 @@ class Trajectory(ABC):
 
     @abstractmethod
     def slowed(self, factor: float) -> Trajectory:
-        """The same path, which takes `factor` times as long."""
+        """Return the same path with a motion that takes `factor` times as long."""
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready form; `trajectory_from_dict` reads it back exactly."""
+        """Return JSON-ready data, which `trajectory_from_dict` reads back exactly."""
 
     @classmethod
     @abstractmethod
     def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> Trajectory:
-        """Read the output of `to_dict`."""
+        """Return the trajectory that `to_dict` wrote."""
 
     @property
     def degree(self) -> int:
-        """Highest degree of its polynomials; 0 if it has none."""
+        """Highest degree of the curves' polynomials; 0 without polynomials."""
         return 0
 
     @property
@@ -110,15 +110,15 @@ class Trajectory(ABC):
 
     @property
     def flaw(self) -> str:
-        """Why it is not a valid motion of its kind; empty if it is valid.
+        """Reason why the trajectory is not a valid motion of its kind; empty if it is valid.
 
-        Proofs about a trajectory assume that this is empty.
+        Proofs about a trajectory assume that the reason is empty.
         """
         return ""
 
     @cached_property
     def duration(self) -> float:
-        """Seconds from start to end."""
+        """Duration of the motion, s."""
         return float(self.breaks[-1])
 
     def _clip(self, t: ArrayLike) -> Array:
@@ -131,10 +131,10 @@ class Trajectory(ABC):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class ChainedTrajectory(Trajectory):
-    """A curve given in chained coordinates.
+    """A trajectory stored in chained coordinates.
 
     Attributes:
-        system: The system it belongs to.
+        system: The system that moves.
         z_curve: The curve of z, values (N,).
         v_curve: The curve of v, values (2,), on the same breaks.
         branch: Signs (N,) of the chart's branch.
@@ -165,7 +165,7 @@ class ChainedTrajectory(Trajectory):
 
     @property
     def degree(self) -> int:
-        """The higher degree of its two curves."""
+        """The higher degree of the two curves."""
         return max(self.z_curve.degree, self.v_curve.degree)
 
     @property
@@ -182,22 +182,22 @@ class ChainedTrajectory(Trajectory):
         return self.v_curve(self._clip(t)) * self._is_running(t)
 
     def q(self, t: ArrayLike) -> Array:
-        """Coordinates, by the inverse chart; NaN outside its domain."""
+        """Return the coordinates, by the inverse chart; NaN outside the chart's domain."""
         return chained_form(self.system).q(self.z(t), self.branch)
 
     def u(self, t: ArrayLike) -> Array:
-        """Inputs, by the feedback transformation."""
+        """Return the inputs, by the feedback transformation."""
         times = self._clip(t)
         z, v = self.z_curve(times), self.v_curve(times)
         u = chained_form(self.system).inputs(z, v, self.branch)
         return np.where(self._is_running(t) > 0, u, 0.0)
 
     def margins(self, t: ArrayLike) -> Array:
-        """Chart margins, computed from z so that they exist even where q does not."""
+        """Return the chart margins, from z so that they exist even where q is not real."""
         return chained_form(self.system).margins(self.z(t), self.branch)
 
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
-        """q by the inverse chart, u by the feedback transformation; NaN outside the domain."""
+        """Return q by the inverse chart and u by the feedback transformation; NaN outside the chart."""
         z, v = (
             self.z_curve.piece_values(piece, fraction),
             self.v_curve.piece_values(piece, fraction),
@@ -205,12 +205,12 @@ class ChainedTrajectory(Trajectory):
         return chained_form(self.system).both(z, v, self.branch)
 
     def slowed(self, factor: float) -> ChainedTrajectory:
-        """The same path, which takes `factor` times as long."""
+        """Return the same path with a motion that takes `factor` times as long."""
         z, v = self.z_curve.slowed(factor), self.v_curve.slowed(factor, 1 / factor)
         return ChainedTrajectory(self.system, z, v, self.branch)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready form."""
+        """Return the trajectory as JSON-ready data."""
         return {
             "kind": self.kind,
             "branch": self.branch.tolist(),
@@ -220,17 +220,17 @@ class ChainedTrajectory(Trajectory):
 
     @classmethod
     def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> ChainedTrajectory:
-        """Read the output of `to_dict`."""
+        """Return the trajectory that `to_dict` wrote."""
         branch = np.asarray(data["branch"], dtype=float)
         return cls(system, Bernstein.from_dict(data["z"]), Bernstein.from_dict(data["v"]), branch)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class StateTrajectory(Trajectory):
-    """A curve given in coordinates and inputs.
+    """A trajectory stored in coordinates and inputs.
 
     Attributes:
-        system: The system it belongs to.
+        system: The system that moves.
         q_curve: The curve of q, values (N,).
         u_curve: The curve of u, values (2,), on the same breaks.
 
@@ -257,7 +257,7 @@ class StateTrajectory(Trajectory):
 
     @property
     def degree(self) -> int:
-        """The higher degree of its two curves."""
+        """The higher degree of the two curves."""
         return max(self.q_curve.degree, self.u_curve.degree)
 
     @property
@@ -266,15 +266,15 @@ class StateTrajectory(Trajectory):
         return nonfinite_part(q_curve=self.q_curve.c, u_curve=self.u_curve.c)
 
     def q(self, t: ArrayLike) -> Array:
-        """Coordinates, from their polynomials."""
+        """Return the coordinates, from their polynomials."""
         return self.q_curve(self._clip(t))
 
     def u(self, t: ArrayLike) -> Array:
-        """Inputs, from their polynomials; zero outside [0, duration]."""
+        """Return the inputs, from their polynomials; zero outside [0, duration]."""
         return self.u_curve(self._clip(t)) * self._is_running(t)
 
     def z(self, t: ArrayLike) -> Array:
-        """Return the chained coordinates, by the chart, which is defined at every configuration."""
+        """Return the chained coordinates, by the chart, which exists at every configuration."""
         return chained_form(self.system).z(self.q(t))
 
     def v(self, t: ArrayLike) -> Array:
@@ -282,38 +282,38 @@ class StateTrajectory(Trajectory):
         return chained_form(self.system).v(self.q(t), self.u(t))
 
     def margins(self, t: ArrayLike) -> Array:
-        """Chart margins, computed from q on the branch in which the motion starts."""
+        """Return the chart margins, from q on the branch in which the motion starts."""
         branch = self.system.branch(self.q(0.0))
         return self.system.chart_margins(self.q(t), branch)
 
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
-        """q and u from their polynomials; shapes as in the base class."""
+        """Return q and u from their polynomials, with the shapes of `Trajectory.piece_values`."""
         return self.q_curve.piece_values(piece, fraction), self.u_curve.piece_values(
             piece, fraction
         )
 
     def slowed(self, factor: float) -> StateTrajectory:
-        """The same path, which takes `factor` times as long."""
+        """Return the same path with a motion that takes `factor` times as long."""
         q, u = self.q_curve.slowed(factor), self.u_curve.slowed(factor, 1 / factor)
         return StateTrajectory(self.system, q, u)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready form."""
+        """Return the trajectory as JSON-ready data."""
         return {"kind": self.kind, "q": self.q_curve.to_dict(), "u": self.u_curve.to_dict()}
 
     @classmethod
     def from_dict(cls, system: TriangularSystem, data: Mapping[str, Any]) -> StateTrajectory:
-        """Read the output of `to_dict`."""
+        """Return the trajectory that `to_dict` wrote."""
         return cls(system, Bernstein.from_dict(data["q"]), Bernstein.from_dict(data["u"]))
 
     @property
     def in_coordinates(self) -> bool:
-        """True: the curve is given in coordinates."""
+        """Whether q and u are stored, which is true for every `StateTrajectory`."""
         return True
 
 
 def trajectory_from_dict(system: TriangularSystem, data: Mapping[str, Any]) -> Trajectory:
-    """Read the output of `Trajectory.to_dict`.
+    """Return the trajectory that `Trajectory.to_dict` wrote.
 
     Raises:
         InputError: If the kind is unknown.

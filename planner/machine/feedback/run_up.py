@@ -68,8 +68,7 @@ BACK_DEG, BACK_SPREADS, FINAL_BACK_DEG = 8.0, 10.0, 4.0
 degrees, then in standard deviations of w; and the last drive of joint 2, degrees, which the tracker
 can leave out if joint 2 arrives early. Each joint loses 2w on the way back and forth. The
 difference between two joints varies by 2√2 standard deviations of w, so ten leave room for 3.5
-times that. With five, E is 2.1 degrees instead of 0.4 (95 %, with twice the prototype's
-spreads)."""
+times that. With five, E is 2.1 degrees instead of 0.4 (95 %, twice the prototype's spreads)."""
 
 APPROACH_DEG, APPROACH_S, REST_S = 1.5, 0.4, 0.2
 """Last approach of θ₁ to its start: distance, degrees; time, s; and rest afterwards, s, of ten time

@@ -25,23 +25,23 @@ _PART = re.compile(r"(\w+)((?:\[[^\]]*\])?)")
 
 
 def is_bag(path: str | Path) -> bool:
-    """Return whether the path is a folder written by `ros2 bag record`, or a file in one."""
+    """Return whether the path is a folder that `ros2 bag record` wrote, or a bag's file."""
     path = expect_path(path)
     return path.suffix in (".mcap", ".db3") or (path / "metadata.yaml").is_file()
 
 
 def read_bag(path: str | Path, columns: Mapping[str, str]) -> NumberTable:
-    """Read the messages of a bag as a table.
+    """Return the messages of a bag as a table.
 
     Args:
         path: The bag's folder, or its file.
         columns: Maps names of `planner.read_log` to "/topic/field"; `field[2]` is the third number
-            of a list, `position[theta1]` a joint of a JointState. The time needs no entry: it is
-            the message's stamp, or the time of recording.
+            of a list, `position[theta1]` a joint of a JointState. The time, which needs no entry,
+            is the message's stamp or the time of recording.
 
     Raises:
-        InputError: If the package `rosbags` is missing, the bag cannot be read, or it lacks a
-            topic, a field or an entry.
+        InputError: If the package `rosbags` is missing, the bag cannot be read, or a topic, a field
+            or an entry is missing.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -89,7 +89,7 @@ def _table(source: str, reader: Any, columns: Mapping[str, str]) -> NumberTable:
 
 
 def _find_topic(source: str, name: str, topics: list[str]) -> tuple[str, str]:
-    """Split a column's name into its topic and the field after it."""
+    """Return the topic and the field into which a column's name splits, as in "/topic/field"."""
     fitting = [topic for topic in topics if name.startswith(topic + "/")]
     if not fitting:
         raise InputError(
@@ -101,7 +101,7 @@ def _find_topic(source: str, name: str, topics: list[str]) -> tuple[str, str]:
 
 
 def _value(message: Any, field: str, what: str) -> Any:
-    """Read a number from a message: "position[theta1]", "data[0]", "twist.linear.x"."""
+    """Return a number of a message by field: "position[theta1]", "data[0]", "twist.linear.x"."""
     value = message
     for part in field.split("."):
         match = _PART.fullmatch(part)
@@ -125,7 +125,7 @@ def _value(message: Any, field: str, what: str) -> Any:
 
 
 def _stamp(message: Any, recorded: int) -> int:
-    """Return the message's stamp in ns; the time of recording if it has none."""
+    """Return the message's stamp in ns, or the time of recording without a stamp."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec if stamp else 0
     return stamp_ns or recorded

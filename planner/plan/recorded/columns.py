@@ -34,7 +34,7 @@ _BEFORE_UNIT = re.compile(r"^(?:[_/,:]|in\b)?\s*")
 
 
 def parse_name(name: str) -> tuple[str, str] | None:
-    """Split a column's name into quantity and unit; None if it names no quantity of a log.
+    """Return the quantity and unit that a column's name states; None if no quantity of a log.
 
     `theta1_deg`, "theta1 (deg)", "θ₁ / °" and "Theta_1 in degrees" are all ("theta1", "deg").
     """
@@ -47,7 +47,7 @@ def parse_name(name: str) -> tuple[str, str] | None:
 
 
 def parse_unit(text: str) -> str:
-    """Spell a unit as in `UNITS`, if it is known; "" for no unit."""
+    """Return a unit in the spelling of `UNITS`, if known; "" for no unit."""
     unit = re.sub(r"[\s·*^()\[\]{}]", "", _plain(text)).replace("_per_", "/").replace("_", "/")
     unit = SPELLINGS.get(unit, re.sub(r"(?<=\w|°)s-1$", "/s", unit))
     if unit in SPELLINGS.values():
@@ -67,7 +67,7 @@ def find_columns(table: NumberTable, given: Mapping[str, str]) -> dict[str, tupl
 
     Args:
         table: The table; its header and its line of units are read.
-        given: Maps names of `read_log`, with units, to names of the table's columns.
+        given: Map from names of `read_log`, with units, to names of the table's columns.
 
     Raises:
         InputError: If a column or a unit is missing or unknown, or a quantity has two columns.

@@ -30,29 +30,30 @@ RECORDED = "recorded"
 """Method and status of a plan made from a recorded run."""
 
 LEAST_ROWS = 50
-"""Least number of rows. Fewer cover under half a second at the usual 100 Hz, in which no joint has
-taken up its backlash."""
+"""Least number of rows of a log. Fewer rows cover under half a second at the usual 100 Hz, in which
+no joint takes up its backlash."""
 
 POSE_READINGS = 20
 MOST_POSE_DRIFT_DEG, MOST_POSE_OFF_DEG = 0.1, 0.5
-"""The last `POSE_READINGS` readings show an arm at rest if the medians of their first and second
-half differ by at most the first limit, and each reading differs from the median of all by at most
-the second. An encoder that flickers by its step of 0.088 degrees changes either by that step."""
+"""Limits of the last `POSE_READINGS` readings of an arm at rest: largest difference between the
+medians of first and second half, and largest difference of a reading from the median of all. An
+encoder that flickers by its step of 0.088 degrees changes either by that step."""
 
 GAP_RATIO = 2.5
-"""Rows further apart than this multiple of the usual interval are a gap; jitter is smaller."""
+"""Multiple of the usual interval above which two rows have a gap; jitter is smaller."""
 
 EVEN_SHARE = 0.02
-"""Times that differ from even spacing by less than this share of the interval are made even."""
+"""Difference from even spacing, as a share of the interval, below which times are made even."""
 
 JUMP_DEG, MOST_RATE_DEG_S = 20.0, 600.0
-"""An angle that changes between two rows by more than the jump plus the rate times the interval has
-wrapped around, or a reading is wrong. The prototype's joints reach 30 degrees a second."""
+"""Largest plausible change of an angle between two rows: the jump plus the rate times the interval.
+Beyond, the angle has wrapped around or a reading is wrong. The prototype reaches 30 degrees a
+second."""
 
 UNIT_RATIO = 8.0
-"""Joint 1 turns as far as motor 2. A ratio of their turns above this, or below its inverse, means a
-wrong unit (degrees for radians give 57), not a gear error. Turns below `LEAST_TURN_RAD` are not
-checked."""
+"""Largest plausible ratio between the turns of joint 1 and motor 2, which are equal but for gear
+errors. More, or less than the inverse, means a wrong unit: degrees for radians give 57. Turns below
+`LEAST_TURN_RAD` are not checked."""
 LEAST_TURN_RAD = np.deg2rad(4.0)
 
 LEAST_LIKENESS = 0.5
@@ -110,11 +111,11 @@ class Log:
     def pose_deg(self) -> Array:
         """Pose at the end of the run: mean of the last 20 readings, shape (n,), degrees.
 
-        Its error is 0.01 degrees for an encoder with steps of 0.088 degrees and noise of a third of
+        The error is 0.01 degrees for an encoder with steps of 0.088 degrees and noise of a third of
         a step.
 
         Raises:
-            InputError: If a joint still moves, or one of its readings is far from the others.
+            InputError: If a joint still moves, or a reading is far from the others.
         """
         last = self.theta_deg[-POSE_READINGS:]
         half = len(last) // 2
@@ -146,7 +147,7 @@ class Log:
         return bool(np.ptp(np.diff(self.t)) < 1e-9 * self.interval_s)
 
     def part(self, begin_s: float, end_s: float = np.inf) -> Log:
-        """Select the rows from `begin_s` to `end_s`; times start at 0 again.
+        """Return the rows from `begin_s` to `end_s`, s, with times that start at 0 again.
 
         Raises:
             InputError: If fewer than `LEAST_ROWS` are left.
@@ -162,10 +163,10 @@ class Log:
         return replace(self, t=t - t[0], u=self.u[chosen], theta=self.theta[chosen], motors=motors)
 
     def plan(self, problem: Problem) -> Plan:
-        """Convert the run to a plan, which `planner.replay` and all figures accept.
+        """Return the run as a plan, which `planner.replay` and all figures accept.
 
-        Its inputs are the commands, each held until the next. Its coordinates are the readings,
-        interpolated linearly, and the disk's angle, which the kinematics give.
+        The plan's inputs are the commands, each held until the next. Its coordinates are the
+        readings, interpolated linearly, and the disk's angle, which the kinematics give.
 
         Raises:
             InputError: If the problem's system has another number of joints.
@@ -206,10 +207,10 @@ class Log:
 
 
 def expect_log(value: object) -> None:
-    """Refuse anything but a log, such as the name of its file.
+    """Refuse any value but a log, such as the name of a log's file.
 
     Raises:
-        InputError: If it is not a log; the message says how to get one.
+        InputError: If the value is not a log; the message says how to get one.
     """
     expect(Log, value, "planner.read_log(path) reads one")
 
@@ -273,7 +274,7 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
 
 
 def _times(t: Array, table: NumberTable) -> Array:
-    """Return times that start at 0, made exactly even if they are even up to rounding.
+    """Return times that start at 0; times that are even up to rounding become exactly even.
 
     Raises:
         InputError: If the times do not increase, or have a gap.
@@ -318,9 +319,9 @@ def _refuse_jumps(log: Log, table: NumberTable) -> None:
 
 
 def _refuse_wrong_units(log: Log) -> None:
-    """Refuse a log in which joint 1 does not follow motor 2, as it does in every mechanism.
+    """Refuse a log in which joint 1 does not follow motor 2, as joint 1 does in every mechanism.
 
-    Then a unit, a sign, or the order of the columns is wrong.
+    In such a log a unit, a sign, or the order of the columns is wrong.
     """
     turned = np.concatenate([[0.0], np.cumsum(log.u[:-1, 1] * np.diff(log.t))])
     commanded, read = float(np.ptp(turned)), float(np.ptp(log.theta[:, 0]))

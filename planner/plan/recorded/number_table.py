@@ -24,27 +24,27 @@ from planner.support.files import SAMPLES_BYTES, read_bytes
 from planner.support.tables import line as one_line
 
 Blanks = Literal["refused", "held", "nan"]
-"""Meaning of a blank cell: an error, the value above it, or NaN."""
+"""Meaning of a blank cell: an error, the value above the cell, or NaN."""
 
 JUDGED_LINES = 1000
-"""Number of lines from which the separator is decided; later lines must use it too."""
+"""Number of lines from which the separator is decided; later lines must use the same."""
 
 _END = re.compile(r"\r\n|\r|\n")
 _COMMENT = re.compile(r"\s*(?:#+|%+|//)\s*")
 _SEPARATOR_LINE = re.compile(r"sep=(.)\s*", re.I)  # a spreadsheet's first line
 _BINARY = re.compile("[\x00-\x08\x0e-\x1f]")
 _PLAIN = str.maketrans({"\u2212": "-", "\u00a0": " ", "\u2009": " ", "\u202f": " ", "\u2019": "'"})
-"""Typographic minus, spaces and apostrophe, replaced by those on a keyboard."""
+"""Replacements of typographic minus, spaces and apostrophe by those on a keyboard."""
 
 _NAME_WITH_UNIT = re.compile(r"\S+(?:\s+[\[(][^\])]*[\])])?")  # "u1 [rad/s]" is one name
 
 BLANK = " "
 SEPARATORS = (";", "\t", "|")
-"""Characters that are never part of a number; one is the separator if most lines contain it."""
+"""Separators that are never part of a number; the one that most lines contain is chosen."""
 
 
 def _number(decimal: str, other: str) -> re.Pattern[str]:
-    """Pattern of a number with this decimal mark, whose thousands may be separated by `other`.
+    """Return the pattern of numbers with a decimal mark, whose thousands `other` may separate.
 
     Groups of thousands begin with 1 to 9, so "0,123" is no number with a decimal point.
     """
@@ -63,10 +63,10 @@ class NumberTable:
     """The cells of a table of numbers, as text.
 
     Attributes:
-        source: Its file.
-        names: Names of its columns, from the header; empty without a header.
+        source: The file.
+        names: Names of the columns, from the header; empty without a header.
         units: Units from the line below the header; "" without such a line.
-        rows: Its rows, each with one cell per name.
+        rows: The rows, each with one cell per name.
         lines: Line number of each row in the file, from 1.
         separator: The separator of cells; a blank stands for any number of blanks.
         item: What messages call a row ("line", "message").
@@ -81,7 +81,7 @@ class NumberTable:
     item: str = "line"
 
     def numbers(self, blanks: Mapping[int, Blanks]) -> dict[int, Array]:
-        """Convert some columns to numbers, each (R,).
+        """Return some columns as numbers, each (R,), by column index.
 
         Args:
             blanks: Maps the index of each wanted column to the meaning of a blank cell.
@@ -115,10 +115,10 @@ class NumberTable:
         return f"{self.line(row)}: column '{name}' is " + (f"'{text}'" if text else "empty")
 
     def _decimal_mark(self, cells: Mapping[int, Sequence[str]], may_be_blank: set[int]) -> str:
-        """Find the decimal mark with which every cell is a number.
+        """Return the decimal mark with which every cell is a number.
 
         Raises:
-            InputError: If there is none, or both marks fit and give different numbers.
+            InputError: If no mark fits, or both marks fit and give different numbers.
         """
         first: dict[str, tuple[int, int]] = {}  # first cell for each set of marks that fit
         for place, texts in cells.items():
@@ -153,7 +153,7 @@ class NumberTable:
 
 
 def _fill_blanks(cells: Sequence[str]) -> list[str]:
-    """Fill blank cells with the last one above that is not blank; leading blanks stay."""
+    """Return cells with each blank replaced by the last cell above; leading blanks stay."""
     out, last = [], ""
     for cell in cells:
         last = cell or last
@@ -164,7 +164,7 @@ def _fill_blanks(cells: Sequence[str]) -> list[str]:
 def read_table(
     path: str | Path, what: str, known: Callable[[str], bool], *, may_be_cut: bool = False
 ) -> NumberTable:
-    """Read a table of numbers from any program.
+    """Return the table of numbers in a file of any program.
 
     Cells are separated by semicolons, tabs, bars, commas or blanks and may be quoted. Comments
     begin with #, % or //; the header may be a comment. Lines above the header, a line of units
@@ -225,7 +225,7 @@ def read_table(
 
 
 def _find_rows(lines: Sequence[str], separator: str, judged: Sequence[str]) -> tuple[int, int]:
-    """Return the index of the first row of numbers, and its number of cells."""
+    """Return the index of the first row of numbers, and the row's number of cells."""
     counts = [_count_numbers(_split(each, separator)) for each in judged]
     usual = float(np.median([count for count in counts if count] or [1]))
     for k, each in enumerate(lines):
@@ -236,9 +236,9 @@ def _find_rows(lines: Sequence[str], separator: str, judged: Sequence[str]) -> t
 
 
 def _find_header(above: Sequence[Sequence[str]], first: int, known: Callable[[str], bool]) -> int:
-    """Index of the header among the lines up to the first row of numbers; -1 without a header.
+    """Return the header's index among the lines up to the first row of numbers; −1 without header.
 
-    A header whose names are numbers is itself taken for that first row.
+    A header whose names are numbers is taken for the first row.
     """
     most = [sum(map(known, cells)) for cells in above]
     if any(most):
@@ -278,9 +278,9 @@ def _split(text: str, separator: str) -> list[str]:
 
 
 def _split_head(text: str, separator: str, width: int) -> list[str]:
-    """Split a line above the rows into cells.
+    """Return the cells of a line above the rows.
 
-    Use the rows' separator if it gives as many cells as a row has (`width`), else another that
+    The separator is that of the rows if it gives `width` cells, as a row has; else another that
     does: NumPy separates numbers by blanks, but leaves the header as the user wrote it.
     """
     text = _COMMENT.sub("", text, count=1) if _COMMENT.match(text) else text
@@ -294,7 +294,7 @@ def _split_head(text: str, separator: str, width: int) -> list[str]:
 
 
 def _count_numbers(cells: Sequence[str]) -> int:
-    """Count cells that look like numbers; 0 for a single cell, which is a line of text."""
+    """Return the number of cells that look like numbers; 0 for a single cell, a line of text."""
     if len(cells) < 2:
         return 0
     plain = [cell.strip().translate(_PLAIN) for cell in cells]

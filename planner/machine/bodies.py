@@ -253,9 +253,9 @@ EDGE_RAD = 1e-16
 class StageLaws:
     """Torque laws of all connections between the bodies in one implicit stage of a time step.
 
-    Letters are those of the file's docstring. Arrays are (rows, S), speeds as in `BodyRows`. Rows
-    of limited laws: servos (2), contacts P1 (m), contacts P2 with P3 (m), friction of the links
-    (1+m), drag of contacts that slide sideways on disk B1 and the stages (1+m).
+    The letters o, g, e and A are those of the file's docstring. Arrays are (rows, S), speeds as in
+    `BodyRows`. Rows of limited laws: servos (2), contacts P1 (m), contacts P2 with P3 (m), friction
+    of the links (1+m), drag of contacts that slide sideways on disk B1 and the stages (1+m).
 
     Attributes:
         rows: Rows of the bodies.
@@ -441,7 +441,7 @@ class StageLaws:
     # -- the convex function -------------------------------------------------------------------
 
     def _search(self, start: Array, end: Array) -> Array:
-        """Return the speeds on the line from `start` to `end` that minimise the convex function."""
+        """Return the speeds between `start` and `end` that minimise the stage's convex function."""
         way = end - start
         low, high = np.zeros(start.shape[1]), np.ones(start.shape[1])
         falling = self._slope_along(end - NEAR_END * way, way) <= 0
@@ -464,10 +464,10 @@ class StageLaws:
 
 
 def _reflected_load(c: Array, s: Array, drag: Array, push: Array) -> tuple[Array, Array]:
-    """Return how a body, with all bodies behind it, loads the body before it through a law c + s w.
+    """Return the load of a body and all bodies behind it on the body before it, for a law c + s w.
 
     Returns:
-        a and b, N m and N m s/rad: the load is a + b times the driving speed without slip.
+        a and b, N m and N m s/rad, of the load a + b times the driving speed without slip.
     """
     share = 1.0 / (drag + s)
     return (c * drag - s * push) * share, s * drag * share

@@ -117,7 +117,7 @@ class FeedbackCommand:
         self._effort = np.zeros(draws.count)
 
     def begin(self, stops: Array) -> None:
-        """Begin the stretch from the first to the last of `stops` (m,), s, all on its time grid."""
+        """Begin the stretch from the first to the last of the times `stops`, all on its grid."""
         is_first, low = not len(self._values), self._next
         periods = (stops[-1] - self._start) / (self._per_reading * self._tick)
         high = min(self._count, int(np.ceil(periods - 1e-6)) * self._per_reading)

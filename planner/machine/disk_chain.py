@@ -316,7 +316,7 @@ class Play:
     def damping(self, turning: Array) -> Array:
         """Return the torque of viscous friction on the driven axis per rad/s of the joint, (S,).
 
-        In N m s/rad; zero for a soft shaft, whose twist already includes viscous friction.
+        The unit is N m s/rad. A soft shaft has zero, since its twist includes viscous friction.
         """
         if not self.damped:
             return np.zeros_like(self.theta)

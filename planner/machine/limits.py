@@ -175,7 +175,7 @@ def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
 
 
 def _furthest(violations: Sequence[MachineLimit]) -> list[MachineLimit]:
-    """Return for each requirement the broken limit that machines approach most beyond the plan."""
+    """Return for each requirement the broken limit with the largest `MachineLimit.sweep`."""
     worst: dict[Requirement, MachineLimit] = {}
     for each in violations:
         rival = worst.get(each.requirement)

@@ -258,7 +258,7 @@ class DomainReport:
 
 
 def worst_margin(margins: Array) -> Array:
-    """Return the least margin over the last axis, without NaN: beside NaN another is negative."""
+    """Return the least margin over the last axis, ignoring NaN (another is then negative)."""
     return np.asarray(np.min(np.where(np.isnan(margins), np.inf, margins), axis=-1))
 
 

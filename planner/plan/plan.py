@@ -339,7 +339,7 @@ class Compensation:
 def mark_cut_short(plan: Plan, span: Span, how: str) -> Plan:
     """Return the plan with the status "interrupted" or "time_limit", as the work ended early.
 
-    The note `ended_early` says in words why, from `span`, and `how` the work ended.
+    The note `ended_early` has the reason in words, `span.why`, followed by `how`.
     """
     status = "interrupted" if span.ended_by else TimeLimitError.status
     return replace(plan, status=status, notes={**plan.notes, "ended_early": f"{span.why} {how}"})

@@ -197,7 +197,7 @@ class ChainedTrajectory(Trajectory):
         return chained_form(self.system).margins(self.z(t), self.branch)
 
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
-        """Return q by the inverse chart and u by the feedback transformation; NaN outside the chart."""
+        """Return q and u by inverse chart and feedback transformation; NaN outside the domain."""
         z, v = (
             self.z_curve.piece_values(piece, fraction),
             self.v_curve.piece_values(piece, fraction),

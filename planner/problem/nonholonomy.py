@@ -262,7 +262,7 @@ def nonholonomy(problem: Problem) -> Nonholonomy:
 
 
 def _place(system: TriangularSystem, name: str, q: Array) -> Probe:
-    """Test controllability at q (N,), up to a limited length where long brackets may be needed."""
+    """Test controllability at q (N,), with limited brackets where long ones may be needed."""
     flat = int(np.sum(np.abs(q[1:-1]) < 1e-12))
     depth = MOST_DEPTH if system.size - 1 + flat > MOST_DEPTH else None
     try:

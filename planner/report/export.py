@@ -210,7 +210,7 @@ def _refuse_options(name: str, options: ExportOptions) -> None:
 
 
 def find_format(path: str | Path, format: str | None) -> str:
-    """Return the name of the given format, or without one of the format of the path's ending.
+    """Return `format`, checked, or if it is None the format that the path's ending names.
 
     Raises:
         InputError: If there is no such format.

@@ -400,7 +400,7 @@ MAP_MARGIN_DEG, NO_EDGE_DEG = 6.0, 1e4
 
 
 def _chart_range(problem: Problem, i: int) -> tuple[float, float] | None:
-    """Return the range (low, high) of coordinate i alone from the start in the chart, degrees.
+    """Return the range (low, high), degrees, in which coordinate i alone stays in the chart.
 
     The result is None if the start lies on an edge of the chart.
     """
@@ -462,7 +462,7 @@ PLAN_FIGURES = {
 
 
 def merge(panels: Sequence[Panel]) -> Iterator[Panel]:
-    """Yield one plan's panels; those with the same id and unit become one, a colour per curve."""
+    """Yield one plan's panels, merged where id and unit agree, with a colour for each curve."""
     groups: dict[tuple[str, str], list[Panel]] = {}
     for panel in panels:
         groups.setdefault((panel.id, panel.unit), []).append(panel)

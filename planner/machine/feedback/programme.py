@@ -159,7 +159,7 @@ class TrackingProgramme:
         return ControlStep(M, T, low, high, T[: self._driven])
 
     def _solve(self, step: ControlStep, values: Array, guess: Array) -> tuple[Array | None, bool]:
-        """Return the c of one sample, None without an answer in time, and whether c is a fallback.
+        """Return the deviation c of one sample (None if late), and whether c is a fallback.
 
         Input limits are always kept. If the state limits cannot be kept, they are widened to the
         states that the regulator reaches when its corrections are clipped to the input limits.

@@ -177,8 +177,8 @@ class TrackerControl:
         """Return the regulator's state, (n, S): deviations from the course, last corrections,
         errors of rates and of lost motion. A passive joint counts at the position where its axis
         will push it to, or where it rests if the axis does not reach it. In the course the axis
-        pushes the joint by `more` (if negative, the gap that remains) and later by `then`, the only
-        push that lost motion can change.
+        pushes the joint by `more` (if negative, the gap that remains) and later by `then`; lost
+        motion counts only as far as it changes that later push.
         """
         ref, state = self._ref, self._estimate
         off, way = pose.q - ref.q[k][:, None], ref.way[k][:, None]
@@ -242,9 +242,9 @@ error at the end would be 0.26 and 0.09 degrees (95 %) instead of 0.24 and 0.07.
 LIGHT_LINK_KGM2 = 0.003
 """Largest inertia of a link that follows its axis. A jump of speed excites a heavier link, which
 then swings at about 1 Hz with little damping; corrections that respond to each swing sustain it. So
-the unit of a change of corrections is divided by the link's inertia over this one. The prototype's
-links have 0.032; without the division E is 2.9 degrees instead of 0.9, and the end 0.85 instead of
-0.29 (95 %)."""
+the unit of a change of corrections is divided by the link's inertia over this inertia. The
+prototype's links have 0.032; without the division E is 2.9 degrees instead of 0.9, and the end 0.85
+instead of 0.29 (95 %)."""
 
 RESTING_WEIGHT = 1e4
 """Weight of a correction of the drive while it rests, relative to the weight at other times."""

@@ -142,7 +142,7 @@ class Correction:
         self.keeps_all = bool(missed < PINNED_DEG and np.min(now.margins, initial=0.0) >= -SAFE)
 
     def _run_rounds(self, now: Runs, power: int) -> Runs:
-        """Improve the correction in rounds for one power of the norm; return its motion."""
+        """Improve the correction in rounds for one power of the norm; return the new motion."""
         best, damping, probes = self._measure(now, self.values, power), 1.0, list(PROBES_RAD)
         if not self.rounds:  # even a tiny correction makes a resting motor cross its play
             best = np.inf

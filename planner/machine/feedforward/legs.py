@@ -43,13 +43,13 @@ PRICE_DEG_S = 0.05
 joint 1 by 0.03 degrees per second (one standard deviation)."""
 
 LEAST_TURN_RAD = 0.02
-"""Angle of turning back from which a drive counts as reversing, rad: less moves a joint by at most
-one degree, a fifth of the lost motion."""
+"""Least angle of turning back that counts as a reversal of the drive, rad: less moves a joint by at
+most one degree, a fifth of the lost motion."""
 
 MOST_AWAYS_DEG, AWAY_SHARE = (2.0, 6.0), 0.2
 """Largest distance of the passive joints, when a leg begins, from their position at the reversal,
-degrees: the second if the first misses the goal or a requirement. And the fraction of that distance
-that counts as an error, since the correction removes a part of the distance."""
+degrees; the second is tried if the first misses the goal or a requirement. And the fraction of that
+distance that counts as an error, since the correction removes a part of the distance."""
 
 WAY_BACK_SHARE = 0.95
 """Fraction of the way back after which a joint of the nominal machine would follow. Creep and the

@@ -226,7 +226,7 @@ STILL_RAD = 1e-9
 
 
 def round_to_grid(value: Array, low: Array, high: Array, grain: Array) -> Array:
-    """Round values to multiples of `grain` between `low` and `high`; keep a value without any."""
+    """Round values to multiples of `grain` in `low` … `high`; keep a value if there is none."""
     safe = np.where(grain > 0, grain, 1.0)
     nearest, slack = safe * np.round(value / safe), 1e-9 * safe
     nearest = np.where(nearest > high + slack, nearest - safe, nearest)

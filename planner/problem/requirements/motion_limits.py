@@ -188,7 +188,7 @@ class Z2Margin(Requirement):
         return [self.side * z2]
 
     def contradiction(self, name: str, q: Array, system: TriangularSystem) -> str | None:
-        """Describe why z₂ at start or goal violates the margin; None if not, or at a waypoint."""
+        """Describe why z₂ at start or goal violates the margin; None otherwise."""
         if name not in ("start", "goal"):
             return None
         z2 = float(chained_form(system).z(np.append(np.nan_to_num(q[0]), q[1:]))[1])

@@ -61,7 +61,7 @@ class Waypoint(Demand):
         return tuple(i for i in indices if some and i not in self.system.shared)
 
     def distance(self, q: Array) -> Array:
-        """Return the largest error of a user coordinate that is given, at q (…, N), shape (…,)."""
+        """Return the largest error of the given user coordinates at q (…, N), shape (…,)."""
         return np.asarray(np.nanmax(np.abs(self.system.user(q) - self.user), axis=-1))
 
 

@@ -16,7 +16,7 @@ from planner.systems.triangular_system import Coordinate
 
 
 class _UserPart(Requirement):
-    """Requirement on user coordinates: each part concerns the one with the part's `index`."""
+    """Requirement on user coordinates; a part's `index` is that of its user coordinate."""
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
         """Return the user coordinates of the parts as expressions."""

@@ -20,7 +20,7 @@ def script(room: str, names: Sequence[str]) -> str:
 
 
 def stylesheet(room: str, name: str) -> str:
-    """Return the charts' style sheet and that in the file `name` of `room`, with plans' colours."""
+    """Return the charts' style sheet and the file `name` of `room`, in the plans' colours."""
     text = Template(source(CHARTS, STYLE) + source(room, name))
     each = range(len(PALETTE))
     return text.substitute(

@@ -201,7 +201,7 @@ def _recording(plan: Plan, machine: Machine, follower: Tracker, real: str) -> st
 
 
 LOST_EVERY = 23
-"""Number of readings per lost reading: alternately the last joint's and those of all joints."""
+"""Readings from one loss to the next; lost are alternately the last joint's and all readings."""
 
 
 def _lose(k: int, measured: Array) -> Array:

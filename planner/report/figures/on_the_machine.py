@@ -187,7 +187,7 @@ def _join(ax: Any, rows: list[Row], colour: dict[str, str]) -> None:
 def plot_errors(
     errors: Mapping[str, ArrayLike | None], *, refused: Collection[str] = (), axes: Any = None
 ) -> tuple[Figure, Any]:
-    """Plot the share of machines with less error over the error, with dots at median and 95 %.
+    """Plot the share of machines whose error is below each value, with dots at median and 95 %.
 
     Curves of plans with feedback are dotted, in the colour of the same plan without feedback;
     curves of refused plans are dashed.

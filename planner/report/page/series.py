@@ -119,7 +119,8 @@ def _motion(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
 def _figures(
     machine: Machine, drawn: Sequence[Curve], closed: Collection[str], replays: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the data of `PLAN_FIGURES`, without the plans `closed` with feedback: same paths."""
+    """Yield the data of `PLAN_FIGURES`, except for plans with feedback: their paths are the
+    same."""
     system = drawn[0].plan.problem.system
     every = [
         PlanCurves(k, one.plan, _times(one.plan), machine)

@@ -71,8 +71,8 @@ class Machine:
         preset: Name of the preset that the machine was made from.
         step_s: Largest simulation step, seconds.
         effects: The effects that are on, by name; all others are off.
-        fidelity: "quasi-static", or "dynamic" with inertia and torque. It matters for manipulators
-            only; other systems have no mechanism between motor and motion.
+        fidelity: "quasi-static", or "dynamic" with inertia and torque. The fidelity matters for
+            manipulators only; other systems have no mechanism between motor and motion.
         start_state: How the arm came to rest before the start: one word, or one for each joint.
         source: File that the machine was read from, for messages and commands only.
     """

@@ -323,8 +323,8 @@ def replay(
         feedback: False for open loop. True for feedback by the tracker with the problem's
             `[feedback]` table; or a `planner.Tracker`; or another
             `planner.machine.closed_loop.Feedback`.
-        settle_s: Time with zero command after the plan's end, s. It keeps servo lag out of the
-            terminal error.
+        settle_s: Time with zero command after the plan's end, s. This time keeps servo lag out of
+            the terminal error.
         record_s: Time between recorded instants, s; None records only the start, the plan's end and
             the final instant. Errors use all simulation steps, recorded or not.
         motions: Number of samples, from the first, whose motions are kept; all by default. Errors

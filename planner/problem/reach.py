@@ -44,8 +44,8 @@ class Reach:
         tip: The reachable tip pose nearest to the required one, shape (3,): x, y in metres and
             direction in radians; the required pose if there is a branch.
         missed: Distance of that pose from the required pose: metres, or radians if only a direction
-            is required. If position and direction are required, one radian counts as the arm's
-            reach in metres.
+            is required. With both, the root of the sum of squares in metres, one radian counting as
+            the arm's reach.
         reach: Sum of the links' lengths, metres.
     """
 

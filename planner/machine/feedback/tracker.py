@@ -45,15 +45,15 @@ from planner.support.user_tables import parse
 class Tracker:
     """A receding-horizon tracker: one small quadratic programme every control period.
 
-    Every 0.1 s it reads the joint encoders, predicts the effect of the commands already sent, and
-    corrects the plan's inputs so as to minimise a cost over the remaining motion, within the limits
-    of inputs, their rates, joints and z₂. It knows only mean values of the machine: control period,
-    delay, servo bandwidth, gearhead backlash, lost motion of the joints, encoder resolution,
-    velocity limit. The preparatory motion also uses the spread of lost motion and, with dynamic
-    fidelity, the inertia.
+    Every 0.1 s the tracker reads the joint encoders, predicts the effect of the commands already
+    sent, and corrects the plan's inputs so as to minimise a cost over the remaining motion, within
+    the limits of inputs, their rates, joints and z₂. The tracker knows only mean values of the
+    machine: control period, delay, servo bandwidth, gearhead backlash, lost motion of the joints,
+    encoder resolution, velocity limit. The preparatory motion also uses the spread of lost motion
+    and, with dynamic fidelity, the inertia.
 
-    The tracker follows the path of the plan. For a compensated plan whose drive reverses or that
-    has no preparatory motion, the tracker follows the predicted motion, which has the same goal.
+    The tracker follows the path of the plan. For a compensated plan whose drive reverses, or if the
+    tracker makes no preparatory motion, the tracker follows the predicted motion to the same goal.
 
     If a programme has no solution, its state limits are widened to the motion of the regulator
     clipped to the input limits. If OSQP is late, the earlier corrections continue as planned.
@@ -195,8 +195,8 @@ class TrackerControl:
     def _crossing(self, k: int, commands: Array, pose: Pose) -> Array:
         """Return the speeds to add so that a reversing motor crosses its play, (M, 2, S), rad/s.
 
-        The crossing is spread over the period. It begins only if the travel exceeds the uncertainty
-        of the play; until then the motor stands.
+        The crossing is spread over the period. The crossing begins only if the travel exceeds the
+        uncertainty of the play; until then the motor stands.
         """
         clock, play = self._clock, self._design.play
         if not np.any(play):

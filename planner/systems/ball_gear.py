@@ -44,18 +44,18 @@ class BallGear(PlanarArm, TangentSystem):
     # -- symbolic form -------------------------------------------------------------------------
 
     def slopes_expr(self, q: Any) -> list[Any]:
-        """Return θᵢ' = dθᵢ/dφₙ for i = 2 … n, as CasADi expressions."""
+        """Return the slopes θᵢ' = dθᵢ/dφₙ for i = 2 … n as CasADi expressions."""
         return [
             self.K[i - 2] * ca.tan(q[i - 1]) / prod([ca.cos(q[j]) for j in range(i, self.n)])
             for i in range(2, self.n + 1)
         ]
 
     def drive_expr(self, q: Any) -> Any:
-        """Return γ = φ̇ₙ/u₁ = k_g ∏_{j≤n−1} cosθⱼ."""
+        """Return γ = φ̇ₙ/u₁ = k_g ∏_{j≤n−1} cosθⱼ as a CasADi expression."""
         return self.k_g * prod([ca.cos(q[j]) for j in range(1, self.n)])
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """Return q̇ from the equations of the class docstring, which are finite at every angle."""
+        """Return the rates q̇ as CasADi expressions, which are finite at every angle."""
         passive = [
             self.k_g
             * self.K[i - 2]
@@ -75,17 +75,17 @@ class BallGear(PlanarArm, TangentSystem):
         return np.asarray(np.cumprod(np.concatenate([ones, np.cos(q[..., 1:-1])], -1), axis=-1))
 
     def slopes(self, q: Array) -> Array:
-        """Return θᵢ' for i = 2 … n, shape (…, n−1), as the ratio of joint speed to φ̇ₙ."""
+        """Return the slopes θᵢ' = dθᵢ/dφₙ for i = 2 … n, shape (…, n−1), from the ball speeds."""
         ball = self._ratios(q)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self.K * np.sin(q[..., 1:-1]) * ball[..., :-1] / ball[..., -1:])
 
     def drive(self, q: Array) -> Array:
-        """Return γ = φ̇ₙ/u₁, shape (…,)."""
+        """Return γ = φ̇ₙ/u₁, the turns of the last ball per turn of motor 1, shape (…,)."""
         return np.asarray(self.k_g * self._ratios(q)[..., -1])
 
     def rates(self, q: Array, u: Array) -> Array:
-        """Return q̇, shape (…, n+1), computed ball by ball; finite at every angle."""
+        """Return the rates q̇, shape (…, n+1), computed ball by ball; finite at every angle."""
         ball = self.k_g * self._ratios(q) * u[..., 0:1]
         joints = self.K * np.sin(q[..., 1:-1]) * ball[..., :-1]
         return np.concatenate([ball[..., -1:], u[..., 1:2], joints], axis=-1)

@@ -23,11 +23,11 @@ from planner.systems.triangular_system import TriangularSystem, expect_system
 
 
 class ChainedForm:
-    """Coordinate and feedback transformation of one system; build it with `chained_form`.
+    """Transformation of a system's coordinates and inputs to the chained form, and back.
 
-    In all arrays the last axis holds the coordinates or inputs; the leading axes broadcast.
-    `branch` is the result of `TriangularSystem.branch`: it selects one solution of the inverse.
-    """
+    The function `chained_form` builds and caches it. In all arrays the last axis holds the
+    coordinates or inputs; the leading axes broadcast. `branch`, a result of
+    `TriangularSystem.branch`, selects one solution of the inverse."""
 
     def __init__(self, system: TriangularSystem) -> None:
         self.system = system
@@ -49,35 +49,34 @@ class ChainedForm:
 
     @property
     def point_s(self) -> float:
-        """Estimated time of `both` per point, s; about eight times as long with two more joints."""
+        """Estimated computing time of `both` per point, s; two more joints multiply it by eight."""
         both = self._state_and_inputs
         return 1e-5 if both is None else 2e-6 + 1e-8 * float(both.function.n_instructions())
 
     def z_expr(self, q: Any) -> Any:
-        """Return the chained coordinates as a CasADi expression in q (N)."""
+        """Return the chained coordinates z (N) as a CasADi expression in q (N)."""
         return self._z.function(q)
 
     def q_expr(self, z: Any, branch: Any) -> Any | None:
-        """q as a CasADi expression in z (N) and branch (N); None if `link_expr` gives none."""
+        """Return q (N) as a CasADi expression in z (N) and branch (N); None if links have none."""
         return None if self._state is None else self._state.function(z, branch)
 
     def inputs_expr(self, z: Any, v: Any, branch: Any) -> Any | None:
-        """u as a CasADi expression in z (N), v (2), branch (N); None if `link_expr` gives none."""
+        """Return u (2) as an expression in z (N), v (2), branch (N); None if links have none."""
         return None if self._inputs is None else self._inputs.function(z, v, branch)
 
     def z(self, q: Array) -> Array:
-        """Return the chained coordinates (…, N) of q (…, N); eq. (3)."""
+        """Convert coordinates q (…, N) to chained coordinates z (…, N), by eq. (3)."""
         return self._z(q)
 
     def v(self, q: Array, u: Array) -> Array:
-        """Return the chained inputs (…, 2) of inputs u (…, 2) at q (…, N); eq. (4)."""
+        """Convert inputs u (…, 2) at q (…, N) to chained inputs v (…, 2), by eq. (4)."""
         drive, slope, drift = np.moveaxis(self._feedback(q), -1, 0)
         v1 = drive * u[..., 0]
         return np.stack([v1, slope * u[..., 1] + drift * v1], axis=-1)
 
     def u(self, q: Array, v: Array) -> Array:
-        """Return the inputs (…, 2) for chained inputs v (…, 2) at q (…, N); not finite where
-        singular."""
+        """Convert chained inputs v (…, 2) at q (…, N) to u (…, 2); not finite at a singularity."""
         drive, slope, drift = np.moveaxis(self._feedback(q), -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             u1 = v[..., 0] / drive
@@ -85,20 +84,19 @@ class ChainedForm:
         return np.stack([u1, u2], axis=-1)
 
     def q(self, z: Array, branch: Array) -> Array:
-        """Return the coordinates (…, N) of z (…, N) on the given branch; NaN outside the domain."""
+        """Convert chained coordinates z (…, N) to q (…, N) on a branch; NaN outside the domain."""
         if self._state is None:
             return self._invert(z, branch)
         return self._state(z, np.broadcast_to(branch, z.shape))
 
     def inputs(self, z: Array, v: Array, branch: Array) -> Array:
-        """Return the inputs (…, 2) for chained inputs v (…, 2) at z (…, N): `q`, then `u`, in one
-        call."""
+        """Convert chained inputs v (…, 2) at chained coordinates z (…, N) to inputs u (…, 2)."""
         if self._inputs is None:
             return self.u(self.q(z, branch), v)
         return self._inputs(z, v, np.broadcast_to(branch, z.shape))
 
     def both(self, z: Array, v: Array, branch: Array) -> tuple[Array, Array]:
-        """Return the coordinates (…, N) of `q` and the inputs (…, 2) of `inputs`, in one call."""
+        """Convert chained z (…, N) and v (…, 2) to coordinates q (…, N) and inputs u (…, 2)."""
         if self._state_and_inputs is None:
             q = self._invert(z, branch)
             return q, self.u(q, v)
@@ -106,17 +104,17 @@ class ChainedForm:
         return values[..., : self.system.size], values[..., self.system.size :]
 
     def margins(self, z: Array, branch: Array) -> Array:
-        """Return the signed margins (…, M) of the chart's domain at z (…, N); > 0 strictly inside.
+        """Return the M margins of the chart's domain at z (…, N), shape (…, M); positive inside.
 
-        Their labels are `system.margin_labels`. If a coordinate has no real value, the margins of
-        the earlier coordinates are NaN.
+        `system.margin_labels` says what each margin means. If a coordinate has no real value, the
+        margins of the coordinates before it are NaN.
         """
         margins: list[Array] = []
         self._invert(z, branch, margins)
         return np.stack(margins, axis=-1)
 
     def _invert(self, z: Array, branch: Array, margins: list[Array] | None = None) -> Array:
-        """Compute q from z; insert the margins at the front of `margins` if it is given."""
+        """Return q (…, N) of z (…, N); fill the list `margins`, if given, with all margins."""
         q = np.full(z.shape, np.nan)
         q[..., 0], q[..., -1] = z[..., 0], z[..., -1]
         for i in range(self.system.size - 2, 0, -1):
@@ -144,7 +142,7 @@ def chained_form(system: TriangularSystem) -> ChainedForm:
 def _compile_functions(
     system: TriangularSystem, links: dict[int, tuple[Any, Any]], q: Any, feedback: Any
 ) -> tuple[Pointwise | None, Pointwise | None, Pointwise | None]:
-    """Compile (z, branch) → q, (z, v, branch) → u and (z, v, branch) → (q, u).
+    """Compile the functions (z, branch) → q, (z, v, branch) → u and (z, v, branch) → (q, u).
 
     All three are None if `TriangularSystem.link_expr` gives no expression.
     """
@@ -166,7 +164,7 @@ def _compile_functions(
 
 
 def _chain(system: TriangularSystem, q: Any) -> tuple[list[Any], dict[int, tuple[Any, Any]]]:
-    """Return the expressions of z and, by array index i, the pairs (aᵢ, cᵢ) of the inverse."""
+    """Return the expressions of z, and the pairs (aᵢ, cᵢ) in zᵢ = aᵢ + cᵢ fᵢ₊₁ by array index i."""
     size = system.size
     f = [None, None, *system.slopes_expr(q)]
     z: list[Any] = [q[0], *[None] * (size - 2), q[size - 1]]

@@ -1,4 +1,4 @@
-"""A coin that rolls upright: a system whose user coordinates are not its triangular ones.
+"""A coin that rolls upright: a system whose user coordinates differ from the triangular ones.
 
 The user coordinates are the point of contact (x, y), the heading θ and the roll φ. With the radius
 r the coin rolls without slipping:
@@ -56,16 +56,16 @@ class Coin(TriangularSystem):
     # -- symbolic form -------------------------------------------------------------------------
 
     def slopes_expr(self, q: Any) -> list[Any]:
-        """dη/dθ and dσ/dθ."""
+        """Return the slopes dη/dθ and dσ/dθ as CasADi expressions."""
         return [q[3] + self.radius_m * q[1], -q[2]]
 
     def user_expr(self, q: Any) -> list[Any]:
-        """Return contact point, heading and roll; the contact is (ξ, η) rotated by the heading."""
+        """Return the contact point (x, y), the heading and the roll as CasADi expressions in q."""
         ahead, c, s = q[3] + self.radius_m * q[1], ca.cos(q[0]), ca.sin(q[0])
         return [ahead * c + q[2] * s, ahead * s - q[2] * c, q[0], q[1]]
 
     def from_user_expr(self, w: Any) -> list[Any]:
-        """Return heading, roll, η and σ from x, y, heading and roll."""
+        """Return q = (heading, roll, η, σ) as CasADi expressions in w = (x, y, heading, roll)."""
         c, s = ca.cos(w[2]), ca.sin(w[2])
         sigma = w[0] * c + w[1] * s - self.radius_m * w[3]
         return [w[2], w[3], w[0] * s - w[1] * c, sigma]
@@ -77,22 +77,22 @@ class Coin(TriangularSystem):
         return np.stack([self.radius_m * q[..., 1] + q[..., 3], -q[..., 2]], axis=-1)
 
     def drive(self, q: Array) -> Array:
-        """γ = 1, shape (…,)."""
+        """Return γ = 1, shape (…,): the path coordinate is the heading, which the input turns."""
         return np.ones(q.shape[:-1])
 
     def user(self, q: Array) -> Array:
-        """User coordinates, shape (…, 4); the contact is the complex number (ξ − iη) exp(iθ)."""
+        """Convert q (…, 4) to (x, y, heading, roll), shape (…, 4), by x + iy = (ξ − iη) exp(iθ)."""
         contact = (self.radius_m * q[..., 1] + q[..., 3] - 1j * q[..., 2]) * np.exp(1j * q[..., 0])
         return np.stack([contact.real, contact.imag, q[..., 0], q[..., 1]], axis=-1)
 
     def from_user(self, w: Array) -> Array:
-        """Return q, shape (…, 4), from the contact (ξ − iη) = (x + iy) exp(−iθ)."""
+        """Convert (x, y, heading, roll), (…, 4), to q (…, 4), by ξ − iη = (x + iy) exp(−iθ)."""
         frame = (w[..., 0] + 1j * w[..., 1]) * np.exp(-1j * w[..., 2])
         sigma = frame.real - self.radius_m * w[..., 3]
         return np.stack([w[..., 2], w[..., 3], -frame.imag, sigma], axis=-1)
 
     def axle_points(self, q: Array) -> Array:
-        """Front and rear end of the coin seen from above, and its contact, shape (…, 3, 2), m."""
+        """Return the front end, rear end and contact of the coin from above, (…, 3, 2), m."""
         contact = self.user(q)[..., :2]
         ahead = np.stack([np.cos(q[..., 0]), np.sin(q[..., 0])], axis=-1)
         ends = [contact + side * self.radius_m * ahead for side in (1, -1)]
@@ -105,15 +105,15 @@ class Coin(TriangularSystem):
         return np.ones(self.size)
 
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
-        """Return φ from dη/dθ (i = 1) or η from dσ/dθ (i = 2); both exist for every slope."""
+        """Return the roll φ from dη/dθ (i = 1), or η from dσ/dθ (i = 2), shape (…,)."""
         return np.asarray((slope - q[..., 3]) / self.radius_m if i == 1 else -slope)
 
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
-        """`link_from_slope` as a CasADi expression."""
+        """Return the roll φ from dη/dθ (i = 1), or η from dσ/dθ (i = 2), as an expression."""
         return (slope - q[3]) / self.radius_m if i == 1 else -slope
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
-        """Return one margin, equal to 1, for i = 1 and none for i = 2: the chart has no edge."""
+        """Return one margin, equal to 1, for i = 1, and none for i = 2: the chart has no edge."""
         return [np.where(np.isnan(slope), np.nan, 1.0)] if i == 1 else []
 
     def chart_margins(self, q: Array, branch: Array) -> Array:
@@ -121,5 +121,5 @@ class Coin(TriangularSystem):
         return np.ones((*q.shape[:-1], 1))
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """`chart_margins` as CasADi expressions."""
+        """Return the constant margin 1 of `chart_margins` as a CasADi expression."""
         return [ca.SX(1)]

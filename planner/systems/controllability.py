@@ -41,8 +41,8 @@ class Controllability:
         q: The configuration, in the coordinates' units.
         size: Number N of coordinates.
         growth: Growth vector: dimension spanned by all brackets of length ≤ 1, 2, … at q.
-        degree: Degree of nonholonomy: the bracket length at which that dimension reaches N; None if
-            it does not within the examined depth.
+        degree: Degree of nonholonomy: the bracket length at which the growth vector reaches N;
+            None if it stays below N up to the examined depth.
         basis: Names of independent brackets, shortest first: N of them if `chow` is true.
         singular_values: Singular values of the matrix of all brackets examined, largest first.
         tolerance: A singular value counts towards the rank if it exceeds this share of the largest.
@@ -67,16 +67,16 @@ class Controllability:
 
     @property
     def depth(self) -> int:
-        """Greatest bracket length examined."""
+        """Greatest length of the brackets examined."""
         return len(self.growth)
 
     @property
     def regular(self) -> bool:
-        """Whether the growth vector is the same all around q."""
+        """Whether the growth vector is the same at q and at all random points around q."""
         return self.neighbours == (self.growth,)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready form."""
+        """Return the result as a dictionary that JSON can store."""
         return {
             "system": self.system,
             "q": list(self.q),
@@ -198,8 +198,8 @@ def _rank(blocks: Sequence[Array], tolerance: float) -> int:
 def _basis(blocks: Sequence[Array], names: Sequence[str], growth: Sequence[int]) -> tuple[str, ...]:
     """Return the names of independent brackets, shortest first.
 
-    From each length, choose as many as that length adds to the growth vector; each time, choose the
-    bracket with the largest component orthogonal to those already chosen.
+    From each length, choose as many brackets as the length adds to the growth vector; each time,
+    choose the bracket with the largest component orthogonal to the brackets chosen before.
     """
     chosen: list[int] = []
     left, position = [block.copy() for block in blocks], 0
@@ -235,12 +235,12 @@ Word = tuple[int, ...]
 
 
 def lie_bracket(f: Any, g: Any, q: Any) -> Any:
-    """Return [f, g] = (∂g/∂q) f − (∂f/∂q) g of two vector fields, expressions in q."""
+    """Return the Lie bracket [f, g] = (∂g/∂q) f − (∂f/∂q) g of two vector fields in q."""
     return ca.cse(ca.jtimes(g, q, f) - ca.jtimes(f, q, g))
 
 
 def lyndon_words(length: int) -> list[Word]:
-    """Return the Lyndon words of that length over {1, 2}, in order (Duval's algorithm)."""
+    """Return the Lyndon words of a length over {1, 2}, in order, by Duval's algorithm."""
     words, word = [], [0]
     while word:
         word[-1] += 1
@@ -283,11 +283,11 @@ class Brackets:
         self._values: dict[int, tuple[list[str], Pointwise]] = {}
 
     def names(self, length: int) -> list[str]:
-        """Return the names of the brackets of exactly that length."""
+        """Return the names of the brackets of exactly the given length."""
         return self._fields_of_length(length)[0]
 
     def values(self, q: Array, length: int) -> Array:
-        """Return the brackets of exactly that length at q (…, N), shape (…, count, N)."""
+        """Return the values at q (…, N) of all brackets of a given length, (…, count, N)."""
         names, function = self._fields_of_length(length)
         return function(q).reshape(*q.shape[:-1], len(names), q.shape[-1])
 

@@ -1,7 +1,6 @@
 """A triangular system whose functions fᵢ and γ the user gives, as text or as Python functions.
 
-The functions `check_…` test whether the input is in triangular form and raise an error that names
-the fault.
+The functions `check_…` raise an error that names the fault if the input is not in triangular form.
 """
 
 from __future__ import annotations
@@ -30,15 +29,15 @@ _INPUTS = (Coordinate("u1", ""), Coordinate("u2", ""))
 
 
 class CustomSystem(TriangularSystem):
-    """A system with fᵢ and γ given by the user.
+    """A triangular system whose functions fᵢ and γ the user gives.
 
     q̇₁ = γ(q) u₁,  q̇₂ = u₂,  q̇ᵢ = fᵢ(qᵢ₋₁, qᵢ, …, q_N) q̇₁  (i = 3 … N).
 
     Each fᵢ must be strictly monotone in qᵢ₋₁ on that coordinate's interval, or have one extremum
     there; the branch is the side of the extremum on which the start lies. The inverse of the
     chained form solves one scalar equation per fᵢ, by Newton's method safeguarded by bisection.
-    Unlike in other systems, the numeric form is computed from the symbolic one, so the two forms do
-    not check each other.
+    Unlike in other systems, the numeric form is computed from the symbolic form, so the two forms
+    do not check each other.
 
     Args:
         name: Name of the system.
@@ -49,10 +48,9 @@ class CustomSystem(TriangularSystem):
         intervals: Open interval of each coordinate q₂ … q_{N−1}, by name, in its unit. The default
             for angles (unit "rad") is (−π/2, π/2).
         inputs: Names and units of u₁ and u₂.
-        user: Coordinates for problems and results, if they are not the triangular ones: a table
-            with `coordinates` (N names), `units`, `expressions` (N texts in the names of the
-            triangular ones) and `inverse` (N texts in the new names, one for each triangular
-            coordinate).
+        user: User coordinates, if they differ from the triangular coordinates: a table with
+            `coordinates` (their N names), `units`, `expressions` (N texts in the triangular names)
+            and `inverse` (N texts in the user's names, one for each triangular coordinate).
 
     Raises:
         InputError: If names or counts do not match, fᵢ depends on a coordinate before qᵢ₋₁ or not
@@ -101,32 +99,31 @@ class CustomSystem(TriangularSystem):
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """Interval of each coordinate except the first and last, by name."""
+        """Open interval of each coordinate except the first and the last, in its unit, by name."""
         return {self._coordinates[i].name: pair for i, pair in self._intervals.items()}
 
     # -- symbolic form -------------------------------------------------------------------------
 
     def slopes_expr(self, q: Any) -> list[Any]:
-        """Return f₃ … f_N as CasADi expressions."""
+        """Return the slopes f₃ … f_N as CasADi expressions in q (N), from the user's texts."""
         return [self._parse(f"slopes[{k}]", s, q) for k, s in enumerate(self._slopes_text)]
 
     def drive_expr(self, q: Any) -> Any:
-        """Return γ as a CasADi expression."""
+        """Return the factor γ in q̇₁ = γ(q) u₁ as a CasADi expression in q (N)."""
         return self._parse("drive", self._drive_text, q)
 
     def user_expr(self, q: Any) -> list[Any]:
-        """Return the user coordinates as expressions in q, from the argument `user`."""
+        """Return the N user coordinates as CasADi expressions in the triangular ones, q (N)."""
         return super().user_expr(q) if self._user is None else self._user.there(q)
 
     def from_user_expr(self, w: Any) -> list[Any]:
-        """Return q as expressions in the user coordinates, from the argument `user`."""
+        """Return the N coordinates q as CasADi expressions in the user coordinates w (N)."""
         return super().from_user_expr(w) if self._user is None else self._user.back(w)
 
     # -- the chart -----------------------------------------------------------------------------
 
     def branch(self, q: Array) -> Array:
-        """Return the sign of ∂fᵢ₊₁/∂qᵢ at index i; 0 where it vanishes or qᵢ is outside its
-        interval."""
+        """Return the sign of ∂fᵢ₊₁/∂qᵢ for each i, shape (N,); 0 outside the interval of qᵢ."""
         out = np.ones(self.size)
         point = np.nan_to_num(np.asarray(q, dtype=float))
         for i, (low, high) in self._intervals.items():
@@ -136,18 +133,16 @@ class CustomSystem(TriangularSystem):
         return out
 
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
-        """Return the solution qᵢ on the branch's side of the extremum; NaN if there is none."""
+        """Return the qᵢ of the given branch for which fᵢ₊₁ = slope, shape (…,); NaN if none."""
         solution, _ = self._solve_link(i, slope, q, branch)
         return np.where(solution.exists, solution.x, np.nan).reshape(np.shape(slope))
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
-        """Return three margins of qᵢ: two distances to the interval's ends, and the derivative.
+        """Return three margins of the solution qᵢ of fᵢ₊₁ = slope, each (…,).
 
-        The distances are shares of the interval's width; the derivative is ∂fᵢ₊₁/∂qᵢ times the
-        branch's sign.
-
-        Without a solution, the violated margin is minus the amount by which the slope is out of
-        range.
+        Two are the distances from the interval's ends, as shares of its width; the third is
+        ∂fᵢ₊₁/∂qᵢ times the branch's sign. Without a solution, the violated margin is minus the
+        amount by which the slope is out of range.
         """
         solution, derivative = self._solve_link(i, slope, q, branch)
         (low, high), x = self._intervals[i], solution.x
@@ -159,7 +154,7 @@ class CustomSystem(TriangularSystem):
         return [np.where(s > 0, -s, m).reshape(np.shape(slope)) for m, s in pairs]
 
     def chart_margins(self, q: Array, branch: Array) -> Array:
-        """Return the margins of `link_margins` for all i at coordinates q, shape (…, 3(N−2))."""
+        """Return the three margins of each of q₂ … q_{N−1}, shape (…, 3(N−2)), at q (…, N)."""
         out = []
         for i, (low, high) in self._intervals.items():
             derivative = self._links[i](q)[..., 1]
@@ -168,7 +163,7 @@ class CustomSystem(TriangularSystem):
         return np.stack(out, axis=-1)
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """Return `chart_margins` as CasADi expressions."""
+        """Return the margins of `chart_margins` as CasADi expressions in q (N)."""
         slopes, out = self.slopes_expr(q), []
         for i, (low, high) in self._intervals.items():
             derivative = ca.jacobian(slopes[i - 1], q)[0, i]
@@ -178,7 +173,7 @@ class CustomSystem(TriangularSystem):
 
     @property
     def margin_labels(self) -> tuple[tuple[int, str], ...]:
-        """Index of the coordinate and meaning of each margin, in the order of `chart_margins`."""
+        """Array index of the coordinate and meaning of each margin, ordered as `chart_margins`."""
         labels = []
         for i, (low, high) in self._intervals.items():
             this, following = self._coordinates[i].name, self._coordinates[i + 1].name
@@ -188,7 +183,7 @@ class CustomSystem(TriangularSystem):
         return tuple(labels)
 
     def _solve_link(self, i: int, slope: Array, q: Array, branch: Array) -> tuple[Preimage, Array]:
-        """Solve fᵢ₊₁ = slope for qᵢ; also return the branch's sign times ∂fᵢ₊₁/∂qᵢ there."""
+        """Return the solution qᵢ of fᵢ₊₁ = slope, and ∂fᵢ₊₁/∂qᵢ times the branch's sign."""
         points = np.where(np.arange(self.size) > i, q, 0.0).reshape(-1, self.size)
 
         def function(x: Array) -> tuple[Array, Array]:
@@ -206,7 +201,7 @@ class CustomSystem(TriangularSystem):
         return parse_expression(text, symbols, f"{self.name}: {what}")
 
     def _expression_texts(self, what: str, given: Any) -> list[str]:
-        """Return the expressions as texts, whether given as texts or by a function of q."""
+        """Return the texts of "slopes" or "drive", given as texts or as a function of q."""
         symbols = [ca.SX.sym(c.name) for c in self._coordinates]
         values = given(ca.vertcat(*symbols)) if callable(given) else given
         parts = [values] if what == "drive" else list(values)
@@ -252,8 +247,7 @@ class CustomSystem(TriangularSystem):
 
 
 def _no_such_branch(solution: Preimage, slope: Array) -> NDArray[np.bool_]:
-    """Return the mask of the slopes (not NaN) for which the derivative nowhere has the branch's
-    sign."""
+    """Return a mask of the slopes whose link has nowhere a derivative of the branch's sign."""
     return np.isnan(solution.x) & ~np.isnan(np.ravel(slope))
 
 
@@ -264,7 +258,7 @@ def check_names(system: str, coordinates: Sequence[Coordinate]) -> tuple[Coordin
     """Return the coordinates after checking that there are at least three, with usable names.
 
     Raises:
-        InputError: If there are too few, or a name is not usable or appears twice.
+        InputError: If there are too few coordinates, or a name is unusable or appears twice.
     """
     names = [c.name for c in coordinates]
     if len(names) < 3:
@@ -280,7 +274,7 @@ def check_names(system: str, coordinates: Sequence[Coordinate]) -> tuple[Coordin
 def check_intervals(
     system: str, coordinates: Sequence[Coordinate], given: Mapping[str, Sequence[float]]
 ) -> dict[int, tuple[float, float]]:
-    """Return the interval of each coordinate except the first and last, by array index.
+    """Return the interval of each coordinate except the first and the last, by array index.
 
     Raises:
         InputError: If an interval is missing, empty or not finite, or is given for the first or
@@ -304,10 +298,10 @@ def check_intervals(
 
 
 def check_structure(system: str, coordinates: Sequence[Coordinate], slopes: Any, q: Any) -> None:
-    """Refuse an fᵢ that depends on a coordinate before qᵢ₋₁, or does not depend on qᵢ₋₁.
+    """Refuse a slope fᵢ that depends on a coordinate before qᵢ₋₁, or does not depend on qᵢ₋₁.
 
     Raises:
-        InputError: Names the slope and the coordinate.
+        InputError: If there is such a slope; the message names its coordinates.
     """
     names = [c.name for c in coordinates]
     for link, slope in enumerate(slopes, start=1):
@@ -329,12 +323,12 @@ def check_structure(system: str, coordinates: Sequence[Coordinate], slopes: Any,
 def check_turns(
     system: str, coordinates: Sequence[Coordinate], intervals: Intervals, links: Mapping[int, Any]
 ) -> None:
-    """Refuse an fᵢ₊₁ whose derivative by qᵢ changes sign more than once on qᵢ's interval.
+    """Refuse a slope fᵢ₊₁ whose derivative by qᵢ changes sign more than once on qᵢ's interval.
 
     The test samples qᵢ on a grid, at a few random values (fixed seed) of the other coordinates.
 
     Raises:
-        InputError: Names the slope and the coordinate.
+        InputError: If there is such a slope; the message names its coordinates.
     """
     rng = np.random.default_rng(0)
     for i, (low, high) in intervals.items():

@@ -18,7 +18,7 @@ FUNCTIONS = (
     *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh"),
     *("exp", "log", "sqrt", "fabs"),
 )
-"""Functions of CasADi that an expression may call."""
+"""Names of the CasADi functions that an expression in text may call."""
 
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -34,11 +34,11 @@ def parse_expression(text: str, symbols: Mapping[str, Any], where: str = "expres
 
     Args:
         text: Numbers, names, `pi`, + - * / **, and the functions of `FUNCTIONS`.
-        symbols: The values of the names.
+        symbols: CasADi expression or number that each name stands for.
         where: Origin of the text, for messages.
 
     Raises:
-        InputError: If the text is not such an expression; names the part that is wrong.
+        InputError: If the text is not such an expression; the message names the wrong part.
     """
     try:
         tree = ast.parse(text.strip(), mode="eval")
@@ -119,11 +119,11 @@ _TEMPLATES = {
     **{name.upper(): f"{name}({{}})" for name in FUNCTIONS},
     "ATAN2": "atan2({}, {})",
 }
-"""Text of each operation, by the name after `OP_` in CasADi."""
+"""Text for each CasADi operation, {} for an operand, by the operation's name without `OP_`."""
 
 
 def operator_templates() -> dict[int, str]:
-    """Return the text of each operation, by CasADi's integer code for it."""
+    """Return the text for each CasADi operation, {} for an operand, by its integer code."""
     return {getattr(ca, f"OP_{name}"): template for name, template in _TEMPLATES.items()}
 
 
@@ -131,7 +131,7 @@ def write_expression(expression: Any, where: str = "expression") -> str:
     """Write a scalar CasADi SX expression as text that `parse_expression` can read.
 
     Raises:
-        InputError: If it is not a scalar SX, or uses an operation that text cannot express.
+        InputError: If the expression is not a scalar SX, or has an operation without a text.
     """
     scalar = ca.SX(expression)
     if scalar.numel() != 1:

@@ -1,7 +1,7 @@
-"""Linearised motion, symbolically: the effect of a small error of start, inputs or constants.
+"""Linearised motion as expressions: the effect of a small error of start, inputs or constants.
 
 Along a motion q̇ = f, an error of unit size gives δq̇ = A δq + b with A = ∂f/∂q (H. K. Khalil,
-Nonlinear Systems, 3rd ed., section 3.3). These are the errors; p is the size of an error:
+Nonlinear Systems, 3rd ed., section 3.3). The errors are these, with p the size of an error:
 
     gain u1, gain u2        uᵢ becomes (1 + p) uᵢ
     bias u1, bias u2        p is added to uᵢ, in its unit
@@ -28,14 +28,14 @@ from planner.systems.triangular_system import PlanarArm, TriangularSystem
 
 @dataclass(frozen=True)
 class ErrorParameter:
-    """An error: its name ("gain u1", "start theta2", "K3") and unit ("1" for relative errors)."""
+    """Name and unit of an error: "gain u1", "start theta2", "K3"; "1" if the error is relative."""
 
     name: str
     unit: str
 
     @property
     def family(self) -> str:
-        """First word of the name; "gear" for the constants Kᵢ."""
+        """Kind of the error: the first word of the name, or "gear" for a gear constant Kᵢ."""
         return self.name.split()[0] if " " in self.name else "gear"
 
 
@@ -49,8 +49,8 @@ class Linearisation:
         t: Symbol of the time since the start, s.
         rates: q̇ (N).
         A: ∂q̇/∂q (N, N).
-        forcing: For each error by name: b (N), for an error of one unit.
-        initial: For each error by name: δq(0), shape (N,).
+        forcing: b (N) in δq̇ = A δq + b for an error of one unit, by the error's name.
+        initial: δq(0), shape (N,), for an error of one unit, by the error's name.
     """
 
     q: Any
@@ -64,7 +64,7 @@ class Linearisation:
 
 @lru_cache(maxsize=32)
 def parameters(system: TriangularSystem) -> tuple[ErrorParameter, ...]:
-    """Return the errors of a system, in the order of the module's table."""
+    """Return the errors that a system can have, in the order of the table in this file."""
     u = system.inputs
     return (
         *(ErrorParameter(f"gain {i.name}", "1") for i in u),
@@ -77,17 +77,17 @@ def parameters(system: TriangularSystem) -> tuple[ErrorParameter, ...]:
 
 
 def gear_count(system: TriangularSystem) -> int:
-    """Return the number of gear constants Kᵢ; 0 for systems other than arms."""
+    """Return the number of gear constants Kᵢ of a system; 0 if the system is not an arm."""
     return system.n - 1 if isinstance(system, PlanarArm) else 0
 
 
 @lru_cache(maxsize=32)
 def linearise(system: TriangularSystem) -> Linearisation:
-    """Build the expressions for a system.
+    """Build the expressions of a system's linearised motion.
 
     A delayed input uᵢ(t − p) acts only through the Lie bracket: integrating −u̇ᵢ gᵢ by parts gives
-    the forcing u₁u₂[gⱼ, gᵢ], j ≠ i. It contains no derivative of the input, so jumps are harmless.
-    A slow clock is a delay that grows with time, treated in the same way. For both, δq is
+    the forcing u₁u₂[gⱼ, gᵢ], j ≠ i, without a derivative of the input, so inputs may jump.
+    A slow clock is a delay that grows with time, treated in the same way. For both errors, δq is
     the error once the late input has been applied in full, as at the end of the motion.
     """
     q, u, t = ca.SX.sym("q", system.size), ca.SX.sym("u", 2), ca.SX.sym("t")

@@ -37,11 +37,11 @@ class Gear:
 
     @property
     def rho(self) -> float:
-        """Transmission of one stage, ρ = r₁/(λR)."""
+        """Transmission ρ = r₁/(λR): turns of the next stage's wheel B per turn, joints at 0."""
         return self.r1 / (self.lam * self.R)
 
     def k(self, i: int) -> float:
-        """Gear constant kᵢ = (λR/(ηr₃)) ρ^{i−1} of joint i (2 … n), if all stages are equal."""
+        """Return the constant kᵢ = (λR/(ηr₃)) ρ^{i−1} of joint i (2 … n) for equal stages."""
         return self.lam * self.R / (self.eta * self.r3) * self.rho ** (i - 1)
 
 
@@ -50,7 +50,7 @@ PROTOTYPE_K, PROTOTYPE_K_G = (0.870125, 0.711625), 0.668811
 
 
 def prototype_ratios(joints: int) -> list[float]:
-    """Return K₂ … Kₙ of the prototype; beyond K₃ each is K₃/K₂ times the one before."""
+    """Return K₂ … Kₙ of a prototype with n joints; beyond K₃ each is K₃/K₂ times the previous K."""
     first, second = PROTOTYPE_K
     return [round(first * (second / first) ** i, 6) for i in range(joints - 1)]
 
@@ -103,8 +103,8 @@ class Manipulator(PlanarArm):
             gear: Radii and ratios, one for all stages or one for each of the n − 1 stages.
             k_g: Turns of the last disk per turn of motor 1; by default from `rule`.
             rule: "chain" sets k_g = ρ₁ … ρₙ₋₂, for the n − 2 stages between φ₁ and φₙ₋₁.
-                "printed" sets ρ² as in the paper, a misprint: for n = 2, for example, there is no
-                such stage and eq. (6) gives φ̇₁ = u₁, so that k_g must be 1.
+                "printed" sets k_g = ρ², a misprint of the paper: for n = 2, for example, no stage
+                lies between, and eq. (6) gives φ̇₁ = u₁, so that k_g must be 1.
             link_lengths: As in the constructor.
 
         Raises:
@@ -121,7 +121,7 @@ class Manipulator(PlanarArm):
         first, alike = stages[0], all(each == stages[0] for each in stages)
 
         def turned(i: int) -> float:
-            """Turns of wheel B of stage i + 1 per turn of motor 1."""
+            """Return the turns of wheel B of stage i + 1 per turn of motor 1."""
             return first.rho**i if alike else prod(each.rho for each in stages[:i])
 
         product = "rho^(n-2)" if alike else "rho_1 ... rho_(n-2)"
@@ -153,7 +153,7 @@ class Manipulator(PlanarArm):
     # -- symbolic form -------------------------------------------------------------------------
 
     def slopes_expr(self, q: Any) -> list[Any]:
-        """θᵢ' = dθᵢ/dφₙ₋₁ for i = 2 … n, as CasADi expressions."""
+        """Return the slopes θᵢ' = dθᵢ/dφₙ₋₁ for i = 2 … n as CasADi expressions."""
         theta = [None, *(q[i] for i in range(1, self.n + 1))]
         out = []
         for i in range(2, self.n):
@@ -163,11 +163,11 @@ class Manipulator(PlanarArm):
         return out
 
     def drive_expr(self, q: Any) -> Any:
-        """Return γ = φ̇ₙ₋₁/u₁ = k_g ∏_{j≤n−2} cosθⱼ."""
+        """Return γ = φ̇ₙ₋₁/u₁ = k_g ∏_{j≤n−2} cosθⱼ as a CasADi expression."""
         return self.k_g * prod([ca.cos(q[j]) for j in range(1, self.n - 1)])
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """Return q̇ from eq. (6) itself, which has no quotients of cosines that vanish at 90°."""
+        """Return the rates q̇ of eq. (6) as CasADi expressions, which are finite at every angle."""
         c = [ca.cos(q[j]) for j in range(self.n + 1)]
         passive = [
             self.k_g * self.K[i - 2] * c[i - 1] ** 3 * prod(c[1 : i - 1]) * u[0]
@@ -178,18 +178,18 @@ class Manipulator(PlanarArm):
     # -- numeric form --------------------------------------------------------------------------
 
     def slopes(self, q: Array) -> Array:
-        """Return θᵢ' = dθᵢ/dφₙ₋₁ for i = 2 … n, shape (…, n−1)."""
+        """Return the slopes θᵢ' = dθᵢ/dφₙ₋₁ for i = 2 … n, shape (…, n−1)."""
         c = np.cos(q[..., 1:-1])
         driven = c**3 * np.cumprod(np.concatenate([np.ones_like(c[..., :1]), c[..., :-1]], -1), -1)
         path = np.prod(c[..., : self.n - 2], axis=-1, keepdims=True)
         return np.asarray(self.K * driven / path)
 
     def drive(self, q: Array) -> Array:
-        """Return γ = φ̇ₙ₋₁/u₁, shape (…,)."""
+        """Return γ = φ̇ₙ₋₁/u₁, the turns of disk n − 1 per turn of motor 1, shape (…,)."""
         return np.asarray(self.k_g * np.prod(np.cos(q[..., 1 : self.n - 1]), axis=-1))
 
     def rates(self, q: Array, u: Array) -> Array:
-        """Return q̇ of eq. (6), shape (…, n+1)."""
+        """Return the rates q̇ of eq. (6), shape (…, n+1)."""
         c = np.cos(q[..., 1:-1])
         out = np.empty((*np.broadcast_shapes(q.shape[:-1], u.shape[:-1]), self.size))
         speed = self.k_g * u[..., 0]
@@ -204,13 +204,13 @@ class Manipulator(PlanarArm):
     # -- the chart -----------------------------------------------------------------------------
 
     def branch(self, q: Array) -> Array:
-        """Return the signs of θ₁ … θₙ₋₁ (the chart has two branches in each); 1 for φ and θₙ."""
+        """Return the branch numbers (n+1,): the signs of θ₁ … θₙ₋₁, and 1 for φ and θₙ."""
         signs = np.ones(self.size)
         signs[1:-1] = np.sign(q[1:-1])
         return signs
 
     def _cos2(self, i: int, slope: Array, q: Array) -> Array:
-        """cos²θᵢ for which dθᵢ₊₁/dφ = slope, given the later angles; may lie outside [0, 1]."""
+        """Return the cos²θᵢ for which dθᵢ₊₁/dφ = slope, (…,); outside [0, 1] no θᵢ solves it."""
         if i == self.n - 1:
             ratio = slope / self.K[-1]
             return np.asarray(np.sign(ratio) * np.abs(ratio) ** (2 / 3))
@@ -218,14 +218,14 @@ class Manipulator(PlanarArm):
         return np.asarray(slope * later / self.K[i - 1])
 
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
-        """Return θᵢ = ± arccos √w; NaN where w = cos²θᵢ is outside [0, 1]."""
+        """Return the angle θᵢ, (…,), rad, for which dθᵢ₊₁/dφ = slope; NaN if there is none."""
         w = self._cos2(i, slope, q)
         with np.errstate(invalid="ignore"):
             angle = np.arctan2(np.sqrt(1 - w), np.sqrt(w))
         return np.asarray(branch[i] * angle)
 
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
-        """Return `link_from_slope` as a CasADi expression."""
+        """Return the angle θᵢ for which dθᵢ₊₁/dφ = slope as a CasADi expression."""
         ratio = slope / self.K[i - 1]
         w = ratio * prod([ca.cos(q[j]) for j in range(i + 1, self.n - 1)])
         if i == self.n - 1:
@@ -233,18 +233,18 @@ class Manipulator(PlanarArm):
         return branch[i] * ca.atan2(ca.sqrt(1 - w), ca.sqrt(w))
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
-        """Return (1 − w, w) with w = cos²θᵢ: the distances from θᵢ = 0 and from θᵢ = 90°."""
+        """Return the margins 1 − cos²θᵢ and cos²θᵢ, the distances of θᵢ from 0 and from 90°."""
         w = self._cos2(i, slope, q)
         return [np.asarray(1 - w), w]
 
     def chart_margins(self, q: Array, branch: Array) -> Array:
-        """Return ±sin²θᵢ, ±cos²θᵢ for i = 1 … n−1; negative once θᵢ has left its branch."""
+        """Return ±sin²θᵢ, ±cos²θᵢ for i = 1 … n−1, (…, 2(n−1)); negative if θᵢ left its branch."""
         s, c = np.sin(q[..., 1:-1]), np.cos(q[..., 1:-1])
         pairs = np.stack([branch[1:-1] * s * np.abs(s), c * np.abs(c)], axis=-1)
         return np.asarray(pairs.reshape(*q.shape[:-1], 2 * (self.n - 1)))
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """`chart_margins` as CasADi expressions."""
+        """Return the margins ±sin²θᵢ and ±cos²θᵢ of `chart_margins` as CasADi expressions."""
         out = []
         for i in range(1, self.n):
             s, c = branch[i] * ca.sin(q[i]), ca.cos(q[i])
@@ -253,7 +253,7 @@ class Manipulator(PlanarArm):
 
     @property
     def margin_labels(self) -> tuple[tuple[int, str], ...]:
-        """Index of the coordinate and meaning of each margin, in the order of `chart_margins`."""
+        """Array index of the coordinate and meaning of each margin, ordered as `chart_margins`."""
         labels = []
         for i in range(1, self.n):
             labels.append((i, f"1 - cos^2(theta{i}): distance from theta{i} = 0"))
@@ -264,8 +264,8 @@ class Manipulator(PlanarArm):
 def gravity_torques(weights: Array, theta: Array) -> Array:
     """Return the torque of gravity on each joint of an arm on an inclined plane.
 
-    It follows from the potential Σ weightⱼ sin(θ₁ + … + θⱼ); the plane rises along the y axis of
-    the base.
+    The potential energy is Σ weightⱼ sin(θ₁ + … + θⱼ); the plane rises along the y axis of the
+    base.
 
     Args:
         weights: Torque of each link's weight and load about its own joint when the link lies
@@ -285,9 +285,9 @@ def chain_inertia(inertia: Array, lengths: Array, moments: Array, angles: Array)
 
         T = ½ Σⱼₖ Aⱼₖ cos(ψⱼ − ψₖ) ψ̇ⱼ ψ̇ₖ,   Aⱼⱼ = Jⱼ,   Aⱼₖ = lⱼ sₖ for j < k
 
-    where each link includes the mass that it carries at its end. For two links these are α, β and δ
-    of R. M. Murray, Z. Li, S. S. Sastry (A Mathematical Introduction to Robotic Manipulation, 1994,
-    section 4.2): α = A₁₁ + A₂₂, β = A₁₂, δ = A₂₂.
+    where each link includes the mass that it carries at its end. For two links, α, β and δ of
+    R. M. Murray, Z. Li, S. S. Sastry (A Mathematical Introduction to Robotic Manipulation, 1994,
+    section 4.2) are α = A₁₁ + A₂₂, β = A₁₂, δ = A₂₂.
 
     Args:
         inertia: J, moments of inertia of the links about their own joints, (n, S), kg m^2.
@@ -307,10 +307,9 @@ def chain_inertia(inertia: Array, lengths: Array, moments: Array, angles: Array)
 
 
 def centrifugal_torques(lengths: Array, moments: Array, angles: Array, rates: Array) -> Array:
-    """Centrifugal torques on the links' angles ψ, (n, S), N m.
+    """Return the centrifugal torques Σₖ Aⱼₖ sin(ψⱼ − ψₖ) ψ̇ₖ² on the links' angles ψ, (n, S), N m.
 
-    They are Σₖ Aⱼₖ sin(ψⱼ − ψₖ) ψ̇ₖ², the velocity terms of Lagrange's equations, with A as in
-    `chain_inertia`.
+    The sum is the velocity term of Lagrange's equations, with A as in `chain_inertia`.
 
     Args:
         lengths, moments, angles: As for `chain_inertia`.
@@ -331,7 +330,9 @@ def on_joints(of_links: Array) -> Array:
 
 
 def mass_matrix(of_links: Array) -> Array:
-    """Mass matrix M = LᵀA L of the joints from `chain_inertia`; L is the lower triangle of ones."""
+    """Convert the matrix A of `chain_inertia` to the mass matrix LᵀA L of the joints.
+
+    L is the lower triangle of ones."""
     return on_joints(on_joints(of_links).swapaxes(0, 1))
 
 

@@ -45,7 +45,7 @@ class Coordinate:
 
     @property
     def rate_unit(self) -> str:
-        """Unit of its rate ("rad/s" gives "rad/s^2")."""
+        """Unit of the rate of change of the coordinate ("rad/s" gives "rad/s^2")."""
         return f"{self.unit}^2" if self.unit.endswith("/s") else f"{self.unit or 1}/s"
 
 
@@ -53,9 +53,9 @@ class TriangularSystem(ABC):
     """A driftless two-input system in triangular form.
 
     A subclass gives its `kind`, its coordinates and its functions fᵢ and γ as CasADi expressions,
-    from which the chained form and the optimal planners are derived. It should also give `slopes`
-    and `drive` as NumPy code, which only the verifier and the emulated machine use; then each form
-    checks the other. By default they are computed from the expressions.
+    from which the chained form and the optimal planners are derived. A subclass should also give
+    `slopes` and `drive` as NumPy code, which verification and the emulated machine use; then the
+    two forms check each other. By default both are computed from the expressions.
 
     In all methods on arrays the last axis holds the coordinates or inputs; leading axes broadcast.
     """
@@ -101,19 +101,19 @@ class TriangularSystem(ABC):
         return self.coordinates
 
     def user_expr(self, q: Any) -> list[Any]:
-        """CasADi expressions of the user coordinates (a list of N) in q (N)."""
+        """Return the N user coordinates as CasADi expressions in q (N)."""
         return [q[i] for i in range(self.size)]
 
     def from_user_expr(self, w: Any) -> list[Any]:
-        """CasADi expressions of q (a list of N) in the user coordinates w (N)."""
+        """Return the N coordinates q as CasADi expressions in the user coordinates w (N)."""
         return [w[i] for i in range(self.size)]
 
     def user(self, q: Array) -> Array:
-        """User coordinates, shape (…, N), at q (…, N)."""
+        """Convert coordinates q (…, N) to user coordinates, shape (…, N)."""
         return self._user_functions[0](q) if self.has_user_coordinates else q
 
     def from_user(self, w: Array) -> Array:
-        """q, shape (…, N), at user coordinates w (…, N)."""
+        """Convert user coordinates w (…, N) to coordinates q, shape (…, N)."""
         return self._user_functions[1](w) if self.has_user_coordinates else w
 
     @cached_property
@@ -124,21 +124,21 @@ class TriangularSystem(ABC):
 
     @property
     def has_user_coordinates(self) -> bool:
-        """Whether the user coordinates differ from the triangular ones, if only in their order."""
+        """Whether user and triangular coordinates differ; another order is a difference too."""
         return self.user_coordinates != self.coordinates
 
     @cached_property
     def shared(self) -> dict[int, int]:
-        """Triangular index of each user coordinate that is also triangular, by its user index."""
+        """Indices of the coordinates in both lists: from the user to the triangular index."""
         names = [c.name for c in self.coordinates]
         pairs = enumerate(c.name for c in self.user_coordinates)
         return {i: names.index(name) for i, name in pairs if name in names}
 
     def fixed_by(self, w: Array) -> Array:
-        """Return q (N,) as far as user coordinates w (N,) determine it; NaN means free in both.
+        """Return the entries of q (N,) that the user coordinates w (N,) determine; the others NaN.
 
-        If no entry of w is NaN, all of q is determined; else only the coordinates that are both
-        user and triangular coordinates.
+        NaN in w is a free coordinate. Without NaN all of q is determined; otherwise only the
+        coordinates that are both user and triangular coordinates.
         """
         if not np.any(np.isnan(w)):
             return self.from_user(w)
@@ -150,21 +150,21 @@ class TriangularSystem(ABC):
 
     @abstractmethod
     def slopes_expr(self, q: Any) -> list[Any]:
-        """CasADi expressions of f₃ … f_N (a list of N−2) in the CasADi vector q (N)."""
+        """Return f₃ … f_N as a list of N−2 CasADi expressions in the CasADi vector q (N)."""
 
     def drive_expr(self, q: Any) -> Any:
-        """CasADi expression of γ(q), with v₁ = γ(q) u₁; by default 1."""
+        """Return the factor γ in q̇₁ = γ(q) u₁ as a CasADi expression in q (N); by default 1."""
         return ca.SX(1)
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """CasADi expressions of q̇ (a list of N) for inputs u (2)."""
+        """Return q̇ as a list of N CasADi expressions in q (N) and the inputs u (2)."""
         v1 = self.drive_expr(q) * u[0]
         return [v1, u[1], *(f * v1 for f in self.slopes_expr(q))]
 
     # -- numeric form --------------------------------------------------------------------------
 
     def slopes(self, q: Array) -> Array:
-        """Return f₃ … f_N, the slopes dqᵢ/dq₁, shape (…, N−2), at q (…, N)."""
+        """Return the slopes fᵢ = dqᵢ/dq₁ for i = 3 … N, shape (…, N−2), at q (…, N)."""
         return self._pointwise_functions[0](q)
 
     def drive(self, q: Array) -> Array:
@@ -173,14 +173,14 @@ class TriangularSystem(ABC):
 
     @cached_property
     def _pointwise_functions(self) -> tuple[Pointwise, Pointwise]:
-        """Functions that evaluate the expressions of slopes and drive at arrays."""
+        """Functions from arrays q (…, N) to the slopes fᵢ (…, N−2) and to γ (…, 1)."""
         q = ca.SX.sym("q", self.size)
         slopes = ca.vertcat(*(ca.SX(f) for f in self.slopes_expr(q)))
         drive = ca.SX(self.drive_expr(q))
         return Pointwise("slopes", [q], slopes), Pointwise("drive", [q], drive)
 
     def rates(self, q: Array, u: Array) -> Array:
-        """q̇, shape (…, N), at q (…, N) under inputs u (…, 2)."""
+        """Return q̇, shape (…, N), at coordinates q (…, N) under inputs u (…, 2)."""
         v1 = self.drive(q) * u[..., 0]
         tail = self.slopes(q) * v1[..., None]
         return np.concatenate([v1[..., None], u[..., 1:2], tail], axis=-1)
@@ -189,8 +189,7 @@ class TriangularSystem(ABC):
 
     @abstractmethod
     def branch(self, q: Array) -> Array:
-        """Return the numbers (N,) that identify the chart's branch on which q lies; 0 on a
-        singularity."""
+        """Return the branch number of each coordinate of q, shape (N,); 0 on a singularity."""
 
     @abstractmethod
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
@@ -207,7 +206,7 @@ class TriangularSystem(ABC):
         """
 
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any | None:
-        """`link_from_slope` as a CasADi expression, NaN where no real solution exists.
+        """Return the result of `link_from_slope` as a CasADi expression, or None without one.
 
         If every link has an expression, the whole inverse is compiled into one function. With the
         default, None, `link_from_slope` is used.
@@ -216,28 +215,27 @@ class TriangularSystem(ABC):
 
     @abstractmethod
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
-        """Return the margins of `link_from_slope` at index i, one array (…,) per label; > 0
-        inside."""
+        """Return the margins of qᵢ as solved by `link_from_slope`; each (…,), positive inside."""
 
     @abstractmethod
     def chart_margins(self, q: Array, branch: Array) -> Array:
-        """Return all M margins at coordinates q (…, N), shape (…, M); negative off the branch."""
+        """Return the M margins of the chart at q (…, N), shape (…, M); negative off the branch."""
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """`chart_margins` as CasADi expressions; by default none, so nothing is proven."""
+        """Return the margins of the chart as CasADi expressions, for proofs; none by default."""
         return []
 
     @property
     @abstractmethod
     def margin_labels(self) -> tuple[tuple[int, str], ...]:
-        """For each margin: the array index of its coordinate, and its meaning in words."""
+        """Array index of the coordinate, and meaning in words, of each margin of the chart."""
 
     # -- identity ------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
         """Return the `[system]` table of a problem file that describes this system.
 
-        By default the table has the kind and the public attributes of the object. So the
+        By default the table has the kind and the public attributes of the object, so a
         constructor must store each constant under the name of its key.
         """
         constants = {
@@ -254,7 +252,7 @@ class TriangularSystem(ABC):
         return hash(self._text)
 
     def difference(self, other: TriangularSystem) -> str:
-        """Describe how another system differs, in words; empty if they are equal."""
+        """Describe in words how another system differs from this system; "" if both are equal."""
         if self == other:
             return ""
         mine, theirs = self.to_dict(), other.to_dict()
@@ -270,25 +268,25 @@ class TriangularSystem(ABC):
 
 
 def expect_system(value: object) -> None:
-    """Raise an error unless the value is a system; a problem or a plan is not accepted.
+    """Raise an error unless the value is a system; a problem or a plan is refused too.
 
     Raises:
-        InputError: If it is not a system; the message says how to get one.
+        InputError: If the value is not a system; the message says how to make one.
     """
     expect(TriangularSystem, value, "problem.system is one; planner.Manipulator(K, k_g) makes one")
 
 
 SINGULAR = 1e-12
-"""A coordinate with a smaller |cos qᵢ| counts as lying on the chart's edge."""
+"""Value of |cos qᵢ| below which coordinate qᵢ counts as lying on the edge of the chart."""
 
 
 class TangentSystem(TriangularSystem):
     """A triangular system in which every fᵢ₊₁ is offset + gain · tan qᵢ, such as a vehicle."""
 
     def _link(self, i: int, q: Array) -> tuple[Array, Array]:
-        """Offset and gain, each of shape (…,), of fᵢ₊₁ at array index i; reads only q after i.
+        """Return offset and gain in fᵢ₊₁ = offset + gain · tan qᵢ, both (…,), from q after index i.
 
-        By default they are computed from the slopes at 0 and 45 degrees.
+        By default both are computed from the slopes at qᵢ = 0 and 45 degrees.
         """
         state = np.array(q, dtype=float)
         state[..., :i] = 0.0
@@ -298,10 +296,9 @@ class TangentSystem(TriangularSystem):
         return offset, self.slopes(state)[..., i - 1] - offset
 
     def branch(self, q: Array) -> Array:
-        """Return the branch number of each link: 2k + 1 if the angle is within 90° of kπ; 0 on the
-        edge.
+        """Return the branch number of each coordinate, shape (N,).
 
-        For the usual branch, |qᵢ| < 90°, and for coordinates without a link it is 1.
+        The number is 2k + 1 for an angle within 90° of kπ, 0 on the edge, and 1 for q₁ and q_N.
         """
         out = np.ones(self.size)
         angle = np.asarray(q[1:-1], dtype=float)
@@ -315,11 +312,11 @@ class TangentSystem(TriangularSystem):
             return np.asarray((slope - offset) / gain)
 
     def link_from_slope(self, i: int, slope: Array, q: Array, branch: Array) -> Array:
-        """Return the angle on the given branch; it exists for every finite slope."""
+        """Return the angle qᵢ, (…,), rad, for which fᵢ₊₁ = slope; every finite slope has one."""
         return np.asarray(np.arctan(self._tangent(i, slope, q)) + _centre(branch)[i])
 
     def link_expr(self, i: int, slope: Any, q: list[Any], branch: Any) -> Any:
-        """`link_from_slope` as an expression; offset and gain from the link at 0 and 45 degrees."""
+        """Return the angle qᵢ for which fᵢ₊₁ = slope, as a CasADi expression."""
         state = [*q]
         state[i] = ca.SX(0)
         offset = self.slopes_expr(state)[i - 1]
@@ -328,17 +325,17 @@ class TangentSystem(TriangularSystem):
         return ca.atan((slope - offset) / gain) + (branch[i] - 1) / 2 * np.pi
 
     def link_margins(self, i: int, slope: Array, q: Array, branch: Array) -> list[Array]:
-        """Return one margin, cos²qᵢ."""
+        """Return the one margin of the angle qᵢ for which fᵢ₊₁ = slope: [cos²qᵢ]."""
         with np.errstate(over="ignore"):
             return [np.asarray(1 / (1 + self._tangent(i, slope, q) ** 2))]
 
     def chart_margins(self, q: Array, branch: Array) -> Array:
-        """±cos²qᵢ for each link, shape (…, N−2); negative once a coordinate has left its branch."""
+        """Return ±cos²qᵢ for q₂ … q_{N−1}, shape (…, N−2); negative if qᵢ has left its branch."""
         c = np.cos(q[..., 1:-1] - _centre(branch)[1:-1])
         return np.asarray(np.where(branch[1:-1] == 0, -np.abs(c), c) * np.abs(c))
 
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
-        """`chart_margins` as CasADi expressions."""
+        """Return the margins ±cos²qᵢ of `chart_margins` as CasADi expressions."""
         cosines = [ca.cos(q[i] - _centre(branch)[i]) for i in range(1, self.size - 1)]
         signs = np.where(branch[1:-1] == 0, -1.0, 1.0)
         return [
@@ -347,7 +344,7 @@ class TangentSystem(TriangularSystem):
 
     @property
     def margin_labels(self) -> tuple[tuple[int, str], ...]:
-        """Index of the coordinate and meaning of each margin, in the order of `chart_margins`."""
+        """Array index of the coordinate and meaning of each margin, ordered as `chart_margins`."""
         names = [c.name for c in self.coordinates]
         return tuple(
             (i, f"cos^2({names[i]}): distance from {names[i]} = 90 deg")
@@ -356,7 +353,7 @@ class TangentSystem(TriangularSystem):
 
 
 def _centre(branch: Array) -> Array:
-    """Return the centre angle of each branch, radians."""
+    """Return the angle in the middle of each branch, rad, from the branch numbers."""
     return np.asarray(np.pi * (branch - 1) / 2)
 
 
@@ -364,7 +361,7 @@ def positive(name: str, values: Sequence[float]) -> Array:
     """Return the values as an array after checking that all are positive and finite.
 
     Raises:
-        InputError: If there are no values, or one is not; the message shows the values.
+        InputError: If there is no value, or a value is not positive and finite.
     """
     try:
         array = np.asarray(values, dtype=float)
@@ -389,7 +386,7 @@ class PlanarArm(TriangularSystem):
     """
 
     disk: ClassVar[int]
-    """Number of the disk whose angle is φ, minus n: 0 for disk n, −1 for disk n − 1."""
+    """Number of the disk whose angle is φ, relative to n: 0 for disk n, −1 for disk n − 1."""
 
     def __init__(
         self, K: Sequence[float], k_g: float = 1.0, link_lengths: Sequence[float] | None = None
@@ -407,12 +404,12 @@ class PlanarArm(TriangularSystem):
 
     @cached_property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """(φ, θ₁ … θₙ), all in radians."""
+        """The coordinates φ, θ₁ … θₙ, all in radians."""
         angles = (Coordinate(f"theta{i}", "rad") for i in range(1, self.n + 1))
         return (Coordinate(f"phi{self.n + self.disk}", "rad"), *angles)
 
     def arm_points(self, theta: Array) -> Array:
-        """Forward kinematics in the plane.
+        """Compute the positions of base, joints and tip in the plane from the joint angles.
 
         Args:
             theta: Joint angles, shape (…, n), radians; each measured from the link before.
@@ -438,7 +435,7 @@ class PlanarArm(TriangularSystem):
 
 
 def arm_points_expr(theta: Sequence[Any], lengths: Array) -> list[tuple[Any, Any]]:
-    """`PlanarArm.arm_points` as CasADi expressions: x and y of the base, the joints and the tip."""
+    """Return x and y of an arm's base, joints and tip as CasADi expressions in the angles θ."""
     out: list[tuple[Any, Any]] = [(0.0, 0.0)]
     heading: Any = 0.0
     for angle, length in zip(theta, lengths.tolist(), strict=True):

@@ -1,6 +1,6 @@
-"""User-defined coordinates for a system given by expressions: the map and its inverse, as text.
+"""The user coordinates of a system given by expressions: the map and its inverse, as text.
 
-Checks that the two maps match; messages say where they do not.
+The file also checks that the two maps are inverse to each other.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from planner.systems.triangular_system import Coordinate
 KEYS = ("coordinates", "units", "expressions", "inverse")
 
 ROUND_TRIP = 1e-9
-"""Largest accepted error after mapping there and back, relative to 1 + |q|; rounding errors of
-the two maps stay far below."""
+"""Largest accepted error of q after mapping to w and back, relative to 1 + |q|; rounding errors
+stay far below."""
 
 
 class UserMap:
@@ -29,9 +29,9 @@ class UserMap:
 
     Args:
         system: The system's name, for messages.
-        names: The system's N coordinates.
-        given: `coordinates` (N names), `units`, `expressions` (N texts in the names of q) and
-            `inverse` (N texts in the user's names, one for each of q).
+        names: The system's N coordinates q.
+        given: `coordinates` (names of the N user coordinates), their `units`, `expressions` (N
+            texts for w, in the names of q) and `inverse` (N texts for q, in the names of w).
 
     Raises:
         InputError: If a key is missing or has the wrong length, a text is not an expression, or a
@@ -53,11 +53,11 @@ class UserMap:
         self._check_shared()
 
     def there(self, q: Any) -> list[Any]:
-        """Return the user coordinates w as CasADi expressions in q."""
+        """Return the N user coordinates w as CasADi expressions in the coordinates q (N)."""
         return self._parse("expressions", self.own, q)
 
     def back(self, w: Any) -> list[Any]:
-        """Return the coordinates q as CasADi expressions in w."""
+        """Return the N coordinates q as CasADi expressions in the user coordinates w (N)."""
         return self._parse("inverse", self.coordinates, w)
 
     def _parse(self, key: str, names: Sequence[Coordinate], x: Any) -> list[Any]:
@@ -69,7 +69,7 @@ class UserMap:
         ]
 
     def _check_shared(self) -> None:
-        """Check that a name in both lists means the same quantity in the same unit."""
+        """Check that a name of both a user and a system coordinate means the same quantity."""
         x = ca.SX.sym("x", len(self.own))
         there, back = self.there(x), self.back(x)
         mine = {c.name: i for i, c in enumerate(self.own)}
@@ -86,13 +86,13 @@ class UserMap:
                 )
 
     def check_inverse(self, intervals: Mapping[int, tuple[float, float]]) -> None:
-        """Refuse maps that are not inverse to each other.
+        """Raise an error unless the maps to and from the user coordinates undo each other.
 
-        The test draws 20 points inside the intervals (fixed seed) and uses those at which both
-        maps give real numbers.
+        The test uses those of 20 random points (fixed seed) in the intervals, which are given by
+        array index, at which both maps give real numbers.
 
         Raises:
-            InputError: Names the coordinate and the point.
+            InputError: If the maps do not match; the message names the coordinate and the point.
         """
         x = ca.SX.sym("x", len(self.own))
         rng = np.random.default_rng(0)
@@ -118,7 +118,7 @@ class UserMap:
 
 
 def pairs_of(coordinates: Sequence[Coordinate], values: Array) -> str:
-    """Format coordinates and their values as text."""
+    """Format coordinates with their values and units as text ("x = 1 m, y = 2 m")."""
     return ", ".join(
         f"{c.name} = {x:.6g} {c.unit}".rstrip() for c, x in zip(coordinates, values, strict=True)
     )

@@ -34,27 +34,27 @@ class Unicycle(TangentSystem):
     limited = (1,)  # the heading
 
     def slopes_expr(self, q: Any) -> list[Any]:
-        """Return y' = dy/dx = tanθ."""
+        """Return the slope y' = dy/dx = tanθ as a CasADi expression."""
         return [ca.tan(q[1])]
 
     def drive_expr(self, q: Any) -> Any:
-        """Return γ = ẋ/u₁ = cosθ."""
+        """Return γ = ẋ/u₁ = cosθ as a CasADi expression."""
         return ca.cos(q[1])
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """Return q̇, finite at every heading."""
+        """Return the rates of x, heading and y as CasADi expressions, finite at every heading."""
         return [ca.cos(q[1]) * u[0], u[1], ca.sin(q[1]) * u[0]]
 
     def slopes(self, q: Array) -> Array:
-        """Return y' = dy/dx, shape (…, 1)."""
+        """Return the slope y' = dy/dx of the wheel's path, shape (…, 1)."""
         return np.tan(q[..., 1:2])
 
     def drive(self, q: Array) -> Array:
-        """Return γ = ẋ/u₁, shape (…,)."""
+        """Return γ = ẋ/u₁, the cosine of the heading, shape (…,)."""
         return np.cos(q[..., 1])
 
     def rates(self, q: Array, u: Array) -> Array:
-        """q̇, shape (…, 3), from the velocity as a complex number."""
+        """Return the rates of x, heading and y, shape (…, 3)."""
         velocity = u[..., 0] * np.exp(1j * q[..., 1])
         return np.stack(np.broadcast_arrays(velocity.real, u[..., 1], velocity.imag), axis=-1)
 
@@ -72,7 +72,7 @@ class _Train(TangentSystem):
 
     Args:
         wheelbase_m: Distance between the car's axles, m.
-        trailer_lengths_m: From each hitch to the axle of the trailer behind it, m.
+        trailer_lengths_m: Distance from each hitch to the axle of the trailer behind it, m.
     """
 
     inputs = Coordinate("speed", "m/s"), Coordinate("steering_rate", "rad/s")
@@ -88,7 +88,7 @@ class _Train(TangentSystem):
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """(x, steering, hitch1 … hitchn, heading, y) in m and rad."""
+        """The coordinates x, steering, hitch1 … hitchn, heading and y, in m and rad."""
         hitches = (Coordinate(f"hitch{k}", "rad") for k in range(1, self.n + 1))
         return (
             Coordinate("x", "m"),
@@ -100,7 +100,7 @@ class _Train(TangentSystem):
 
     @property
     def limited(self) -> tuple[int, ...]:
-        """Indices of all angles; x and y have no limits."""
+        """Indices of the coordinates that have limits: all angles, but neither x nor y."""
         return tuple(range(1, self.size - 1))
 
     # -- symbolic form -------------------------------------------------------------------------
@@ -109,17 +109,17 @@ class _Train(TangentSystem):
         return prod([ca.cos(q[j]) for j in range(k + 2, self.n + 3)])
 
     def slopes_expr(self, q: Any) -> list[Any]:
-        """Return the slopes βₖ' for k = 1 … n, then θ' and y', with ' = d/dx."""
+        """Return the slopes βₖ' for k = 1 … n, θ' and y', with ' = d/dx, as CasADi expressions."""
         turn = [ca.tan(q[k + 1]) / (self._lengths[k] * self._P(k, q)) for k in range(self.n + 1)]
         hitches = [turn[k - 1] - turn[k] for k in range(1, self.n + 1)]
         return [*hitches, turn[-1], ca.tan(q[self.n + 2])]
 
     def drive_expr(self, q: Any) -> Any:
-        """Return γ = ẋ/u₁ = cosθ cosβ₁ … cosβₙ."""
+        """Return γ = ẋ/u₁ = cosθ cosβ₁ … cosβₙ as a CasADi expression."""
         return self._P(0, q)
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
-        """Return q̇, with speeds as products of hitch cosines; finite except at φ = 90°."""
+        """Return the rates q̇ as CasADi expressions, finite except at the steering angle 90°."""
         c = [ca.cos(q[k + 1]) for k in range(1, self.n + 1)]
         pulled = [
             prod(c[: k - 1]) * ca.sin(q[k + 1]) / self._lengths[k] * u[0]
@@ -135,7 +135,7 @@ class _Train(TangentSystem):
     def slopes(self, q: Array) -> Array:
         """Return the slopes dqᵢ/dx, shape (…, n+2), computed from the last trailer forward.
 
-        Each axle is faster than the one behind it by the factor 1/cosβₖ.
+        Each axle is faster than the axle behind by the factor 1/cosβₖ.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             speed = 1 / np.cos(q[..., -2])
@@ -148,11 +148,11 @@ class _Train(TangentSystem):
         return np.stack(out[::-1], axis=-1)
 
     def drive(self, q: Array) -> Array:
-        """Return γ = ẋ/u₁, shape (…,)."""
+        """Return γ = ẋ/u₁, the product of the cosines of heading and hitch angles, shape (…,)."""
         return np.asarray(np.prod(np.cos(q[..., 2:-1]), axis=-1))
 
     def rates(self, q: Array, u: Array) -> Array:
-        """q̇, shape (…, N), by recursion from the car back, axle by axle.
+        """Return the rates q̇, shape (…, N), computed from the car back, axle by axle.
 
         vₖ = vₖ₋₁ cosβₖ,  θ̇ₖ = vₖ₋₁ sinβₖ / ℓₖ.
         """
@@ -169,7 +169,7 @@ class _Train(TangentSystem):
         return np.stack(np.broadcast_arrays(x, u[..., 1], *hitches, turn, y), axis=-1)
 
     def axle_points(self, q: Array) -> Array:
-        """Front axle, rear axle and each trailer's axle, shape (…, n+2, 2), m."""
+        """Return x and y of front axle, rear axle and trailers' axles, shape (…, n+2, 2), m."""
         heading, point = q[..., -2], np.stack([q[..., 0], q[..., -1]], axis=-1)
         points = [point]
         for k in range(self.n, -1, -1):
@@ -229,8 +229,8 @@ class Trailers(_Train):
     singularity of the vehicle; hitch angles or a heading of 90° are edges of the chart.
 
     Args:
-        trailer_lengths_m: From each hitch to the axle of the trailer behind it, first trailer
-            first, m.
+        trailer_lengths_m: Distance from each hitch to the axle of the trailer behind it, the
+            first trailer first, m.
         wheelbase_m: Distance between the car's axles, m.
 
     Raises:

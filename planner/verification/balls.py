@@ -48,40 +48,40 @@ from planner.verification.models import (
 )
 
 RHO = np.array([1.0, 1.6, 2.25, 3.15, 4.4, 6.2, 8.7, 12.2, 17.0])
-"""ρ of the segment and of the ellipses. The smallest ellipse, 1.6, still gives a bound on cells
-that are too wide for the others; at 17 the interpolation error is pure rounding (17⁻¹⁵ = 4e-19)."""
+"""Parameter ρ of the segment and of the ellipses. The smallest ellipse, 1.6, still bounds functions
+on cells that are too wide for the others; at 17 the interpolation error is pure rounding."""
 
 SEGMENT = POINTS
-"""Column of the segment in a `Ball`; the points are left of it, the ellipses right of it."""
+"""Index of the segment's column in a `Ball`; points are on its left, ellipses on its right."""
 
 REAL_COLUMNS = np.arange(POINTS + len(RHO)) <= SEGMENT
-"""Columns on which f is real: the points and the segment."""
+"""Mask of the columns of a `Ball` on which its functions are real: the points and the segment."""
 
 
 RADIUS = (RHO + 1 / RHO) / 2 * (1 + 8 * ROUNDING_UNIT)
-"""R, the greatest |z| on the segment and in each ellipse."""
+"""Greatest |z|, called R, on the segment and in each ellipse, shape (9,)."""
 
 SQUARE = (RHO**2 + RHO**-2) / 4 * (1 + 8 * ROUNDING_UNIT)
-"""Bound of |z² − 1/2|: z = (w + 1/w)/2 with |w| ≤ ρ has z² − 1/2 = (w² + w⁻²)/4."""
+"""Bound of |z² − 1/2| on each ellipse: z = (w + 1/w)/2 has z² − 1/2 = (w² + w⁻²)/4, |w| ≤ ρ."""
 
 RADIUS_COLUMN = np.append(np.zeros(POINTS), RADIUS)
 SQUARE_COLUMN = np.append(np.zeros(POINTS), SQUARE)
 HALF_COLUMN = np.append(np.zeros(POINTS), np.full(len(RHO), 0.5))
-"""R, the bound of |z² − 1/2| and 1/2 for every column of a `Ball`; zero at points."""
+"""Value of R, bound of |z² − 1/2|, and 1/2, for every column of a `Ball`; zero at points."""
 
 REMAINDER_FACTOR = 4 * RHO[1:] ** (1 - POINTS) / (RHO[1:] - 1) * (1 + 64 * ROUNDING_UNIT)
-"""Bound on the interpolation error for radius r = 1, for each ellipse."""
+"""Bound of the interpolation error of a function with radius r = 1, for each ellipse."""
 
 
 class Points(NamedTuple):
-    """Values at the points and their errors, shape (C, 16)."""
+    """Values c of functions at the 16 points of each of C cells, and their errors r, (C, 16)."""
 
     c: Array
     r: Array
 
 
 class Ellipses(NamedTuple):
-    """Centres, slopes and radii on the segment and the eight ellipses, shape (C, 9)."""
+    """Centres c, slopes b and radii r on the segment and eight ellipses of C cells, (C, 9)."""
 
     c: Array
     b: Array
@@ -89,19 +89,19 @@ class Ellipses(NamedTuple):
 
     @property
     def remainder(self) -> Array:
-        """Bound of the interpolation error, shape (C,)."""
+        """Bound of the error of interpolation at the 16 points, the best of all ellipses, (C,)."""
         return np.asarray(np.fmin.reduce(self.r[:, 1:] * REMAINDER_FACTOR, axis=1))
 
     def integral(self, half: Array, middle: Array, doubt: Array) -> Ellipses:
-        """Integrate from the middle of each cell: middle + half · ∫ (c + bz + e) dz, where |e| ≤ r.
+        """Return the ellipses of middle + half · ∫ (c + bz + e) dz from 0 to z, where |e| ≤ r.
 
         The integral is cz + bz²/2 + ∫ e, where z² = 1/2 + (z² − 1/2), and |∫ e| ≤ r R along the
         straight line from 0 to z.
 
         Args:
             half: Half the width of each cell, (C, 1).
-            middle: The value in the middle of each cell, (C, 1).
-            doubt: Its error, (C, 1).
+            middle: Value of the integral in the middle of each cell, (C, 1).
+            doubt: Error of `middle`, (C, 1).
         """
         c, b = middle + half * self.b / 4, half * self.c
         rest = half * (np.abs(self.b) * SQUARE / 2 + self.r * RADIUS)
@@ -109,7 +109,7 @@ class Ellipses(NamedTuple):
         return Ellipses(c, b, rest * ROUNDING_FACTOR)
 
     def lie_in(self, other: Ellipses) -> Index:
-        """Whether `other` encloses every function that these enclose, for each column, (C, 9)."""
+        """Return whether `other` encloses all functions of these ellipses, by column, (C, 9)."""
         gap = np.abs(self.c - other.c) + np.abs(self.b - other.b) * RADIUS + self.r
         return np.asarray(gap * ROUNDING_FACTOR <= other.r)
 
@@ -119,7 +119,9 @@ Triple = TypeVar("Triple", "Ball", Ellipses)
 
 @dataclass(frozen=True, eq=False)
 class Ball:
-    """Centres, slopes and radii, shape (C, 25): 16 points, the segment, eight ellipses."""
+    """An enclosure of functions on C cells: centres c, slopes b and radii r, each (C, 25).
+
+    The 25 columns are the 16 points, the segment and the eight ellipses."""
 
     c: Array
     b: Array
@@ -127,12 +129,12 @@ class Ball:
 
     @classmethod
     def constant(cls, value: float) -> Ball:
-        """Return the ball of a number that is the same on all cells, shape (1, 1)."""
+        """Return the ball of a constant, with arrays of shape (1, 1) that stand for all cells."""
         return cls(np.full((1, 1), value), np.zeros((1, 1)), np.zeros((1, 1)))
 
     @classmethod
     def join(cls, points: Points, ellipses: Ellipses) -> Ball:
-        """Return the ball with the columns of `points`, followed by those of `ellipses`."""
+        """Return the ball with the columns of `points` followed by the columns of `ellipses`."""
         left = points.c, np.zeros_like(points.c), points.r
         return cls(*map(np.hstack, zip(left, ellipses, strict=True)))
 
@@ -141,31 +143,31 @@ class Ball:
 
     @cached_property
     def points(self) -> Points:
-        """The columns of the 16 points."""
+        """Values and errors at the 16 points."""
         return Points(self.c[:, :SEGMENT], self.r[:, :SEGMENT])
 
     @cached_property
     def ellipses(self) -> Ellipses:
-        """The columns of the segment and the ellipses."""
+        """Centres, slopes and radii on the segment and the ellipses."""
         return Ellipses(self.c[:, SEGMENT:], self.b[:, SEGMENT:], self.r[:, SEGMENT:])
 
     @property
     def number(self) -> float | None:
-        """The value, if the ball is an exact constant; else None."""
+        """Value of the ball if it is an exact constant; else None."""
         return None if self.c.size > 1 or self.r[0, 0] else float(self.c[0, 0])
 
     @cached_property
     def size(self) -> Array:
-        """Bound of |c + b z|."""
+        """Bound of |c + b z| in each column, shape (C, 25)."""
         return np.abs(self.c) + np.abs(self.b) * RADIUS_COLUMN
 
     @cached_property
     def reach(self) -> Array:
-        """δ, a bound of |f − c|."""
+        """Bound δ of |f − c| in each column, shape (C, 25)."""
         return (np.abs(self.b) * RADIUS_COLUMN + self.r) * ROUNDING_FACTOR
 
     def replace_rows(self, rows: Index, fresh: Index, new: Ball) -> Ball:
-        """Select `rows`; among them, replace those in the mask `fresh` by the rows of `new`."""
+        """Return the given rows (cells) of the ball; rows of the mask `fresh` come from `new`."""
         out = [x[rows] for x in self]
         for part, other in zip(out, new, strict=True):
             part[fresh] = other
@@ -175,9 +177,9 @@ class Ball:
 
     @property
     def relative_remainder(self) -> Array:
-        """The remainder relative to the function's greatest value, or to one if that is greater.
+        """Remainder relative to the greatest of the function's values and one, shape (C,).
 
-        Shape (C,); zero if the remainder is below rounding errors, infinite if it is unbounded.
+        The value is zero if the remainder is below rounding errors, infinite without a bound.
         """
         size = np.maximum(np.max(np.abs(self.points.c), axis=1), 1.0)
         remainder = self.ellipses.remainder
@@ -186,7 +188,7 @@ class Ball:
 
     @property
     def range(self) -> tuple[Array, Array]:
-        """Lower and upper bound on each cell's segment, shape (C,)."""
+        """Lower and upper bound of the function over each cell, both (C,)."""
         c, reach = self.c[:, SEGMENT], self.reach[:, SEGMENT] * ROUNDING_FACTOR
         slip = ROUNDING_UNIT * np.abs(c)
         return c - reach - slip, c + reach + slip
@@ -208,11 +210,10 @@ class Ball:
         return self + (-other)
 
     def __mul__(self, other: Ball | float) -> Ball:
-        """Return the ball of the product (c + bz + e)(c' + b'z + e'), where bb'z² = bb'/2 + bb'(z²
-        − 1/2).
+        """Return the ball of the product (c + bz + e)(c' + b'z + e').
 
-        Rounding: three units of |cc'| + |bb'|/2 + R (|cb'| + |bc'|). This is at most the product of
-        the sizes, since R² ≥ 1/2 except at points.
+        Its quadratic term is bb'z² = bb'/2 + bb'(z² − 1/2). Rounding adds three units of |cc'| +
+        |bb'|/2 + R (|cb'| + |bc'|), at most the product of the sizes, as R² ≥ 1/2 except at points.
         """
         if not isinstance(other, Ball):
             return self.scaled(np.float64(other))
@@ -226,7 +227,7 @@ class Ball:
     __rmul__ = __mul__
 
     def scaled(self, factor: Array | np.float64) -> Ball:
-        """Return the ball times a number, or times one number per cell, (C, 1)."""
+        """Return the ball multiplied by a number, or by one number per cell, (C, 1)."""
         r = self.r + ROUNDING_UNIT * self.size
         return Ball(self.c * factor, self.b * factor, np.abs(factor) * r * ROUNDING_FACTOR)
 
@@ -236,12 +237,12 @@ class Ball:
 
 
 def choose(mask: Index, one: Triple, other: Triple) -> Triple:
-    """Return `one` where the mask is true, `other` elsewhere."""
+    """Return the ball (or ellipses) of `one` where the mask is true, of `other` elsewhere."""
     return type(one)(*(np.where(mask, *pair) for pair in zip(one, other, strict=True)))
 
 
 def _compose(p: Ball, value: Array, slope: Array, rest: Array) -> Ball:
-    """g(p) from g(c) and g'(c), each wrong by up to 8 rounding units, and a bound of the rest."""
+    """Return the ball of g(p) from g(c) and g'(c), each wrong by up to 8 units, and the rest."""
     steep = np.abs(slope)
     rounding = 8 * ROUNDING_UNIT * (np.abs(value) + steep * p.reach)
     return Ball(value, slope * p.b, (steep * p.r + rest + rounding) * ROUNDING_FACTOR)
@@ -251,9 +252,9 @@ def _compose(p: Ball, value: Array, slope: Array, rest: Array) -> Ball:
 
 
 def sine_cosine(p: Ball) -> tuple[Ball, Ball]:
-    """Return the balls of sin p and cos p. The rest of sin is |sin c| (cosh δ − 1) + |cos c| (sinh
-    δ − δ), that of cos likewise.
+    """Return the balls of sin p and cos p.
 
+    The rest of sin is |sin c| (cosh δ − 1) + |cos c| (sinh δ − δ), and the rest of cos is alike;
     sinh δ − δ ≤ δ (cosh δ − 1)/3, term by term; cosh δ − 1 = 2 sinh²(δ/2).
     """
     s, c, reach = np.sin(p.c), np.cos(p.c), p.reach
@@ -266,7 +267,7 @@ def sine_cosine(p: Ball) -> tuple[Ball, Ball]:
 
 
 def reciprocal(p: Ball) -> Ball:
-    """Enclose 1/(c + d) for |d| ≤ δ < |c|; its remainder is d²/(c² (c + d))."""
+    """Return the ball of 1/p where |c| > δ; the rest of 1/(c + d) is d²/(c² (c + d))."""
     value, gap = 1 / p.c, np.abs(p.c) - p.reach
     rest = np.where(gap > 0, (p.reach * value) ** 2 / gap, np.inf)
     return _compose(p, value, -value * value, rest)
@@ -275,8 +276,8 @@ def reciprocal(p: Ball) -> Ball:
 def power(p: Ball, a: float) -> Ball:
     """Return the ball of p^a: for integers 0 ≤ a ≤ 8 by products, otherwise only where c > δ.
 
-    rest = c^a |a(a − 1)|/2 t² max((1 − t)^{a−2}, (1 + t)^{a−2}) with t = δ/c: Lagrange's bound, as
-    |w^{a−2}| = |w|^{a−2} for real a.
+    The rest is c^a |a(a − 1)|/2 t² max((1 − t)^{a−2}, (1 + t)^{a−2}) with t = δ/c, by Lagrange's
+    bound, as |w^{a−2}| = |w|^{a−2} for real a.
     """
     if a == int(a) and 0 <= a <= 8:
         out = Ball.constant(1.0) if a == 0 else p
@@ -291,11 +292,11 @@ def power(p: Ball, a: float) -> Ball:
 
 
 def exponential(p: Ball) -> Ball:
-    """Return the ball of e^p; its rest is e^c (e^δ − 1 − δ), and e^δ − 1 − δ ≤ δ (e^δ − 1)/2 term
-    by term.
+    """Return the ball of e^p.
 
-    For large δ the bound is e^(c + δ), which stays small for very negative c even if e^δ overflows.
-    A result that underflows is less than the least normal float.
+    The rest is e^c (e^δ − 1 − δ), and e^δ − 1 − δ ≤ δ (e^δ − 1)/2 term by term. For large δ the
+    bound is e^(c + δ), which stays small for very negative c even if e^δ overflows. A result that
+    underflows is less than the least normal float.
     """
     value, reach = np.exp(p.c), p.reach
     near = value * reach * np.expm1(np.minimum(reach, 2.0)) / 2
@@ -305,17 +306,16 @@ def exponential(p: Ball) -> Ball:
 
 
 def logarithm(p: Ball) -> Ball:
-    """Return the ball of log p where c > δ; its rest is Σ tᵏ/k over k ≥ 2, at most t²/(2 (1 − t))
-    with t = δ/c."""
+    """Return the ball of log p where c > δ; the rest is at most t²/(2 (1 − t)) with t = δ/c."""
     t = p.reach / p.c * ROUNDING_FACTOR
     rest = np.where((p.c > 0) & (t < 1), t * t / 2 / (1 - t), np.inf)
     return _compose(p, np.log(p.c), 1 / p.c, rest)
 
 
 def arctangent(p: Ball) -> Ball:
-    """Return the ball of arctan p where δ < h = √(1 + c²), the distance to its poles ±i.
+    """Return the ball of arctan p where δ < h = √(1 + c²), the distance of c from the poles ±i.
 
-    |g''| = |2z/((z − i)² (z + i)²)| ≤ 2 (|c| + δ)/(h − δ)⁴.
+    The rest follows from |g''| = |2z/((z − i)² (z + i)²)| ≤ 2 (|c| + δ)/(h − δ)⁴.
     """
     square, reach = 1 + p.c * p.c, p.reach
     gap = np.sqrt(square) * (1 - 4 * ROUNDING_UNIT) - reach
@@ -326,7 +326,7 @@ def arctangent(p: Ball) -> Ball:
 def arcsine(p: Ball) -> Ball:
     """Return the ball of arcsin p where |c| + δ < 1.
 
-    g'' = z (1 − z²)^{−3/2} and |1 − z²| ≥ (1 − |c| − δ)(1 + |c| − δ).
+    The rest follows from g'' = z (1 − z²)^{−3/2} and |1 − z²| ≥ (1 − |c| − δ)(1 + |c| − δ).
     """
     size, reach = np.abs(p.c), p.reach
     near = 1 - size - reach
@@ -337,9 +337,9 @@ def arcsine(p: Ball) -> Ball:
 
 
 def arctangent2(y: Ball, x: Ball) -> Ball:
-    """The angle of (x, y): ±π/2 − arctan(x/y) where y keeps its sign, arctan(y/x) where x > 0.
+    """Return the ball of the angle of (x, y); unbounded unless y keeps its sign or x > 0 is proven.
 
-    Unbounded where neither is proven.
+    The angle is ±π/2 − arctan(x/y) where y keeps its sign, and arctan(y/x) where x > 0.
     """
     low = np.abs(y.c) - y.reach, x.c - x.reach
     upright = low[0] > np.maximum(low[1], 0.0)
@@ -351,10 +351,10 @@ def arctangent2(y: Ball, x: Ball) -> Ball:
 
 
 def polynomial_balls(c: Array, r: Array) -> list[Ball]:
-    """Balls of k polynomials with coefficients (k, C, width), whose errors sum to at most r (k, C).
+    """Return the balls of k polynomials from Chebyshev coefficients c (k, C, width) on C cells.
 
-    On an ellipse |Tₖ| ≤ (ρᵏ + ρ⁻ᵏ)/2. Values at points are sums of `width` terms whose factors have
-    errors of 4 units.
+    The errors of a polynomial's coefficients sum to at most r (k, C). On an ellipse |Tₖ| is at
+    most (ρᵏ + ρ⁻ᵏ)/2. Values at points are sums of `width` terms with factors wrong by 4 units.
     """
     width = c.shape[2]
     size, most = np.abs(c), _chebyshev_bounds(width)
@@ -373,17 +373,15 @@ def polynomial_balls(c: Array, r: Array) -> list[Ball]:
 
 @lru_cache(maxsize=32)
 def _chebyshev_bounds(width: int) -> Array:
-    """Return the bounds of |Tₖ| on the segment and the ellipses, shape (width, 9)."""
+    """Return bounds of |Tₖ|, k < width, on the segment and the ellipses, shape (width, 9)."""
     k = np.arange(width)[:, None]
     return np.asarray((RHO**k + RHO ** (-1.0 * k)) / 2)
 
 
 def models(balls: Sequence[Ball], cells: int) -> list[Model]:
-    """Convert balls to models: the interpolant at the points, with a bound on its remainder.
+    """Convert balls to models: the interpolant at the points, with a bound of its remainder.
 
-    If the segment's c + b τ has the smaller radius, or the ellipses give no bound, it is used
-    instead.
-
+    Where the line c + b τ of the segment has the smaller radius, it replaces the interpolant.
     Errors of the values grow at most by Lebesgue's constant. A sum of 16 products whose factors
     have errors of 4 units has an error below 28 units of the sum of their sizes.
     """
@@ -407,24 +405,21 @@ def models(balls: Sequence[Ball], cells: int) -> list[Model]:
 
 
 def _sign(p: Ball) -> Array:
-    """Return the sign of the function on each cell's segment, shape (C, 1); zero if it may
-    change."""
+    """Return the sign of a ball's functions over each cell, shape (C, 1); 0 if it may change."""
     k = min(SEGMENT, p.c.shape[1] - 1)  # constants have one column
     c, reach = p.c[:, [k]], p.reach[:, [k]]
     return np.asarray(np.where(np.abs(c) > reach, np.sign(c), 0.0))
 
 
 def absolute(p: Ball) -> Ball:
-    """Return the ball of |p|: ±p if the sign does not change, else, on real columns only, the range
-    [0, |c| + δ]."""
+    """Return the ball of |p|: ±p where its sign is known, else [0, |c| + δ] on real columns."""
     sign, half = _sign(p), np.where(REAL_COLUMNS, (np.abs(p.c) + p.reach) / 2, np.inf)
     c = np.where(sign == 0, half, p.c * sign)
     return Ball(c, p.b * sign, np.where(sign == 0, half * (1 + 4 * ROUNDING_UNIT), p.r))
 
 
 def signum(p: Ball) -> Ball:
-    """Return the ball of the sign of p: ±1 if it does not change, else, on real columns only, [−1,
-    1]."""
+    """Return the ball of the sign of p: ±1 where known, elsewhere [−1, 1] on real columns."""
     sign = _sign(p) + 0.0 * p.c
     doubt = np.where(sign == 0, np.where(REAL_COLUMNS, 1.0, np.inf), 0.0)
     return Ball(sign, np.zeros_like(sign), doubt)

@@ -1,8 +1,8 @@
 """Certify a plan: prove each requirement over whole intervals.
 
-Each kind of requirement is expressed by functions of the enclosed true motion that must not be
-negative (`prove`, dispatched on the kind's class). Then the least values of all of them are bounded
-together (`decide`). A kind without a proof is undecided.
+`prove`, dispatched on the kind of requirement, states functions of the enclosed true motion that
+must be at least zero. Then `decide` bounds the least values of all these functions together. A
+requirement of a kind without a proof is undecided.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ from planner.verification.place_proofs import (
 from planner.verification.verify import GOAL_TOLERANCE, INTERPOLANT_TOLERANCE, LIMIT_TOLERANCE
 
 DURATION_TOLERANCE = 1e-9
-"""Largest relative error of a given duration; as in `verify`."""
+"""Largest relative error of a given duration, the same as in `verify`."""
 
 SUBSTITUTE_GAP = 1e-6
-"""If a requirement's `rows` (expressions, which the proof bounds) differ from its `values` by more
-than this fraction of the scale, they count as a substitute that only has the margin's sign. A
-smaller difference does not matter, since a limit may be exceeded by as much."""
+"""Largest difference between a requirement's `rows` (expressions, which the proof bounds) and its
+`values`, as a fraction of the scale, at which both count as equal: a limit may be exceeded by as
+much. Rows that differ more are a substitute: only the sign of the margin is known from them."""
 
 PLAN_DEVIATION = Part("plan's q(t) against its integrated input", "", -np.inf, 0.0, 1.0)
-"""The distance of the plan's own q(t) from the motion, with the label that `verify` uses."""
+"""Requirement that the plan's q(t) is near the true motion, with the same label as in `verify`."""
 
 NO_PROOF_ON_MACHINE = "nothing is proven about the emulated machine, on which the inputs act"
 
@@ -69,8 +69,8 @@ def certify(plan: Plan) -> Certificate:
 
     Returns:
         One claim per requirement: proven with a guaranteed margin, violated with a time, or
-        undecided with the reason. No errors are raised: a claim that cannot be bounded is
-        undecided.
+        undecided with the reason. A quantity without a bound makes its claim undecided and raises
+        no error.
     """
     expect_plan(plan)
     began = time.perf_counter()
@@ -85,7 +85,7 @@ def _evidence(plan: Plan) -> Evidence:
     """Return the enclosed motion of a plan.
 
     Raises:
-        UnboundedError: If it cannot be bounded.
+        UnboundedError: If the motion cannot be bounded.
     """
     trajectory = plan.trajectory
     source, motion, plan_q = enclose_trajectory(trajectory, plan.problem.start)
@@ -96,7 +96,7 @@ def _evidence(plan: Plan) -> Evidence:
 
 
 def _claims(plan: Plan) -> tuple[list[Claim], Array, int, Array]:
-    """Return the contents of the certificate.
+    """Return the contents of a plan's certificate.
 
     Returns:
         The claims, bounds (N,) on the error of the plan's q(t), the number of cells on which the
@@ -136,7 +136,7 @@ def _claims(plan: Plan) -> tuple[list[Claim], Array, int, Array]:
 
 
 def _claims_on_inputs(plan: Plan, why: str) -> list[Claim]:
-    """Claims for a motion that cannot be bounded: only inputs and duration are decided.
+    """Return the claims on a plan whose motion has no bound: only inputs and duration are decided.
 
     All other claims are undecided, for the reason `why`.
     """
@@ -156,9 +156,9 @@ def _claims_on_inputs(plan: Plan, why: str) -> list[Claim]:
 
 
 def _open_plan_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = None) -> list[Claim]:
-    """Undecided claims, for the reason `why`, on the given demands and on the plan's own q(t).
+    """Return undecided claims, for the reason `why`, on the given demands and the plan's q(t).
 
-    By default on all demands that apply to the plan.
+    By default the demands are all that apply to the plan.
     """
     free, in_coordinates = np.isnan(plan.problem.target), plan.trajectory.in_coordinates
     parts = [
@@ -175,7 +175,7 @@ def _open_plan_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = N
 
 @singledispatch
 def prove(demand: Demand, evidence: Evidence) -> Iterable[Proof]:
-    """Return what must be proven for a demand (obligations), or claims if that is decided."""
+    """Return the proofs of a demand: obligations to prove, or claims where already decided."""
     return _open_claims(demand, "there is no proof for this kind of requirement")
 
 
@@ -185,7 +185,7 @@ def _open_claims(demand: Demand, why: str, required: bool = True) -> list[Claim]
 
 @prove.register
 def _(requirement: Requirement, evidence: Evidence) -> Iterable[Proof]:
-    """Prove a requirement by bounds on its `rows`, at all times or only at the end."""
+    """State the proof of a requirement by bounds on its `rows`, at all times or only at the end."""
     reads = requirement.reads
     if "du" in reads and not requirement.is_direct:
         return _open_claims(requirement, "there is no proof for this kind of requirement")
@@ -225,7 +225,7 @@ def _(requirement: Requirement, evidence: Evidence) -> Iterable[Proof]:
 def _row_models(
     requirement: Requirement, evidence: Evidence, motion: EnclosedMotion
 ) -> tuple[EnclosedMotion, list[Model]]:
-    """Return models of the requirement's rows, and the motion on whose cells they are.
+    """Return the motion, with cells fine enough, and models of a requirement's rows on the cells.
 
     Cells are split where a remainder leaves a limit undecided.
     """
@@ -254,13 +254,13 @@ def _row_models(
 
 
 MarginAt = Callable[[Array, Array], float]
-"""The margin of one part at coordinates (N,) and inputs (2,)."""
+"""Function from coordinates (N,) and inputs (2,) to the margin of one part of a requirement."""
 
 
 def _own_margins(
     requirement: Requirement, system: TriangularSystem, motion: EnclosedMotion, rows: list[Model]
 ) -> dict[str, MarginAt]:
-    """Return the margins of the parts whose rows are a substitute for their values, by label.
+    """Return the margin functions of parts whose rows only replace their values, by label.
 
     A row always lies on the same side of the limit as the value that `verify` uses, but may differ
     from it: u²/limit can replace |u|.
@@ -287,9 +287,9 @@ def _own_margins(
 
 @lru_cache(maxsize=64)
 def _rows(system: TriangularSystem, requirement: Requirement | ChartDomain) -> Expression:
-    """The rows of a requirement as an expression.
+    """Return the rows of a requirement as an expression that balls can evaluate.
 
-    Its arguments are the quantities that the requirement reads ("du", "q", "u"), in this order.
+    The arguments are those of "du", "q", "u" that the requirement reads, in this order.
     """
     sizes = {"q": system.size, "u": 2, "du": 2}
     read = {name: ca.SX.sym(name, sizes[name]) for name in sorted(requirement.reads)}
@@ -300,7 +300,7 @@ def _rows(system: TriangularSystem, requirement: Requirement | ChartDomain) -> E
 
 
 def _jump(part: Part, motion: EnclosedMotion) -> Claim | None:
-    """The claim on an input's rate if the input jumps, or may jump, at a break; else None."""
+    """Return the claim on an input's rate if the input jumps or may jump at a break; else None."""
     cells, u = motion.enclosure.cells, motion.inputs[part.index]
     breaks = np.flatnonzero(np.diff(cells.piece))  # last cells of the pieces
     if not len(breaks):
@@ -321,7 +321,7 @@ def _jump(part: Part, motion: EnclosedMotion) -> Claim | None:
 
 @prove.register
 def _(chart: ChartDomain, evidence: Evidence) -> Iterable[Proof]:
-    """Prove that every margin of the chart is positive; required only in chained coordinates."""
+    """State that every margin of the chart is positive, which plans in chained coordinates need."""
     required = not evidence.plan.trajectory.in_coordinates
     try:
         balls = _rows(evidence.plan.problem.system, chart)(evidence.path.enclosure.q)
@@ -336,7 +336,7 @@ def _(chart: ChartDomain, evidence: Evidence) -> Iterable[Proof]:
 
 @prove.register
 def _(start: Start, evidence: Evidence) -> Iterable[Proof]:
-    """Prove that the plan's own q(t) begins at the start, as the true motion does."""
+    """Decide whether the plan's q(t) begins at the start, as the true motion does."""
     (part,) = start.parts
     q, slip = np.array([model.at_begin() for model in evidence.plan_q])[:, :, 0].T
     away = np.abs(q - evidence.plan.problem.start)
@@ -346,7 +346,7 @@ def _(start: Start, evidence: Evidence) -> Iterable[Proof]:
 
 @prove.register
 def _(goal: Goal, evidence: Evidence) -> Iterable[Proof]:
-    """Prove that the true motion ends at the goal."""
+    """Decide for each coordinate with a goal whether the true motion ends there."""
     target = evidence.plan.problem.target
     for part in goal.parts:
         if not np.isnan(target[part.index]):
@@ -381,10 +381,10 @@ def _(disc: Obstacle, evidence: Evidence) -> Iterable[Proof]:
 
 @prove.register
 def _(requirement: SelfCollision, evidence: Evidence) -> Iterable[Proof]:
-    """Prove that each joint keeps clear of each link that is not adjacent to it.
+    """Decide whether each joint keeps clear of each link that is not adjacent to the joint.
 
-    This implies that no two links cross: the problem excludes crossing at the start, and by
-    continuity an end of one link would first touch the other.
+    Then no two links cross: the problem excludes crossing at the start, and by continuity an end
+    of one link would first touch the other.
     """
     points = joints(evidence.plan.problem.system, evidence.path.enclosure)
     for part, (place, link) in zip(requirement.parts, requirement.joint_link_pairs, strict=True):
@@ -405,9 +405,9 @@ def _clearance_claims(
 
 @prove.register
 def _(point: Waypoint, evidence: Evidence) -> Iterable[Proof]:
-    """Prove that the motion passes the waypoint within `GOAL_TOLERANCE`.
+    """Decide whether the motion passes a waypoint within `GOAL_TOLERANCE`.
 
-    It must do so at the waypoint's time, or at any time if the waypoint has none.
+    The distance is taken at the waypoint's time, or at any time if the waypoint has no time.
     """
     (part,), time_s = point.parts, point.time_s
     motion = evidence.path.enclosure

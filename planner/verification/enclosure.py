@@ -41,25 +41,25 @@ from planner.verification.models import (
 )
 
 TUBE_RADII = (1e-6, 1e-3)
-"""Radii of the tube to try, in the coordinates' units."""
+"""Radii to try for the tube about the reference, in the coordinates' units."""
 
 MOST_SWEEPS = 12
 SWEEP_TOLERANCE = 1e-15
-"""Sweeps end when the reference changes by less, in the coordinates' units."""
+"""Change of the reference, in the coordinates' units, below which no further sweep is made."""
 
 PICARD_IMAGES = 3
-"""Number of times that Picard's map is applied to a ball."""
+"""Number of times that Picard's map is applied to the balls of a block."""
 
 
 @dataclass(frozen=True, eq=False)
 class Enclosure:
-    """An enclosure of the true motion.
+    """An enclosure of the true motion by balls.
 
     Attributes:
         cells: C subintervals, in order of time.
-        q: One ball per coordinate.
+        q: One ball per coordinate; empty if only the inputs are enclosed.
         u: The inputs as balls.
-        rates: Rates of the coordinates, as far as they are enclosed.
+        rates: Balls of the coordinates' rates q̇, as far as they are enclosed.
     """
 
     cells: Cells
@@ -69,16 +69,16 @@ class Enclosure:
 
     @cached_property
     def states(self) -> list[Model]:
-        """Linear models of the coordinates, with bounds of their remainders."""
+        """Models of the coordinates: polynomials on the cells with bounds of their remainders."""
         return self.models(*self.q)
 
     def models(self, *values: Ball) -> list[Model]:
-        """Return the models of functions of the motion on the same cells."""
+        """Convert balls of functions of the motion to models on the cells of the motion."""
         return models(values, len(self.cells.piece))
 
 
 def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Enclosure:
-    """Enclose the motion from a start under given inputs.
+    """Enclose the true motion of a system from a start under given inputs.
 
     Args:
         path: A trajectory whose q(t) is near the motion; nothing else of it is used.
@@ -106,9 +106,9 @@ def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Encl
 
 
 def integral(f: Ball, width: Array, start: float) -> Ball:
-    """Return the ball of start + ∫ f over all cells.
+    """Return the ball of start + ∫ f dt, integrated from the first cell to the last.
 
-    On the real line it is the integral of the interpolant, and the errors of f add up. An integral
+    On the real line the interpolant is integrated, and the errors of f add up. An integral
     is a sum of 16 products whose factors have errors of a few rounding units. In total, with the
     error of the width, these are at most 400 rounding units of the greatest value.
     """
@@ -127,7 +127,7 @@ def integral(f: Ball, width: Array, start: float) -> Ball:
 
 
 def full_ball(f: Ball, cells: Cells) -> Ball:
-    """The ball with a row for each cell and all columns; a constant ball is repeated."""
+    """Return a ball with a row for each cell and all 25 columns; a constant ball is repeated."""
     shape = (len(cells.piece), len(REAL_COLUMNS))
     if f.c.shape == shape:
         return f
@@ -136,15 +136,14 @@ def full_ball(f: Ball, cells: Cells) -> Ball:
 
 @lru_cache(maxsize=32)
 def rates_of(system: TriangularSystem) -> Expression:
-    """Return q̇ as a function of (q, u) on balls."""
+    """Return the rates q̇ of a system as an expression in (q, u) that balls can evaluate."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     return Expression([q, u], ca.vertcat(*system.rates_expr(q, u)))
 
 
 @lru_cache(maxsize=32)
 def blocks(system: TriangularSystem) -> list[list[int]]:
-    """Return the coordinates in the order of dependence; those that depend on each other form one
-    block."""
+    """Return blocks of mutually dependent coordinates, each after the blocks on which it depends."""
     rates, size = rates_of(system), system.size
     reach = np.eye(size, dtype=bool)
     for i in range(size):
@@ -166,7 +165,7 @@ def _tube(
     guess: Array,
     start: Array,
 ) -> tuple[dict[int, Ball], list[Ball]]:
-    """Enclose the coordinates of a block in a tube about the reference.
+    """Enclose coordinates that depend on each other in a tube about a reference motion.
 
     Args:
         system: The system that moves.
@@ -214,11 +213,11 @@ def _growth(
     u: list[Ball],
     block: list[int],
 ) -> tuple[Array, Array]:
-    """Bounds on ∂q̇/∂q within a block, over the segment of each cell.
+    """Bound the Jacobian ∂q̇/∂q of a block of coordinates over each cell.
 
     Returns:
-        Upper bounds of its absolute entries, shape (N, N, C), and of its diagonal (with sign),
-        shape (N, C).
+        Upper bounds of the entries' magnitudes, shape (N, N, C), and of the diagonal entries
+        themselves, shape (N, C).
     """
     entries, row, column, _ = _jacobian(system)
     done: dict[object, Ball] = {}
@@ -234,7 +233,7 @@ def _growth(
 
 
 def perturbed_motion(system: TriangularSystem, motion: Enclosure, off: Array) -> Enclosure:
-    """Return the motion under any inputs that differ from the motion's own by at most `off` (2,).
+    """Enclose the motions under all inputs that differ from the given ones by at most `off` (2,).
 
     With s the difference of the inputs and J from the widened coordinates, the distance δ obeys,
     block by block, ‖δ‖' ≤ μ ‖δ‖ + max (|J| |δ of earlier blocks| + |rates(q, s)|), since rates are
@@ -264,15 +263,14 @@ def perturbed_motion(system: TriangularSystem, motion: Enclosure, off: Array) ->
 
 
 def _logarithmic_norm(size: Array, high: Array, block: list[int]) -> Array:
-    """Return μ of a block (C,), from |J| (N, N, C) and upper bounds of J's diagonal (N, C)."""
+    """Return the logarithmic norm μ of a block's Jacobian J, (C,), from the bounds by `_growth`."""
     off = size[block][:, block].copy()
     off[range(len(block)), range(len(block))] = high[block]
     return np.asarray(np.max(np.sum(off, axis=1), axis=0))
 
 
 def _error_bounds(mu: Array, norm: Array, error: Array, width: Array) -> Array:
-    """Return the bounds (C,) of ‖x − P‖ in each cell, by the comparison equation, one cell after
-    the other."""
+    """Bound the distance ‖x − P‖ of the true motion from P in each cell, (C,), cell after cell."""
     most = np.exp(np.maximum(mu, 0.0) * width) * (1 + 1e-9)
     growth, pushed = np.exp(mu * width) * (1 + 1e-9), norm * error * width * most
     out, now = np.empty(len(mu)), 0.0
@@ -291,9 +289,9 @@ def _on_ellipses(
     core: dict[int, Ball],
     doubt: Array,
 ) -> dict[int, Ball]:
-    """Return balls of the block: on the real columns the tube, on the ellipses a proven region.
+    """Return balls of a block's coordinates: the tube on real columns, a proven region on ellipses.
 
-    The region is proven by Picard's map, and unbounded where that fails.
+    Picard's map proves the region; the ball is unbounded where the proof fails.
     """
     (known, u), half, signs = given, cells.width[:, None] / 2, (-1.0) ** np.arange(POINTS // 2)
     nowhere = np.where(REAL_COLUMNS, doubt, np.inf)
@@ -314,7 +312,7 @@ def _on_ellipses(
 
 @lru_cache(maxsize=32)
 def _jacobian(system: TriangularSystem) -> tuple[Expression, Array, Array, Pointwise]:
-    """Return ∂q̇/∂q: nonzero entries for balls, their rows and columns, and a matrix for points."""
+    """Return ∂q̇/∂q: its nonzero entries for balls, their rows and columns, and a matrix function."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     matrix: Any = ca.jacobian(ca.vertcat(*system.rates_expr(q, u)), q)
     row, column = (np.array(x, dtype=int) for x in matrix.sparsity().get_triplet())
@@ -329,9 +327,9 @@ def _jacobian(system: TriangularSystem) -> tuple[Expression, Array, Array, Point
 def _reference(
     system: TriangularSystem, cells: Cells, guess: Array, u: list[Ball], start: Array
 ) -> Array:
-    """Improve a guess of the motion at the nodes, shape (C, POINTS, N), without proof.
+    """Return a reference motion at the nodes, (C, POINTS, N), improved from a guess without proof.
 
-    Picard integrals are used in each cell, and Newton steps across cells.
+    Each sweep uses Picard integrals within cells and Newton steps across cells.
     """
     inputs = np.stack([x.points.c for x in u], axis=-1)
     width, middle = cells.width, POINTS // 2
@@ -351,9 +349,9 @@ def _reference(
 def _sweep(
     system: TriangularSystem, values: Array, inputs: Array, width: Array, flow: Array, start: Array
 ) -> Array:
-    """Return the values after one sweep of `_reference`.
+    """Return the motion's values at the nodes, (C, POINTS, N), after one sweep of `_reference`.
 
-    `flow` (C, N, N) is the growth of a change from the left to the right end of each cell.
+    `flow` (C, N, N) maps a change at the left end of each cell to its growth up to the right end.
     """
     rates = system.rates(values, inputs) * (width[:, None, None] / 2)
     steps = np.einsum("mk,ckn->cmn", integration(), rates)
@@ -369,7 +367,7 @@ def _sweep(
 
 
 def _change(jacobian: Array, width: Array) -> Array:
-    """Return an approximation of e^A − 1 for A = J w (C, N, N)."""
+    """Return an approximation of e^A − 1, (C, N, N), with A the Jacobian times the cell's width."""
     term = out = a = jacobian * width[:, None, None]
     for k in range(2, 8):
         term = term @ a / k

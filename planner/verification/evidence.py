@@ -37,14 +37,14 @@ STANDSTILL_REASON = (
 
 @dataclass(frozen=True, eq=False)
 class EnclosedMotion:
-    """A motion, enclosed over its own time (the plan's time, or the path's time of a retimed plan).
+    """The true motion of a plan, enclosed over the plan's time or over a retimed path's own time.
 
     Attributes:
         enclosure: Enclosure of the inputs, and perhaps of the coordinates.
-        source: Source of the inputs.
+        source: Source of the inputs, from which finer cells can be enclosed.
         reads: The quantities that are enclosed: coordinates "q", inputs "u", their rates "du".
         retimed: The retimed trajectory, if the motion is over the path's time; else None.
-        why: Reason why some quantity is not bounded.
+        why: Reason to give for a quantity without a bound.
     """
 
     enclosure: Enclosure
@@ -55,27 +55,27 @@ class EnclosedMotion:
 
     @cached_property
     def inputs(self) -> list[Model]:
-        """Models of the inputs."""
+        """Models of the inputs u₁ and u₂ over time."""
         return self.enclosure.models(*self.enclosure.u)
 
     @cached_property
     def rates(self) -> list[Model]:
-        """Models of the inputs' rates, inside the pieces."""
+        """Models of the rates du₁/dt and du₂/dt inside the pieces; jumps at breaks are left out."""
         return self.enclosure.models(*self.source.slopes(self.enclosure.cells))
 
     @property
     def end_s(self) -> float:
-        """End of the enclosed path, in its own time (before it is retimed), s."""
+        """End of the motion, s, in the time over which it is enclosed (the path's if retimed)."""
         return float(self.enclosure.cells.breaks[-1])
 
     @property
     def edges(self) -> Array:
-        """Start of each cell, and the end of the last, in the plan's time, s."""
+        """Start of each cell and the end of the last cell, in the plan's time, s, shape (C+1,)."""
         edges = np.append(self.enclosure.cells.times(np.array([-1.0]))[:, 0], self.end_s)
         return edges if self.retimed is None else self.retimed.time_of(edges)
 
     def at(self, time_s: float) -> tuple[Array, Array]:
-        """Coordinates (N,) and inputs (2,) from the models, at a time of the motion's own, s."""
+        """Return coordinates (N,) and inputs (2,) of the models at a time on the motion's clock."""
         ends = self.enclosure.cells.times(np.array([-1.0, 1.0]))
         k = int(np.clip(np.searchsorted(ends[:, 0], time_s, side="right") - 1, 0, len(ends) - 1))
         x = 2 * (time_s - ends[k, 0]) / (ends[k, 1] - ends[k, 0]) - 1
@@ -96,8 +96,8 @@ class EnclosedMotion:
         """Make the claim on a margin whose least value lies between the bounds `low` and `high`.
 
         A margin down to −tolerance counts as kept, as in `verify`. `when`, the time of the least
-        margin, is in the motion's own time; the claim has it in the plan's. `why` is the reason to
-        give if the claim is undecided; by default the bounds, or that there are none.
+        margin, is in the motion's own time; the claim converts it to the plan's time. `why` is the
+        reason to give if the claim is undecided; by default it says what bounds are known.
         """
         upper = float(high) if np.isfinite(high) else np.nan
         time_s = float(when) if np.isfinite(when) else None
@@ -120,7 +120,7 @@ class Evidence:
 
     Attributes:
         plan: The plan.
-        path: The true motion; for a retimed plan over the path's own time, coordinates only.
+        path: The true motion; of a retimed plan only the coordinates, over the path's own time.
         plan_q: Models of the plan's own coordinates on the same cells.
     """
 
@@ -129,13 +129,13 @@ class Evidence:
     plan_q: list[Model]
 
     def motion_for(self, reads: frozenset[str]) -> EnclosedMotion:
-        """Return a motion that encloses all of the quantities "q", "u", "du" in `reads`."""
+        """Return an enclosed motion that has all quantities named in `reads`: "q", "u", "du"."""
         if self.path.retimed is None or reads <= self.path.reads:
             return self.path
         return self._motion_over_time if "q" in reads else self._inputs_over_time
 
     def refine(self, motion: EnclosedMotion, coarse: CellChoice) -> EnclosedMotion:
-        """The same motion, enclosed again with the cells split that `coarse` selects."""
+        """Enclose the same motion again, with each cell that `coarse` selects split further."""
         plan, source = self.plan, replace(motion.source, halvings=InputSource.halvings)
         start = plan.problem.start if "q" in motion.reads else None
         if motion is self.path and start is not None:
@@ -144,7 +144,7 @@ class Evidence:
 
     @cached_property
     def _inputs_over_time(self) -> EnclosedMotion:
-        """The inputs of a retimed plan over the plan's time."""
+        """Enclosed inputs of a retimed plan, as functions of the plan's time."""
         assert self.path.retimed is not None
         source = source_of(self.path.retimed)
         return EnclosedMotion(
@@ -153,7 +153,7 @@ class Evidence:
 
     @cached_property
     def _motion_over_time(self) -> EnclosedMotion:
-        """The inputs and coordinates of a retimed plan over the plan's time."""
+        """Enclosed inputs and coordinates of a retimed plan, as functions of the plan's time."""
         plan, inputs = self.plan, self._inputs_over_time
         enclosure = enclose(
             plan.trajectory, inputs.enclosure.cells, inputs.enclosure.u, plan.problem.start
@@ -167,12 +167,12 @@ class Obligation:
 
     Attributes:
         part: Gives the label and unit of the claim.
-        margins: (sign, value, limit) of each function sign · value + limit.
+        margins: The functions, each as (sign, value, limit) for sign · value + limit.
         motion: The motion of which the values are functions.
         tolerance: Largest allowed distance of the least value below zero.
-        required: Whether the problem requires it.
-        margin_at: Computes the margin from coordinates (N,) and inputs (2,), if the functions only
-            have the margin's sign, not its value; else None.
+        required: Whether the problem requires the statement to hold.
+        margin_at: Computes the margin from coordinates (N,) and inputs (2,), if the functions share
+            only the sign of the margin; else None.
     """
 
     part: Part
@@ -187,7 +187,7 @@ Proof = Obligation | Claim
 
 
 def decide(proofs: list[Proof]) -> list[Claim]:
-    """Return the claim of each proof, in order; obligations on one motion are bounded together."""
+    """Decide all obligations, and return one claim per proof in order; a claim stays as it is."""
     pending = [each for each in proofs if isinstance(each, Obligation)]
     verdicts: dict[int, Claim] = {}
     for motion in {id(each.motion): each.motion for each in pending}.values():

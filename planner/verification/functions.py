@@ -1,4 +1,4 @@
-"""Evaluate on balls: CasADi expressions, instruction by instruction, and piecewise polynomials."""
+"""Evaluation of CasADi expressions, step by step, and of piecewise polynomials on balls."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from planner.verification.balls import Ball, polynomial_balls
 from planner.verification.models import ROUNDING_FACTOR, ROUNDING_UNIT, Model
 
 ArgumentBalls = Sequence[Sequence[Ball] | Mapping[int, Ball]]
-"""Balls of each argument's entries."""
+"""Balls of the entries of each argument: for every argument a list, or a table by index."""
 
 
 class UnboundedError(Exception):
@@ -26,14 +26,14 @@ class UnboundedError(Exception):
 
 
 class Expression:
-    """An expression of scalars, ready to be evaluated on balls.
+    """A CasADi expression as a list of steps, ready to be evaluated on balls.
 
     Args:
         arguments: CasADi column vectors (SX).
         value: Expression of the arguments, a column vector (SX).
 
     Raises:
-        UnboundedError: If it uses an operation that has no formula for balls.
+        UnboundedError: If the expression uses an operation that has no formula for balls.
     """
 
     def __init__(self, arguments: Sequence[Any], value: Any) -> None:
@@ -59,7 +59,7 @@ class Expression:
         self._needed = [self._steps_to(end) for end in self._ends]
 
     def _steps_to(self, end: int) -> list[int]:
-        """The step `end` and all steps on which it depends, in order."""
+        """Return the numbers of step `end` and of all steps whose results it needs, in order."""
         steps, left = set(), [end] if end >= 0 else []
         while left:
             k = left.pop()
@@ -70,20 +70,19 @@ class Expression:
         return sorted(steps)
 
     def reads(self, entry: int, argument: int) -> set[int]:
-        """Return the indices of the entries of an argument on which an entry of the value
-        depends."""
+        """Return the indices of the entries of an argument that an entry of the value reads."""
         steps = [self._steps[k] for k in self._needed[entry]]
         return {read[1] for of, read, _ in steps if of == ca.OP_INPUT and read[0] == argument}
 
     def __call__(self, *given: Sequence[Ball]) -> list[Ball]:
-        """Evaluate on balls of the arguments; one ball for each entry of the value."""
+        """Evaluate the expression on balls of its arguments, to one ball per entry of the value."""
         done: dict[Any, Ball] = {}
         return [self.entry(i, given, done) for i in range(self.size)]
 
     def entry(self, i: int, given: ArgumentBalls, done: dict[Any, Ball]) -> Ball:
-        """The ball of entry i of the value for the arguments `given`.
+        """Return the ball of entry i of the value, for the balls `given` of the arguments.
 
-        `done` caches results of steps; share it between calls with the same arguments.
+        `done` caches results of steps; calls with the same arguments should share it.
         """
         deadline.check_stopped()
         for k in self._needed[i]:
@@ -105,7 +104,7 @@ class Expression:
 
 
 def _product(a: Ball, b: Ball) -> Ball:
-    """Return a · b, computed more cheaply if one of them is a number."""
+    """Return the product a · b, which is cheaper to compute if a or b is a number."""
     for one, other in ((a, b), (b, a)):
         if one.number is not None:
             return other.scaled(np.float64(one.number))
@@ -171,20 +170,20 @@ SUPPORTED = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_CIRCULAR, *_ARITHMETIC}
 
 
 def polynomials(curve: Bernstein, cells: Cells, order: int = 0) -> list[Model]:
-    """Models of the components of a piecewise polynomial with values (k,), or scalar values.
+    """Return one model per component of a piecewise polynomial, or of a derivative, on the cells.
 
-    If `order` is above 0, of its derivative of this order in time.
+    `order` is the order of the derivative in time; 0 is the polynomial itself.
     """
     return [Model(*pair) for pair in zip(*_cell_coefficients(curve, cells, order), strict=True)]
 
 
 def balls_on_cells(curve: Bernstein, cells: Cells, order: int = 0) -> list[Ball]:
-    """Balls of a piecewise polynomial's components, or of its derivative of this order in time."""
+    """Return one ball per component of a piecewise polynomial, or of its derivative of an order."""
     return polynomial_balls(*_cell_coefficients(curve, cells, order))
 
 
 def derivative(curve: Bernstein, order: int) -> tuple[Array, Array]:
-    """Bernstein coefficients (d+1, P, k) of a derivative, and bounds (P, k) of their errors."""
+    """Return Bernstein coefficients (d+1, P, k) of a derivative, and error bounds (P, k)."""
     c = curve.c.reshape(*curve.c.shape[:2], -1)
     width, size = np.diff(curve.x)[:, None], np.max(np.abs(c), axis=0)
     for _ in range(order):
@@ -195,8 +194,9 @@ def derivative(curve: Bernstein, order: int) -> tuple[Array, Array]:
 
 
 def refine_curve(curve: Bernstein, breaks: Array) -> Bernstein:
-    """Return the same curve (within rounding) on the pieces between `breaks`, which include its
-    breaks."""
+    """Return the same curve, within rounding, on the pieces between `breaks`.
+
+    The curve's own breaks must be among `breaks`."""
     if np.array_equal(curve.x, breaks):
         return curve
     k = np.searchsorted(curve.x, (breaks[:-1] + breaks[1:]) / 2) - 1
@@ -205,8 +205,7 @@ def refine_curve(curve: Bernstein, breaks: Array) -> Bernstein:
 
 
 def _cell_coefficients(curve: Bernstein, cells: Cells, order: int) -> tuple[Array, Array]:
-    """Return Chebyshev coefficients (k, C, d+1) on the cells, and bounds (k, C) of their summed
-    errors."""
+    """Return Chebyshev coefficients (k, C, d+1) of a derivative, and their total errors (k, C)."""
     c, slip = derivative(curve, order)
     c, degree = c[:, cells.piece], len(c) - 1
     size, slips = np.max(np.abs(c), axis=0).T, slip.T[:, cells.piece]

@@ -52,16 +52,16 @@ from planner.verification.models import (
 )
 
 FINE_REMAINDER = 1e-10
-"""A cell is fine enough if the remainder of inputs and rates, relative to their size or one, is
-below this."""
+"""Relative remainder of inputs and rates (see `Ball.relative_remainder`) at which a cell is fine
+enough."""
 
 NOISE_REMAINDER = 1e-3
-"""A cell with a smaller remainder is kept if this is more than half that of the cell it came from:
-the remainder is then due to rounding errors."""
+"""Relative remainder below which a cell is kept if halving it last reduced the remainder by less
+than half: the remainder is then due to rounding errors."""
 
 FEWEST_CELLS = 4
 COARSE_REMAINDER = 1e-4
-"""A cell with a larger remainder is divided into four at once."""
+"""Relative remainder above which a cell is divided into four parts at once, not into two."""
 
 MOST_CELLS = 1500
 
@@ -70,7 +70,7 @@ REFINEMENT_ROUNDING = 1e-13
 
 
 CellChoice = Callable[[Enclosure], Index]
-"""Selects the cells of an enclosed motion that are too coarse for its later use."""
+"""Function from an enclosed motion to a mask of the cells that are too coarse for a later use."""
 
 
 def enclose_trajectory(
@@ -78,13 +78,13 @@ def enclose_trajectory(
 ) -> tuple[InputSource, Enclosure, list[Model]]:
     """Enclose the true motion under a trajectory's inputs.
 
-    For a retimed trajectory it is the motion along its path in the path's own time, since the
-    timing does not change the sequence of states.
+    A retimed trajectory is enclosed along its path in the path's own time, since the timing leaves
+    the sequence of states unchanged.
 
     Args:
         trajectory: A trajectory of a known kind.
         start: q(0), shape (N,).
-        coarse: Selects cells that are too coarse for other reasons; none by default.
+        coarse: Selects further cells to divide; none by default.
 
     Returns:
         The inputs, the motion, and models of the trajectory's own coordinates.
@@ -105,9 +105,9 @@ def enclose_trajectory(
 
 
 def _path(trajectory: Trajectory) -> Trajectory:
-    """The trajectory without its retiming, on which the sequence of states does not depend.
+    """Return the path of a retimed trajectory, and any other trajectory unchanged.
 
-    The path of a retimed trajectory gets a break at each break of its length.
+    The path gets a further break at each break of the trajectory's length.
     """
     if type(trajectory) is not RetimedTrajectory:
         return trajectory
@@ -118,8 +118,7 @@ def _path(trajectory: Trajectory) -> Trajectory:
 
 
 def _omitted_inputs(trajectory: Trajectory, motion: Enclosure) -> Array:
-    """Return a bound on the integral of the path's inputs that a retimed motion may skip, shape
-    (2,).
+    """Bound the part of a path's inputs that a retimed motion may skip, (2,), in the inputs' units.
 
     The clock follows the length, so it skips any stretch of the path over which the length does not
     grow. If |u| ≤ M length' + η everywhere, the skipped inputs add up to at most η times the
@@ -144,13 +143,13 @@ def _omitted_inputs(trajectory: Trajectory, motion: Enclosure) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class InputSource:
-    """Inputs of a trajectory that balls can bound.
+    """The inputs of a trajectory as functions that balls can bound.
 
     Attributes:
-        trajectory: The trajectory.
+        trajectory: The trajectory with these inputs.
         inputs: Function from cells to balls of u₁ and u₂.
         slopes: Function from cells to balls of du₁/dt and du₂/dt.
-        halvings: Number of times that a cell may be halved. Near a singularity halving reaches
+        halvings: Most times that a cell may be halved. Near a singularity halving reaches
             cells that have a bound; near a standstill of a retimed path it only narrows the part
             without a bound.
     """
@@ -162,8 +161,7 @@ class InputSource:
 
 
 def source_of(trajectory: Trajectory) -> InputSource:
-    """Return the inputs of a trajectory in coordinates, in chained coordinates, or of a retimed
-    path.
+    """Return the inputs of a trajectory, which may be given in q, in z, or as a retimed path.
 
     Raises:
         UnboundedError: If the trajectory is of another kind, or its chart has no expression.
@@ -205,7 +203,7 @@ Law = Callable[..., list[Ball]]
 
 
 def _law(path: Trajectory) -> tuple[list[Bernstein], Law, Law]:
-    """Return a path's curves, and functions on balls for its inputs and the inputs' slopes.
+    """Return a path's curves, and functions from balls of the curves to inputs and input slopes.
 
     The first function maps the curves to the inputs; the second maps the curves and their
     derivatives to the inputs' slopes.
@@ -224,12 +222,12 @@ def _law(path: Trajectory) -> tuple[list[Bernstein], Law, Law]:
 
 
 State = Callable[[list[Ball]], list[Ball]]
-"""q as a function of z, on balls."""
+"""Function from balls of the chained coordinates z to balls of the coordinates q."""
 
 
 @lru_cache(maxsize=32)
 def _inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> State:
-    """The inverse chart z ↦ q on one branch."""
+    """Return the map from chained coordinates z to q on one branch, as a function on balls."""
     z = ca.SX.sym("z", system.size)
     q = chained_form(system).q_expr(z, ca.DM(branch))
     if q is not None:
@@ -238,8 +236,7 @@ def _inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> State:
 
 
 def _inverse_by_links(system: TriangularSystem, branch: tuple[float, ...]) -> State:
-    """Return the inverse of a chart that is solved link by link, beginning with the last
-    coordinate.
+    """Return the map z → q of a chart that is solved link by link, from the last coordinate back.
 
     zᵢ depends on no coordinate before qᵢ, and is monotonic in qᵢ on the whole branch.
     """
@@ -268,7 +265,7 @@ def _inverse_by_links(system: TriangularSystem, branch: tuple[float, ...]) -> St
 
 @lru_cache(maxsize=32)
 def feedback_law(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[Law, Law]:
-    """Return u as a function of (z, v), and du/dt of (z, v, ż, v̇), on one branch."""
+    """Return u as a function of (z, v), and du/dt as a function of (z, v, ż, v̇), for balls."""
     n = system.size
     z, v, dz, dv = (ca.SX.sym(name, k) for name, k in (("z", n), ("v", 2), ("dz", n), ("dv", 2)))
     u = chained_form(system).inputs_expr(z, v, ca.DM(branch))
@@ -287,7 +284,7 @@ def feedback_law(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[L
 def root(
     guess: Ball, gap: Ball, steep: Callable[[Ball], Ball], side: Array | float = 1.0
 ) -> tuple[Ball, Ball]:
-    """Enclose a function's root near a guess, and its slope there; unbounded without a proof.
+    """Enclose a function's root near a guess and the function's slope there; unbounded if unproven.
 
     Args:
         guess: A polynomial, taken as exact.
@@ -312,8 +309,8 @@ def resolve(
 
     Args:
         source: Source of the inputs.
-        start: If given, also enclose the motion from there, with its rates.
-        coarse: Selects cells to divide for other reasons, as in `enclose_trajectory`.
+        start: q(0), shape (N,); if given, the motion and its rates are enclosed too.
+        coarse: Selects further cells to divide, as in `enclose_trajectory`.
     """
     cells = Cells.of(source.trajectory.breaks)
     if len(cells.piece) < FEWEST_CELLS:
@@ -342,9 +339,9 @@ def resolve(
 
 
 def _cells_to_divide(balls: list[Ball], before: Array) -> tuple[Index, Array]:
-    """Return which cells to divide, and the relative remainder of each cell.
+    """Return which cells to divide, and the relative remainder of each cell, both (C,).
 
-    `before` is the relative remainder of the cells from which these were made.
+    `before` is the relative remainder of the cell from which each cell was made.
     """
     rough = np.max([x.relative_remainder for x in balls], axis=0)
     fine = (rough <= FINE_REMAINDER) | ((rough < NOISE_REMAINDER) & (rough > 0.5 * before))
@@ -352,7 +349,7 @@ def _cells_to_divide(balls: list[Ball], before: Array) -> tuple[Index, Array]:
 
 
 def path_times(trajectory: RetimedTrajectory, cells: Cells) -> tuple[Ball, Ball, Ball]:
-    """Return a retimed path's own time σ, dσ/dt and d²σ/dt² on cells of the clock's pieces."""
+    """Return balls of σ, dσ/dt and d²σ/dt² on the cells, with σ the own time of a retimed path."""
     length, clock = trajectory.length, trajectory.clock
     times = trajectory.sigma(cells.times(nodes())) @ interpolation().T
     (guess,) = polynomial_balls(times[None], np.zeros((1, len(times))))
@@ -370,10 +367,9 @@ def path_times(trajectory: RetimedTrajectory, cells: Cells) -> tuple[Ball, Ball,
 def derivative_on_balls(
     curve: Bernstein, order: int, trajectory: RetimedTrajectory, cells: Cells, sigma: Ball
 ) -> list[Ball]:
-    """Return a derivative of a piecewise polynomial in the path's own time, evaluated at balls
-    `sigma`.
+    """Return balls of a derivative of a path's curve at the path times `sigma`.
 
-    Every cell of the clock lies in one piece of the curve.
+    `order` is the order of the derivative; every cell of the clock lies in one piece of the curve.
     """
     b, slip = derivative(curve, order)
     stations = trajectory.stations
@@ -389,12 +385,11 @@ def derivative_on_balls(
 
 
 def composite(c: Array, slip: Array, x: Ball) -> list[Ball]:
-    """Return the balls of p(x) = Σ cₖ Tₖ(x) for coefficients (k, C, width) whose errors sum to
-    `slip` (k, C, 1).
+    """Return the balls of k polynomials p(x) = Σ cⱼ Tⱼ(x) of a ball x, from c (k, C, width).
 
-    rest = δ²/2 max|p''|. All points within δ of c lie in the ellipse about [−1, 1] with the greater
-    half axis a = max(|c|, 1) + δ, where |Tₖ| ≤ Tₖ(a). Clenshaw's sums have errors of at most
-    8 width² units of Σ |cₖ| Tₖ(a).
+    The errors of p's coefficients sum to `slip` (k, C, 1). The rest is δ²/2 max|p''|. All points
+    within δ of c lie in the ellipse about [−1, 1] with the greater half axis a = max(|c|, 1) + δ,
+    where |Tⱼ| ≤ Tⱼ(a). Clenshaw's sums have errors of at most 8 width² units of Σ |cⱼ| Tⱼ(a).
     """
     width, last = c.shape[2], np.zeros(c.shape)
     last[..., -1] = 1.0
@@ -410,7 +405,7 @@ def composite(c: Array, slip: Array, x: Ball) -> list[Ball]:
 
 
 def _clenshaw(c: Array, x: Array) -> Array:
-    """Return Σ cₖ Tₖ(x), for x (C, E) and coefficients (…, C, width)."""
+    """Return Σ cₖ Tₖ(x) by Clenshaw's method, for x (C, E) and coefficients (…, C, width)."""
     later = last = np.zeros((*c.shape[:-1], x.shape[-1]))
     twice = 2 * x
     for k in range(c.shape[-1] - 1, 0, -1):

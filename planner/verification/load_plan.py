@@ -1,4 +1,4 @@
-"""Read plans from files. Anyone may have changed a file, so its plan is verified again."""
+"""Read plans from files, and verify each again, since anyone may have changed the file."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
 
 
 OBJECTIVE_TOLERANCE = 1e-5
-"""Relative error of an objective that is computed from its name in the file. The name gives weights
-with four digits, so with errors up to 5e-4, and the weighted terms are about a hundredth of the
-objective."""
+"""Largest relative difference between the objective in a file and the objective computed from the
+plan and the objective's name. The name gives weights with four digits, so with errors up to 5e-4,
+and the weighted terms are about a hundredth of the objective."""
 
 
 def _correct_objective(plan: Plan, path: str | Path) -> Plan:
-    """The plan with its objective computed again, if that is possible, and with `claimed` set.
+    """Return a plan with its objective computed again if possible, and the rest named in `claimed`.
 
     A compensated plan has the objective of its original plan.
     """
@@ -81,7 +81,7 @@ def _correct_objective(plan: Plan, path: str | Path) -> Plan:
 
 
 def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:
-    """Return the plan as judged again, and its worst violation in one line; "" if it has none."""
+    """Judge a plan from a file again; return the plan and its worst violation in words, or ""."""
     unknown = replace(said, verified=False, certificate=None)
     if said.trajectory.flaw:
         return unknown, said.trajectory.flaw
@@ -99,7 +99,7 @@ def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:
 
 
 def _with_own_figures(plan: Plan, said: Plan, path: str | Path) -> Plan:
-    """Return a verified plan with its objective computed again, also in its original plan.
+    """Return a verified plan, and the original plan inside, with their objectives computed again.
 
     Certificates keep the computing times that the file gives.
     """
@@ -112,5 +112,5 @@ def _with_own_figures(plan: Plan, said: Plan, path: str | Path) -> Plan:
 
 
 def _with_first_time(said: Plan, proven: Certificate) -> Certificate:
-    """The new certificate with the file's computing time, so that saving again changes nothing."""
+    """Return the new certificate with the file's computing time, so that saving changes nothing."""
     return proven if said.certificate is None else replace(proven, seconds=said.certificate.seconds)

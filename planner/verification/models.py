@@ -32,18 +32,18 @@ from planner.support import deadline
 from planner.support.arrays import Array
 
 ROUNDING_UNIT = 1.2e-16
-"""Unit of rounding, 2⁻⁵³, slightly enlarged to cover rounding of the bounds themselves."""
+"""Unit of rounding, 2⁻⁵³, slightly enlarged so that rounding of the bounds is covered too."""
 
 Index = NDArray[Any]
-"""Indices, or a mask."""
+"""Array of indices, or a mask, that selects cells."""
 
 ROUNDING_FACTOR = 1 + 1e-14
-"""Covers the rounding of the few sums of positive numbers that make up one remainder."""
+"""Factor on remainders that covers rounding in the few positive terms of their sums."""
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Polynomials and remainders on C cells.
+    """A function on C cells as polynomials with bounds of the remainders.
 
     Attributes:
         c: Chebyshev coefficients, shape (C, width), width ≤ `POINTS`.
@@ -55,7 +55,7 @@ class Model:
 
     @classmethod
     def truncate(cls, c: Array, r: Array) -> Model:
-        """A model from coefficients of any width; those beyond `POINTS` enlarge the remainder."""
+        """Make a model of coefficients (C, any width); those beyond `POINTS` enlarge remainders r."""
         tail = np.sum(np.abs(c[:, POINTS:]), axis=1)
         r = np.asarray((r + tail) * ROUNDING_FACTOR)
         bad = ~np.isfinite(r)
@@ -65,32 +65,32 @@ class Model:
 
     @cached_property
     def norm(self) -> Array:
-        """Σ|cₖ|, an upper bound of the polynomial's magnitude, shape (C,)."""
+        """Upper bound Σ|cₖ| of the polynomial's magnitude on each cell, shape (C,)."""
         return np.asarray(np.sum(np.abs(self.c), axis=1))
 
     @cached_property
     def deviation(self) -> Array:
-        """Greatest distance of f from c₀, shape (C,)."""
+        """Upper bound of the distance of the function from c₀ on each cell, shape (C,)."""
         inner = np.sum(np.abs(self.c[:, 1:]), axis=1)
         return np.asarray((inner + self.r + 4 * ROUNDING_UNIT * self.norm) * ROUNDING_FACTOR)
 
     @property
     def low(self) -> Array:
-        """Lower bound of f, shape (C,)."""
+        """Lower bound of the function on each cell, shape (C,)."""
         return np.asarray(self.c[:, 0] - self.deviation)
 
     @property
     def high(self) -> Array:
-        """Upper bound of f, shape (C,)."""
+        """Upper bound of the function on each cell, shape (C,)."""
         return np.asarray(self.c[:, 0] + self.deviation)
 
     @property
     def size(self) -> Array:
-        """Upper bound of |f|, shape (C,)."""
+        """Upper bound of the function's magnitude on each cell, shape (C,)."""
         return np.asarray((self.norm + self.r) * ROUNDING_FACTOR)
 
     def select(self, cells: Index) -> Model:
-        """Return some of the cells, by index or mask."""
+        """Return the model on some of the cells, selected by indices or a mask."""
         return Model(self.c[cells], self.r[cells])
 
     # -- arithmetic ----------------------------------------------------------------------------
@@ -110,27 +110,27 @@ class Model:
         return self + (-other)
 
     def scaled(self, k: Array) -> Model:
-        """Return the model times one number per cell, shape (C,)."""
+        """Return the model multiplied by one number per cell, k (C,)."""
         c = self.c * k[:, None]
         return Model.truncate(c, np.abs(k) * self.r + ROUNDING_UNIT * np.sum(np.abs(c), axis=1))
 
     def at_begin(self) -> tuple[Array, Array]:
-        """Return the value at the left end and its uncertainty, each (C,)."""
+        """Return value and error bound of the function at the left end of each cell, both (C,)."""
         signs = np.where(np.arange(self.c.shape[1]) % 2 == 0, 1.0, -1.0)
         return Model(self.c * signs, self.r).at_end()
 
     def at_end(self) -> tuple[Array, Array]:
-        """Return the value at the right end and its uncertainty, each (C,)."""
+        """Return value and error bound of the function at the right end of each cell, both (C,)."""
         rounding = self.c.shape[1] * ROUNDING_UNIT * self.norm
         return np.sum(self.c, axis=1), np.asarray((self.r + rounding) * ROUNDING_FACTOR)
 
 
 POINTS = 16
-"""Chebyshev points of a cell; models have this many coefficients."""
+"""Number of Chebyshev points of a cell, and largest number of a model's coefficients."""
 
 
 def _cosines(m: NDArray[np.int_]) -> Array:
-    """cos(π m/(2 POINTS)) for integers m, with errors of at most 4 rounding units.
+    """Return cos(π m/(2 POINTS)) for integers m, with errors of at most 4 rounding units.
 
     The angle is first reduced to the first quadrant.
     """
@@ -142,19 +142,19 @@ def _cosines(m: NDArray[np.int_]) -> Array:
 
 @lru_cache(maxsize=1)
 def nodes() -> Array:
-    """Return the Chebyshev points of the first kind, increasing, shape (POINTS,)."""
+    """Return the Chebyshev points of the first kind in [−1, 1], increasing, shape (POINTS,)."""
     return evaluation(2)[:, 1]
 
 
 @lru_cache(maxsize=64)
 def evaluation(width: int) -> Array:
-    """Return the matrix from coefficients (width) to values at the nodes, shape (POINTS, width)."""
+    """Return the matrix, (POINTS, width), from Chebyshev coefficients to values at the nodes."""
     return _cosines(np.outer(2 * np.arange(POINTS)[::-1] + 1, np.arange(width)))
 
 
 @lru_cache(maxsize=1)
 def interpolation() -> Array:
-    """Return the matrix from values at the nodes to coefficients, shape (POINTS, POINTS)."""
+    """Return the matrix, (POINTS, POINTS), from values at the nodes to Chebyshev coefficients."""
     out = evaluation(POINTS).T * (2 / POINTS)
     out[0] /= 2
     return out
@@ -173,14 +173,14 @@ def integration() -> Array:
 
 @lru_cache(maxsize=32)
 def slopes(width: int, order: int) -> Array:
-    """Integer matrix (width, width) from coefficients to those of the derivative of this order."""
+    """Return the matrix, (width, width), from coefficients to coefficients of a derivative."""
     out = np.zeros((width, width))
     out[: max(width - order, 1)] = chebyshev.chebder(np.eye(width), order)
     return out
 
 
 COEFFICIENT_SUM_BOUND = float(np.sum(np.abs(interpolation()))) * (1 + 1e-12)
-"""The sum of the coefficients' magnitudes is at most this times the greatest value at the nodes."""
+"""Largest ratio of an interpolant's sum of |coefficients| to its greatest value at the nodes."""
 
 LEBESGUE_BOUND = (
     float(np.sum(1 / np.tan(np.pi / (4 * POINTS) * (2 * np.arange(POINTS) + 1)))) / POINTS
@@ -189,20 +189,20 @@ LEBESGUE_BOUND *= 1 + 1e-12
 """An interpolant is at most this times the greatest value at the nodes (Lebesgue's constant)."""
 
 INTEGRAL_BOUND = float(np.max(np.sum(np.abs(integration()), axis=1))) * (1 + 1e-12)
-"""An integral of an interpolant is at most this times the greatest value at the nodes."""
+"""Largest ratio of an interpolant's integral from −1 to its greatest value at the nodes."""
 
 
 # -- the least value -----------------------------------------------------------------------------
 
 MOST_HALVINGS = 40
 BOUND_TOLERANCE = 1e-9
-"""Halving stops when the two bounds differ by less than this fraction of the function's scale."""
+"""Difference of the two bounds, as a fraction of the function's scale, at which halving stops."""
 
 NEWTON_STEPS = 4
-"""Number of steps from the least of the 16 points; enough for rounding accuracy if p'' > 0."""
+"""Number of Newton steps from the lowest of the 16 points, enough for rounding accuracy."""
 
 Margin = tuple[float, Model, float]
-"""(sign, value, limit): the function sign · value + limit."""
+"""A function sign · value + limit, given as (sign, value, limit)."""
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ class LeastValue:
 
 
 def least_values(functions: list[Margin], cells: Cells, scales: Array) -> list[LeastValue]:
-    """Return the bounds on the least value of each function.
+    """Bound the least value of each of F functions over all cells from both sides.
 
     Args:
         functions: The functions, whose values are models on the cells.
@@ -243,7 +243,7 @@ def least_values(functions: list[Margin], cells: Cells, scales: Array) -> list[L
     place = np.zeros((count, 2))  # cell and τ of the best
 
     def keep(value: Array, tau: Array, rows: Index) -> None:
-        """Update each function's least attained value and its place from some rows."""
+        """Record the place of any attained value that is less than its function's least so far."""
         order = np.lexsort((value, which[rows]))
         functions_of_rows = which[rows][order]
         new = order[np.append(True, functions_of_rows[1:] != functions_of_rows[:-1])]
@@ -278,11 +278,11 @@ def least_values(functions: list[Margin], cells: Cells, scales: Array) -> list[L
 
 
 def _curved_bounds(c: Array) -> tuple[Index, Array, Array, Array]:
-    """Bound the polynomial p of each row of coefficients from its first two derivatives.
+    """Bound the polynomial p of each row of coefficients by its first two derivatives.
 
     Returns:
         For each row: whether p is proven monotonic, concave or convex; a value of p; its position
-        τ; and a lower bound of p, which is valid only if so.
+        τ; and a lower bound of p, which is valid only for a proven row.
 
     All sums have errors of at most (POINTS + 4) units of the sum of their terms' magnitudes; those
     of p'(y) and p(y), with Tₖ(y) = cos kθ, of 6 POINTS units, which for p the row's remainder
@@ -313,7 +313,7 @@ def _curved_bounds(c: Array) -> tuple[Index, Array, Array, Array]:
 
 
 def halves(c: Array, r: Array) -> tuple[Array, Array]:
-    """Return the models on the left halves of all cells, then on the right halves."""
+    """Return c and r of the same functions on the left halves of all cells, then the right ones."""
     left, right, sums = _halving_matrices()
     r = (r + (POINTS + 8) * ROUNDING_UNIT * (np.abs(c) @ sums)) * ROUNDING_FACTOR
     return np.concatenate([c @ left.T, c @ right.T]), np.tile(r, 2)
@@ -321,7 +321,7 @@ def halves(c: Array, r: Array) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=1)
 def _halving_matrices() -> tuple[Array, Array, Array]:
-    """Matrices from coefficients to those on the left and right half of a cell.
+    """Return the matrices from a cell's coefficients to those of its left and of its right half.
 
     The third array bounds the sum of magnitudes in each column of both matrices.
     """
@@ -330,7 +330,7 @@ def _halving_matrices() -> tuple[Array, Array, Array]:
 
 
 def join_models(parts: Sequence[Model]) -> Model:
-    """Join models of several groups of cells into one model on all cells."""
+    """Join models on several groups of cells into one model on all cells, in order."""
     width = max(p.c.shape[1] for p in parts)
     c = np.concatenate([np.pad(p.c, ((0, 0), (0, width - p.c.shape[1]))) for p in parts])
     return Model(c, np.concatenate([p.r for p in parts]))

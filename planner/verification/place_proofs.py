@@ -1,4 +1,4 @@
-"""Bounds on the distance of the true motion from points: of an arm's links, or from waypoints.
+"""Bounds on distances of the true motion: of an arm's links from a point, and from waypoints.
 
 The squared distance of a point C from a link that starts at P with direction e and length l is
 
@@ -43,12 +43,12 @@ from planner.verification.models import (
 MOST_HALVINGS = 10
 
 SEARCH_ROUNDS = 7
-"""Number of rounds of `nearest_time`. Each narrows a dip by a factor of eight, in total to a
-millionth of the distance of two samples."""
+"""Number of rounds of `nearest_time`. Each round narrows a dip by a factor of eight, all rounds to
+a millionth of the distance between two samples."""
 
 MOST_CELLS = 20_000
-"""With more cells than this, none is halved any more. Most plans need a handful; a motion that
-passes a disc a thousand times would need millions."""
+"""Number of cells above which halving stops. Most plans need a handful; a motion that passes a disc
+a thousand times would need millions."""
 
 
 def clearances(
@@ -83,13 +83,13 @@ def clearances(
 
 
 def joints(system: TriangularSystem, motion: Enclosure) -> list[Ball]:
-    """Return the balls of x and y of the base, the joints and the tip."""
+    """Return balls of x and y of an arm's base, joints and tip, in this order."""
     return _points(system)(motion.q)
 
 
 @lru_cache(maxsize=32)
 def _links(system: TriangularSystem) -> Expression:
-    """Return |P − C|², a and a² of each link as functions of (q, C)."""
+    """Return |P − C|², a and a² of each link (see the file's start) as an expression in (q, C)."""
     arm: Any = system
     q, centre = ca.SX.sym("q", system.size), ca.SX.sym("C", 2)
     offset, heading, out = -centre, ca.SX(0), []
@@ -104,14 +104,14 @@ def _links(system: TriangularSystem) -> Expression:
 
 @lru_cache(maxsize=32)
 def _points(system: TriangularSystem) -> Expression:
-    """Return x and y of the base, the joints and the tip as functions of q."""
+    """Return x and y of an arm's base, joints and tip as an expression in q for balls."""
     q, arm = ca.SX.sym("q", system.size), cast("Any", system)
     points = arm_points_expr([q[i] for i in range(1, system.size)], arm.link_lengths)
     return Expression([q], ca.vertcat(*(x for point in points for x in point)))
 
 
 def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple[Model, Cells]:
-    """Return a lower bound of the squared distance as a model, and the cells of the model.
+    """Return a lower bound of a link's squared distance from a point as a model, and its cells.
 
     The bound is tight where the distance may be least.
 
@@ -141,7 +141,7 @@ def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple
 
 
 def lower_model(square: Model, along: Model, twice: Model, length: float) -> Model:
-    """|P − C|² + m(a), with the chord of m on cells across two of its ranges.
+    """Return the model of |P − C|² + m(a), with m replaced by its chord on cells across two ranges.
 
     `square`, `along` and `twice` are models of |P − C|², a and a²; `length` is l.
     """
@@ -166,10 +166,10 @@ def _least_quadratic(a: Array, length: float) -> Array:
 
 
 def user_models(system: TriangularSystem, motion: Enclosure) -> list[Model]:
-    """Return the models of the user coordinates.
+    """Return models of the user coordinates of an enclosed motion.
 
     Raises:
-        UnboundedError: If the map to them uses an operation without a bound.
+        UnboundedError: If the map to user coordinates uses an operation without a bound.
     """
     if not system.has_user_coordinates:
         return motion.states
@@ -178,7 +178,7 @@ def user_models(system: TriangularSystem, motion: Enclosure) -> list[Model]:
 
 @lru_cache(maxsize=32)
 def _user(system: TriangularSystem) -> Expression:
-    """Return the user coordinates as functions of q."""
+    """Return a system's user coordinates as an expression in q for balls."""
     q = ca.SX.sym("q", system.size)
     return Expression([q], ca.vertcat(*system.user_expr(q)))
 
@@ -186,17 +186,16 @@ def _user(system: TriangularSystem) -> Expression:
 def nearest_time(
     cells: Cells, states: Sequence[Model], point: Waypoint, tolerance: float
 ) -> tuple[float, bool]:
-    """Return the time at which the motion is nearest to a waypoint, and whether it provably misses
-    it.
+    """Return the time when the motion is nearest to a waypoint, and whether it provably misses it.
 
-    It misses the waypoint if its distance is above `tolerance` at all times. `states` are models of
-    the user coordinates on the cells. The time need not be proven, so it is searched by samples.
+    A miss is proven if the distance is above `tolerance` at all times. `states` are models of the
+    user coordinates on the cells. The time needs no proof, so samples are used to find it.
     """
     places, fixed = np.array([-1.0, *nodes(), 1.0]), np.flatnonzero(~np.isnan(point.user)).tolist()
     coordinates = [(states[i], float(point.user[i])) for i in fixed]
 
     def distances(cell: Index, x: Array) -> Array:
-        """Upper bound of the distance at positions x (R, M) in [−1, 1] of cells (R,)."""
+        """Return upper bounds of the distance at places x (R, M) in [−1, 1] of cells (R,)."""
         values = [
             chebval(x, p.c[cell].T[..., None], tensor=False) - value for p, value in coordinates
         ]
@@ -223,9 +222,10 @@ def nearest_time(
 def distance_bounds(
     cells: Cells, states: Sequence[Model], point: Waypoint, time: float, slip: float
 ) -> tuple[float, float]:
-    """Lower and upper bound of the distance from a waypoint at a time with an error up to `slip`.
+    """Return a lower and an upper bound of the motion's distance from a waypoint at a given time.
 
-    The distance is the largest difference of one of the fixed user coordinates.
+    The time may be wrong by up to `slip`, s. The distance is the largest difference of a fixed user
+    coordinate.
     """
     ends = cells.times(np.array([-1.0, 1.0]))
     k = int(np.clip(np.searchsorted(ends[:, 0], time, side="right") - 1, 0, len(ends) - 1))
@@ -242,7 +242,7 @@ def distance_bounds(
 
 
 def path_time(trajectory: Trajectory, time_s: float) -> tuple[float, float]:
-    """The path's own time at a time of the plan, and a bound on its error.
+    """Return the path's own time at a time of the plan, and a bound of the error of this time, s.
 
     The bound is infinite outside the plan, or if the error cannot be bounded.
     """

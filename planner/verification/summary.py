@@ -1,7 +1,6 @@
-"""The figures of a plan (numbers such as its effort), each defined once, and the flat summary that
-commands print.
+"""The figures of a plan, which are numbers such as its effort, and the summary of a plan.
 
-All tables of plans take names, titles, units and digits from the fields of `PlanFigures` and its
+Every table of plans takes names, titles, units and digits from the fields of `PlanFigures` and its
 subclasses (such as the rows of a comparison): one more field is one more column.
 """
 
@@ -24,7 +23,7 @@ from planner.verification.verify import Check, verify
 
 @dataclass(frozen=True)
 class Heading:
-    """The heading of one number of a figure.
+    """The heading of one number of a figure, for a column of a table or a key of a file.
 
     Attributes:
         title: Title of the column in tables.
@@ -39,7 +38,7 @@ class Heading:
     key: str = ""
 
     def unit_of(self, system: TriangularSystem) -> str:
-        """Return the unit for plans of a system."""
+        """Return the unit of the number for plans of the given system."""
         return self.unit if isinstance(self.unit, str) else self.unit(system)
 
 
@@ -49,11 +48,11 @@ class FigureField:
 
     Attributes:
         headings: One for each of the figure's numbers; empty for a figure that only files show.
-        plan: Computes the figure from a plan and its verification; None if it cannot be.
-        replay: Computes the figure from a replay; None if it cannot be.
+        plan: Computes the figure from a plan and its check; None if a plan does not give it.
+        replay: Computes the figure from a replay; None if a replay does not give it.
         executable: Whether only executable plans have the figure.
         sweep: Whether sweeps store the figure.
-        files: Whether only tables in files show the figure, since they have room.
+        files: Whether only the wide tables in files show the figure.
     """
 
     headings: tuple[Heading, ...]
@@ -65,19 +64,19 @@ class FigureField:
 
 
 def figure(*headings: Heading, default: Any = np.nan, **how: Any) -> Any:
-    """Return a dataclass field that is a figure; see `FigureField`. Undefined numbers are NaN."""
+    """Return a dataclass field that holds a figure; `how` are further fields of `FigureField`."""
     return field(default=default, metadata={"figure": FigureField(headings, **how)})
 
 
 def figures(kind: type) -> Mapping[str, FigureField]:
-    """Return the figures among the fields of a class, by name, in order."""
+    """Return the figures of a dataclass by field name, in the order of the fields."""
     members: tuple[Field[Any], ...] = fields(kind)
     return {f.name: f.metadata["figure"] for f in members if "figure" in f.metadata}
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlanFigures:
-    """The figures that every plan has. Undefined numbers are NaN.
+    """The figures of a plan; a number that the plan does not define is NaN.
 
     Attributes:
         travel_rad: q₁(T) − q₁(0), rad (metres for vehicles).
@@ -86,7 +85,7 @@ class PlanFigures:
         effort: ∫ u₁² + u₂² dt.
         peak_u: Largest |u₁| and |u₂|, shape (2,), in the inputs' units (rad/s).
         domain_margin: Least margin of the chart's domain; negative outside.
-        domain_ok: Whether the path stays inside; None without a path.
+        domain_ok: Whether the path stays inside the chart's domain; None without a path.
         terminal_error_deg: Largest error of an angle at the goal, as `verify` computes it.
     """
 
@@ -115,7 +114,7 @@ class PlanFigures:
 
     @classmethod
     def measure(cls, plan: Plan, check: Check) -> dict[str, Any]:
-        """Return the figures of a plan by name, without those that it does not have."""
+        """Return the figures of a plan by name; a plan that is not executable lacks some."""
         return {
             name: one.plan(plan, check)
             for name, one in figures(cls).items()
@@ -157,12 +156,12 @@ SUMMARY_KEYS = (
     "notes",
 )
 """Every key of a summary, in order. For systems whose path coordinate is a length, `travel_rad`
-and the first of `peak_u_rad_s` are in metres and metres per second. `terminal_error_deg` is a list
-here, with one error per angle."""
+and the first of `peak_u_rad_s` are in metres and metres per second. In a summary
+`terminal_error_deg` is a list with one error per angle."""
 
 
 def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
-    """Return the summary of a plan.
+    """Return the summary of a plan: its figures, status, violations and notes in one dictionary.
 
     Args:
         plan: Any plan, verified or not.
@@ -192,7 +191,7 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
 
 
 def refusal_summary(error: NoPlanError, method: str) -> dict[str, Any]:
-    """The summary of a refusal, with the figures of the solver's last iterate if there is one.
+    """Return the summary of a refusal, with the figures of the solver's last iterate if known.
 
     Returns:
         A value for each of `SUMMARY_KEYS`; None where nothing is known. `verified` is False.
@@ -215,7 +214,7 @@ def refusal_summary(error: NoPlanError, method: str) -> dict[str, Any]:
 
 
 def direction(plan: Plan) -> str:
-    """Return how the path coordinate moves: "one way", "reverses once", "reverses 3 times"."""
+    """Say how a plan's path coordinate moves: "one way", "reverses once", "reverses 3 times"."""
     v1 = plan.v(sample_times(plan.t))[:, 0]
     moving = v1[np.abs(v1) > 1e-6 * np.nanmax(np.abs(v1), initial=0.0)]
     turns = int(np.sum(np.sign(moving[1:]) != np.sign(moving[:-1])))

@@ -20,7 +20,7 @@ from planner.verification.verify import Check, examine
 
 
 def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Check]:
-    """Judge a plan.
+    """Judge a plan by `verify` and `certify`, and mark it as verified if it passes.
 
     Requirements that the certificate leaves undecided are checked again on the cells of the proof,
     which are finest where the motion's expressions change fast; the certificate names them as only
@@ -28,11 +28,11 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
     judged too.
 
     Args:
-        plan: Any plan; what it says about itself (`verified`, `certificate`) is ignored.
+        plan: Any plan; its own fields `verified` and `certificate` are ignored.
         certificate: The result of `certify` for this plan; computed by default.
 
     Returns:
-        The plan, either verified with its certificate or without both; and the check, whose
+        The plan, marked as verified and with its certificate if it passes; and the check, whose
         violations include those that `certify` proves.
     """
     plan = replace(plan, verified=False, certificate=None)
@@ -65,12 +65,12 @@ def _refusal(check: Check, violations: Sequence[Violation]) -> Check:
 
 
 def _flaw(words: str) -> Violation:
-    """Return a violation without a value and a limit."""
+    """Return a violation that has only words, without a value and a limit."""
     return Violation(words, None, np.nan, np.nan, "", np.inf)
 
 
 def _proven_violations(plan: Plan, certificate: Certificate) -> Iterator[Violation]:
-    """Yield the violations that the certificate proves, with the tolerances of `verify`."""
+    """Yield each violation of the plan that the certificate proves."""
     demands = {part.label: (each, part) for each in plan.problem.demands for part in each.parts}
     for claim in certificate.open:
         if claim.status != "violated":
@@ -83,7 +83,7 @@ def _proven_violations(plan: Plan, certificate: Certificate) -> Iterator[Violati
 
 
 def _breaks_upper_limit(plan: Plan, demand: Demand | None, part: Part, claim: Claim) -> bool:
-    """Whether a violated claim breaks the part's upper limit; if not, it breaks the lower one."""
+    """Return whether a violated claim breaks the upper limit of a part, rather than the lower."""
     if not isinstance(demand, Requirement) or np.isinf(part.low) or np.isinf(part.high):
         return bool(np.isfinite(part.high))
     time_s, path = claim.time_s or 0.0, plan.trajectory

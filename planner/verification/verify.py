@@ -1,9 +1,9 @@
 """The independent check of a plan: `verify`.
 
-It integrates the plan's input u(t) by Chebyshev quadrature with the system's NumPy kinematics; no
-method uses either of them. It checks the goal, the limits, waypoints and obstacles over all time,
-not only at the breaks. The quadrature estimates its own error, and a plan that it cannot integrate
-is refused. The motion of a compensated plan is that of its nominal machine.
+`verify` integrates the plan's input u(t) by a Chebyshev quadrature, which no method uses, with the
+system's NumPy kinematics. Goal, limits, waypoints and obstacles are checked over all time, also
+between the breaks. The quadrature estimates its own error, and a plan for which the error is too
+large is refused. A compensated plan is checked by the motion of its nominal machine.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ from planner.support.calculus.extremes import FLAT_DEPTH, narrow_dips
 from planner.support.tables import Column, html_table
 
 GOAL_TOLERANCE = 2e-5
-"""Largest error at the goal, in radians (0.0011 degrees) or metres. For a tip goal it is relative
-to the arm's reach: an error of one joint moves the tip of a stretched arm by that fraction."""
+"""Largest error at the goal, in radians (0.0011 degrees) or metres. The error of a tip goal is
+relative to the arm's reach: an error of one joint moves a stretched arm's tip by that fraction."""
 
 ON_MACHINE_TOLERANCE = np.deg2rad(0.05)
 """Largest error at the goal of a compensated plan, in radians: half a step of the prototype's
-encoders. The nominal machine rounds its commands, so no input leads it closer than some thousandths
-of a degree."""
+encoders. The nominal machine rounds its commands, so the best input still leaves an error of some
+thousandths of a degree."""
 
 BETWEEN_TOLERANCE = ON_MACHINE_TOLERANCE
-"""Largest distance of the machine, between two breaks of a compensated plan, from the range spanned
-by its positions at these breaks, in radians."""
+"""Largest distance of the machine, between two breaks of a compensated plan, from the range between
+the machine's positions at the two breaks, in radians."""
 
 LIMIT_TOLERANCE = 1e-6
 """Largest excess over a limit, relative to the limit."""
@@ -60,8 +60,8 @@ INTEGRATION_TOLERANCE = 1e-7
 allowed at the goal."""
 
 FINEST_SHARE = 2.0**-40
-"""Cells begin at multiples of this fraction of a piece: a trillionth, the width of the smallest
-cells into which the integration splits a piece."""
+"""Step of the grid on which cells begin, as a fraction of a piece: a trillionth, the width of the
+smallest cells into which the integration splits a piece."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ class Check:
         ok: Whether the motion reaches the goal and keeps every limit.
         terminal_error: Integrated end minus goal, in user coordinates, shape (N,), in their units;
             zero for coordinates that the goal leaves free.
-        terminal_error_deg: The entries of `terminal_error` that are angles, in degrees; without the
-            path coordinate q₁ if the system has no user coordinates of its own.
+        terminal_error_deg: The entries of `terminal_error` that are angles, in degrees; if the user
+            coordinates are the triangular ones, without the path coordinate q₁.
         margins: Margin of each requirement (negative: broken), in its own unit.
         violations: Broken requirements, the worst first.
         interpolant_error: Largest |plan.q(t) − integrated q(t)|, in the coordinates' units.
@@ -98,7 +98,7 @@ class Check:
         return "Check(broken: " + "; ".join(map(str, self.violations)) + ")"
 
     def _repr_html_(self) -> str:
-        """Return the table for notebooks: one row per requirement."""
+        """Return the check as an HTML table for notebooks, with one row per requirement."""
         texts = {violation.label: str(violation) for violation in self.violations}
         columns: list[Column[tuple[str, float]]] = [
             Column("requirement", "", lambda r: r[0], left=True),
@@ -149,15 +149,15 @@ def verify(plan: Plan) -> Check:
 def examine(
     plan: Plan, times: Array | None = None, coarse: IntegratedMotion | None = None
 ) -> tuple[Check, IntegratedMotion | None]:
-    """Verify a plan; also return the motion that was judged, or None if there is none.
+    """Verify a plan; return the check and the motion that was judged, or None without a motion.
 
     Args:
         plan: Any plan.
         times: Times, seconds, near which the plan's pieces are divided before they are read; by
-            default they are divided only as needed.
-        coarse: The motion from a call without `times`. Limits on the inputs' rates are judged by
-            it, since on short cells rounding errors of the inputs look like rates; but not if it
-            missed a part of the inputs.
+            default pieces are divided only as needed.
+        coarse: The motion from a call without `times`, if it follows the inputs. Limits on the
+            inputs' rates are then judged by this motion, since on short cells rounding errors of
+            the inputs look like rates.
     """
     expect_plan(plan)
     if flaw := _flaw(plan):
@@ -233,7 +233,7 @@ def examine(
 
 
 def _flaw(plan: Plan) -> str:
-    """Why the plan has no motion that could be judged, such as another system; "" if it has one."""
+    """Return why a plan has no motion to judge, such as another system; "" if it has a motion."""
     problem, inside = plan.problem, plan.compensates
     if other := problem.system.difference(plan.trajectory.system):
         return f"the plan is made for another system than the problem's: {other}"
@@ -250,15 +250,15 @@ _SAID_ERROR = "largest error on the nominal machine, against the plan's own figu
 
 
 def _motion_on_machine(plan: Plan) -> tuple[IntegratedMotion, Array, float]:
-    """Motion of the nominal machine under a compensated plan, its end (N,), and its error E, deg.
+    """Return the nominal machine's motion under a compensated plan, its end (N,) and error E, deg.
 
-    The inputs of such a plan compensate lost motion and lag, so that the ideal kinematics would
+    The inputs of a compensated plan allow for lost motion and lag, so the ideal kinematics would
     lead to another end. The plan's own q(t) should be linear between the machine's positions at the
-    breaks; its distance from that line is bounded by its Bernstein coefficients. Between two breaks
-    the machine should stay in the range of its positions there; the largest distance from that
-    range over the machine's steps is compared with `BETWEEN_TOLERANCE`. Limits, waypoints and
-    clearances are judged by the machine's motion itself, at a resolution that does not depend on
-    the breaks.
+    breaks; the Bernstein coefficients of q(t) bound the distance from that line. Between two breaks
+    the machine should stay in the range between its positions at the two breaks; the largest
+    distance from that range over the machine's steps is compared with `BETWEEN_TOLERANCE`. Limits,
+    waypoints and clearances are judged by the machine's motion itself, on cells of at most 16
+    steps of the machine.
     """
     from planner.machine.feedforward.prediction import predict  # only compensated plans need it
     from planner.machine.machine import Machine
@@ -295,9 +295,9 @@ def _motion_on_machine(plan: Plan) -> tuple[IntegratedMotion, Array, float]:
 
 
 def _claimed_findings(plan: Plan, error_deg: float) -> Iterator[_Finding]:
-    """Check what a compensated plan claims: the end of its clock, and its error E.
+    """Check what a compensated plan says of itself: the end of its clock, and its error E.
 
-    An error of the clock changes E, since errors are measured against the plan at the clock's time.
+    A wrong clock changes E, since E is measured against the original plan at the clock's time.
     """
     part = Part("end of the original plan's clock", "s", 0.0, 0.0, 1.0)
     takes, ends = plan.duration, plan.clock.t[-1]
@@ -311,7 +311,7 @@ def _claimed_findings(plan: Plan, error_deg: float) -> Iterator[_Finding]:
 
 
 def _parts(width: Array, longest: float) -> NDArray[np.int_]:
-    """Powers of two: into how many parts to split each cell so that none is over `longest`, s."""
+    """Return in how many parts (a power of two) to split each cell, each at most `longest` s long."""
     return np.asarray(2 ** np.ceil(np.log2(np.maximum(width / longest, 1.0))), dtype=int)
 
 
@@ -324,7 +324,7 @@ def _angular(plan: Plan) -> list[int]:
 def _motion_findings(
     plan: Plan, motion: IntegratedMotion, end: Array, error: Array, tolerance: float
 ) -> list[_Finding]:
-    """Check start, goal, duration, the plan's own q(t), and the accuracy of the integration."""
+    """Check a plan's start, goal, duration and q(t), and the accuracy of the integrated motion."""
     out = []
     for demand in plan.problem.demands:
         if isinstance(demand, Start):
@@ -369,9 +369,9 @@ def _motion_findings(
 
 
 def _chart_findings(plan: Plan) -> Iterator[_Finding]:
-    """Check that a plan in chained coordinates stays in the chart's domain; others need not.
+    """Check that a plan made in chained coordinates stays inside the chart's domain.
 
-    The domain's boundary counts as outside.
+    The boundary of the domain counts as outside.
     """
     for demand in plan.problem.demands:
         if demand.in_chart and not plan.trajectory.in_coordinates:
@@ -383,7 +383,7 @@ def _chart_findings(plan: Plan) -> Iterator[_Finding]:
 def _limit_findings(
     plan: Plan, motion: IntegratedMotion, smooth: Sequence[Requirement]
 ) -> list[_Finding]:
-    """Check these smooth requirements at all times, by the extremes of the values' series."""
+    """Check smooth requirements at all times, by the extremes of the series of their values."""
     if not smooth:
         return []
     system, cells = plan.problem.system, motion.cells
@@ -409,9 +409,9 @@ def _limit_findings(
 
 
 def _corner_findings(plan: Plan, motion: IntegratedMotion) -> list[_Finding]:
-    """Check the requirements that are not smooth at all times.
+    """Check, at all times, the requirements that are not smooth functions, such as clearances.
 
-    Those that no motion of the system can break are not evaluated.
+    A requirement that every motion of the system keeps is taken as kept without a search.
     """
     system, out = plan.problem.system, []
     for requirement in plan.problem.requirements:
@@ -431,7 +431,7 @@ def _corner_findings(plan: Plan, motion: IntegratedMotion) -> list[_Finding]:
 
 
 def failed_check(plan: Plan, violation: Violation) -> Check:
-    """Return the check of a plan without a motion to integrate."""
+    """Return the failed check of a plan that has no motion to integrate."""
     unknown = np.full(plan.problem.system.size, np.nan)
     return Check(
         ok=False,
@@ -449,8 +449,8 @@ def _waypoint_distances(
 ) -> Iterator[_Finding]:
     """Check the distance at which the motion passes each waypoint.
 
-    For a waypoint with a time it is the distance at that time of the plan's clock, for others the
-    least distance.
+    A waypoint with a time is checked at that time of the plan's clock, a waypoint without a time by
+    the least distance.
     """
     for point in plan.problem.waypoints:
         if point.time_s is None:
@@ -466,12 +466,11 @@ def _waypoint_distances(
 def _least_values(
     motion: IntegratedMotion, function: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
-    """Return the least values of functions (…, F) of q (…, N) over all time, and their times, both
-    (F,).
+    """Return the least value over all time of each of F functions of q, and its time, both (F,).
 
-    The functions have kinks, so dips between samples are narrowed without derivatives, those of all
-    functions together. A dip is left out if it would give the least value only by falling below its
-    sample by more than twice the height of the higher neighbouring sample above it.
+    `function` maps q (…, N) to values (…, F). The functions have kinks, so dips between samples are
+    narrowed without derivatives, all of them together. A dip is left out if, to give the least
+    value, it had to fall below its sample by more than twice the rise to the higher neighbour.
     """
     grid, q = motion.samples()
     values = function(q)

@@ -143,7 +143,7 @@ def rates_of(system: TriangularSystem) -> Expression:
 
 @lru_cache(maxsize=32)
 def blocks(system: TriangularSystem) -> list[list[int]]:
-    """Return blocks of mutually dependent coordinates, each after the blocks on which it depends."""
+    """Return the blocks of mutually dependent coordinates, ordered so that none needs a later one."""
     rates, size = rates_of(system), system.size
     reach = np.eye(size, dtype=bool)
     for i in range(size):
@@ -312,7 +312,7 @@ def _on_ellipses(
 
 @lru_cache(maxsize=32)
 def _jacobian(system: TriangularSystem) -> tuple[Expression, Array, Array, Pointwise]:
-    """Return ∂q̇/∂q: its nonzero entries for balls, their rows and columns, and a matrix function."""
+    """Return ∂q̇/∂q: nonzero entries for balls, their rows and columns, and a matrix for points."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     matrix: Any = ca.jacobian(ca.vertcat(*system.rates_expr(q, u)), q)
     row, column = (np.array(x, dtype=int) for x in matrix.sparsity().get_triplet())

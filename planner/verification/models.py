@@ -55,7 +55,7 @@ class Model:
 
     @classmethod
     def truncate(cls, c: Array, r: Array) -> Model:
-        """Make a model of coefficients (C, any width); those beyond `POINTS` enlarge remainders r."""
+        """Make a model of coefficients c (C, any width); any beyond `POINTS` enlarge r (C,)."""
         tail = np.sum(np.abs(c[:, POINTS:]), axis=1)
         r = np.asarray((r + tail) * ROUNDING_FACTOR)
         bad = ~np.isfinite(r)

@@ -1,4 +1,4 @@
-"""Wrap the methods of other packages, so that errors name the package and not `planner`."""
+"""Wrappers of the methods of other packages, so that an error names the package at fault."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from planner.verification.verify import verify
 
 @dataclass(frozen=True)
 class ForeignPlans:
-    """Callable that plans with another package's function and checks the plan that it returns."""
+    """Callable that plans with another package's function and checks the returned plan."""
 
     provider: Provider
     function: Callable[..., Any]
 
     def __call__(self, problem: Problem, options: Any, *near: Plan) -> Plan:
-        """Return the function's plan of the problem, marked as not verified.
+        """Return the package's plan of the problem, marked as not verified.
 
         Raises:
             MethodError: If the function fails or does not return a plan of this problem.
@@ -37,9 +37,9 @@ class ForeignPlans:
         return plan
 
     def _sound(self, problem: Problem, answer: Any) -> Plan:
-        """Return the plan if it is complete and belongs to the problem, else raise a `MethodError`.
+        """Return a package's answer if it is a complete plan of the problem.
 
-        A compensated plan is replaced by its original.
+        A compensated plan is replaced by its original; another answer raises a `MethodError`.
         """
         if not isinstance(answer, Plan):
             raise self.provider.error(f"returned {line(repr(answer), 60)}, which is not a plan")
@@ -66,7 +66,7 @@ class ForeignKeeps:
         """Return "kept", "judged" or "never" for one part of a demand.
 
         Raises:
-            MethodError: If the function fails or returns anything else.
+            MethodError: If the function fails or its answer is none of these.
         """
         answer = self.provider.call(self.keeps, problem, demand, part)
         if not isinstance(answer, str) or answer not in get_args(Keeping):

@@ -23,7 +23,7 @@ from planner.verification.verify import Check, verify
 
 
 def judge_plan(plan: Plan) -> tuple[Plan, Check]:
-    """Verify the plan of a method; return it with the result of the verification.
+    """Verify the plan of a method; return the plan and the result of the verification.
 
     A plan with the status "singular" is returned even if it breaks requirements.
 
@@ -54,7 +54,7 @@ def judge_plan(plan: Plan) -> tuple[Plan, Check]:
 
 
 def judge_slowed(plan: Plan, factor: float, **changes: Any) -> Plan:
-    """Slow a plan down to `factor` times its duration, set the fields in `changes`, and verify it.
+    """Slow a plan down to `factor` times its duration, set the fields in `changes`, and verify.
 
     Raises:
         NoPlanError: If the slowed plan breaks a requirement, see `judge_plan`.
@@ -66,9 +66,9 @@ def judge_slowed(plan: Plan, factor: float, **changes: Any) -> Plan:
 
 
 def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
-    """Return changes that the caller may try, and further advice in words (or None).
+    """Return changes that may mend the violations of a plan, and further advice in words or None.
 
-    There are none if a violation has no limit (NaN): then the plan itself is inaccurate.
+    A violation without a limit (NaN) has no remedy, since the plan itself is inaccurate.
     """
     if any(np.isnan(v.limit) for v in check.violations):
         return [], None

@@ -1,4 +1,4 @@
-"""Tell, before any search, which requirements each method is sure to satisfy.
+"""Answers, before any search, to the question which requirements each method surely satisfies.
 
 A method gives one of three answers for each part of each requirement:
 
@@ -28,32 +28,32 @@ from planner.systems.manipulator import Manipulator
 Keeping = Literal["kept", "judged", "never"]
 
 GOALS = Goal | TipGoal | UserGoal
-"""Types of demands that define the end of a motion."""
+"""Classes of demands that define the end of a motion."""
 
 Keeps = Callable[[Problem, Demand, Part], Keeping]
-"""A method's answer for one part of one demand of a problem."""
+"""Function that gives a method's answer for one part of one demand of a problem."""
 
 
 def nothing(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """Return "judged": no demand is guaranteed; each is only checked afterwards."""
+    """Return "judged", for a method that guarantees no demand: each is only checked afterwards."""
     return "judged"
 
 
 def collocation(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """Return "kept": every demand is a constraint or a bound of the nonlinear programme."""
+    """Return "kept", for collocation: each demand is a constraint or bound of its programme."""
     return "kept"
 
 
 def desensitised(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """Return "kept", but "never" for waypoints, which the mesh of the desensitised search lacks."""
+    """Return "kept" for the desensitised method, but "never" for waypoints: it has no mesh node."""
     return "never" if isinstance(demand, Waypoint) else "kept"
 
 
 def in_chart(problem: Problem, demand: Demand) -> Keeping:
-    """Answer for a method in the chained-form chart, for a start, goal, waypoint or duration.
+    """Return the answer of any method in the chart for a start, goal, waypoint or duration.
 
-    Such a method needs all chained coordinates z at the goal. A goal with free joints allows a set
-    of z that is not simple, so it is refused.
+    Such a method needs all chained coordinates z at the goal, so its answer for a goal with free
+    joints is "never".
     """
     if isinstance(demand, Waypoint):
         return "judged"
@@ -61,11 +61,10 @@ def in_chart(problem: Problem, demand: Demand) -> Keeping:
 
 
 def convex(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """Answer for the convex method: the path keeps some limits, the timing all on the speed.
+    """Return the answer of the convex method, whose timing keeps all limits on the speed.
 
-    On a one-way path of the arm θ₂ … θₙ are monotonic, so they stay between start and goal. The
-    path also keeps the margin of z₂, and for two joints the limit of θ₁, which is then a limit of
-    z₂ alone.
+    On a one-way path of the arm, θ₂ … θₙ are monotonic and stay between start and goal. The path
+    also keeps the margin of z₂, and for two joints the limit of θ₁, which is a limit of z₂ alone.
     """
     if not isinstance(demand, Requirement) or demand.final or demand.speed_power:
         return in_chart(problem, demand)
@@ -76,12 +75,12 @@ def convex(problem: Problem, demand: Demand, part: Part) -> Keeping:
 
 
 Rates = Callable[[float | None], tuple[Keeping, Keeping]]
-"""Maps the travel (None if free) to one answer each for u₁ and u₂: "kept" if the input is
-continuous, "never" if it always jumps, "judged" if it may jump."""
+"""Function from the travel (None if free) to one answer for u₁ and one for u₂: "kept" if the input
+is continuous, "never" if it always jumps, "judged" if it may jump."""
 
 
 def law(rates: Rates) -> Keeps:
-    """Return the function `keeps` of a closed-form law, from its answers for jumps of the inputs.
+    """Return the function `keeps` of a closed-form law; `rates` says whether its inputs jump.
 
     The law reaches the goal within the chart if the goal gives every joint. A free duration becomes
     long enough for every limit that depends on the speed. Limits on input rates (du) also depend on
@@ -102,22 +101,22 @@ def law(rates: Rates) -> Keeps:
 
 
 def smooth(travel: float | None) -> tuple[Keeping, Keeping]:
-    """Return "kept" for both inputs: sinusoids over one period do not jump."""
+    """Return whether inputs jump for sinusoids over one period: "kept" for both, as none does."""
     return "kept", "kept"
 
 
 def one_leg(travel: float | None) -> tuple[Keeping, Keeping]:
-    """Answer for constant v₁ and smooth v₂; with travel zero v₁ jumps to the opposite sign."""
+    """Return whether inputs jump for constant v₁ and smooth v₂; at travel zero v₁ changes sign."""
     return ("never", "judged") if travel == 0 else ("kept", "kept")
 
 
 def slots(travel: float | None) -> tuple[Keeping, Keeping]:
-    """Answer for v₂ constant on each slot: it jumps between slots, except in straight motions."""
+    """Return whether inputs jump for v₂ constant on slots: v₂ does, except in straight motions."""
     return one_leg(travel)[0], "judged"
 
 
 def steps(travel: float | None) -> tuple[Keeping, Keeping]:
-    """Answer for constant v, then sinusoids: v₁ jumps to zero once, v₂ jumps between periods."""
+    """Return whether inputs jump for constant v, then sinusoids: v₁ once, v₂ after each period."""
     return "kept" if travel == 0 else "judged" if travel is None else "never", "judged"
 
 
@@ -132,7 +131,7 @@ def not_promised(problem: Problem, keeps: Keeps) -> tuple[str, ...]:
 
 
 def refuse_unkept(problem: Problem, name: str, keeps: Keeps) -> None:
-    """Refuse, before any search, a problem with a demand that a method never satisfies.
+    """Refuse a problem with a demand that a method never satisfies, before any search.
 
     Raises:
         NoPlanError: If the problem has such a demand.

@@ -10,4 +10,4 @@ from collections.abc import Callable
 from planner.plan.plan import Plan
 
 MEASURES: dict[str, Callable[[Plan], float]] = {}
-"""Measure to minimise, by the value of the option `criterion`."""
+"""Functions from a plan to a measure to minimise, by the value of the option `criterion`."""

@@ -1,7 +1,7 @@
-"""Changes of the problem that a method may suggest when it refuses, and trials of them.
+"""Changes of the problem that a method may suggest when it refuses, and trials of the changes.
 
-A method that finds no plan names changes but tries none, since it must not call other methods. Its
-caller uses `advise`, which tries the changes in turn and describes one that works.
+A method that finds no plan names changes but tries none, since it must not call other methods. The
+caller of the method uses `advise`, which tries the changes in turn and describes one that works.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ class Change:
 
     Attributes:
         keys: Dotted keys of the problem file and their values, as for `Problem.changed`.
-        words: Text to show instead of the keys; if there is a method, text after its name.
+        words: Text to show instead of the keys; for a change of method, text after its name.
         without: The requirement that the change removes, in words; named as the cause if the change
             leads to a plan.
-        method: Another method to use, or "" for the same.
+        method: Another method to use, or "" for the same method.
         defaults: Whether to use the method's default options instead of the given ones.
     """
 
@@ -59,22 +59,22 @@ BY_COLLOCATION = Change(method="collocation", words=", which plans in joint coor
 
 
 def duration_change(seconds: float) -> Change:
-    """Return the change to another duration, rounded up."""
+    """Return the change of goal.duration to the given seconds, rounded up to about four digits."""
     text = round_up(seconds)
     return Change({"goal.duration": float(text)}, f"goal.duration = {text}")
 
 
 def travel_changes(problem: Problem, without: str = "") -> list[Change]:
-    """Return the change to a free travel, or nothing if it is free or has no key in the file.
+    """Return a list with the change to a free travel, empty if the travel is free or has no key.
 
-    It has no key if the goal's coordinates determine it.
+    The travel has no key in the file if the goal's coordinates determine it.
     """
     has_key = problem.travel is not None and problem.has_travel_key
     return [Change(problem.travel_change(None), without=without)][:has_key]
 
 
 def reach_changes(problem: Problem, reach: Reach) -> list[Change]:
-    """Return the change to the nearest reachable tip pose, or nothing if the goal is reachable."""
+    """Return a list with the change to the nearest reachable tip pose; empty if the goal is one."""
     tip, keys = problem.tip, dict[str, Any]()
     if tip is None or reach.branches or reach.blocked:
         return []
@@ -86,7 +86,7 @@ def reach_changes(problem: Problem, reach: Reach) -> list[Change]:
 
 
 def duration_changes(problem: Problem) -> list[Change]:
-    """Return changes to a free duration, a free travel, and both, without what is free already.
+    """Return the changes to a free duration, a free travel, and both, for those that are fixed.
 
     The duration stays if a waypoint has a time or no limit depends on the speed.
     """
@@ -103,7 +103,7 @@ def duration_changes(problem: Problem) -> list[Change]:
 
 
 def path_changes(problem: Problem) -> list[Change]:
-    """Return one change for each requirement on the path, except the travel, that removes it.
+    """Return changes that each remove one requirement on the path, except the travel.
 
     Joint limits come first if obstacles block the arm within them, since an obstacle may be fixed.
     """
@@ -117,17 +117,17 @@ def path_changes(problem: Problem) -> list[Change]:
 
 
 def round_up(value: float) -> str:
-    """Return a number rounded up to about four digits."""
+    """Format a number, rounded up to about four digits."""
     scale = 10.0 ** (3 - int(np.floor(np.log10(value))))
     return f"{np.ceil(value * scale) / scale:.10g}"
 
 
 Attempt = Callable[[Change], Plan]
-"""Function that plans the problem with a change; it may raise a refusal."""
+"""Function that plans the problem with a change, or raises a refusal."""
 
 MOST_TIMES_REFUSAL, LEAST_S, MOST_S = 3.0, 10.0, 60.0
-"""Time for all tries together: `MOST_TIMES_REFUSAL` times the time until the refusal, but at least
-`LEAST_S` and at most `MOST_S` seconds."""
+"""Limits of the time for all tries together: `MOST_TIMES_REFUSAL` times the time until the refusal,
+but at least `LEAST_S` and at most `MOST_S` seconds."""
 
 TRY_SHARE = 0.5
 """Fraction of the remaining time for one try. The first changes help most often, but a try that is
@@ -136,13 +136,13 @@ as hard as the original problem must leave time for the others."""
 
 @dataclass(frozen=True)
 class TriedChanges:
-    """Results of trying changes.
+    """Result of trying changes in turn.
 
     Attributes:
         change: The first change that led to a verified plan, or None.
-        plan: The plan that it led to, or None.
+        plan: The plan that this change led to, or None.
         vain: Changes that did not lead to a plan.
-        left: Changes that were not tried for lack of time.
+        left: Changes that were not tried, or not to the end, for lack of time.
     """
 
     change: Change | None
@@ -154,7 +154,7 @@ class TriedChanges:
 def try_changes(
     changes: Sequence[Change], attempt: Attempt, report: Callable[[str], None]
 ) -> TriedChanges:
-    """Try changes in order, each in its share of the time, until one leads to a verified plan."""
+    """Try changes in order, each in a share of the time, until one leads to a verified plan."""
     vain, left = list[Change](), list[Change]()
     for change in changes:
         if remaining() <= 0:
@@ -176,7 +176,7 @@ def try_changes(
 
 
 def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: float) -> Plan | None:
-    """Try the changes of a refusal, and add the one that helps to its message.
+    """Try the changes of a refusal, and add the change that helps to the refusal's message.
 
     Other methods are named but not tried: `planner.check` tries them.
 
@@ -187,7 +187,7 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
         seconds: Time that the method took until its refusal.
 
     Returns:
-        A plan of the original problem, if a try happened to find one.
+        A plan of the original problem, if a try happened to find one; else None.
     """
     changes = [change for change in error.changes if not change.method]
     if not changes:
@@ -214,7 +214,7 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
 
 
 def changed_words(plan: Plan, violations: Sequence[Violation]) -> str:
-    """Say in words which changes of the problem would allow a plan that has these violations."""
+    """Say in words which changes of its problem would allow a plan with the given violations."""
     problem, parts = plan.problem, []
     demands = [(*asked, v) for v in violations if (asked := problem.asking(v.label))]
     for kind in dict.fromkeys(type(demand) for demand in reversed(problem.demands)):

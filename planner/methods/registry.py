@@ -39,11 +39,11 @@ class Method:
         summary: One line for listings.
         options: The table of its options.
         plan: Function from problem and options to a plan that is not verified yet.
-        keeps: Function that says, before any search, which parts of the demands it keeps.
+        keeps: Function that says, before any search, which parts of the demands the method keeps.
         replan: Like `plan`, but starts from a plan of a neighbouring problem; or None.
-        refines: The method whose plan it starts from, or None. If that method finds no plan, this
-            one finds none either, so `check` does not try it.
-        finds_time: Whether it reports a duration that is too short and finds a longer one.
+        refines: The method from whose plan this method starts, or None. If the other method finds
+            no plan, this method finds none either, so `check` does not try it.
+        finds_time: Whether the method reports a duration that is too short and finds a longer one.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Method:
 
 
 def _function(module: str, name: str) -> Callable[..., Plan]:
-    """Return a function that imports its module (and with it, say, OSQP) on the first call."""
+    """Return a function that imports the named planning function only when it is called."""
 
     def call(*given: Any) -> Plan:
         plan: Plan = getattr(import_module(f"planner.methods.{module}"), name)(*given)
@@ -125,7 +125,7 @@ _ALL = (
 
 
 def typed(solve: Callable[..., Plan]) -> Solve:
-    """Return the function itself; `options.pyi` tells editors its keywords for each method."""
+    """Return `solve` itself, typed by `options.pyi`, which lists each method's options for editors."""
     return cast("Solve", solve)
 
 
@@ -133,7 +133,7 @@ METHODS = {method.name: method for method in _ALL}
 """Methods by name; those of plugins are added when the first problem is read."""
 
 ALL = "all"
-"""Stands for every method where names of methods are given."""
+"""Word that stands for every method where names of methods are given."""
 
 
 def all_methods() -> dict[str, Method]:
@@ -159,25 +159,25 @@ def register_method(
 ) -> None:
     """Register a method for `solve`, `compare`, `check`, sweeps and problem files.
 
-    Other processes, such as workers of a sweep, know it only from a plugin: a package whose entry
-    point `planner.plugins` names a function that calls this one.
+    Other processes, such as workers of a sweep, know the method only from a plugin: a package whose
+    entry point `planner.plugins` names a function that calls `register_method`.
 
     Args:
         name: Name of the method: a Python identifier.
         plan: A function of the problem and an instance of `options` that returns a plan, which
-            `solve` then verifies. If it finds none it raises a `NoPlanError` with the reason.
+            `solve` then verifies. Without a plan it raises a `NoPlanError` with the reason.
             Any other error or return value becomes a `MethodError` that names the package.
         options: The table `[method.NAME]` of problem files, a `planner.support.user_tables.Table`;
             every key has a default.
         summary: One line for listings.
-        keeps: A function of the problem, one of its `Demand`s and a `Part` of that. It returns
+        keeps: A function of the problem, a `Demand` of the problem and a `Part` of the demand:
             "kept" if every motion of the method satisfies the part, "judged" if only verification
             checks it, or "never": then the problem is refused before the method begins. By default
             everything is judged.
         replan: Like `plan`, but starts from a plan of a neighbouring problem.
-        refines: The method whose plan it starts from, if any; `check` then does not try it by
-            itself.
-        finds_time: Whether it reports a duration that is too short and finds a longer one.
+        refines: The method from whose plan this method starts, if any; `check` then does not try
+            this method by itself.
+        finds_time: Whether the method reports a duration that is too short and finds a longer one.
 
     Raises:
         InputError: If the name is taken or invalid, or an argument has the wrong type.
@@ -206,7 +206,7 @@ def register_method(
 
 
 def _faults(method: Any) -> Iterator[str]:
-    """Yield the reasons why an entry is not a valid method."""
+    """Yield the reasons why an entry of the registry is invalid."""
     for key in ("plan", "keeps", "replan"):
         function = getattr(method, key)
         if not callable(function) and not (key == "replan" and function is None):
@@ -222,7 +222,7 @@ def _faults(method: Any) -> Iterator[str]:
 
 
 def find_method(name: str) -> Method:
-    """Return the registry's entry of that name.
+    """Return the registry's entry of the method with the given name.
 
     Raises:
         InputError: If there is no such method (the message names the nearest), or a plugin fails.
@@ -235,7 +235,7 @@ def find_method(name: str) -> Method:
 
 
 def merged_options(problem: Problem, method: Method, options: dict[str, Any]) -> Any:
-    """Return the method's table of options: that of the problem, overridden by keywords."""
+    """Return a method's options: the problem's table of the method, overridden by `options`."""
     table = getattr(problem.methods, method.name, None)  # None if registered after the problem
     if table is not None and not options:
         return table

@@ -1,4 +1,4 @@
-"""A method with options in one line of text: `polynomial:travel=middle`, `sinusoid compensated`."""
+"""Methods with options as one line of text: `polynomial:travel=middle`, `sinusoid compensated`."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from planner.support.tables import line, shorten
 
 @dataclass(frozen=True)
 class Spec:
-    """A method and changes of its options.
+    """A method and changes of its options, as read from one line of text.
 
     Attributes:
-        label: The text from which it was read; its name in tables and figures.
+        label: The text that was read, which is also the name in tables and figures.
         method: Name of the method.
-        options: Options that override the problem's table of that method.
-        compensated: Whether to compensate its plan for the machine.
+        options: Options that override the problem's table of the method.
+        compensated: Whether to compensate the method's plan for the machine.
     """
 
     label: str
@@ -62,14 +62,14 @@ def parse_spec(text: str) -> Spec:
 
 
 def parse_specs(problem: Problem, specs: str | Sequence[str]) -> list[Spec]:
-    """Read several specs and check their options before any of them is run.
+    """Read several specs and check the options of each before any is run.
 
     Args:
         problem: The problem with the option tables that the specs override.
         specs: A list, or one text with separating commas (outside brackets and quotes).
 
     Raises:
-        InputError: If there is no spec, one is wrong, or two are the same.
+        InputError: If there is no spec, a spec is wrong, or two are the same.
     """
     texts = list(_split(specs, ",")) if isinstance(specs, str) else specs
     if not isinstance(texts, Iterable) or not all(isinstance(text, str) for text in texts):
@@ -100,7 +100,7 @@ def _value(text: str, key: str, value: str) -> Any:
 
 
 def _split(text: str, separator: str) -> Iterator[str]:
-    """Split at a separator outside brackets and quotes."""
+    """Yield the parts of a text between separators that lie outside brackets and quotes."""
     depth, quote, start = 0, "", 0
     for k, character in enumerate(text):
         if quote:

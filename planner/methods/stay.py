@@ -1,6 +1,6 @@
-"""The plan of a problem whose goal is its start: it stays there.
+"""The plan of a problem whose goal is its start: the system stays there.
 
-No motion costs less or is shorter, so no method needs to search.
+Staying is the cheapest and shortest motion, so no method needs to search.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from planner.support.calculus.bernstein import Bernstein
 from planner.verification.verify import GOAL_TOLERANCE, verify
 
 SHORTEST_S = 1e-3
-"""Duration of a plan that stays at the start if the duration is free, s. Collocation uses the same
+"""Duration, s, of a plan that stays at the start if the duration is free. Collocation uses the same
 number, in its natural unit of time, as the least duration."""
 
 SAME_PLACE = GOAL_TOLERANCE / 20 * (1 + 1e-6)
-"""Largest distance of a goal from the start, in radians or metres, at which both count as equal:
-verification could not distinguish them."""
+"""Largest distance between goal and start, in radians or metres, at which both count as equal,
+since verification could not distinguish the two."""
 
 
 def plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
-    """Return a plan that stays at the start, if that solves the problem.
+    """Return a plan that stays at the start if staying solves the problem, else None.
 
     Args:
         problem: The problem.
         method: Name of the method that the plan reports.
-        options: Its options.
+        options: Options that the plan reports.
 
     Returns:
-        A plan with zero inputs over the given duration, or over `SHORTEST_S` if it is free. None if
-        the goal is elsewhere, or staying breaks a requirement, such as a waypoint elsewhere.
+        A plan with zero inputs over the given duration, or over `SHORTEST_S` if the duration is
+        free. None if the goal is elsewhere, or staying breaks a requirement such as a waypoint.
     """
     away = np.abs(problem.target - problem.start)
     if np.any(away > SAME_PLACE):  # NaN for a coordinate that the goal leaves free

@@ -143,7 +143,7 @@ def rates_of(system: TriangularSystem) -> Expression:
 
 @lru_cache(maxsize=32)
 def blocks(system: TriangularSystem) -> list[list[int]]:
-    """Return the blocks of mutually dependent coordinates, ordered so that none needs a later one."""
+    """Return blocks of mutually dependent coordinates, each before the blocks that depend on it."""
     rates, size = rates_of(system), system.size
     reach = np.eye(size, dtype=bool)
     for i in range(size):

@@ -311,7 +311,7 @@ def _claimed_findings(plan: Plan, error_deg: float) -> Iterator[_Finding]:
 
 
 def _parts(width: Array, longest: float) -> NDArray[np.int_]:
-    """Return into how many parts, a power of two, to split each cell so that each is ≤ `longest`, s."""
+    """Return the number of parts, a power of two, that makes each cell's parts ≤ `longest`, s."""
     return np.asarray(2 ** np.ceil(np.log2(np.maximum(width / longest, 1.0))), dtype=int)
 
 

@@ -1,4 +1,4 @@
-"""The convex part of the chart's domain: a floor and a concave cap on ±z₂, and excess over them.
+"""The convex part of the chart's domain, between a floor and a concave cap on ±z₂, and its excess.
 
     n = 2:  p = z₂            0 < p < K₂                    cos³θ₁ = p/K₂
     n = 3:  p = −sign(θ₂) z₂  0 < p < g(z₃)                 cos²θ₁ = p/g(z₃)
@@ -31,24 +31,24 @@ from planner.support.calculus.bernstein import elevate, split
 from planner.systems.manipulator import Manipulator
 
 DEFAULT_FLOOR = 1e-4
-"""Least |z₂| if the problem sets no margin; but at most half of the smaller end value."""
+"""Least |z₂| if the problem sets no margin; half of the smaller value at an end if that is less."""
 
 Indices = NDArray[np.intp]
 
 MAX_HALVINGS = 40
 
 COARSE = 0.02
-"""Accuracy with which an excess is located, relative to the largest one."""
+"""Accuracy with which an excess is located, relative to the largest excess."""
 
 
 @dataclass(frozen=True)
 class Band:
-    """The set floor ≤ p ≤ cap(z₃), where p = sign · z₂.
+    """The set of chained coordinates with floor ≤ p ≤ cap(z₃), where p = sign · z₂.
 
     Attributes:
         sign: ±1.
         floor: Least p; −inf without a floor.
-        cap_factor: Factor on g (n = 3) or K₂ (n = 2) that keeps the distance from θ₁ = 0.
+        cap_factor: Factor on g (n = 3) or K₂ (n = 2), < 1 to keep a distance from θ₁ = 0.
         K: Constants (K₂,) or (K₂, K₃) of the chained form; empty without a cap.
     """
 
@@ -64,12 +64,12 @@ class Band:
 
     @property
     def edge(self) -> float:
-        """Least sin²θ₁ that the cap keeps."""
+        """Least sin²θ₁ inside the band, which the cap ensures."""
         return float(1 - self.cap_factor ** (2 / 3 if len(self.K) == 1 else 1))
 
     @property
     def words(self) -> str:
-        """The conditions on paths, in words, for a refusal that proves that no path meets them."""
+        """Conditions of the band in words, for the message that no path satisfies them."""
         if not self.complete:
             return f"with |z2| >= {self.floor:.4g}"
         parts = [f"|z2| >= {self.floor:.4g}"] if self.floor > 0 else []
@@ -89,17 +89,17 @@ class Band:
         return float(self.cap_factor * 2 * self.K[0] * self.K[1] / np.sqrt(3))
 
     def cap(self, z3: Array) -> Array:
-        """Return the greatest p allowed at z₃ (any shape), which is clipped to [0, K₃]."""
+        """Return the greatest p in the band at z₃, same shape; z₃ is clipped to [0, K₃]."""
         if len(self.K) == 1:
             return np.full(np.shape(z3), self.cap_factor * self.K[0])
         c2 = np.clip(z3 / self.K[1], 0.0, 1.0) ** (2 / 3)
         return np.asarray(3 * self.cap_factor * self.K[0] * self.K[1] * c2 * np.sqrt(1 - c2))
 
     def tangent(self, z3: Array) -> tuple[Array, Array]:
-        """Return the cap's tangent, slope · z₃ + offset, at z₃ (moved slightly inside its domain).
+        """Return the tangent of the cap, slope · z₃ + offset, at z₃ moved slightly into (0, K₃).
 
         Returns:
-            (slope, offset), each of the shape of z₃; no cap value lies above the tangent.
+            (slope, offset), each of the shape of z₃; the cap lies on or below the tangent.
         """
         if len(self.K) == 1:
             return np.zeros(np.shape(z3)), self.cap(z3)
@@ -110,13 +110,13 @@ class Band:
 
 
 def band_of(problem: Problem, start: Array, goal: Array, edge: float) -> Band:
-    """Return the band of a problem whose ends lie in one branch.
+    """Return the band of a problem whose start and goal lie in one branch of the chart.
 
     Args:
         problem: The problem, for the constants, the margin of z₂ and, for n = 2, the limit of θ₁.
         start: z(0), shape (N,).
         goal: z(T), shape (N,).
-        edge: Least sin²θ₁ wanted; at most half of the smaller end value is used.
+        edge: Least sin²θ₁ wanted; half of the value at start or goal if that is less.
     """
     system, margin = problem.system, problem.limits.z2_margin
     if not isinstance(system, Manipulator) or system.n > 3:
@@ -136,12 +136,12 @@ def band_of(problem: Problem, start: Array, goal: Array, edge: float) -> Band:
 
 @dataclass(frozen=True)
 class Excess:
-    """Excess of the pieces over a limit.
+    """Excess of a piecewise polynomial over the floor or cap of a band.
 
     Attributes:
         proven: Proven upper bound of the excess on all pieces.
         piece: Numbers of the pieces whose excess is above the tolerance, shape (k,).
-        local: Position of the greatest excess in each of them, as a fraction, shape (k,).
+        local: Position of the greatest excess in each such piece, from 0 to 1, shape (k,).
         value: The excess at these positions, shape (k,).
     """
 
@@ -155,13 +155,13 @@ NO_EXCESS = Excess(-np.inf, np.zeros(0, int), np.zeros(0), np.zeros(0))
 
 
 def floor_excess(band: Band, z2: Array, tolerance: float, proof: bool) -> Excess:
-    """Find where p falls below the floor.
+    """Find where p = ±z₂ falls below the floor of a band, and bound by how much.
 
     Args:
         band: The band with the floor.
         z2: Bernstein coefficients (d+1, pieces) of z₂.
         tolerance: Precision of the proven bound; a large excess is bounded less precisely.
-        proof: Whether to refine pieces that seem to keep the floor until that is proven or
+        proof: Whether to refine pieces that seem to keep the floor until this is proven or
             disproven.
     """
     if not np.isfinite(band.floor):
@@ -170,14 +170,14 @@ def floor_excess(band: Band, z2: Array, tolerance: float, proof: bool) -> Excess
 
 
 def cap_excess(band: Band, z2: Array, z3: Array, tolerance: float, proof: bool) -> Excess:
-    """Find where p rises above the cap; z₃ has Bernstein coefficients (e+1, pieces)."""
+    """Find where p = ±z₂ rises above the cap at z₃, from Bernstein coefficients (d+1, pieces)."""
     if not band.complete:
         return NO_EXCESS
     return _search(band.sign * z2, z3, band, tolerance, proof)
 
 
 def _search(p: Array, z: Array, band: Band | None, tolerance: float, proof: bool) -> Excess:
-    """Bound p − cap(z) on all pieces at once by branch and bound; without a band, bound p.
+    """Find where p exceeds cap(z), or 0 without a band, on all pieces at once by branch and bound.
 
     Args:
         p: Bernstein coefficients, shape (d+1, pieces).

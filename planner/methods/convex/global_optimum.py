@@ -6,7 +6,7 @@ points, so its optimum is a lower bound for every path of the class. When no pie
 by more than a tolerance, all rows are tightened by twice the tolerance and the programme is solved
 again. A path that is proven to be inside the band gives an upper bound.
 
-A free travel is found by a scan of the window, then a bounded search about the best travel.
+A free travel is chosen by a scan of the window, then a bounded search about the best travel.
 
 At each travel the class is convex, but its optimum as a function of the travel need not be: the
 scan may miss a dip narrower than its step. The result is the best of the travels tried.
@@ -27,15 +27,15 @@ from planner.support import deadline
 from planner.support.arrays import Array
 
 TOLERANCE = 1e-10
-"""Excess over the band, in z₂, below which cutting stops; it is the accuracy of the solvers."""
+"""Excess over the band, in z₂, below which cutting stops: the accuracy of the solvers."""
 
 MOST_SLOPE = 1e6
-"""Largest |y|, the root mean square of dz₂/dτ, of paths considered if z₂ has no bounds."""
+"""Largest |y|, about the root mean square of dz₂/dτ, of the paths of a class without a cap."""
 
 
 @dataclass(frozen=True)
 class Touch:
-    """Cuts, one for each row: p(τ) ≥ floor, or p(τ) ≤ the cap's tangent at some z₃, with p = ±z₂.
+    """m linear conditions on a path (cuts): p(τ) ≥ floor, or p(τ) ≤ a tangent of the cap; p = ±z₂.
 
     Attributes:
         tau: Path fractions, shape (m,).
@@ -46,11 +46,11 @@ class Touch:
     at: Array
 
     def only(self, keep: NDArray[np.bool_]) -> Touch:
-        """Return the cuts that the mask selects."""
+        """Return those of the cuts that the mask selects."""
         return Touch(self.tau[keep], self.at[keep])
 
     def plus(self, other: Touch) -> Touch:
-        """Return these cuts followed by those of `other`."""
+        """Return the cuts followed by the cuts of `other`."""
         return Touch(np.append(self.tau, other.tau), np.append(self.at, other.at))
 
 
@@ -59,13 +59,13 @@ NO_TOUCH = Touch(np.zeros(0), np.zeros(0))
 
 @dataclass(frozen=True)
 class ClassOptimum:
-    """The optimum of a class at one travel, with a lower and an upper bound.
+    """The best path of a class at one travel, with a lower bound of the objective.
 
     Attributes:
         frame: The class.
-        final: The path and its objective, from the last programme; its rows are tightened.
+        final: The path and its objective, from the last programme, whose rows are tightened.
         bound: Lower bound of the objective over the class, as the programme measures it.
-        touch: The active cuts, except those that are there from the start at the nodes.
+        touch: The active cuts, without the cuts at the nodes.
         rounds: Number of programmes solved.
         proven: Proven upper bound of the excess over the band between the nodes; ≤ 0.
     """
@@ -79,7 +79,7 @@ class ClassOptimum:
 
     @property
     def y(self) -> Array:
-        """The path's free coefficients."""
+        """Free coefficients y of the path, shape (size,)."""
         return self.final.y
 
     @property
@@ -89,7 +89,7 @@ class ClassOptimum:
 
     @property
     def gap(self) -> float:
-        """The proven gap: (value − bound) / |value|."""
+        """Largest share of the objective that a better path could save: (value − bound)/|value|."""
         return (self.value - self.bound) / max(abs(self.value), 1e-300)
 
 
@@ -102,14 +102,14 @@ class BoundAboveCeiling:
 
 @dataclass(frozen=True)
 class EmptyClass:
-    """A certificate that a class holds no path inside the band.
+    """A certificate that a class contains no path inside the band.
 
     Attributes:
         frame: The class.
-        touch: The cut that each row of A and b states.
+        touch: The cuts, one for each row of A and b.
         A: Rows of unit length in the free coefficients, shape (m, size).
         b: Right-hand sides, shape (m,).
-        proof: The multipliers and the values that they prove.
+        proof: The multipliers that prove infeasibility, and the proven values.
     """
 
     frame: Frame
@@ -127,16 +127,16 @@ def optimum_by_cuts(
     max_rounds: int = 100,
     ceiling: float = np.inf,
 ) -> ClassOptimum | EmptyClass | BoundAboveCeiling:
-    """Find the optimum of one class at one travel.
+    """Find the best path of one class at one travel by cutting planes.
 
     Args:
         frame: The class, its ends and the travel.
         band: The convex domain.
         programme: The objective, see `Programme`.
-        extra: Cuts to begin with, besides those at the nodes; those that are active at a
+        extra: Cuts to begin with, besides the cuts at the nodes; the active cuts of a
             neighbouring travel save rounds.
         max_rounds: Largest number of programmes.
-        ceiling: Stop as soon as the lower bound exceeds this.
+        ceiling: Value of the lower bound above which the search stops.
 
     Returns:
         The optimum, a certificate that the class is empty, or the bound above the ceiling.
@@ -172,7 +172,7 @@ def optimum_by_cuts(
 
 
 def band_rows(frame: Frame, band: Band, touch: Touch) -> tuple[Array, Array]:
-    """Return rows A y ≤ b for the given cuts, in their order."""
+    """Return the given cuts as rows A y ≤ b in the free coefficients y, in order."""
     A, c = frame.z_rows(1, touch.tau)
     cap = ~np.isnan(touch.at)
     side = np.where(cap, band.sign, -band.sign)
@@ -187,7 +187,9 @@ def band_rows(frame: Frame, band: Band, touch: Touch) -> tuple[Array, Array]:
 
 
 def _at_nodes(frame: Frame, band: Band) -> Touch:
-    """Return cuts at all inner nodes: the floor, and the cap along a straight line in z₃."""
+    """Return the first cuts: at all inner nodes the floor, and tangents of the cap there.
+
+    The tangents are taken at z₃ on the straight line from start to goal."""
     nodes = frame.shape.breaks[1:-1]
     floor = nodes if np.isfinite(band.floor) else nodes[:0]
     touch = Touch(floor, np.full(len(floor), np.nan))
@@ -197,9 +199,9 @@ def _at_nodes(frame: Frame, band: Band) -> Touch:
 
 
 def _violations(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch, float]:
-    """Return cuts where a path leaves the band, and a proven upper bound of its excess.
+    """Return cuts where the path y leaves the band, and a proven upper bound of the path's excess.
 
-    With `proof`, pieces that seem to be inside are refined until that is proven or disproven.
+    With `proof`, pieces that seem to be inside are refined until this is proven or disproven.
     """
     _, z2, z3, *_ = frame.bernstein(y)
     low, high = floor_excess(band, z2, TOLERANCE, proof), cap_excess(band, z2, z3, TOLERANCE, proof)
@@ -210,10 +212,9 @@ def _violations(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch,
 
 
 def _radius(frame: Frame, band: Band) -> float:
-    """Return a bound on |y| of every path inside the band, from 0 ≤ p ≤ top and Markov's
-    inequality.
+    """Return a bound of |y| for all paths inside the band, from 0 ≤ p ≤ top by Markov's inequality.
 
-    Without a cap there is no such bound, and paths beyond `MOST_SLOPE` are not considered.
+    Without a cap the bound is `MOST_SLOPE`, and only paths within this bound are considered.
     """
     if not band.complete:
         return MOST_SLOPE
@@ -221,8 +222,8 @@ def _radius(frame: Frame, band: Band) -> float:
 
 
 Solve = Callable[[float, Touch, float], ClassOptimum | EmptyClass | BoundAboveCeiling]
-"""Finds the optimum at one travel from (travel, rows of a neighbour, ceiling); the ceiling is that
-of `optimum_by_cuts`."""
+"""Function from (travel, cuts of a neighbouring travel, ceiling) to the result at the travel, as
+`optimum_by_cuts` returns it."""
 
 
 @dataclass
@@ -233,7 +234,7 @@ class BestTravel:
         best: The best optimum found, or None if no travel tried has a path.
         refusals: Certificates of the travels that have no path.
         tried: Number of travels tried.
-        kept: Travels that have a path, or that were left early without a proof that they have none.
+        kept: Travels that have a path, or whose search ended early above the ceiling.
     """
 
     best: ClassOptimum | None = None
@@ -243,17 +244,17 @@ class BestTravel:
 
     @property
     def range(self) -> tuple[float, float]:
-        """The least and the greatest of the travels in `kept`; NaN if there are none."""
+        """Least and greatest travel in `kept`; NaN if `kept` is empty."""
         return (min(self.kept), max(self.kept)) if self.kept else (np.nan, np.nan)
 
 
 def search_travels(solve: Solve, travels: Array, prune: bool = True) -> BestTravel:
-    """Scan the travels from the middle outwards, then refine about the best.
+    """Scan travels from the middle of the list outwards, then refine about the best travel.
 
     Args:
         solve: Finds the optimum at one travel.
-        travels: Increasing; if there is only one, no other is tried.
-        prune: Whether to leave a travel as soon as its bound exceeds the best value so far.
+        travels: Travels to scan, increasing; a single travel is the only one tried.
+        prune: Whether to leave a travel as soon as its lower bound exceeds the best value so far.
     """
     search, touch = BestTravel(), NO_TOUCH
 
@@ -297,7 +298,7 @@ def _refine(f: Callable[[float], float], best: ClassOptimum, travels: Array) -> 
 
 
 def _approach(f: Callable[[float], float], search: BestTravel) -> None:
-    """Search for a travel with a path between those tried, where the certificates are weakest."""
+    """Search for a travel with a path next to the tried travel whose certificate is weakest."""
     from scipy.optimize import minimize_scalar  # slow to import
 
     search.refusals.sort(key=lambda r: r.frame.travel)

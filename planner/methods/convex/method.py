@@ -1,4 +1,4 @@
-"""The convex method: find the best path in the chart, time it, and make the plan."""
+"""The convex method: find the best path in the chart, time the path, and make the plan."""
 
 from __future__ import annotations
 
@@ -46,26 +46,26 @@ OBJECTIVES = {
 }
 
 SLACK = 1e-4
-"""Fraction of the fastest motion's time that is added to it. With less, the certificate's
-enclosures cannot distinguish an input at its limit from one above it."""
+"""Time added to the fastest motion, as a fraction of its time. With less, the certificate's
+enclosures cannot distinguish an input at its limit from an input above the limit."""
 
 
 def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
-    """Plan the best path of a class: dz₂/dz₁ of one shape on equal pieces of the travel.
+    """Plan along the best path whose dz₂/dz₁ is constant or linear on equal pieces of the travel.
 
     For n = 2 and 3 the chart's domain is convex: at a given travel the path is the global optimum
-    of its class with a proven gap, or a certificate shows that the class is empty; with the travel
-    free it is the best of the travels tried. For longer chains and other systems the method
+    of this class with a proven gap, or a certificate shows that the class is empty; for a free
+    travel the result is the best of those tried. For longer chains and other systems the method
     ignores the domain and accepts the optimum if it stays inside; `plan.notes["optimality"]` says
-    what is proven. Input limits affect only the timing. v₁ is constant if that keeps them and no
-    rest at the ends is required. Otherwise the motion is the path's fastest one, slowed uniformly
+    what is proven. Input limits affect only the timing. v₁ is constant if this keeps the limits and
+    no rest at the ends is required. Otherwise the fastest motion along the path is slowed uniformly
     to the given duration. The method ignores some other requirements (see
     `planner.methods.keeping`), so `verify` may refuse the path.
 
     Raises:
         InfeasibleError: If no path of the class meets travel, domain and z₂ margin (the error then
             has a `certificate`), or no one-way motion meets travel and duration.
-        NotConvergedError: If no path was found, without a proof that there is none, or the best one
+        NotConvergedError: If no path was found, without a proof that none exists, or the best path
             takes longer than the duration within the input limits.
         SingularError: If start or goal are not in one branch of the chart.
         InputError: If there are too few pieces, or the duration is free and an input has no limit.
@@ -120,7 +120,7 @@ def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None
 
 
 def _travels(problem: Problem, options: ConvexOptions) -> Array:
-    """Return the given travel, or the travels to scan, increasing.
+    """Return the travels to try: the given travel alone, or the travels to scan, increasing.
 
     Raises:
         InfeasibleError: If no motion without reversal meets the given travel and duration.
@@ -176,7 +176,7 @@ def _best_path(
 
 
 def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
-    """Return the path with constant v₁ over the problem's duration, or over one second."""
+    """Return path y as a trajectory with constant v₁ over the problem's duration, or over 1 s."""
     duration = problem.duration or 1.0
     breaks = frame.shape.breaks
     omega, *rest = frame.bernstein(y)
@@ -191,7 +191,7 @@ def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
 
 
 def _time_path(problem: Problem, path: ChainedTrajectory, asked: Rest) -> tuple[Trajectory, str]:
-    """Time the path within the limits, in the given or least duration; also say how in words."""
+    """Time a path within the limits, in the given or least duration; also return how, in words."""
     limits, duration = problem.limits, problem.duration
     peaks = peak_inputs(path)
     if np.any(np.isnan(peaks)):  # outside the domain somewhere, which verification reports
@@ -252,7 +252,7 @@ def _notes(problem: Problem, band: Band, search: BestTravel, best: ClassOptimum)
 
 
 def _no_path(problem: Problem, shape: Shape, band: Band, search: BestTravel) -> NoPlanError:
-    """Return the refusal if no path of the class was found, and its certificate if there is one."""
+    """Return the refusal of a problem for which no path was found, with a certificate if known."""
     changes = [*travel_changes(problem), BY_COLLOCATION]
     if not search.refusals:
         why = f"no quadratic program converged ({search.tried} tried), for {_class_words(shape)}"
@@ -291,7 +291,7 @@ def _no_path(problem: Problem, shape: Shape, band: Band, search: BestTravel) -> 
 
 
 def _certificate(refusal: EmptyClass) -> dict[str, Any]:
-    """Return a certificate in plain arrays: u >= 0 proves that no |y| <= radius solves A y <= b."""
+    """Return a certificate as arrays: u >= 0 proves that no |y| <= radius solves A y <= b."""
     return {
         "travel": refusal.frame.travel,
         "A": refusal.A,

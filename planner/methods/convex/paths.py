@@ -1,4 +1,4 @@
-"""A class of paths in the chart, along which z is affine in the free coefficients of the class.
+"""Classes of paths in the chart: at each τ, z is affine in the free coefficients of the class.
 
 Over τ ∈ [0, 1], the fraction of the travel Δ, ω = dz₂/dτ is constant, or continuous and linear, on
 equal pieces. Its coefficients are whitened, so that ∫ω² dτ = |x|². With z₁ = z₁(0) + Δ τ the chain
@@ -25,7 +25,7 @@ from planner.support.calculus.bernstein import integral
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A class of functions ω(τ); build it with `input_shape`.
+    """A class of functions ω(τ), piecewise constant or linear, as built by `input_shape`.
 
     Attributes:
         pieces: Number of equal pieces.
@@ -39,11 +39,11 @@ class Shape:
 
     @property
     def breaks(self) -> Array:
-        """τ of the nodes, shape (pieces+1,)."""
+        """Path fractions τ of the nodes between pieces, from 0 to 1, shape (pieces+1,)."""
         return np.linspace(0.0, 1.0, self.pieces + 1)
 
     def integral(self, order: int, tau: Array) -> Array:
-        """Return the matrix (len(tau), m) from x to the `order`-fold integral of ω from 0."""
+        """Return the matrix (len(tau), m) from coefficients x to the `order`-fold integral of ω."""
         power = order + self.degree
         ramps = np.maximum(tau[:, None] - self.breaks, 0.0) ** power / factorial(power)
         if self.degree == 0:
@@ -54,14 +54,14 @@ class Shape:
         return np.asarray(hats @ self.whiten)
 
     def bernstein(self, x: Array) -> Array:
-        """Return the Bernstein coefficients of ω on every piece, shape (degree+1, pieces)."""
+        """Return the Bernstein coefficients (degree+1, pieces) of ω with coefficients x (m,)."""
         c = self.whiten @ x
         return c[None, :] if self.degree == 0 else np.stack([c[:-1], c[1:]])
 
 
 @lru_cache(maxsize=32)
 def input_shape(pieces: int, degree: int) -> Shape:
-    """Return the class of ω with that many pieces of degree 0 or 1; it is cached."""
+    """Return the class of functions ω with the given number of pieces, of degree 0 or 1, cached."""
     if degree == 0:
         return Shape(pieces, 0, np.sqrt(pieces) * np.eye(pieces))
     diagonal = np.full(pieces + 1, 4.0)
@@ -73,7 +73,7 @@ def input_shape(pieces: int, degree: int) -> Shape:
 
 @lru_cache(maxsize=32)
 def end_basis(shape: Shape, orders: int) -> tuple[Array, Array, Array]:
-    """Factor the end conditions E, the integrals of ω of orders 1 … `orders` at τ = 1, as RᵀQ₁ᵀ.
+    """Factor the matrix E of the integrals of ω of orders 1 … `orders` at τ = 1 as E = RᵀQ₁ᵀ.
 
     Returns:
         Q₁ (m, orders), R (orders, orders) and the null space Q₂ (m, m − orders), orthonormal.
@@ -85,7 +85,7 @@ def end_basis(shape: Shape, orders: int) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """All paths of one class between two ends at one travel, which must not be zero.
+    """All paths of one class between two ends at one travel, which differs from zero.
 
     Array indices of z start at 0: z₂ is z[1].
 
@@ -107,12 +107,12 @@ class Frame:
 
     @property
     def size(self) -> int:
-        """Number of free coefficients y."""
+        """Number of free coefficients y of a path."""
         return int(self._basis[2].shape[1])
 
     @cached_property
     def least(self) -> Array:
-        """x₀, shape (m,): the coefficients with the least ∫ω² that meet the end conditions."""
+        """Coefficients x₀, shape (m,), of the ω with the least ∫ω² that meets the end conditions."""
         ones = np.ones(1)
         ends = [
             (self.goal[i] - self._drift(i, ones)[0]) / self.travel ** (i - 1)
@@ -122,25 +122,25 @@ class Frame:
         return np.asarray(q1 @ np.linalg.solve(r.T, np.array(ends)))
 
     def x(self, y: Array) -> Array:
-        """Return all coefficients, shape (m,), from the free ones y."""
+        """Return all coefficients x, shape (m,), of the path with free coefficients y."""
         return np.asarray(self.least + self._basis[2] @ y)
 
     def z_rows(self, i: int, tau: Array) -> tuple[Array, Array]:
-        """Return A (k, size) and c (k,), with A y + c the values of z[i] at τ (k,); i ≥ 1."""
+        """Return A (k, size), c (k,) such that z[i] = A y + c at path fractions τ (k,); i ≥ 1."""
         rows = self.shape.integral(i, tau) * self.travel ** (i - 1)
         return rows @ self._basis[2], rows @ self.least + self._drift(i, tau)
 
     def coefficient_rows(self) -> tuple[Array, Array]:
-        """Return A and c, with A y + c the plain coefficients of ω, which contain its extremes."""
+        """Return A and c such that A y + c are the values of ω on pieces or at nodes (m,)."""
         return self.shape.whiten @ self._basis[2], self.shape.whiten @ self.least
 
     def _drift(self, i: int, tau: Array) -> Array:
-        """Return z[i] at τ on the path with ω = 0."""
+        """Return z[i] at path fractions τ (k,) on the path with ω = 0, shape (k,)."""
         terms = [self.start[i - k] * (self.travel * tau) ** k / factorial(k) for k in range(i)]
         return np.asarray(np.sum(terms, axis=0))
 
     def bernstein(self, y: Array) -> list[Array]:
-        """Return Bernstein coefficients (degree+1, pieces) of ω, then of z[1] … z[N−1]."""
+        """Return the Bernstein coefficients of ω and of z[1] … z[N−1], each (degree+1, pieces)."""
         out = [self.shape.bernstein(self.x(y))]
         width = 1.0 / self.shape.pieces
         for i in range(1, len(self.start)):
@@ -150,9 +150,9 @@ class Frame:
         return out
 
     def peak(self, y: Array) -> float:
-        """Return the largest |dz₂/dτ| of a path."""
+        """Return the largest |dz₂/dτ| of the path with free coefficients y."""
         return float(np.max(np.abs(self.shape.whiten @ self.x(y))))
 
     def at(self, travel: float) -> Frame:
-        """Return the paths of the same class and ends at another travel."""
+        """Return the frame of the same class and ends at another travel."""
         return Frame(self.shape, self.start, self.goal, travel)

@@ -1,10 +1,10 @@
 """Minimise over linear rows A y ≤ b; return the optimum with a bound, or prove infeasibility.
 
 There are two objectives, ½∫(dz₂/dz₁)² |dz₁| and max |dz₂/dτ|; both are reduced to min ½|y|². Two
-engines solve that: least-distance programming (Lawson and Hanson, *Solving Least Squares Problems*,
+engines do this: least-distance programming (Lawson and Hanson, *Solving Least Squares Problems*,
 1974, ch. 23) on SciPy's non-negative least squares, an active-set method that ends at rounding
 error and yields a Farkas vector if there is no solution; and OSQP (operator splitting, polished).
-Neither is trusted: the residuals, the bound and the certificate are computed here from the vectors.
+Both are checked: residuals, bound and certificate are computed in this file from their vectors.
 
 OSQP alone is not enough. Of 2,301 programmes (all shipped problems and 17 random arms, both
 objectives) the active set solves or refutes every one within the tolerances. OSQP solves 1,800 in
@@ -36,18 +36,18 @@ EXCESS_TOLERANCE = 2e-11
 """Largest accepted violation of rows of unit length."""
 
 PROX = 1e-4
-"""Weight of ½|y − centre|² relative to ½t² for the least peak: small enough that the first step
-ends at the least t, large enough that the active-set method can resolve the rows' scales."""
+"""Weight of ½|y − centre|² beside ½t² in the search for the least peak t: small enough that the
+first step ends at the least t, large enough that the active set resolves the rows' scales."""
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """A solution with a proof of its optimality.
+    """A solution of a programme, with a bound that proves how near the optimum it is.
 
     Attributes:
-        y: The point.
+        y: The solution, shape (p,).
         multipliers: λ ≥ 0, one per row.
-        excess: Largest violation over rows of unit length; ≤ 0 if all hold.
+        excess: Largest violation of the rows, scaled to unit length; ≤ 0 if all rows hold.
         value: The objective at y.
         bound: Lower bound of the objective over all feasible points, from the multipliers alone.
         engine: "active set", "osqp" or "none needed".
@@ -64,7 +64,7 @@ class Optimum:
 
     @property
     def accurate(self) -> bool:
-        """Whether violation and gap are within tolerance."""
+        """Whether violation of rows and gap to the bound are within tolerance."""
         gap = (self.value - self.bound) / (1 + self.value)
         return bool(self.excess <= EXCESS_TOLERANCE and abs(gap) <= GAP_TOLERANCE)
 
@@ -75,8 +75,8 @@ class Farkas:
 
     Attributes:
         multipliers: u, one per row, scaled so that Σ u = 1 on rows of unit length.
-        residual: |Aᵀu|, computed here.
-        value: bᵀu, computed here.
+        residual: |Aᵀu|.
+        value: bᵀu.
         radius: Bound on |y| that every path of the class obeys.
     """
 
@@ -87,22 +87,22 @@ class Farkas:
 
     @property
     def margin(self) -> float:
-        """−(value + radius · residual); the proof is valid if this is positive."""
+        """Margin −(value + radius · residual) of the proof; a valid proof has a positive margin."""
         return -(self.value + self.radius * self.residual)
 
 
 class StalledError(ArithmeticError):
-    """Raised if neither a solution nor a certificate is found within tolerance."""
+    """Error of a programme for which no solution and no certificate was found within tolerance."""
 
 
 @dataclass(frozen=True)
 class Programme:
-    """An objective to minimise subject to linear rows.
+    """A kind of programme: an objective to minimise subject to linear rows, and the engine.
 
     Attributes:
         objective: "smooth": ½∫(dz₂/dz₁)² |dz₁|; "peak": max |dz₂/dτ|, and among the paths with the
             least peak nearly the smoothest.
-        engine: The engine that is tried first.
+        engine: The engine that is tried first for the objective "smooth".
     """
 
     objective: Literal["smooth", "peak"]
@@ -112,7 +112,7 @@ class Programme:
         """Find the minimum over A y ≤ b, or prove that no |y| ≤ radius is feasible.
 
         Raises:
-            StalledError: If neither is found within tolerance.
+            StalledError: If no solution and no proof is found within tolerance.
         """
         if self.objective == "peak":
             return _lowest_peak(frame, A, b, radius)
@@ -125,7 +125,7 @@ class Programme:
 
 
 def _lowest_peak(frame: Frame, A: Array, b: Array, radius: float) -> Optimum | Farkas:
-    """Minimise t subject to |ω| ≤ t: repeat min ½t² + ½ε|y − c|² with c the previous y.
+    """Minimise the peak t of |ω| ≤ t over A y ≤ b: repeat min ½t² + ½ε|y − c|², c the previous y.
 
     This proximal iteration ends exactly after finitely many steps (Rockafellar, *Monotone operators
     and the proximal point algorithm*, 1976), usually two.
@@ -165,7 +165,7 @@ def solve_quadratic(
         A: Rows, shape (m, p); none may be zero.
         b: Right-hand sides, shape (m,).
         radius: Known bound on |y|.
-        engine: The engine that is tried first; if it is not accurate, the other is used.
+        engine: The engine that is tried first; the other is used if the first is inaccurate.
 
     Raises:
         StalledError: If neither engine reaches the tolerance.

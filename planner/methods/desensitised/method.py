@@ -1,6 +1,6 @@
 """Plans with the least response to errors of inputs, start and constants, traded against effort.
 
-The file has, in this order: the plan; the collocation problem with its errors and their sizes; the
+The file has, in this order: the plan; the collocation problem with the errors and their sizes; the
 first guesses; and the refusals before and after the search.
 
 The response has a local optimum for each side of the straight line and each number of reversals. So
@@ -57,7 +57,7 @@ from planner.verification.verify import verify
 NAME = "desensitised"
 
 EASY_PLAN_SHARE = 0.5
-"""Share of a limited time that the search for the plan of least effort may take."""
+"""Fraction of a limited time that the search for the plan of least effort may take."""
 
 REFINEMENTS = 4
 """Largest number of mesh refinements."""
@@ -70,14 +70,14 @@ def plan_desensitised(
 
     Motion and response are one collocation problem
     (`planner.methods.collocation.transcription.augmented`). It is solved from the plan of least
-    effort and from motions with other courses of q₂, since optima are local. The best is returned;
-    `notes["start"]` names its start, `notes["tried"]` lists all. Unless `reversal` is on, φ
-    reverses only where the plan of least effort does, since the response does not include the
-    backlash and shaft torsion that each reversal costs.
+    effort and from motions with other courses of q₂, since optima are local. The best solution is
+    returned; `notes["start"]` names its first guess, `notes["tried"]` lists all first guesses.
+    Unless `reversal` is on, φ reverses only where the plan of least effort does, since the response
+    leaves out the backlash and shaft torsion that each reversal costs.
 
     Args:
         problem: The problem.
-        options: Weights, spreads and form.
+        options: Weights, standard deviations of the errors, and form of the collocation.
         near: A plan of this or a similar problem, used instead of all other starts: for example a
             neighbour on a trade-off curve, or the plan for a nearby goal.
 
@@ -126,7 +126,7 @@ def plan_desensitised(
 
 
 def desensitised_task(problem: Problem, options: DesensitisedOptions) -> Task:
-    """Return the collocation task of the system augmented by its response to the errors."""
+    """Return the collocation task for a system augmented by the response to its errors."""
     spread = spreads(problem.system, options)
     model = Augmented(
         problem.system,
@@ -162,8 +162,7 @@ def desensitised_task(problem: Problem, options: DesensitisedOptions) -> Task:
 
 
 def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str, float]:
-    """Return the standard deviation of each error by name, in SI units, without those that are
-    zero.
+    """Return the standard deviations of a system's errors by name, in SI units, without zeros.
 
     Raises:
         InputError: If a list does not have one number per input, joint or constant, or is all zero.
@@ -211,7 +210,7 @@ def _family(
 def _search(
     job: Task, options: DesensitisedOptions, easy: Plan, near: bool
 ) -> tuple[str, Solution, list[dict[str, Any]]]:
-    """Solve from every start; return the best start's name and solution, and a log of all."""
+    """Solve from each first guess; return name and solution of the best, and a log of all."""
     log: list[dict[str, Any]] = []
     solutions: list[tuple[str, Solution]] = []
     for seed in excursions(options.reversal)[: 1 if near else options.starts]:
@@ -232,21 +231,21 @@ def _search(
 
 
 AMPLITUDE = (0.6, 0.5)
-"""Amplitudes of the excursions of q₁ from the easy plan and of q₂ from the straight line, in their
-units."""
+"""Amplitudes of the excursion of q₁ from the easy plan and of q₂ from the straight line, in the
+units of q₁ and q₂."""
 
 EASY_PLAN = Seed("least effort", np.zeros_like, np.zeros_like)
-"""The seed without excursions: the easy plan itself."""
+"""Seed without excursions, from which the easy plan itself is the first guess."""
 
 SLOWEST_DRIVE = 0.05
-"""Least drive factor when an excursion of q₁ is divided by it to get u₁."""
+"""Least |drive factor| q̇₁/u₁ by which an excursion of q₁ is divided to get u₁."""
 
 FREE_DURATION_RATIO = 3.0
-"""First guess of a free duration, as a multiple of the easy plan's, which is a fast one."""
+"""First guess of a free duration, as a multiple of the duration of the easy plan, which is fast."""
 
 
 def excursions(reversal: bool) -> list[Seed]:
-    """Return first guesses in the order tried; without `reversal` only q₂ makes excursions."""
+    """Return the seeds of first guesses in order; without `reversal` only q₂ makes excursions."""
 
     def wave(size: float, count: int) -> Excursion:
         return lambda s: size * np.sin(count * np.pi * s)
@@ -266,12 +265,12 @@ def excursions(reversal: bool) -> list[Seed]:
 
 
 def excursion_guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
-    """Return the first guess that follows a seed, for a fixed or free duration.
+    """Return the first guess whose inputs make the excursions of a seed.
 
     Only a guess that obeys the kinematics has a response to errors. So the inputs are chosen, and
     states and response follow by integration. An arm's drive depends on cos θ₁, so the easy plan's
     excursion of θ₁ has a mirror image on the other side. An excursion of q₂ is therefore added to
-    the straight line; added to the easy plan, it would stay on that plan's side.
+    the straight line; added to the easy plan, the excursion would stay on the plan's side.
     """
     duration = job.problem.duration or FREE_DURATION_RATIO * easy.duration
     s = job.nlp.form.input_places(job.mesh)
@@ -318,9 +317,9 @@ def _plan(job: Task, solution: Solution, options: DesensitisedOptions) -> Plan:
 
 
 def _refuse_no_room(job: Task) -> None:
-    """Raise InfeasibleError if the start is closer to a limit than the back-off.
+    """Raise InfeasibleError if the start is closer to a limit than the required back-off.
 
-    At the start the spread is a given constant, so no path can help.
+    At the start the spread is a given constant, which no path changes.
     """
     problem, model = job.problem, job.nlp.form.augmented
     if model is None or not model.backoff:
@@ -363,7 +362,7 @@ def _not_converged(
 
 
 def _violations(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
-    """Return what an iterate breaks: by `verify`, then the effort limit and backed-off limits."""
+    """Return what an iterate breaks: requirements by `verify`, the effort limit, and back-offs."""
     problem, model, spent = job.problem, job.nlp.form.augmented, effort(plan.trajectory)
     assert model is not None
     out = list(verify(plan).violations)
@@ -392,7 +391,7 @@ def _violations(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
 
 
 def _functions(requirement: Requirement, system: TriangularSystem) -> list[tuple[Part, Any, Any]]:
-    """Return the parts of a requirement, each with its row as an expression in q, and with q."""
+    """Return each part of a requirement with its row as a CasADi expression, and the symbol q."""
     q = ca.SX.sym("q", system.size)
     pairs = zip(requirement.parts, requirement.rows(MotionPoint(system, q)), strict=True)
     return [(part, row, q) for part, row in pairs]

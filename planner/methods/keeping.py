@@ -45,7 +45,7 @@ def collocation(problem: Problem, demand: Demand, part: Part) -> Keeping:
 
 
 def desensitised(problem: Problem, demand: Demand, part: Part) -> Keeping:
-    """Return "kept" for the desensitised method, but "never" for waypoints: it has no mesh node."""
+    """Return "never" for a waypoint, which desensitised plans cannot aim at, else "kept"."""
     return "never" if isinstance(demand, Waypoint) else "kept"
 
 

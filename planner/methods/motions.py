@@ -1,4 +1,4 @@
-"""Motions of an arm without a given goal: `excitation` for identification, and `homing`.
+"""Motions of an arm without a given goal: `excitation`, for identification, and `homing`.
 
 `excitation` gives `planner.identify` the most information in little time: the drive reverses in a
 square wave while θ₁ follows two sines, so that every joint crosses its backlash many times, at many
@@ -6,8 +6,8 @@ angles of the contacts, slowly and fast.
 
 `homing` leaves an arm in a known state. A joint that was pushed forward rests with its axis ahead
 by its lost motion w. So the drive turns back, then forward until every passive encoder has risen:
-then every axis is ahead, whatever w is. Joint 1 turns forward last, since the bias of motor 2 would
-otherwise move its gearhead away again. The drive ends slowly, since links with inertia coast
+then every axis is ahead, for any w. Joint 1 turns forward last, since the bias of motor 2 would
+otherwise move the gearhead away again. The drive ends slowly, since links with inertia coast
 through their backlash when it stops. A controller runs the motion with the encoders: see
 `planner.machine.feedback.homing`.
 
@@ -37,7 +37,7 @@ KNOT_S = 0.02
 """Time between the knots of the inputs, s: two periods of the usual controller."""
 
 SHARE = 0.9
-"""Fraction of a limit that a motion uses, so that the machine with its errors keeps it too."""
+"""Fraction of a limit that a motion uses, so that a machine with errors keeps the limit too."""
 
 USUAL_RATE = 4.0
 """Largest acceleration of a motor, rad/s², if no limit is lower: 0.1 s from rest to full speed."""
@@ -47,22 +47,23 @@ USUAL_RATE = 4.0
 LENGTH_S = 30.0
 DRIVE_RAD_S, DRIVE_PERIOD_S = 0.45, 5.3
 THETA1_RAD_S, THETA1_PERIODS_S = (0.35, 0.12), (11.0, 3.1)
-"""Length of the motion; speed and period of the drive's square wave; speeds and periods of the two
-sines of θ₁. Both motors moving at once give more information per second than one after the other.
+"""Length of the motion, s; speed and period of the drive's square wave; speeds and periods of the
+two sines of θ₁. Two motors that move at once give more information per second than in turn.
 Only a drive that reverses shows the lost motion; the paper's motion never reverses and hardly shows
 it."""
 
 SIZES = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4)
-"""Sizes to try: the motion is made smaller if it breaks a joint limit or touches something. At 0.3
-the axes would hardly exceed twice the prototype's lost motion of 4.7 degrees."""
+"""Sizes to try in turn, as fractions of the usual excitation, until the motion keeps joint limits
+and touches nothing. At 0.3 the axes would hardly exceed twice the prototype's lost motion of 4.7
+degrees."""
 
 
 def excitation(problem: Problem) -> Plan:
     """Return a motion of 30 s to record, from which `planner.identify` learns the machine.
 
-    The drive reverses in a square wave of 5.3 s while θ₁ follows two sines of 11 and 3.1 s. It
-    starts at the problem's start, which should be near θ₁ = 0, and keeps every limit except that of
-    z₂, which is for plans towards a goal; waypoints are ignored.
+    The drive reverses in a square wave of 5.3 s while θ₁ follows two sines of 11 and 3.1 s. The
+    motion starts at the problem's start, which should be near θ₁ = 0, and keeps every limit except
+    that of z₂, which is for plans towards a goal; waypoints are ignored.
 
     Args:
         problem: Defines the arm, the start and the limits.
@@ -70,8 +71,8 @@ def excitation(problem: Problem) -> Plan:
     Raises:
         InputError: If the system is not an arm with friction disks, or the motion ends in an
             obstacle.
-        VerificationError: If no motion of a useful size keeps the limits; it has the violations of
-            the largest motion tried.
+        VerificationError: If no motion of a useful size keeps the limits; the error lists the
+            violations of the largest motion tried.
     """
     system = _arm(problem, "an excitation")
     t = KNOT_S * np.arange(round(LENGTH_S / KNOT_S) + 1, dtype=np.float64)
@@ -102,26 +103,26 @@ BACK_RAD, FORWARD_RAD, QUICK_RAD_S = 0.6, 0.5, 0.3
 SLOW_RAD, SLOW_RAD_S = 0.9, 0.075
 """Turns, rad, and speeds, rad/s, of the drive for an arm whose last axis turns `USUAL_AXIS` times
 as far. The turn back exceeds twice the largest lost motion of a prototype (2 · 7 degrees). The slow
-turn forward is long enough for the encoders of every machine to rise; the homing rule ends it
-earlier. The rule counts only the rise in the slow turn, since joints with inertia run ahead of
-their axes when the quick turn stops."""
+turn forward is long enough for the encoders of every machine to rise; the homing rule shortens the
+turn. The rule counts only the rise in the slow turn, since joints with inertia run ahead of their
+axes when the quick turn stops."""
 USUAL_AXIS = 0.476
 
 LAST_TURN_DEG, LAST_TURN_RAD_S = 2.0, 0.05
-"""Last turn of joint 1 and its speed; the turn is four times the backlash of its gearhead."""
+"""Angle and speed of the last turn of joint 1; the angle is four times its gearhead's backlash."""
 
 RAMP_S = 0.75
-"""Time of slow turns to reach their speed and to stop, s. With short ramps inertia overcomes the
-joints' friction and turns them ahead of their axes: by 0.9 degrees as joint 1 stops in 0.05 s."""
+"""Time in which slow turns reach their speed, and stop, s. With short ramps inertia overcomes
+friction and turns joints ahead of their axes: by 0.9 degrees as joint 1 stops in 0.05 s."""
 
 RISE_DEG = 1.5
 """Rise of a passive encoder that proves its axis to be ahead: seventeen times its resolution."""
 
 REST_S, BETWEEN_S = 0.3, 0.05
-"""Rest at the end, s, so that servos and joints settle; and rest after each other turn, s."""
+"""Rest at the end, s, in which servos and joints settle; and further rest after every turn, s."""
 
 MOST_STRETCH = 2.5
-"""Largest factor on the usual turns for axes that turn slower; more exceeds their joints' range."""
+"""Largest factor on the usual turns for slower axes; a larger factor exceeds the joints' range."""
 
 
 def homing(problem: Problem) -> Plan:
@@ -130,8 +131,8 @@ def homing(problem: Problem) -> Plan:
     The drive turns back by 0.6 rad, forward by 0.5 rad at 0.3 rad/s, then slowly until every
     passive encoder has risen by 1.5 degrees above its least reading in that turn. Joint 1 then
     turns forward slowly by 2 degrees, and the arm rests. The plan contains the longest slow turn
-    that may be needed. A controller ends it as soon as the encoders have risen, and continues with
-    the plan after it. `notes["until"]` says how: the turn may end from `from_s` on, once the
+    that may be needed. A controller ends this turn once the encoders have risen, and goes on with
+    the rest of the plan. `notes["until"]` says how: the turn may end from `from_s` on, once the
     readings since `count_from_s` have risen by `rise_deg`; the plan continues at `to_s`. For
     emulated machines use `planner.replay(plan, feedback=planner.HomingRule())`.
 
@@ -178,9 +179,9 @@ def homing(problem: Problem) -> Plan:
 
 
 def _turn(motor: int, angle: float, speed: float, ramp_s: float) -> Array:
-    """Return the inputs (K, 2) at the knots of one motor's turn from rest to rest plus a rest.
+    """Return the inputs (K, 2) at the knots of one motor's turn and of the rest after the turn.
 
-    The first knot is left out: it is the last knot of the previous turn.
+    The first knot is left out, since it is the last knot of the previous turn.
     """
     ramp = max(1, int(np.ceil(ramp_s / KNOT_S - 1e-9)))
     whole = max(2 * ramp, int(np.ceil(abs(angle) / speed / KNOT_S)) + ramp)
@@ -191,7 +192,7 @@ def _turn(motor: int, angle: float, speed: float, ramp_s: float) -> Array:
 
 
 MOTIONS: dict[str, Callable[[Problem], Plan]] = {"excitation": excitation, "homing": homing}
-"""The motions by name; the plan of a motion has this name as its method."""
+"""Functions that make motions, by name; the plan of a motion has this name as its method."""
 
 # -- both -----------------------------------------------------------------------------------------
 
@@ -208,8 +209,7 @@ def _arm(problem: Problem, what: str) -> Manipulator:
 
 
 def _within_rate(u: Array, rate: Array) -> Array:
-    """Return the speeds (K+1, …, 2) that follow u from rest to rest and change no faster than
-    `rate`."""
+    """Return inputs (K+1, …, 2) that follow u from rest to rest, with rates up to `rate` (2,)."""
     most, out = rate * KNOT_S, u.copy()
     out[0] = 0.0
     for k in range(1, len(u)):
@@ -221,8 +221,7 @@ def _within_rate(u: Array, rate: Array) -> Array:
 
 
 def _course(system: Manipulator, start: Array, t: Array, u: Array) -> Array:
-    """Return the coordinates (K+1, …, n+1) under inputs (K+1, …, 2) that are linear between times
-    t."""
+    """Return q (K+1, …, n+1) of an arm under inputs u (K+1, …, 2) linear between times t."""
     nodes = [np.broadcast_to(start, (*u.shape[1:-1], system.size))]
     for k, h in enumerate(np.diff(t)):
         inputs = np.stack([u[k], (u[k] + u[k + 1]) / 2, u[k + 1]])
@@ -239,12 +238,12 @@ def _motion(
     q: Array,
     notes: dict[str, Any],
 ) -> Plan:
-    """Return the verified plan of a motion with its own end as the goal.
+    """Return the verified plan of a motion, with the motion's own end as the goal.
 
     Args:
         problem: The problem; its goal, waypoints, compensation and margin of z₂ are dropped.
-        system: Its arm.
-        name: The plan's method.
+        system: The arm of the problem.
+        name: Name of the motion, which the plan has as its method.
         t: Times of the knots, shape (K+1,).
         u: Inputs at the knots, shape (K+1, 2), linear between them.
         q: Coordinates at the knots, shape (K+1, n+1).

@@ -125,7 +125,7 @@ _ALL = (
 
 
 def typed(solve: Callable[..., Plan]) -> Solve:
-    """Return `solve` itself, typed by `options.pyi`, which lists each method's options for editors."""
+    """Return `solve` unchanged, typed by `options.pyi`, which tells editors its keywords."""
     return cast("Solve", solve)
 
 

@@ -187,9 +187,7 @@ def band_rows(frame: Frame, band: Band, touch: Touch) -> tuple[Array, Array]:
 
 
 def _at_nodes(frame: Frame, band: Band) -> Touch:
-    """Return the first cuts: at all inner nodes the floor, and tangents of the cap there.
-
-    The tangents are taken at z₃ on the straight line from start to goal."""
+    """Return cuts at all inner nodes: the floor, and the cap's tangent at z₃ on a straight line."""
     nodes = frame.shape.breaks[1:-1]
     floor = nodes if np.isfinite(band.floor) else nodes[:0]
     touch = Touch(floor, np.full(len(floor), np.nan))

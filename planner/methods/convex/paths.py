@@ -112,7 +112,7 @@ class Frame:
 
     @cached_property
     def least(self) -> Array:
-        """Coefficients x₀, shape (m,), of the ω with the least ∫ω² that meets the end conditions."""
+        """Coefficients x₀, shape (m,), with the least ∫ω² that meet the end conditions."""
         ones = np.ones(1)
         ends = [
             (self.goal[i] - self._drift(i, ones)[0]) / self.travel ** (i - 1)

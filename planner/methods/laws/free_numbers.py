@@ -1,9 +1,9 @@
 """Choose the free numbers of laws: the travel, the offset of the first of two legs, the amplitude.
 
 A free travel (change of q₁) is scanned, and the best travel whose motion stays in the chart's
-domain is refined. If there is none, a law of legs goes out and back: its travel is zero, and the
-offset is the travel of the first of its two legs. For sinusoids the amplitude of z₁ and the travel
-are chosen.
+domain is refined. If no such travel exists, a law of legs goes out and back: the travel is zero,
+and the offset is the travel of the first of the two legs. For sinusoids the amplitude of z₁ and the
+travel are chosen.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ from planner.problem.tables.method_options import (
 from planner.support.arrays import Array
 
 Ranges = list[list[float]]
-"""Ranges [low, high] of travels for which a law stays inside the domain."""
+"""Ranges [low, high] of travels for which a law's motion stays inside the chart's domain."""
 
 _OPEN_WINDOW = 3.0
-"""Largest travel tried in either direction if no window is known, rad, for arms."""
+"""Largest travel of an arm tried in either direction if no window of travels is known, rad."""
 
 _OPEN_RATIO = 10.0
-"""The same for vehicles, as a multiple of the largest move from start to goal of any other
-coordinate that is a length."""
+"""Largest travel of a vehicle tried in either direction, as a multiple of the largest move from
+start to goal of any other coordinate that is a length."""
 
 Options = TypeVar("Options", bound=LawOptions)
 
@@ -54,11 +54,11 @@ Law = Callable[[Problem, Options], Plan]
 
 
 def one_way_or_back(plan: Law[Options]) -> Law[Options]:
-    """Wrap a law of legs: if its travel is free and it has no one-way path, it goes out and back.
+    """Wrap a law of legs so that it goes out and back if no one-way path exists for a free travel.
 
     Args:
-        plan: The law. With a free travel it searches a one-way path; with travel zero it has two
-            legs, out and back. It raises `SingularError` if the motion leaves the chart's domain.
+        plan: The law. With a free travel the law searches a one-way path; with travel zero it
+            goes out and back in two legs. It raises `SingularError` outside the chart's domain.
     """
 
     @wraps(plan)
@@ -84,23 +84,23 @@ def one_way_or_back(plan: Law[Options]) -> Law[Options]:
 
 
 _SCANS = (60, 600)
-"""Numbers of travels to try; the second only if no travel of the first scan stays inside."""
+"""Numbers of travels in the first scan, and in a second if no travel of the first stays inside."""
 
 
 def travel_of(
     problem: Problem, law: Callable[[Array], Motion], options: TravelOptions
 ) -> tuple[float, Ranges]:
-    """Return the problem's travel if it is given, else one that stays inside the chart's domain.
+    """Return the problem's travel if given, else a travel that stays inside the chart's domain.
 
     Args:
-        problem: Supplies the travel if given, the window of travels to scan, and the limits. They
-            scale the peak inputs, and are kept if some travel inside the domain keeps them.
+        problem: Supplies the travel if given, the window of travels to scan, and the limits. The
+            limits scale the peak inputs, and are kept if some travel inside the domain keeps them.
         law: Maps travels (C,) to their motions.
         options: Say whether to take the middle of the widest range of travels, or the best travel
             by a criterion.
 
     Returns:
-        The travel, and the ranges from which it was chosen (none if it is given).
+        The travel, and the ranges from which it was chosen (none for a given travel).
 
     Raises:
         SingularError: If the law leaves the domain for every travel tried.
@@ -136,14 +136,14 @@ def travel_of(
 
 
 def _curves_of(law: Callable[[Array], Motion]) -> Make:
-    """Turn a law with one free number into the function that a search calls with (C, 1)."""
+    """Turn a law of one free number into a function from x (C, 1) to curves, as searches need."""
     return lambda x: law(x[:, 0]).curves
 
 
 def candidate_travels(problem: Problem, count: int) -> Array:
-    """About `count` travels, increasing, over the window of one-way motions; none is zero.
+    """Return about `count` travels, increasing and not zero, over the window of one-way motions.
 
-    If no window is known, or it is empty, they lie on both sides of zero.
+    If the window is unknown or empty, the travels lie on both sides of zero.
     """
     window = travel_window(problem)
     if window is None or window.empty:
@@ -182,19 +182,19 @@ def _ranges(travels: Array, good: Array, inside: Callable[[Array], Array]) -> Ra
 
 
 _OFFSETS = np.geomspace(0.01, 4.0, 26)
-"""Offsets to scan, with both signs, relative to the largest travel tried without a window."""
+"""Offsets to scan with both signs, as fractions of the largest travel tried without a window."""
 
 
 def given_reach(ends: Ends, options: LegOptions, name: str) -> float | None:
-    """Return the given travel, or with travel zero the given offset; None if it is to be chosen.
+    """Return the given travel, or for travel zero the given offset; None if still to be chosen.
 
     The offset is the travel of the first of two legs (step 4 of the paper). The paper writes
-    offset = Σzᵢ/n; z has n+1 coordinates, so we divide by n+1. The sum adds metres to angles and
-    slopes, so this value has no special meaning; "auto" tries it among others.
+    offset = Σzᵢ/n; z has n+1 coordinates, so this program divides by n+1. The sum adds metres to
+    angles and slopes, so the value has no special meaning; "auto" tries it among others.
 
     Args:
         ends: Start and goal.
-        options: Supply the offset, or the rule for it.
+        options: Supply the offset, or the rule for the offset.
         name: Name of the method, for the error.
 
     Raises:
@@ -215,7 +215,7 @@ def given_reach(ends: Ends, options: LegOptions, name: str) -> float | None:
 
 
 def candidate_reaches(ends: Ends, count: int) -> tuple[Array, Array]:
-    """Return travels to scan (offsets if the travel is zero), and the sizes of first steps."""
+    """Return travels (offsets if the travel is zero) to scan, and first steps from each, (C,)."""
     if ends.problem.travel is None:
         travels = candidate_travels(ends.problem, count)
         return travels, np.full(len(travels), np.ptp(travels) / len(travels))
@@ -227,7 +227,7 @@ def candidate_reaches(ends: Ends, count: int) -> tuple[Array, Array]:
 def choose_reach(
     ends: Ends, options: LegOptions, name: str, law: Callable[[Array], Motion]
 ) -> tuple[float, dict[str, Any]]:
-    """Return the given travel or offset, or else the best; and notes for the plan.
+    """Return the travel (the offset if the travel is zero), given or best, and notes for the plan.
 
     Args:
         ends, options, name: See `given_reach`.
@@ -250,10 +250,10 @@ def choose_reach(
 
 
 _SIZES = np.geomspace(0.02, 4.0, 12)
-"""Amplitudes to scan, with both signs, relative to the size of the travel (or to 1 if it is 0)."""
+"""Amplitudes to scan with both signs, as multiples of |travel|, or of 1 for travel zero."""
 
 _TRAVELS = 24
-"""Number of travels to scan if the travel is free, each with all amplitudes."""
+"""Number of travels to scan, each with all amplitudes, if the travel is free."""
 
 
 def choose_swing(
@@ -261,11 +261,11 @@ def choose_swing(
     law: Callable[[Array, Array], Motion],
     options: SinusoidOptions | SinusoidStepsOptions,
 ) -> tuple[float, float, dict[str, Any]]:
-    """Return the travel and amplitude: as given, or the best by the criterion if free.
+    """Return travel and amplitude of a sinusoid: as given, or the best by the criterion if free.
 
     The amplitude is a₁/ω or α/ω, in the unit of z₁; if the options give one amplitude for each
-    period, it is a common factor on them. If no choice stays inside the domain, the one that leaves
-    it least is returned.
+    period, the result is a common factor on all. If every choice leaves the domain, the choice that
+    leaves it least is returned.
 
     Args:
         problem: Supplies travel and limits.
@@ -307,7 +307,7 @@ def choose_swing(
 
 
 def _swing_travels(problem: Problem) -> Iterator[Array]:
-    """Yield the given travel, or travels to scan, then a wider set to use if these have no motion.
+    """Yield the given travel, or travels to scan and then a wider set for the case that these fail.
 
     A sinusoid reverses within its period, so the window of one-way motions is a good first guess
     but not a limit.
@@ -323,7 +323,7 @@ def _swing_travels(problem: Problem) -> Iterator[Array]:
 
 
 def _swings(travels: Array, given: float | None) -> tuple[Array, Array]:
-    """Return candidates (C, 2) of travel and amplitude, and sizes (C, 2) of first steps."""
+    """Return pairs (C, 2) of travel and amplitude to scan, and first steps (C, 2) from each."""
     sizes = _SIZES * np.where(travels == 0, 1.0, np.abs(travels))[:, None]
     amplitudes = np.concatenate([-sizes, sizes], axis=1)
     if given is not None:

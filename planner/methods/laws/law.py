@@ -1,4 +1,4 @@
-"""Common parts of the laws: rules that steer the chained form by inputs in closed form.
+"""Common parts of the laws, which are rules that steer the chained form by inputs in closed form.
 
 The file has start and goal in chained coordinates, the motion that a law returns, and the steps
 from a motion to a plan: timing and refusal. Every method that plans in the chart, that is in
@@ -31,7 +31,7 @@ from planner.systems.chained_form import chained_form
 
 @dataclass(frozen=True)
 class Ends:
-    """Start and goal in chained coordinates, for any travel (change of q₁); checked only once.
+    """Start and goal in chained coordinates, for any travel (change of q₁), checked once.
 
     Attributes:
         problem: The problem.
@@ -44,48 +44,48 @@ class Ends:
 
     @classmethod
     def of(cls, problem: Problem) -> Ends:
-        """Check the start and goal of a problem and convert them.
+        """Convert a problem's start and goal to chained coordinates after checking both.
 
         Raises:
-            SingularError: If they do not lie in one branch of the chart, see `chart_ends`.
+            SingularError: If the two do not lie in one branch of the chart, see `chart_ends`.
         """
         return cls(problem, *chart_ends(problem, 0.0))
 
     def goal(self, travel: float | Array) -> Array:
-        """Return z(T), shape (…, N), for travels (…); only its first coordinate depends on them."""
+        """Return z(T), shape (…, N), for travels (…), on which only z₁(T) depends."""
         goal = np.tile(self._goal, (*np.shape(travel), 1))
         goal[..., 0] = self.start[0] + travel
         return goal
 
     def goal_of(self, reach: float | Array) -> Array:
-        """Return z(T) of a law of legs for its reach.
+        """Return z(T), shape (…, N), of a law of legs whose reach is given.
 
         The reach is the travel or, if the problem's travel is zero, the travel of the leg out.
         """
         return self.goal(0.0 * reach if self.problem.travel == 0 else reach)
 
     def trajectory(self, motion: Motion) -> ChainedTrajectory:
-        """Return the trajectory of a single motion."""
+        """Return the trajectory of a single motion between start and goal."""
         return ChainedTrajectory(self.problem.system, motion.z, motion.v, self.problem.branch)
 
     @property
     def duration(self) -> float:
-        """Duration, s; 1 s if it is free, since the path does not depend on it."""
+        """Duration of the motion, s; 1 s if free, since the path is the same for every duration."""
         return self.problem.duration or 1.0
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A solved motion, or C of them: z and v as piecewise polynomials, and how well it was solved.
+    """One or C motions of a law: z and v as piecewise polynomials, and how well they were solved.
 
     Attributes:
         z: Bernstein with values (N,) or (C, N).
         v: Bernstein with values (2,) or (C, 2).
         coefficients: Coefficients of v₂ in the law's own basis, shape (k,) or (C, k).
-        condition: Condition number of the scaled linear system, shape () or (C,). If the conditions
-            of a candidate are linearly dependent, this and its other values are NaN.
-        residual: Largest |zᵢ(T) − goalᵢ|, each divided by the largest |zᵢ| on the way (or by 1 if
-            that is less), shape () or (C,).
+        condition: Condition number of the scaled linear system, shape () or (C,). All values of a
+            candidate whose conditions are nearly dependent are NaN.
+        residual: Largest |zᵢ(T) − goalᵢ|, each divided by the greater of 1 and the largest |zᵢ| on
+            the way, shape () or (C,).
     """
 
     z: Bernstein
@@ -101,7 +101,7 @@ class Motion:
         """Build C candidates for a goal (C, N), or a single motion for a goal (N,).
 
         Raises:
-            numpy.linalg.LinAlgError: If the conditions of a single motion are dependent.
+            numpy.linalg.LinAlgError: If the conditions of a single motion are nearly dependent.
         """
         size = np.maximum(np.max(np.abs(z.c), axis=(0, 1)), 1.0)
         residual = np.max(np.abs(z.c[-1, -1] - goal) / size, axis=-1)
@@ -119,7 +119,7 @@ class Motion:
 
     @property
     def summary(self) -> dict[str, float]:
-        """How well the linear system was solved, for a plan's notes."""
+        """Residual and condition number of the linear system, for the notes of a plan."""
         numbers = self.residual, self.condition
         return dict(
             zip(("endpoint_residual", "condition_number"), map(float, numbers), strict=True)
@@ -127,12 +127,12 @@ class Motion:
 
 
 _CONDITION = 1e10
-"""Largest condition number: the coefficients keep six of sixteen digits. Beyond it rounding chooses
-the motion, and another processor another one."""
+"""Largest condition number accepted, at which coefficients keep six of sixteen digits. At a larger
+number rounding chooses the motion, differently on another processor."""
 
 
 def solve_conditions(rows: Array, values: Array) -> tuple[Array, Array]:
-    """Solve rows · coefficients = values for the coefficients of least norm, for C candidates.
+    """Solve rows · coefficients = values by coefficients of least norm, for each of C candidates.
 
     Args:
         rows: Matrices, shape (C, m, k), m ≤ k.
@@ -140,7 +140,7 @@ def solve_conditions(rows: Array, values: Array) -> tuple[Array, Array]:
 
     Returns:
         The coefficients (C, k), and the condition numbers (C,) of the matrices with rows scaled to
-        unit length; both are NaN where the rows are linearly dependent or nearly so.
+        unit length; both are NaN for rows that are dependent or nearly so.
     """
     with np.errstate(all="ignore"):
         scale = 1 / np.linalg.norm(rows, axis=-1, keepdims=True)
@@ -167,7 +167,7 @@ def finish(
     notes: Mapping[str, Any],
     began: float,
 ) -> Plan:
-    """Make a plan from a law's motion.
+    """Make a plan from a law's motion: fit a free duration, or refuse a motion outside the chart.
 
     Args:
         problem: The problem; a free duration is fitted to the input limits.
@@ -198,7 +198,7 @@ def finish(
 
 
 def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
-    """Check that the chart covers start and goal; return z(0) and z(T), shape (N,) each.
+    """Return z(0) and z(T), each (N,), for a travel, after checking that the chart covers both.
 
     Raises:
         SingularError: If the start or goal lies on a singularity of the chart, or the goal lies on
@@ -214,7 +214,7 @@ def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
 
 
 def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
-    """Return the trajectory; if the duration is free, as fast as all limits on the speed allow.
+    """Return the trajectory over the given duration, or as fast as the limits allow if it is free.
 
     Raises:
         InputError: If the duration is free and no limit depends on the speed.
@@ -233,10 +233,10 @@ def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
 
 
 def _refuse_outside(plan: Plan) -> NoReturn:
-    """Refuse a plan that leaves the chart's domain.
+    """Raise the error for a plan that leaves the chart's domain.
 
     Raises:
-        SingularError: Always; it has the times at which the plan leaves and re-enters the domain.
+        SingularError: Always, with the times at which the plan leaves and re-enters the domain.
     """
     report = plan.domain
     exits = ", ".join(f"{t:.4f}" for t in report.exits_s) or f"{report.time_s:.4f}"

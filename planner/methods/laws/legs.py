@@ -1,7 +1,7 @@
-"""Motions of the chained form made of legs: v₁ constant and v₂ polynomial on each.
+"""Motions of the chained form made of legs, each with constant v₁ and polynomial v₂.
 
-On such legs z is polynomial in time and its end is affine in the coefficients of v₂, so every law
-that steers with them is one linear solve. v₂ is written in shifted Legendre polynomials on the
+On a leg z is polynomial in time and its end is affine in the coefficients of v₂, so every law
+made of legs is one linear solve. v₂ is written in shifted Legendre polynomials on the
 leg's own unit time, for which the system of eq. (27) becomes triangular and well scaled.
 """
 
@@ -24,8 +24,8 @@ class Leg:
     """One leg of a motion: constant v₁, and a polynomial v₂ whose coefficients are sought.
 
     Attributes:
-        duration: Seconds.
-        travel: Change of z₁ over the leg; one for each of C candidates, (C,), or one for all.
+        duration: Duration of the leg, s.
+        travel: Change of z₁ over the leg, for all candidates or for each of C, (C,).
         terms: Number of coefficients of v₂ (its degree plus one).
     """
 
@@ -36,14 +36,14 @@ class Leg:
 
 @dataclass(frozen=True)
 class Point:
-    """A constraint point z₂(time_s) = value (eq. 28); value is a number, or (C,) for candidates."""
+    """A constraint point z₂(time_s) = value (eq. 28); `value` is (C,) for C candidates."""
 
     time_s: float
     value: float | Array
 
 
 def even_legs(ends: Ends, reach: float | Array, count: int, terms: int) -> list[Leg]:
-    """Return `count` equal legs over the travel; with travel zero, `count` out and `count` back.
+    """Return `count` equal legs over the travel; for travel zero, `count` out and `count` back.
 
     The reach is the travel or, with travel zero, the total travel of the legs out.
     """
@@ -55,7 +55,7 @@ def even_legs(ends: Ends, reach: float | Array, count: int, terms: int) -> list[
 
 
 def steer(start: Array, goal: Array, legs: Sequence[Leg], points: Sequence[Point] = ()) -> Motion:
-    """Steer z from start to goal over the given legs, through the given points.
+    """Find the motion of z from start to goal over the given legs, through the given points.
 
     With more coefficients than conditions, the solution has the least ∫(T v₂)².
 
@@ -68,7 +68,7 @@ def steer(start: Array, goal: Array, legs: Sequence[Leg], points: Sequence[Point
 
     Raises:
         numpy.linalg.LinAlgError: If the conditions of a single motion are dependent (two points at
-            one time, or only one leg, without travel). Such candidates are NaN instead.
+            one time, or one leg without travel). Among C candidates such a motion is NaN.
     """
     blocks = [_basis(leg.terms) / leg.duration for leg in legs]
     goals = np.atleast_2d(goal)
@@ -88,8 +88,7 @@ def steer(start: Array, goal: Array, legs: Sequence[Leg], points: Sequence[Point
 
 @lru_cache(maxsize=64)
 def _basis(terms: int) -> Array:
-    """Return the Bernstein coefficients, (terms, terms), of the orthonormal shifted Legendre
-    polynomials."""
+    """Return orthonormal shifted Legendre polynomials as rows of Bernstein coefficients."""
     out = np.zeros((terms, terms))
     for j in range(terms):
         coefficients = np.array([(-1.0) ** (j + i) * comb(j, i) for i in range(j + 1)])
@@ -98,8 +97,7 @@ def _basis(terms: int) -> Array:
 
 
 def _propagate(start: Array, legs: Sequence[Leg], v2: Sequence[Array]) -> list[Array]:
-    """Return the Bernstein coefficients of z on every leg, each (degree+1, N, …, C), from start (N,
-    …)."""
+    """Integrate z over all legs; return Bernstein coefficients (degree+1, N, …, C) for each leg."""
     out = []
     for leg, w in zip(legs, v2, strict=True):
         columns = [
@@ -121,7 +119,7 @@ def _conditions(
 ) -> tuple[Array, Array]:
     """Return A (C, m, k), b (C, m): A · coefficients + b is z₂(T) … z_N(T), then z₂ at the points.
 
-    All columns are propagated together: the first is the drift from `start`, each other one the
+    All columns are integrated together: the first is the drift from `start`, each other column the
     response to a single coefficient.
     """
     total = sum(len(block) for block in blocks)
@@ -140,7 +138,7 @@ def _conditions(
 
 
 def _z2_at(z: Sequence[Array], legs: Sequence[Leg], time: float) -> Array:
-    """Return z₂ at one time, for every column of z."""
+    """Return z₂ at one time for every column of z, given by Bernstein coefficients on each leg."""
     ends = np.cumsum([leg.duration for leg in legs])
     k = min(int(np.searchsorted(ends, time)), len(legs) - 1)
     x = 1 - (ends[k] - time) / legs[k].duration

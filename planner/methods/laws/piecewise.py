@@ -24,14 +24,14 @@ NAME = "piecewise"
 
 @one_way_or_back
 def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
-    """Steer with v₁ constant and v₂ constant on each of equally long slots.
+    """Plan with v₁ constant and v₂ constant on each of equally long slots.
 
-    With travel zero there are two legs, out and back, each with all these slots. In this case, and
+    With travel zero the motion has two legs, out and back, each with all slots. In this case, and
     with more slots than needed, the solution with the least ∫v₂² is taken.
 
     Raises:
         SingularError: If start and goal are not in one branch of the chart, or the path leaves the
-            chart's domain (unless `options.allow_singular`), with the times at which it does; or if
+            chart's domain (unless `options.allow_singular`), with the times of leaving; or if
             the travel leaves the coefficients undetermined.
         InputError: If there are fewer slots than coordinates to bring to the goal.
     """

@@ -1,8 +1,8 @@
 """The paper's polynomial law (section 4.2, eqs 25–28), for any n and any constraint points.
 
-The program also does the paper's step 5, which is manual there: it chooses constraint points and
-travel. Each point adds one coefficient to v₂, which the value at the point determines; the time of
-the point does not change the family of motions. So k points are k free numbers, the values of z₂ at
+The program also does step 5, which is manual in the paper: it chooses constraint points and travel.
+Each point adds one coefficient to v₂, which the value at the point determines; the family of
+motions is the same for every time of the point. So k points are k free numbers, the values of z₂ at
 k fixed times, and the search is over these numbers and the travel.
 """
 
@@ -35,15 +35,15 @@ NAME = "polynomial"
 
 @one_way_or_back
 def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
-    """Steer with v₁ constant and v₂ a polynomial, through given or chosen constraint points.
+    """Plan with v₁ constant and v₂ a polynomial, through given or chosen constraint points.
 
-    With travel zero the motion has two legs (step 4 of the paper). The paper does not say what
-    z₂ … z_N are at the turn; we choose the values with the least ∫v₂².
+    With travel zero the motion has two legs (step 4 of the paper). The paper leaves z₂ … z_N at the
+    turn open; this program chooses the values with the least ∫v₂².
 
     Raises:
         SingularError: If start and goal are not in one branch of the chart, or the best
             motion found leaves the chart's domain (unless `options.allow_singular`), with the times
-            at which it does; or if the points leave the coefficients undetermined.
+            of leaving; or if the points leave the coefficients undetermined.
         InputError: If a constraint point lies outside the motion or contradicts another.
     """
     began = time.perf_counter()
@@ -71,7 +71,7 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
 
 
 def _given_points(problem: Problem, options: PolynomialOptions) -> tuple[Point, ...] | None:
-    """Return the constraint points of the options, checked; None if the program chooses them."""
+    """Return the options' constraint points after checks; None if the program chooses points."""
     if options.points == "auto":
         return None
     points = tuple(Point(*p) for p in options.points)
@@ -101,11 +101,11 @@ def _motion(ends: Ends, reach: float | Array, points: tuple[Point, ...]) -> Moti
 MOST_POINTS = 2
 
 _REACHES = (60, 30, 15)
-"""Number of travels scanned with 0, 1 and 2 points."""
+"""Number of travels scanned with 0, 1 and 2 constraint points."""
 
 _DEVIATIONS = (np.zeros(1), np.linspace(-1.5, 1.5, 13), np.linspace(-1.5, 1.5, 7))
-"""Values scanned at each point: deviations from the z₂ of the law without points, relative to the
-largest |z₂|."""
+"""Deviations of z₂ scanned at each point, with 0, 1 and 2 points: from the z₂ of the law without
+points, relative to its largest |z₂|."""
 
 _SHARES = np.arange(1, 12) / 12
 
@@ -113,10 +113,10 @@ _SHARES = np.arange(1, 12) / 12
 def choose_points(
     ends: Ends, options: PolynomialOptions
 ) -> tuple[float, tuple[Point, ...], dict[str, Any]]:
-    """Choose 0, 1 or 2 constraint points, and the travel (or offset) where it is free.
+    """Choose 0, 1 or 2 constraint points, and a travel (or offset) that is free.
 
-    More points are used only if they lower the cost by more than one percent. If no choice keeps
-    the motion inside the domain, the one that leaves it least is returned.
+    A further point is used only if it lowers the cost by more than one percent. If every motion
+    leaves the domain, the motion that leaves it least is returned.
 
     Args:
         ends: Start and goal.
@@ -147,9 +147,9 @@ def choose_points(
 
 
 class _PointFamily:
-    """All motions with a given number of constraint points at fixed times.
+    """The family of polynomial motions with a given number of constraint points at fixed times.
 
-    Their free numbers are the reach (unless it is given), then z₂ at each point.
+    The free numbers of a motion are the reach (unless given), then z₂ at each point.
     """
 
     def __init__(self, ends: Ends, given: float | None, count: int) -> None:
@@ -160,7 +160,7 @@ class _PointFamily:
         self.times = self._best_times()
 
     def read(self, x: Array) -> tuple[Array, tuple[Point, ...]]:
-        """Return the reaches (…) and the points that free numbers x (…, d) stand for."""
+        """Convert free numbers x (…, d) to reaches (…) and constraint points."""
         values = np.moveaxis(x, -1, 0)
         if self.given is None:
             reach, values = values[0], values[1:]
@@ -169,14 +169,14 @@ class _PointFamily:
         return reach, tuple(Point(t, v) for t, v in zip(self.times, values, strict=True))
 
     def make(self, x: Array) -> Curves:
-        """Return the motions with the free numbers x (C, d)."""
+        """Return the curves z and v of the C motions with free numbers x (C, d)."""
         return _motion(self.ends, *self.read(x)).curves
 
     def candidates(self, known: tuple[Array, tuple[Point, ...]] | None) -> tuple[Array, Array]:
-        """Return candidates (C, d) to scan, and sizes (C, d) of the first steps from them.
+        """Return free numbers (C, d) to scan, and first steps (C, d) from each.
 
         Each scanned reach gets the values of z₂ of the motion without points, and deviations from
-        them. A known motion is the only candidate, with its reach and its values of z₂.
+        these values. If a motion is known, it is the only candidate.
         """
         reaches, deviations, widths = self.reaches, _DEVIATIONS[self.count], self.widths
         if known is not None:
@@ -196,7 +196,7 @@ class _PointFamily:
         return values.reshape(shape), steps.reshape(shape)
 
     def _best_times(self) -> tuple[float, ...]:
-        """Return the times of the points with the least condition number of the linear system."""
+        """Return the times of the points that give the least condition number of the conditions."""
         shares = (_SHARES * self.ends.duration).tolist()
 
         def condition(times: tuple[float, ...]) -> float:

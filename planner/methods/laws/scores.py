@@ -1,7 +1,7 @@
-"""Choose a law's free numbers: a scan, then an evolution strategy from its best candidates.
+"""Choose a law's free numbers: a scan, then an evolution strategy from the best candidates.
 
-Candidates are rated by scores of samples in the chart. Many candidates are sampled at once, so that
-a scan needs few calls of the chart and is cheap.
+Scores from samples in the chart rate the candidates. Many candidates are sampled at once, so that a
+scan needs few calls of the chart and is cheap.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from planner.support.calculus.chebyshev import apply, points
 from planner.systems.chained_form import chained_form
 
 _CLOSE = 0.1
-"""A motion is too close to the edge of the chart's domain if its margin is less than this fraction
-of the margin at start and goal. Near the edge θ₁ bounces off zero and the inputs are quotients of
-small numbers."""
+"""Margin, as a fraction of the margin at start and goal, below which a motion is too close to the
+edge of the chart's domain. Near the edge θ₁ bounces off zero and the inputs are quotients of small
+numbers."""
 
 SLACK = 1e-6
-"""Least distance of a chosen motion from each limit, as a share of the limit, unless start or goal
-are closer. With less, the certificate's enclosures cannot distinguish a coordinate at its limit
-from one beyond it."""
+"""Least distance of a chosen motion from each limit, as a fraction of the limit, unless start or
+goal are closer. With less, the certificate's enclosures cannot distinguish a coordinate at its
+limit from a coordinate beyond the limit."""
 
 ROUNDING = 1e-9
-"""Missing slack that counts as rounding."""
+"""Largest missing slack that counts as rounding, as a fraction of the limit."""
 
 Criterion = Literal["peak", "margin"]
 
@@ -44,8 +44,8 @@ class Scores:
 
     Attributes:
         margin: Least chart margin (dimensionless, negative outside the domain).
-        slack: Least slack to the problem's limits on coordinates, relative to each; infinite where
-            the problem has none, negative where one is broken, NaN outside the domain.
+        slack: Least slack to the problem's limits on coordinates, relative to each limit; infinite
+            without such limits, negative if a limit is broken, NaN outside the domain.
         peak: Largest input, relative to its limit if it has one; NaN outside the domain.
     """
 
@@ -55,7 +55,7 @@ class Scores:
 
     @property
     def inside(self) -> Array:
-        """Whether all samples lie inside the domain."""
+        """Whether all samples of each candidate lie inside the chart's domain, shape (C,)."""
         return np.asarray(self.margin > 0)
 
     def cost(self, criterion: Criterion, ends: float, slack: float = 0.0) -> Array:
@@ -66,7 +66,7 @@ class Scores:
 
         Args:
             criterion: "peak" compares peak inputs; "margin" compares margins, and peak inputs among
-                those that reach the ends' margin, which no path can exceed.
+                candidates that reach the margin of the ends, the largest possible.
             ends: The least margin of start and goal; see `end_margin`.
             slack: Least slack with which a limit counts as kept; see `end_slack`.
         """
@@ -84,17 +84,17 @@ class Scores:
 
 
 Curves = tuple[Bernstein, Bernstein]
-"""z (C, N) and v (C, 2) of C candidates on the same breaks; NaN for one that has no motion."""
+"""Curves z (C, N) and v (C, 2) of C candidates on the same breaks; NaN for failed candidates."""
 
 
 def score(problem: Problem, curves: Curves, samples: int | Array = 400) -> Scores:
-    """Score candidates of one law by samples.
+    """Score the motions of C candidates by samples.
 
     Args:
         problem: Supplies limits; where an input has none, its peak counts in its own unit.
         curves: The candidates.
         samples: Approximate number of samples of each candidate, denser at the ends of its pieces;
-            or their places on every piece, from 0 to 1.
+            or the places of the samples on every piece, from 0 to 1.
     """
     form, branch = chained_form(problem.system), problem.branch
     places = _places(curves, samples) if isinstance(samples, int) else samples
@@ -120,9 +120,9 @@ def _places(curves: Curves, samples: int) -> Array:
 
 
 def _sample(curve: Bernstein, places: Array) -> Array:
-    """Return the values (C, P, S, D) of curves with values (C, D), at S places on each of P pieces.
+    """Return the values (C, P, S, D) of C curves at S places on each of P pieces.
 
-    An end between two pieces is sampled on both, since the curve may jump there.
+    A break between two pieces is sampled on both, since a curve may jump there.
     """
     weights = np.ascontiguousarray(basis(curve.degree, places).T)
     return np.moveaxis(apply(weights, curve.c), 2, 0).swapaxes(1, 2)
@@ -146,21 +146,20 @@ def _dips(values: Array, places: Array) -> Array:
 
 
 def end_margin(problem: Problem) -> float:
-    """Return the least chart margin of start and goal: no path between them has a larger one."""
+    """Return the least chart margin of start and goal, which no path between the two exceeds."""
     ends = np.stack([problem.start, np.nan_to_num(problem.goal)])
     return float(np.min(problem.system.chart_margins(ends, problem.branch)))
 
 
 def end_slack(problem: Problem) -> float:
-    """Return the slack to limits that a chosen motion must leave: that of start and goal, at most
-    `SLACK`."""
+    """Return the slack to limits that a chosen motion must leave: `SLACK`, or an end's if less."""
     ends = np.stack([problem.start, np.nan_to_num(problem.goal)])
     z = chained_form(problem.system).z(ends)
     return float(np.clip(np.min(list(_rooms(problem, z, ends)), initial=SLACK), 0.0, SLACK))
 
 
 def _room(problem: Problem, z: Array, q: Array) -> Array:
-    """Return the least slack (…) of those in `_rooms`; infinite if no coordinate has a limit."""
+    """Return the least slack (…) to a limit on coordinates at z, q (…, N); infinite if none."""
     room = np.full(q.shape[:-1], np.inf)
     for each in _rooms(problem, z, q):
         room = np.minimum(room, each)
@@ -180,26 +179,26 @@ def _rooms(problem: Problem, z: Array, q: Array) -> Iterator[Array]:
 
 
 def _bound(x: Array) -> Array:
-    """Increasing map of [0, ∞] onto [0, 1]."""
+    """Map [0, ∞] to [0, 1], increasing, by x/(1 + x)."""
     return np.where(np.isinf(x), 1.0, x / (1 + np.abs(x)))
 
 
 Make = Callable[[Array], Curves]
-"""Applies a law: maps free numbers (C, d) of C candidates to their curves."""
+"""Function that applies a law: from free numbers (C, d) of C candidates to their curves."""
 
 CALL_S = 0.1
-"""Longest time for one call of the chart, s; between calls the time limit is checked."""
+"""Longest computing time of one call of the chart, s; the time limit is checked between calls."""
 
 _SCAN, _SEARCH, _FINE = 60, 100, 6000
-"""Samples of each candidate in the scan, in the search, and of the candidate found."""
+"""Numbers of samples of each candidate in the scan, in the search, and of the final candidate."""
 
 _POPULATION = 24
-"""Candidates of a round; with few, the time goes to calls and not to candidates."""
+"""Number of candidates of a round; with fewer, most of the time would go to calls of the chart."""
 
 _STAGES = ((6, 1.0, 1e-4), (60, 0.3, 1e-5), (40, 0.02, 1e-7))
-"""Stages of the search: from several starts, from the best of them, and again with samples crowded
-at its peaks. Each stage has a largest number of rounds, a factor on the given first steps, and the
-spread of costs at which it ends."""
+"""Stages of the search: from several starts, from the best start, and again with samples crowded at
+the peaks. Each stage is (largest number of rounds, factor on the given first steps, spread of costs
+at which the stage ends)."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +206,7 @@ class BestCandidate:
     """The best candidate of a search.
 
     Attributes:
-        x: Its free numbers, shape (d,).
+        x: Free numbers of the candidate, shape (d,).
         cost: See `Scores.cost`; below 1 when domain and limits are kept.
         tried: Number of candidates tried.
     """
@@ -218,17 +217,17 @@ class BestCandidate:
 
     @property
     def inside(self) -> bool:
-        """Whether it stays inside the chart's domain."""
+        """Whether the candidate stays inside the chart's domain."""
         return self.cost < 2
 
     @property
     def notes(self) -> dict[str, Any]:
-        """The counts that a plan notes."""
+        """Number of candidates and whether the best is inside, for the notes of a plan."""
         return {"auto_motions_tried": self.tried, "auto_found_inside": self.inside}
 
 
 def score_candidates(problem: Problem, make: Make, x: Array, samples: int | Array = 200) -> Scores:
-    """Score candidates with free numbers x (C, d) in batches; for `samples` see `score`.
+    """Score candidates with free numbers x (C, d) in batches; `samples` is as for `score`.
 
     Raises:
         TimeUpError: If time is up.
@@ -253,9 +252,9 @@ def search_candidates(
     criterion: Criterion = "peak",
     starts: int = 3,
 ) -> BestCandidate:
-    """Find the free numbers of least cost: scan a grid, then search from its best candidates.
+    """Find the free numbers of least cost: scan a grid, then search from the best candidates.
 
-    `zoom` searches one number, `evolve` several.
+    `zoom` searches one number, `evolve` several numbers.
 
     Args:
         problem: Supplies limits and the chart's branch.
@@ -290,7 +289,7 @@ def search_candidates(
 
 
 def _sample_places(problem: Problem, curves: Curves) -> Array:
-    """Return places at which to sample a candidate, denser at its peaks and near its limits."""
+    """Return places (S,) at which to sample a candidate, denser at input peaks and near limits."""
     fine, usual = _places(curves, _FINE), _places(curves, _SEARCH)
     z, v = (_sample(curve, fine)[0] for curve in curves)
     q, u = chained_form(problem.system).both(z, v, problem.branch)
@@ -309,7 +308,7 @@ def _sample_places(problem: Problem, curves: Curves) -> Array:
 def zoom(
     cost: Callable[[Array], Array], x: Array, steps: Array, rounds: int, spread: float
 ) -> tuple[Array, Array]:
-    """Return the least cost over one number: a grid about each start, refined about its best point.
+    """Minimise a cost over one number by a grid about each start, refined about its best point.
 
     Arguments and results are as for `evolve`, with d = 1.
     """
@@ -336,11 +335,11 @@ def evolve(
         x: Starts of S independent searches, shape (S, d).
         steps: Standard deviations of the first steps, shape (S, d).
         rounds: Largest number of rounds.
-        spread: The searches end when the better half of the costs of a round differs by less than
-            this, in each search.
+        spread: Range of the better half of a round's costs below which the searches end, if it is
+            so small in each search.
 
     Returns:
-        The best point of each search, (S, d), and its cost, (S,).
+        The best point of each search, (S, d), and the cost of this point, (S,).
     """
     count, d = x.shape
     weights = np.log((_POPULATION + 1) / 2) - np.log(np.arange(1, _POPULATION // 2 + 1))

@@ -1,4 +1,4 @@
-"""Two laws with sinusoidal inputs: one steers all coordinates at once, one step by step.
+"""Two laws with sinusoidal inputs, which steer coordinates all at once or step by step.
 
 All at once: one period of v₁ = a₀ + a₁ sin ωt, v₂ = Σ bⱼ cos jωt, with ω = 2π/T. z(T) is affine in
 b, so b follows from one linear solve (theory.md §4). No second leg is needed when z₁(0) = z₁(T).
@@ -6,9 +6,9 @@ Source: Tilbury, Murray and Sastry, "Trajectory generation for the N-trailer pro
 normal form", IEEE Trans. Automatic Control 40(5), 1995.
 
 Step by step: first z₁ and z₂ go to their goals with constant v. Then, for each k = 1 … N−2, one
-period of v₁ = α sin ωt, v₂ = β cos kωt moves z_{k+2} by (2π/ω)(α/2ω)ᵏ β/k!, which brings it to its
-goal, and returns z₁ … z_{k+1} to theirs. Source: Murray and Sastry, IEEE Trans. Automatic Control
-38(5), 1993, §III.
+period of v₁ = α sin ωt, v₂ = β cos kωt moves z_{k+2} by (2π/ω)(α/2ω)ᵏ β/k! to its goal, while
+z₁ … z_{k+1} end the period where each began it. Source: Murray and Sastry, IEEE Trans. Automatic
+Control 38(5), 1993, §III.
 
 Motions of the chained form under sinusoids are computed to rounding error: time is cut into pieces
 so short that the interpolation error of the highest harmonic is below rounding.
@@ -35,12 +35,12 @@ SINUSOID = "sinusoid"
 
 
 def plan_sinusoid(problem: Problem, options: SinusoidOptions) -> Plan:
-    """Steer with one period of sinusoids, all coordinates at once.
+    """Plan with one period of sinusoids, which steers all coordinates at once.
 
     Raises:
         SingularError: If start and goal are not in one branch of the chart; if the best motion
-            found leaves the chart's domain (unless `options.allow_singular`), with the times at
-            which it does; or if the amplitude leaves the coefficients undetermined.
+            found leaves the chart's domain (unless `options.allow_singular`), with the times of
+            leaving; or if the amplitude leaves the coefficients undetermined.
     """
     began = time.perf_counter()
     ends = Ends.of(problem)
@@ -70,7 +70,7 @@ def plan_sinusoid(problem: Problem, options: SinusoidOptions) -> Plan:
 
 
 def sinusoids(start: Array, goal: Array, amplitude: float | Array, duration: float) -> Motion:
-    """Steer z from start to goal by one period of sinusoids.
+    """Find the motion of z from start to goal by one period of sinusoids.
 
     Args:
         start: z(0), shape (N,).
@@ -79,7 +79,7 @@ def sinusoids(start: Array, goal: Array, amplitude: float | Array, duration: flo
         duration: T, seconds.
 
     Returns:
-        The motion, with b as its coefficients.
+        The motion; its coefficients are b, the amplitudes of the cosines in v₂.
 
     Raises:
         numpy.linalg.LinAlgError: If z(T) of a single motion does not fix b (amplitude zero, or one
@@ -106,14 +106,14 @@ SINUSOID_STEPS = "sinusoid_steps"
 
 
 def plan_sinusoid_steps(problem: Problem, options: SinusoidStepsOptions) -> Plan:
-    """Steer z₁ and z₂ first, then one further coordinate in each period of sinusoids.
+    """Plan in steps: first z₁ and z₂, then one further coordinate in each period of sinusoids.
 
     Raises:
         SingularError: If start and goal are not in one branch of the chart, or the best motion
-            found leaves the chart's domain (unless `options.allow_singular`), with the times at
-            which it does.
-        InputError: If the list of amplitudes does not have one entry for each period, or that of
-            shares one for the first leg and each period.
+            found leaves the chart's domain (unless `options.allow_singular`), with the times of
+            leaving.
+        InputError: If `amplitude` is a list without one entry for each period, or `shares` lacks
+            one entry for the first leg and each period.
     """
     began = time.perf_counter()
     ends = Ends.of(problem)
@@ -136,16 +136,16 @@ def plan_sinusoid_steps(problem: Problem, options: SinusoidStepsOptions) -> Plan
 
 
 def steps(start: Array, goal: Array, amplitudes: Array, durations: Array) -> Motion:
-    """Steer z from start to goal step by step, as at the top of the file.
+    """Find the motion of z from start to goal step by step, one coordinate in each period.
 
     Args:
         start: z(0), shape (N,).
         goal: z(T), shape (N,), or (C, N) of C candidates.
-        amplitudes: α/ω of each period, shape (N−2,) or (N−2, C), none zero.
+        amplitudes: α/ω of each period, shape (N−2,) or (N−2, C), all different from zero.
         durations: Seconds of the first leg and of each period, shape (N−1,).
 
     Returns:
-        The motion, with β of every period as its coefficients.
+        The motion; its coefficients are β of every period.
     """
     edges = np.concatenate([[0.0], np.cumsum(durations)])
     goals = np.atleast_2d(goal).T
@@ -183,7 +183,7 @@ def _shares(problem: Problem, options: SinusoidStepsOptions, periods: int) -> Ar
 
 
 def _pattern(problem: Problem, options: SinusoidStepsOptions, periods: int) -> Array:
-    """Return the factors (N−2,) on the common amplitude that give the amplitude of each period."""
+    """Return the ratio of each period's amplitude to the common amplitude, shape (N−2,)."""
     amplitude = options.amplitude
     if not isinstance(amplitude, list):
         return np.ones(periods)
@@ -196,18 +196,18 @@ def _pattern(problem: Problem, options: SinusoidStepsOptions, periods: int) -> A
 
 
 _PHASE = 2.4
-"""Phase of the highest harmonic on one piece, rad: with h half of it, the interpolant of degree 14
-has a relative error of 2 (h/2)¹⁵/15! = 7e-16."""
+"""Phase of the highest harmonic on one piece, rad: with h half of the phase, the interpolant of
+degree 14 has a relative error of 2 (h/2)¹⁵/15! = 7e-16."""
 
 
 def period(start: float, end: float, harmonics: int) -> Grid:
-    """Return a grid of equal pieces over one period, fine enough for that many harmonics."""
+    """Return a grid of equal pieces over one period, fine enough for a number of harmonics."""
     pieces = max(4, int(np.ceil(2 * pi * harmonics / _PHASE)))
     return Grid(np.linspace(start, end, pieces + 1))
 
 
 def propagate(grid: Grid, start: Array, v1: Array, v2: Array) -> Array:
-    """Integrate the chained form; return the values of z at the grid's points.
+    """Integrate the chained form under inputs v; return the values of z at the grid's points.
 
     Args:
         grid: P pieces of time with DEGREE+1 points each.
@@ -216,7 +216,7 @@ def propagate(grid: Grid, start: Array, v1: Array, v2: Array) -> Array:
         v2: Values of v₂, shape (P, DEGREE+1, …, C).
 
     Returns:
-        Shape (P, DEGREE+1, N, …, C).
+        Values of z, shape (P, DEGREE+1, N, …, C).
     """
     first = v1.reshape(*v1.shape[:2], *[1] * (v2.ndim - 3), -1)
     columns = [start[0] + grid.integral(first), start[1] + grid.integral(v2)]
@@ -226,6 +226,6 @@ def propagate(grid: Grid, start: Array, v1: Array, v2: Array) -> Array:
 
 
 def joined_curves(curves: list[Bernstein]) -> Bernstein:
-    """Join curves of one degree that follow each other in time."""
+    """Join curves of the same degree, each of which begins where the curve before ends in time."""
     breaks = np.concatenate([curves[0].x[:1], *(c.x[1:] for c in curves)])
     return Bernstein(np.concatenate([c.c for c in curves], axis=1), breaks)

@@ -1,7 +1,7 @@
 """Calibrate the prototype preset to the paper's statements about its experiment.
 
-Also writes a page with a figure of the result: how the calibrated prototype executes the paper's
-motion, and how well its parameters are known.
+The file also writes a page with a figure: how the calibrated prototype executes the paper's motion,
+and how well the parameters are known.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MACHINES = 500
-"""Number of random machines; their median is compared with the paper."""
+"""Number of random machines, whose median error is compared with the paper."""
 
 LATERAL_FRICTIONS = (0.05, 0.10, 0.15, 0.20, 0.25, 0.30)
 """Other ratios of sideways to driving friction for which the prototype is fitted."""
@@ -68,9 +68,9 @@ class Calibration:
     Attributes:
         plan: The plan that represents the paper's experiment.
         fit: The most probable parameters.
-        sideways: A fit for each ratio of sideways to driving friction, by this ratio.
-        data: How well the parameters are determined by the paper's words, by its curves and by
-            better records.
+        sideways: Fits by ratio of sideways to driving friction.
+        data: How well the paper's words, the paper's curves and better records determine the
+            parameters.
         motions: Motion of the nominal machine, by fidelity ("quasi-static", "dynamic").
         replays: Motions of random machines with all spreads, by fidelity.
     """
@@ -84,11 +84,11 @@ class Calibration:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The fitted part of the prototype preset, as written in `planner.machine.machine`."""
+        """Fitted effects of the prototype preset, as written in `planner.machine.machine`."""
         return preset_settings(self.fit.parameters)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready data: preset, the paper's statements, identifiability."""
+        """Return preset, statements, sideways friction and identifiability as JSON-ready data."""
         statements = [
             {"text": s.text, "target": s.target, "bound": s.bound, "unit": s.unit, "found": value}
             for s, value in zip(STATEMENTS, self.fit.values.tolist(), strict=True)
@@ -115,7 +115,7 @@ class Calibration:
 
 
 def preset_settings(parameters: Mapping[str, float]) -> dict[str, Any]:
-    """Convert parameters to effects: numbers, or value and spread if machines differ in them."""
+    """Convert parameters to effects: each a number, or value and spread if machines differ."""
     out: dict[str, Any] = {}
     for name, value in settings(parameters).items():
         share = SPREADS.get(name, 0.0)
@@ -125,10 +125,10 @@ def preset_settings(parameters: Mapping[str, float]) -> dict[str, Any]:
 
 
 def calibrate(progress: Tell | None = None, seed: int = 0) -> Calibration:
-    """Fit the prototype to the paper, and find the parameters that the paper does not determine.
+    """Fit the prototype to the paper, and compute how well the paper determines each parameter.
 
     Args:
-        progress: Called with the current step and the completed share, 0 … 1.
+        progress: Function that is called with the current step and the finished share, 0 … 1.
         seed: Seed of the machines with spreads.
     """
     expect_listener(progress)
@@ -157,7 +157,7 @@ def calibrate(progress: Tell | None = None, seed: int = 0) -> Calibration:
 
 
 def write(calibration: Calibration, path: str | Path) -> Path:
-    """Write README.md and the figure calibration.png to a folder.
+    """Write a calibration as README.md and the figure calibration.png to a folder.
 
     Args:
         calibration: The result to write.
@@ -192,7 +192,7 @@ method, at the travel of least peak input that stays inside the chart's domain.
 
 
 def page(calibration: Calibration) -> str:
-    """Return the text of README.md."""
+    """Return the text of README.md, the page about a calibration."""
     return "\n".join(
         [
             _HEAD.format(provenance=provenance("planner calibrate --out results/calibration")),
@@ -304,7 +304,7 @@ def _parameters(settings: Mapping[str, Any], data: Sequence[DataSet]) -> str:
 
 
 def remaining_share(data: DataSet, parameter: Parameter) -> float:
-    """Return the share of a parameter's range that remains given the data; 1: not identifiable."""
+    """Return the share of a parameter's range that remains given the data, 1 if not identifiable."""
     return float(data.remaining[FITTED_PARAMETERS.index(parameter)])
 
 
@@ -315,7 +315,7 @@ def _preset(value: Any, joint: int | None = None) -> str:
 
 
 def _entry(number: Any, joint: int | None) -> float:
-    """Return a number or, if it is a list for joints 2 … n, its entry for the joint."""
+    """Return a number or, from a list of numbers for joints 2 … n, the number of the joint."""
     return float(number if joint is None else number[joint - 2])
 
 
@@ -386,7 +386,7 @@ DASHES = {"quasi-static": "-", "dynamic": "--"}
 
 
 def picture(plan: Plan, motions: Mapping[str, PaperReplays], data: Sequence[DataSet]) -> Figure:
-    """Draw errors of the joints, speeds of the motors, and the remaining share of each range."""
+    """Draw joint errors, motor speeds, and the share of each parameter's range that remains."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.5, 6.2), dpi=100, layout="constrained")

@@ -1,4 +1,4 @@
-"""The plans of the paper's section 4.3, and valid plans that replace those that fail."""
+"""The plans of the paper's section 4.3, and valid plans that replace the plans that fail."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from planner.problem.problem import Problem
 from planner.solve import solve
 
 TRAVEL = float(np.pi / 4)
-"""Travel of the disk at which the paper's Figs 4 and 5 are reproduced; it is not printed."""
+"""Travel of the disk, rad, at which the paper's Figs 4 and 5 are reproduced; inferred from both."""
 
 POINT = [5.0, -0.2]
 """The paper's constraint point (time in s, z₂)."""
 
 Z2_MARGIN = 0.01
-"""Distance from z₂ = 0 that problems/paper.toml and problems/z2-limit.toml keep."""
+"""Least distance from z₂ = 0 in problems/paper.toml and problems/z2-limit.toml."""
 
 DATA: dict[str, Any] = {
     "title": "the paper's example",
@@ -37,11 +37,11 @@ class Cases:
 
     Attributes:
         free: Polynomial plan without a constraint point (the paper's Fig. 4).
-        point: Polynomial plan with the constraint point (its Fig. 5); not executable.
+        point: Polynomial plan with the constraint point (the paper's Fig. 5); not executable.
         valid: Polynomial plan inside the domain, at the travel with the least peak input.
         best: Plan of least effort with free travel.
         crossing: Plan of least effort at the travel of Figs. 4 and 5, on which z₂ changes sign.
-        kept: Plan of least effort at that travel with z₂ ≤ −`Z2_MARGIN`.
+        kept: Plan of least effort at the travel of Figs. 4 and 5 with z₂ ≤ −`Z2_MARGIN`.
         replay: Replay of `valid` on random machines like the emulated prototype.
     """
 
@@ -56,12 +56,12 @@ class Cases:
 
 @cache
 def paper_problem(**goal: Any) -> Problem:
-    """Return the paper's example without limits; keywords change its `[goal]` table."""
+    """Return the paper's example without limits; keywords change the `[goal]` table."""
     return Problem.from_dict({**DATA, "goal": {**DATA["goal"], **goal}}, "the paper's example")
 
 
 def cases(samples: int, seed: int) -> Cases:
-    """Plan and replay everything that the figures show."""
+    """Make all plans and the replay that the paper's figures show."""
     printed = paper_problem(travel=TRAVEL)
     valid = solve(paper_problem(), "polynomial")
     return Cases(

@@ -7,19 +7,18 @@ statements, computed by replays. The most probable x minimises
 
 (least squares; a normal prior on x and normal reading errors). A statement that says "at most"
 counts only if it is exceeded. The largest errors of θ₃ and θ₂ are computed with the quasi-static
-model, the default. The deviations of the motors from their commands are computed with the dynamic
-model, in which the load acts on the motors.
+model, the default. The deviations of the motors from their commands, and the torque of motor 1, are
+computed with the dynamic model, in which the load acts on the motors.
 
 `planner.identify` solves a different problem: it fits thousands of readings with a robust loss,
 offsets of each log and a bootstrap. Here there are five numbers, two of them bounds. Both use
 SciPy's `least_squares`, but a common function would save only about ten lines.
 
 Identifiability: for observables f(x) with reading errors σ, the scaled sensitivity S = (∂f/∂x)/σ at
-standardised parameters x has the singular values s₁ ≥ s₂ ≥ … Along a direction
-in parameter space with s > 1 the data determine more than the ranges do; with s = 0 they determine
-nothing. Of a parameter's
-spread over its range remains the share √((1 + SᵀS)⁻¹)ᵢᵢ (linear theory, normal errors): 1 means not
-identifiable, 0 known.
+standardised parameters x has the singular values s₁ ≥ s₂ ≥ … Along a direction in parameter space
+with s > 1 the data determine more than the ranges do; with s = 0 the data determine nothing. Of a
+parameter's spread over its range the share √((1 + SᵀS)⁻¹)ᵢᵢ remains (linear theory, normal errors):
+1 means not identifiable, 0 known.
 """
 
 from __future__ import annotations
@@ -42,13 +41,13 @@ from planner.plan.plan import Plan
 from planner.support.arrays import Array
 
 HALF_STEP = 0.1
-"""Half the step of central differences, in standard deviations of a parameter's range."""
+"""Half of the step of central differences, in standard deviations of a parameter's range."""
 
 FIT_TOLERANCE = 5e-3
 """Tolerance of the fit, in standard deviations of the ranges."""
 
 PRESET_DIGITS = 3
-"""Significant digits of the preset."""
+"""Number of significant digits of the parameters in the prototype preset."""
 
 TARGETS = np.array([s.target for s in STATEMENTS])
 TOLERANCES = np.array([s.tolerance for s in STATEMENTS])
@@ -57,7 +56,7 @@ BOUNDS = np.array([s.bound for s in STATEMENTS])
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The result of a fit.
+    """The result of a fit of the prototype's parameters to the paper's statements.
 
     Attributes:
         x: Standardised parameters, (P,).
@@ -73,18 +72,19 @@ class Fit:
 
     @property
     def distance(self) -> float:
-        """Distance of x from the centres of the ranges (norm), in standard deviations."""
+        """Distance (norm) of all parameters from the centres of their ranges, in standard deviations."""
         return float(np.linalg.norm(self.x))
 
 
 def difference_points(x: Array) -> list[dict[str, float]]:
-    """Return 1 + 2 P parameter sets: x, then x with each coordinate one step up, then one down."""
+    """Return 1 + 2 P parameter sets: x, x with each entry half a step up, x with each half down."""
     steps = HALF_STEP * np.eye(len(x))
     return [values(p) for p in (x, *(x + steps), *(x - steps))]
 
 
 def central_differences(values: Array) -> Array:
-    """Return derivatives (…, P) by standardised parameters, from values at `difference_points`."""
+    """Return derivatives (…, P) by standardised parameters from values (1 + 2 P, …) at
+    `difference_points`."""
     count = len(values) // 2
     return np.moveaxis((values[1 : 1 + count] - values[1 + count :]) / (2 * HALF_STEP), 0, -1)
 
@@ -98,7 +98,7 @@ def statement_values(plan: Plan, points: list[dict[str, float]], **changes: Any)
 
 
 def fit(plan: Plan, **changes: Any) -> Fit:
-    """Fit `FITTED_PARAMETERS` without the bounds; fit again while a bound is exceeded.
+    """Fit `FITTED_PARAMETERS` to the statements without bounds; fit again while a bound is exceeded.
 
     Each exceeded bound ("at most") enters the next fit as an equality: a one-sided residual has a
     kink, at which least squares would stop too early.
@@ -132,33 +132,34 @@ def fit(plan: Plan, **changes: Any) -> Fit:
 
 
 def to_preset_digits(value: float) -> float:
-    """Round to the digits of the preset."""
+    """Round a value to the significant digits of the preset."""
     return float(f"{value:.{PRESET_DIGITS}g}")
 
 
 READ_DEG, READ_PERCENT = 0.25, 1.0
-"""Reading error of a curve in the paper's figures: half a line's width."""
+"""Reading error of a curve in the paper's figures, half the width of a line: of angles, deg, and of
+motor speeds, % of the peak."""
 
 ENCODER_DEG, TACHO_PERCENT = 0.088, 0.1
-"""Resolution of the prototype's own encoders and tachometers."""
+"""Resolution of the prototype's encoders, deg, and tachometers, % of the peak speed."""
 
 CURVE_STRIDE = 5
-"""Every fifth record of a curve counts as a reading, that is one per 0.05 s."""
+"""Number of records per reading of a curve, so that a reading is taken every 0.05 s."""
 
 DURATION_RATIOS = (0.5, 1.0, 4.0)
-"""Durations of the most informative runs, relative to that of the paper's motion."""
+"""Durations of the runs with encoders, relative to the duration of the paper's motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class DataSet:
-    """A set of measured data.
+    """A set of measured data, and how well the data determine the parameters.
 
     Attributes:
         name: What was measured.
         count: Number of measured values.
         singular: Singular values of the scaled sensitivity, (P,), decreasing.
-        directions: Direction in the space of standardised parameters for each of them, one per row,
-            (P, P).
+        directions: Direction in the space of standardised parameters for each singular value, one
+            per row, (P, P).
         remaining: Share of each parameter's spread that remains given the data, (P,).
     """
 
@@ -170,16 +171,16 @@ class DataSet:
 
     @property
     def rank(self) -> int:
-        """Number of directions along which the data determine more than the ranges."""
+        """Number of directions along which the data determine more than the ranges of parameters."""
         return int(np.sum(self.singular > 1))
 
 
 def identify(plan: Plan, fit: Fit) -> tuple[DataSet, ...]:
-    """Return how well three data sets determine the parameters.
+    """Compute how well each of three data sets determines the fitted parameters.
 
-    These are the paper's words (its statements), the curves in its figures, and records that the
-    prototype's encoders and tachometers could have given at three speeds. Bounds are left out,
-    because an inequality gives no value.
+    The data sets are the paper's statements in words, the curves in the paper's figures, and
+    records that the prototype's encoders and tachometers could have given at three speeds. Bounds
+    are left out, because an inequality gives no value.
     """
     points = difference_points(fit.x)
     machine = nominal_machine(points[0], fidelity="dynamic")
@@ -207,7 +208,7 @@ def _run(
 
 
 def _curves(motion: PaperReplays, degrees: float, percent: float) -> Array:
-    """Return scaled sensitivities of all recorded angles and motor speeds, shape (readings, P)."""
+    """Return the scaled sensitivities of all readings of angles and speeds, shape (readings, P)."""
     curves = np.concatenate([motion.error / degrees, motion.motors / percent], axis=2)
     return central_differences(curves[:, ::CURVE_STRIDE].reshape(len(curves), -1))
 
@@ -221,9 +222,9 @@ def _data(name: str, scaled: Array) -> DataSet:
 
 
 def main_parameters(data: DataSet, k: int, least: float = 0.15) -> dict[str, float]:
-    """Return the components of direction k that reach `least` in magnitude, largest first.
+    """Return the components of direction k of a data set that reach `least`, largest first.
 
-    Keys are names of parameters. The sign of the direction makes the largest component positive.
+    Keys are names of parameters. The direction's sign makes the largest component positive.
     """
     names = list(values(np.zeros(len(data.remaining))))
     row = data.directions[k] * np.sign(data.directions[k][np.argmax(np.abs(data.directions[k]))])

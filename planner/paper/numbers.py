@@ -1,6 +1,6 @@
-"""Compare the paper's printed numbers and claims with our results, each with a verdict.
+"""Comparison of the paper's printed numbers and claims with our results, each with a verdict.
 
-The module also finds travels and constraint points with which the paper's singularity avoidance
+The file also finds travels and constraint points with which the paper's singularity avoidance
 works. A constraint point prescribes z₂ at one time, eq. (28).
 """
 
@@ -43,7 +43,7 @@ Verdict = Literal[
 
 @dataclass(frozen=True)
 class PaperNumber:
-    """One printed number or claim.
+    """A printed number or claim of the paper, compared with our result.
 
     Attributes:
         where: Place in the paper.
@@ -59,7 +59,7 @@ class PaperNumber:
 
 
 def findings(cases: Cases) -> list[PaperNumber]:
-    """Return all findings, in the order of the paper."""
+    """Return all findings on the paper's numbers and claims, in the order of the paper."""
     return [
         *_contacts(),
         *_controllability(),
@@ -72,7 +72,7 @@ def findings(cases: Cases) -> list[PaperNumber]:
 
 
 def turned_ratio(degrees: Array, lateral: float, share: float = 0.0) -> Array:
-    """Return the share of speed that three equally turned contacts transmit; in eq. (6), cos³θ.
+    """Return the share of speed that three equally turned contacts transmit, cos³θ by eq. (6).
 
     Args:
         degrees: Angle by which all contacts are turned, any shape.
@@ -254,7 +254,7 @@ def _sensitivity(cases: Cases) -> PaperNumber:
 
 
 CALM_LIMITS = {"limits": {"input_rad_s": [0.6, 0.6]}}
-"""Input limits of the desensitised plan; without them its inputs would grow without bound."""
+"""Input limits of the desensitised plan; without limits the inputs would grow without bound."""
 
 
 def _drive_torque(plan: Plan) -> PaperNumber:
@@ -286,18 +286,18 @@ CROSSING_DETOURS: tuple[tuple[float, Points], ...] = (
     (0.7932, "auto"),
     (0.7925, "auto"),
 )
-"""Travels at which the plain cubic crosses z₂ = 0, and constraint points that avoid it."""
+"""Travels at which the plain cubic crosses z₂ = 0, each with points that avoid the crossing."""
 
 MISSING_ANGLE_DETOURS: tuple[tuple[float, Points], ...] = (
     (0.85, [[0.5, -0.0946]]),
     (0.85, "auto"),
     (0.87, "auto"),
 )
-"""Travels at which the cubic keeps z₂ < 0 but has no real θ₁, and points that avoid it."""
+"""Travels at which the plain cubic keeps z₂ < 0 but lacks a real θ₁, each with points that help."""
 
 
 def detour(travel: float, points: Points) -> Plan:
-    """Return a verified plan by the paper's polynomial with constraint points.
+    """Return a plan of the paper's example by the polynomial law with constraint points.
 
     Raises:
         SingularError: If the path still leaves the domain.
@@ -327,20 +327,22 @@ def _detour_text(plan: Plan) -> str:
 
 
 def margins_at_paper_point(travels: int = 301) -> Array:
-    """Return the least chart margin with the paper's point, for travels from 0.7 to 1 rad."""
+    """Return the least chart margin of the path through the paper's point, by travel, (travels,).
+
+    The travels are spaced evenly from 0.7 to 1 rad."""
     motions = _motions(np.linspace(0.70, 1.00, travels), [Point(*POINT)])
     return score(paper_problem(), motions.curves).margin
 
 
 @dataclass(frozen=True)
 class Scan:
-    """Constraint points with the paper's value of z₂ that keep the path inside the domain.
+    """Result of a search for constraint points, with the paper's z₂, that keep a path in the domain.
 
     Only travels are tried at which the plain cubic, without a constraint point, crosses z₂ = 0.
 
     Attributes:
         trials: Number of pairs of travel and time tried.
-        inside: Travel (rad) and time (s) of pairs with a path inside the domain, shape (m, 2).
+        inside: Pairs of travel (rad) and time (s) with a path inside the domain, shape (m, 2).
     """
 
     trials: int
@@ -348,7 +350,7 @@ class Scan:
 
 
 def scan() -> Scan:
-    """Try the paper's value of z₂ at many times and travels, more densely where it helps."""
+    """Try the paper's value of z₂ at many times and travels, most densely where paths stay inside."""
     travels = np.concatenate([np.linspace(0.70, 1.00, 61), np.linspace(0.7929, 0.7936, 8)])
     times = np.concatenate([np.linspace(0.5, 9.5, 37), np.linspace(3.8, 4.2, 9)])
     plain = _motions(travels, []).z

@@ -1,4 +1,4 @@
-"""Recompute the paper's figures and numbers, and write a page that explains them."""
+"""Recompute the paper's figures and numbers, and write a page that explains both."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ class Reproduction:
 def reproduce(
     path: str | Path, samples: int = 200, seed: int = 0, progress: Tell | None = None
 ) -> Reproduction:
-    """Regenerate the paper's figures and check its numbers.
+    """Draw the paper's figures again, check the paper's numbers, and write both to a folder.
 
     Args:
         path: The folder to write; it is written completely or not at all.
         samples: Number of machines for Figs 9 and 10.
         seed: Seed of the machines.
-        progress: Called with the current step and the finished share, 0 … 1.
+        progress: Function that is called with the current step and the finished share, 0 … 1.
 
     Raises:
         InputError: If the folder cannot be written.
@@ -79,7 +79,7 @@ VALID_LABEL = "same law, travel chosen inside the domain"
 
 
 def figures(cases: Cases) -> dict[str, Figure]:
-    """Draw the figures; return them by file name without ending."""
+    """Draw the paper's figures; return each by its file name without ending."""
     free = {"no constraint point": cases.free}
     point = {f"constraint point ({POINT[0]:g} s, {POINT[1]:g})": cases.point}
     return {
@@ -98,7 +98,7 @@ def figures(cases: Cases) -> dict[str, Figure]:
 
 
 def _turned_contacts() -> Figure:
-    """Plot the speed of a joint behind three turned contacts, for several ratios of friction."""
+    """Plot a joint's speed behind three turned contacts against their angle, for ratios of friction."""
     figure, axes, _ = grid(1, 1, size=(6.4, 4.0))
     ax, degrees = axes[0, 0], np.linspace(0, 60, 241)
     ax.plot(degrees, np.cos(np.deg2rad(degrees)) ** 3, "k--", label="eq. (6): $\\cos^3\\theta$")
@@ -116,7 +116,7 @@ def _turned_contacts() -> Figure:
 
 
 def _finding(cases: Cases) -> Figure:
-    """Draw z₂ of Fig. 5 with the band −g(z₃) < z₂ < 0 in which a real θ₁ exists."""
+    """Draw z₂ of the paper's Fig. 5 with the band −g(z₃) < z₂ < 0 in which a real θ₁ exists."""
     figure, axes, _ = grid(1, 1, size=(6.4, 4.0))
     ax, t = axes[0, 0], np.linspace(0, cases.point.duration, 2001)
     z2 = cases.point.z(t)[:, 1]
@@ -139,7 +139,7 @@ def _finding(cases: Cases) -> Figure:
 
 
 def _motors(cases: Cases) -> Figure:
-    """Draw commands and motor speeds of the machine with median error."""
+    """Draw commands and motor speeds of the machine whose error is the median."""
     run = cases.replay
     figure, axes, _ = grid(1, 2, size=(4.2, 3.0))
     commanded, k = run.plan.trajectory.u(run.t), median_sample(run)
@@ -265,7 +265,7 @@ PAPER_FIGURES = (
 
 
 def _escape_separators(text: str) -> Markup:
-    """Escape only the separators of tables, since the texts are Markdown with formulas."""
+    """Escape the separators of a Markdown table in a text that is Markdown with formulas."""
     return Markup(text.replace("|", "\\|"))
 
 
@@ -278,7 +278,7 @@ FINDING_COLUMNS: list[Column[PaperNumber]] = [
 
 
 def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
-    """Return the text of README.md."""
+    """Return the text of README.md, the page with findings, misprints and figures."""
     command = f"planner reproduce --out results/paper --samples {samples} --seed {seed}"
     parts = [_HEAD.format(provenance=provenance(command)), "## Numbers and claims\n"]
     parts.append(markdown_table(FINDING_COLUMNS, findings) + "\n")

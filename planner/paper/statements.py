@@ -1,6 +1,6 @@
-"""The paper's statements about its prototype, and the quantities that replays compute for them.
+"""The paper's statements about its prototype, and the quantities in them as replays compute them.
 
-It also lists the range of each parameter of the prototype, with its source.
+The file also lists the range of each parameter of the prototype, with its source.
 
 The paper gives no data sheet, but its Figs 2 and 3 show two servo motors, friction disks, bevel
 gears, timing belts and long shafts on a bench. So the range of each parameter is that of typical
@@ -25,7 +25,7 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 STEP_S = 0.01
-"""Step of the replays in seconds. Its error, about 0.0002 deg, is far below the reading error of a
+"""Step of the replays, s. The resulting error, about 0.0002 deg, is far below the reading error of a
 figure.
 
 The motion is recorded at the same step. Where a gearhead reverses, the motor deviates from its
@@ -35,19 +35,19 @@ reversal (0.26 to 0.38 %)."""
 SETTLE_S = 0.5
 
 COUNT_FROM_S = 0.5
-"""Earlier times (s) do not count: there the first jump hides any deviation in the figure."""
+"""Time, s, before which deviations are ignored, since the first jump hides them in the figure."""
 
 
 @dataclass(frozen=True)
 class Statement:
-    """One sentence of the paper.
+    """A sentence of the paper that states a number about the prototype.
 
     Attributes:
         text: The statement.
-        target: The number it states.
-        tolerance: Standard deviation of that number.
-        unit: Unit of both.
-        bound: Whether it says "at most"; then any value below the target agrees.
+        target: The stated number.
+        tolerance: Standard deviation of the stated number.
+        unit: Unit of target and tolerance.
+        bound: Whether the paper says "at most"; then any value below the target agrees.
     """
 
     text: str
@@ -58,7 +58,7 @@ class Statement:
 
     @property
     def target_text(self) -> str:
-        """The range that the paper requires, in words."""
+        """Value or bound that the paper states, in words, such as "at most 5 deg"."""
         return f"{'at most ' if self.bound else ''}{self.target:g} {self.unit}"
 
 
@@ -80,7 +80,7 @@ STATEMENTS = (
 
 
 def calibration_plan() -> Plan:
-    """Return the paper's polynomial plan at the travel of least peak input inside the domain."""
+    """Return the polynomial plan of the paper's example, at the travel of least peak input."""
     return solve(paper_problem(), "polynomial")
 
 
@@ -91,8 +91,8 @@ class PaperReplays:
     Attributes:
         t: Recorded times, (R,), s.
         error: True minus planned angle, (S, R, n), deg.
-        motors: Speed of the motors, (S, R, 2), as a percentage of each command's peak.
-        gap: Speed minus command of the motors, in the unit and shape of `motors`.
+        motors: Speed of the motors, (S, R, 2), as a percentage of the peak of each command.
+        gap: Speed minus command of the motors, (S, R, 2), as a percentage of that peak.
         largest: Largest |error| over all steps, (S, n), deg.
         torque_share: Largest torque that the contacts require of motor 1, (S,), % of its limit.
     """
@@ -106,19 +106,19 @@ class PaperReplays:
 
     @property
     def statements(self) -> Array:
-        """The quantities of the five `STATEMENTS` on each machine, shape (S, 5)."""
+        """Computed values of the five `STATEMENTS` on each machine, shape (S, 5), in their units."""
         counted = (self.t >= COUNT_FROM_S) & (self.t < self.t[-1] - SETTLE_S - 1e-9)
         rms = np.sqrt(np.mean(self.gap[:, counted] ** 2, axis=1))
         return np.column_stack([self.largest[:, [2, 1]], rms, self.torque_share])
 
 
 def nominal_machine(values: Mapping[str, float], **changes: object) -> Machine:
-    """Return the prototype with these parameters and the given changes, without any spread."""
+    """Return the prototype with given parameters and changed effects, without any spread."""
     return Machine.prototype(step_s=STEP_S).nominal().with_(**{**settings(values), **changes})
 
 
 def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) -> PaperReplays:
-    """Replay a plan on one machine per parameter set; other effects are those of `machine`."""
+    """Replay a plan on S machines, one per parameter set in `points`, otherwise like `machine`."""
     joints = plan.problem.system.size - 1
     base = draw(machine, joints, np.arange(len(points)), 0)
     rows = [settings(p) for p in points]
@@ -145,7 +145,7 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
 
 
 def values(x: Array) -> dict[str, float]:
-    """Return parameters at standardised coordinates x (P,): 0 is a range's centre, ±2 its ends."""
+    """Convert standardised parameters x (P,), 0 at a range's centre and ±2 at its ends, to values."""
     return {
         r.key: r.centre * float(np.exp(r.width * xi))
         for r, xi in zip(FITTED_PARAMETERS, x, strict=True)
@@ -153,7 +153,7 @@ def values(x: Array) -> dict[str, float]:
 
 
 def settings(parameters: Mapping[str, float]) -> dict[str, float | list[float]]:
-    """Convert parameters by key to effects of the machine; values of single joints form a list."""
+    """Convert parameters by key to effects of a machine; values of single joints form a list."""
     out: dict[str, float | list[float]] = {}
     for key, value in parameters.items():
         name, *joint = key.split(JOINT_MARK)
@@ -162,16 +162,16 @@ def settings(parameters: Mapping[str, float]) -> dict[str, float | list[float]]:
 
 
 JOINT_MARK = " of joint "
-"""Separates effect and joint in the key of a parameter."""
+"""Text between effect and joint in the key of a parameter."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A fitted parameter.
+    """A parameter of the prototype that is fitted, with its range.
 
     Attributes:
-        name: Effect of the machine; its unit is that of the `[machine]` table.
-        low, high: Ends of its range.
+        name: Effect of the machine, in the unit of the `[machine]` table.
+        low, high: Ends of the range, the central 95 % of a log-normal distribution.
         source: Where the range comes from.
         joint: The joint, if joints 2 and 3 have separate values.
     """
@@ -194,7 +194,7 @@ class Parameter:
 
     @property
     def width(self) -> float:
-        """Standard deviation of the parameter's logarithm."""
+        """Standard deviation of the parameter's natural logarithm: a quarter of the range."""
         return float(np.log(self.high / self.low) / 4)
 
 
@@ -261,7 +261,7 @@ FIXED_PARAMETERS: dict[str, str] = {
     "initial_angle_error_deg": "set by eye or against a stop before each run; mean 0, drawn",
     "encoder_resolution_deg": "1024 lines, four edges each; affects the readings, not the motion",
 }
-"""Sources of the parameters that are not fitted: no statement of the paper determines them."""
+"""Sources of the values of all other parameters, which no statement of the paper determines."""
 
 SPREADS: dict[str, float] = {
     "friction_capacity_nm": 0.1,
@@ -270,4 +270,5 @@ SPREADS: dict[str, float] = {
     "shaft_stiffness_nm_per_rad": 0.1,
     "coulomb_friction_nm": 0.2,
 }
-"""Spread between machines, as a share of the value: tolerances of manufacture and assembly."""
+"""Spread of parameters between machines, as a share of the value, by effect: tolerances of
+manufacture and assembly."""

@@ -1,4 +1,4 @@
-"""Candidates for a plan, and a store of the best that a search has found so far."""
+"""Candidates for a plan, and a store of the best candidates that a search has found so far."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from planner.methods.collocation.task import Solution, Task
 from planner.support import deadline, progress
 
 SHORT_OF_TIME_S = 30.0
-"""With less time left than this, s, a motion is made exact as soon as it is found."""
+"""Remaining time, s, below which a search makes each motion exact as soon as it is found."""
 
 
 class Exactness(IntEnum):
-    """How much of a candidate's task is known to hold; the values are ranks."""
+    """Rank of a candidate by how much of its task is known to hold."""
 
     FAILED = 0
-    """Some rows are broken."""
+    """Some rows of the programme are broken."""
     SOLVED = 1
-    """All rows hold at the points of the mesh."""
+    """All rows of the programme hold at the points of the mesh."""
     ACCEPTED = 2
     """The true motion ends near the goal, and limits hold between the nodes to `verify`'s
     tolerance."""
@@ -35,17 +35,17 @@ class Exactness(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A solution with its task and origin.
+    """A solution with its task and its origin in the search.
 
     Attributes:
-        task: The task that it solves.
+        task: The task that is solved.
         solution: The solution.
         start: Name of the first guess.
-        stage: Name of the stage that found it.
+        stage: Name of the stage that found the solution.
         route: Index of the variant of the problem (order of waypoints, branch of the goal).
-        final: Whether it is an answer of its stage, not an intermediate result.
-        checked: Its exactness if the solution is ok.
-        notes: Facts of its refinement, JSON-ready.
+        final: Whether the solution is the answer of the stage, not an intermediate result.
+        checked: Exactness of the candidate if the solution is ok.
+        notes: Facts of the refinement, JSON-ready.
     """
 
     task: Task
@@ -59,24 +59,24 @@ class Candidate:
 
     @property
     def exactness(self) -> Exactness:
-        """How much of the task holds."""
+        """Exactness of the candidate: how much of its task holds."""
         return self.checked if self.solution.ok else Exactness.FAILED
 
     @property
     def rank(self) -> tuple[int, float]:
-        """Order among candidates, the best last: by exactness, then objective (or residual)."""
+        """Sort key, greatest for the best candidate: exactness, then −objective (or −residual)."""
         solution = self.solution
         return self.exactness, -(solution.objective if solution.ok else solution.residual)
 
 
 class Best:
-    """The best candidates that a search holds at any time.
+    """The best candidates that a search has found so far.
 
     Args:
         accuracy: Required accuracy of exact motions, see `exact_motion`.
 
     Attributes:
-        candidates: The best candidate of each exactness, if there is one.
+        candidates: The best candidate of each exactness that has been reached.
     """
 
     def __init__(self, accuracy: float) -> None:
@@ -85,18 +85,18 @@ class Best:
 
     @property
     def motions(self) -> list[Candidate]:
-        """The candidates from which a plan may be made."""
+        """Candidates that are motions, from which a plan may be made."""
         return [each for each in self.candidates.values() if each.solution.ok]
 
     def holds(self) -> bool:
-        """Return whether any candidate can become a plan."""
+        """Return whether a plan can be made from a candidate found so far."""
         return bool(self.motions)
 
     def take(self, candidate: Candidate) -> None:
-        """Keep a candidate if it is the best of its exactness.
+        """Keep a candidate if it is the best of its exactness so far.
 
-        A candidate that is only solved must also clear all discs between the nodes. It is made
-        exact at once if little time is left.
+        A candidate that is only solved must also clear all discs between the nodes. If little time
+        is left, such a candidate is made exact at once.
         """
         exactness, solved = candidate.exactness, candidate.exactness is Exactness.SOLVED
         rival = self.candidates.get(exactness)
@@ -111,7 +111,7 @@ class Best:
                 self.make_exact()
 
     def make_exact(self) -> None:
-        """Make the best solution exact, in about 1 s, if its task limits only joints and inputs."""
+        """Make the best solved candidate exact, in about 1 s, if its task `has_only_limits`."""
         best = self.candidates.get(Exactness.SOLVED)
         if best is None or not has_only_limits(best.task):
             return

@@ -1,4 +1,4 @@
-"""Check an iterate between its nodes: how far it is from the true motion, and broken limits.
+"""Check an iterate between its nodes: its distance from the true motion, and broken limits.
 
 The file also estimates how much of the objective finer intervals would save.
 """
@@ -19,39 +19,39 @@ from planner.support.arrays import Array
 from planner.support.calculus.bernstein import basis
 
 INTERPOLANT = 10.0
-"""Difference of the interpolant from the true motion that is allowed at any time, as a multiple of
-that allowed at the end."""
+"""Largest difference between interpolant and true motion at any time, as a multiple of the largest
+difference allowed at the end."""
 
 DRAWN_IN_SLACK = 1e-7
-"""Additional distance, relative to a limit, by which a broken limit is tightened."""
+"""Additional amount, relative to a limit, by which a broken limit is tightened."""
 
 CUBIC_BULGE = 0.0642
-"""Largest difference of a cubic from the parabola through three even samples, in units of its third
-difference."""
+"""Largest distance between a cubic and the parabola through three even samples of it, as a multiple
+of the third difference of the samples."""
 
 LARGEST_STEP, MAX_PARTS = 0.5, 100
 """Largest move of a link between two samples, in radii of a disc; and the largest number of parts
 into which the step between two samples is cut to achieve this."""
 
 ROUNDING = 1e-9
-"""Relative excess over a limit that counts as none, as in certificates."""
+"""Relative excess over a limit below which the limit counts as kept, as in certificates."""
 
 
 SAVING = 1e-3
-"""Savings of a finer mesh below this share of the objective are ignored."""
+"""Share of the objective that a finer mesh must save at least, so that the saving counts."""
 
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
-    """A solution and samples of it between the nodes.
+    """A solution with samples between the nodes.
 
     Attributes:
-        task: The task that it solves.
+        task: The task that is solved.
         solution: The solution.
         curves: Samples of the iterate's interpolant and of the true motion under its input, at the
             same times, shape (2, K, M, N).
         end_error: Largest difference of a coordinate between the two curves at the end.
-        largest_error: The same at any time.
+        largest_error: Largest difference of a coordinate between the two curves at any time.
     """
 
     task: Task
@@ -62,21 +62,21 @@ class Inspection:
 
     @cached_property
     def excess(self) -> Array:
-        """Excess of the worse curve over each part of the requirements, (K, R), see `excess`."""
+        """Excess of the worse curve over each part of the requirements, (K, R), as by `excess`."""
         return excess(self.task, self.solution.iterate, self.curves)
 
     @cached_property
     def savings(self) -> Array:
-        """Estimated share of the objective that finer intervals would save, shape (K,)."""
+        """Estimated share of the objective that a finer mesh would save in each interval, (K,)."""
         return _savings(self.task, self.solution)
 
     def fine(self, accuracy: float) -> bool:
-        """Return whether the motion needs no finer mesh."""
+        """Return whether the mesh is fine enough for an accuracy of the end, in rad or m."""
         return self.end_error <= accuracy and self.largest_error <= INTERPOLANT * accuracy
 
 
 def inspect(task: Task, solution: Solution) -> Inspection:
-    """Sample an iterate and the true motion under its input."""
+    """Sample a solution's interpolant and the true motion under its input between the nodes."""
     iterate, form = solution.iterate, task.nlp.form
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
     values = values[..., : task.problem.system.size]
@@ -87,8 +87,7 @@ def inspect(task: Task, solution: Solution) -> Inspection:
 
 
 def _savings(task: Task, solution: Solution) -> Array:
-    """Return the estimated cost of each interval due to inputs that bend or jump only at its edges,
-    (K,).
+    """Estimate the share of the objective that a finer mesh would save in each interval, (K,).
 
     The optimal input differs from the piecewise one by about its kinks: where a linear input must
     begin at rest or bend at a limit, the cost is a tenth of a squared triangle. Kinks that change
@@ -116,17 +115,16 @@ def _savings(task: Task, solution: Solution) -> Array:
 
 @lru_cache(maxsize=16)
 def _basis(kind: Kind, degree: int) -> Array:
-    """Return the matrix (M, d+1) from values at the left edge and collocation points to samples
-    between."""
+    """Return the matrix (M, d+1) from values at the left edge and the points to even samples."""
     tau = np.arange(STEPS + 1) / STEPS
     return np.asarray(basis(degree, tau).T @ scheme(kind, degree).bernstein)
 
 
 def clears(task: Task, solution: Solution) -> bool:
-    """Return whether links clear all discs between the points of the mesh too.
+    """Return whether links clear all discs also between the points of the mesh.
 
-    A link that enters a disc by less than half its radius counts as clear, since refinement can
-    move it out.
+    A link that enters a disc by less than half the disc's radius counts as clear, since refinement
+    can move the link out.
     """
     requirements = [requirement for requirement in task.requirements if requirement.divides]
     if not requirements:
@@ -142,7 +140,7 @@ def excess(
 ) -> Array:
     """Return by how much curves exceed each part of the requirements in each interval, (K, R).
 
-    The excess is zero where a limit holds, and else slightly enlarged, see `limit_excess`.
+    The excess is zero where a limit holds, elsewhere slightly enlarged, see `limit_excess`.
 
     Args:
         task: The task.
@@ -175,7 +173,7 @@ def excess(
 
 
 def _dense(system: Any, curves: Array, thickness: float) -> Array:
-    """Add samples to curves (C, K, M, N) so that no link can skip a disc of `thickness`."""
+    """Add samples to curves (C, K, M, N) so that no link skips a disc of radius `thickness`, m."""
     points = system.arm_points(curves[..., 1:])
     length = float(np.linalg.norm(np.diff(points, axis=2), axis=-1).max())
     count = int(np.clip(np.ceil(length / (LARGEST_STEP * thickness)), 1, MAX_PARTS))
@@ -188,8 +186,8 @@ def _dense(system: Any, curves: Array, thickness: float) -> Array:
 def limit_excess(curves: Array, limit: Array, scale: Array) -> Array:
     """Return the excess over a limit in each interval (K, …), enlarged by just over a tenth, or 0.
 
-    The samples have the shape (C, K, M, …). A parabola through three of them rises above the
-    highest by at most a quarter of the step to a neighbour; in most cases this bound is enough.
+    `curves` are samples (C, K, M, …). A parabola through three samples rises above the highest by
+    at most a quarter of the step to a neighbour; in most cases this bound is enough.
     """
     flat = curves.reshape(-1, *curves.shape[2:])
     before, after = flat[:, :-1], flat[:, 1:]
@@ -201,11 +199,11 @@ def limit_excess(curves: Array, limit: Array, scale: Array) -> Array:
 
 
 def peaks(values: Array) -> Array:
-    """Bound the greatest value in each interval, (K, …), from samples (K, M, …).
+    """Estimate the greatest value in each interval, (K, …), from samples (K, M, …).
 
-    The bounds are the peaks of the parabolas through three samples, plus the possible difference
-    of a cubic. A peak may lie anywhere between the three, since near an interval's end there is no
-    sample beyond it.
+    Estimates are the peaks of the parabolas through three samples, plus the possible difference of
+    a cubic. A peak may lie anywhere between the three, since an interval has no samples beyond its
+    ends.
     """
     inner = values[:, 1:-1]
     before, after = values[:, :-2], values[:, 2:]
@@ -217,7 +215,7 @@ def peaks(values: Array) -> Array:
 
 
 def _jumps(bend: Array) -> Array:
-    """Return by how much second differences (K, M, …) differ from a neighbour, at most."""
+    """Return the largest change from each second difference (K, M, …) to a neighbour."""
     steps = np.abs(np.diff(bend, axis=1))
     none = np.zeros_like(bend[:, :1])
     left, right = (np.concatenate(both, axis=1) for both in ([none, steps], [steps, none]))

@@ -1,8 +1,8 @@
 """First guesses: seeds, that is excursions of the two driven coordinates on the way to the goal.
 
 The path coordinate q₁ and the driven coordinate q₂ follow a straight line plus the seed's
-excursion; the others follow a straight line. The guess does not obey the kinematics; the solver
-corrects that. Excursions are needed where a straight line has zero slopes, as at θ = 0, and where
+excursion; the others follow a straight line. The guess ignores the kinematics, which the solver
+then enforces. Excursions are needed where a straight line has zero slopes, as at θ = 0, and where
 the path coordinate must reverse.
 
 The rates of an arm depend on θ₁ only through cos θ₁. So a motion that crosses θ₁ = 0 and comes back
@@ -43,20 +43,20 @@ from planner.systems.manipulator import Manipulator
 
 Excursion = Callable[[Array], Array]
 SAMPLES = 1001
-"""Samples of a guess before it is put on a mesh, many more than such a mesh has nodes."""
+"""Number of samples of a guess before it is put on a mesh, many more than a mesh has nodes."""
 
 LARGEST_GUESS_RAD = 1.3
-"""Largest q₂ of a guess; beyond it, near 90 degrees, the drive hardly moves the joints."""
+"""Largest |q₂| of a guess, rad; nearer to 90 degrees the drive hardly moves the joints."""
 
 
 @dataclass(frozen=True)
 class Seed:
-    """A named excursion.
+    """A named excursion of q₁ and q₂ from the straight line, which makes a first guess.
 
     Attributes:
-        name: For reports.
-        path: Excursion of q₁ as a function of s in [0, 1]; `guess` scales it by half the travel if
-            that exceeds one.
+        name: Name of the first guess in reports.
+        path: Excursion of q₁ as a function of s in [0, 1]; `guess` multiplies it by half of the
+            travel if this half exceeds one.
         driven: Excursion of q₂ as a function of s.
     """
 
@@ -66,7 +66,7 @@ class Seed:
 
 
 def seeds(kind: str, count: int = 12, sides: int = 1) -> list[Seed]:
-    """Return the seeds of one kind, or for "auto" all of them in the order in which they are tried.
+    """Return the seeds of one kind, or for "auto" of all kinds, in the order of trial.
 
     - straight: a line with a slight excursion of q₂; if `sides` is 2, one seed for each side.
     - reverse: q₁ first leaves the line, then returns late; q₂ goes out and back.
@@ -82,7 +82,7 @@ def seeds(kind: str, count: int = 12, sides: int = 1) -> list[Seed]:
 
 
 SIGNS = ((-1, 1), (1, -1), (1, 1), (-1, -1))
-"""Signs of the excursions of q₁ and q₂: every first direction with every side."""
+"""Pairs of signs of the excursions of q₁ and q₂: every first direction with every side."""
 
 
 @lru_cache(maxsize=1)
@@ -101,8 +101,7 @@ def guess(
     seed: Seed,
     about: StateTrajectory | None = None,
 ) -> Iterate:
-    """Return the initial values of the unknowns for a seed added to a straight line or to a given
-    motion."""
+    """Return the first guess of a seed on a mesh, added to a straight line or to motion `about`."""
     s = np.linspace(0.0, 1.0, SAMPLES)
     q = _states(problem, mesh, seed, s, about)
     rates = np.gradient(q[:, :2], s, axis=0)
@@ -152,21 +151,20 @@ def _states(
 
 
 def sides(problem: Problem) -> int:
-    """Return the number of sides of θ₁ = 0 on which a motion may begin: two if its ends are on both
-    sides."""
+    """Return on how many sides of θ₁ = 0 a motion may begin: 2 if start and goal lie on both."""
     if not _has_mirror(problem):
         return 1
     return 2 if problem.start[1] * problem.likely.goal[1] < 0 else 1
 
 
 def _has_mirror(problem: Problem) -> bool:
-    """Return whether motions may be mirrored at θ₁ = 0."""
+    """Return whether motions of a problem may be mirrored at θ₁ = 0."""
     is_arm = isinstance(problem.system, Manipulator)
     return is_arm and not problem.divided and not problem.waypoints
 
 
 def _on_one_side(problem: Problem, line: Array, excursion: Array) -> Array:
-    """Return θ₁ of an arm along a guess, with no more crossings of zero than its ends require.
+    """Return θ₁ of an arm along a guess, with as few crossings of zero as the ends allow.
 
     A positive excursion leads away from zero. For systems and problems without this mirror symmetry
     the result is the sum of line and excursion.
@@ -181,8 +179,7 @@ def _on_one_side(problem: Problem, line: Array, excursion: Array) -> Array:
 
 
 def lines_through_waypoints(problem: Problem, knots: Array, travel: float, s: Array) -> Array:
-    """Return the straight lines from start to goal through the waypoints at s (S,), shape (S,
-    N)."""
+    """Return straight lines from start through waypoints to goal, at fractions s (S,), (S, N)."""
     goal = problem.likely.goal.copy()
     goal[0] = problem.start[0] + travel
     points = np.array([problem.start, *(w.q for w in problem.waypoints), goal])
@@ -222,7 +219,7 @@ def _reverse(path: float, driven: float) -> Seed:
 
 @lru_cache(maxsize=256)  # more than any search uses
 def wander(number: int) -> Seed:
-    """Return a smooth random loop, determined by its number."""
+    """Return the seed of the smooth random loop with the given number."""
     terms = 3 + number % 4
     path, driven = np.random.default_rng(number).normal(size=(2, terms)) * 0.75
 
@@ -234,33 +231,33 @@ def wander(number: int) -> Seed:
 
 
 def sign_of(value: float) -> str:
-    """Return "+" or "-", for the name of a seed."""
+    """Return the sign of a value as "+" or "-", for the name of a seed."""
     return "+" if value > 0 else "-"
 
 
 MOST_ORDERS = 6
-"""Largest number of orders of waypoints to try; the shortest by straight lines come first."""
+"""Largest number of orders of waypoints to try, those with the shortest straight lines first."""
 
 MOST_BRANCHES = 4
 """Largest number of branches (ways to bend the elbows) of a goal with free joints to try, the
 nearest first; three joints have no more. The motion may leave its branch to reach the best goal."""
 
 MAX_ORDERS = 5040
-"""Largest number of orders to sort: those of seven waypoints without a time, in about a second."""
+"""Largest number of orders to sort by length: seven waypoints without a time, in about a second."""
 
 LEAST_SHARE = 0.02
-"""Least share of the duration between two waypoints if the planner chooses it."""
+"""Least share of the duration that the planner gives to the part between two waypoints."""
 
 
 def routes(problem: Problem) -> list[Problem]:
-    """Return variants of the problem to search, the shortest by straight lines first.
+    """Return the variants of a problem to search, the shortest by straight lines first.
 
-    There is one for each order of the waypoints and, if the goal leaves joints free, for each
-    expected branch of the goal; at most `MOST_ORDERS` are tried. The list is empty if no goal is
-    found, and contains only the problem if there is no choice.
+    There is a variant for each order of the waypoints and, if the goal leaves joints free, for each
+    expected branch of the goal; at most `MOST_ORDERS` are returned. The list is empty
+    if no goal is found, and contains only the problem if there is no choice.
 
     Raises:
-        InputError: If there are too many orders.
+        InputError: If the waypoints have too many orders.
     """
     expected = [problem]
     if problem.free:
@@ -282,10 +279,9 @@ def routes(problem: Problem) -> list[Problem]:
 
 
 def mesh_through(problem: Problem, intervals: int) -> Mesh:
-    """Return a mesh of about `intervals` intervals: evenly spaced between waypoints, an edge at
-    each.
+    """Return a mesh of about `intervals` intervals, even between waypoints, with an edge at each.
 
-    A waypoint's edge is at its time; without a time it is placed in proportion to distance.
+    The edge lies at the waypoint's time; without a time it is placed in proportion to distance.
     """
     if not problem.waypoints:
         return uniform(intervals)
@@ -296,7 +292,9 @@ def mesh_through(problem: Problem, intervals: int) -> Mesh:
 
 
 def rebalance(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
-    """Redistribute the time among the parts between waypoints; None if the times have settled."""
+    """Redistribute the time among the parts between waypoints; return the new task and motion.
+
+    The result is None if the times have settled."""
     old = job.mesh.knots
     new = _balanced_knots(job, iterate)
     if np.max(np.abs(new - old)) < 0.002:
@@ -327,14 +325,14 @@ def _length(problem: Problem, order: tuple[Waypoint, ...]) -> float:
 
 
 def _steps(problem: Problem, order: tuple[Waypoint, ...]) -> Array:
-    """Straight-line distances between successive waypoints, in joint space without q₁."""
+    """Return the straight-line distances between successive waypoints in joint space without q₁."""
     places = np.linspace(0.0, 1.0, len(order) + 2)
     q = lines_through_waypoints(replace(problem, waypoints=order), places, 0.0, places)
     return np.asarray(np.linalg.norm(np.diff(q[:, 1:], axis=0), axis=1))
 
 
 def _place_knots(knots: Array, needs: Array) -> Array:
-    """Replace knots that are NaN: place them between their neighbours in proportion to `needs`."""
+    """Replace knots that are NaN by values between their neighbours, in proportion to `needs`."""
     covered = np.append(0.0, np.cumsum(needs))
     is_fixed = ~np.isnan(knots)
     out = np.interp(covered, covered[is_fixed], knots[is_fixed])

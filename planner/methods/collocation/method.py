@@ -42,20 +42,20 @@ CUT_SHORT = "ended the search; this is the best motion found so far"
 
 
 def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
-    """Minimise effort or time over motions that keep every limit.
+    """Plan the motion of least effort or time among motions that keep every limit.
 
     The plan's q(t) is the scheme's polynomial; its u(t) is linear or constant in each interval. For
     the search see `planner.methods.collocation.pipeline`. `notes["stage"]` names the stage that
     found the plan, `notes["start"]` its first guess, `notes["tried"]` the result of each guess. If
-    time is up before the search has ended, the best motion so far is refined: its status is
-    "time_limit", or "interrupted" after Ctrl-C, and `notes["ended_early"]` says so.
+    time is up before the search has ended, the best motion so far is refined: the plan's status is
+    "time_limit", or "interrupted" after Ctrl-C, and `notes["ended_early"]` says why.
 
     Raises:
         InputError: If the options contradict each other or the problem.
         TimeLimitError: If time is up before a motion is found.
-        InfeasibleError: If the duration is shorter than any motion can be; the error gives the
+        InfeasibleError: If the duration is proven too short for any motion; the error gives the
             shortest duration found.
-        NotConvergedError: If no motion is found, or none as short as the duration.
+        NotConvergedError: If no motion is found, or every motion found takes longer.
     """
     return _plan_from(problem, options, None)
 
@@ -104,7 +104,7 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
 def _finish_best(
     best: Best, span: Span, problem: Problem, options: CollocationOptions
 ) -> Candidate:
-    """Return the best candidate when time is up, refined in the time that is kept for this.
+    """Return the best candidate when time is up, refined in the time reserved for that.
 
     Raises:
         TimeLimitError: If no motion has been found.
@@ -136,7 +136,7 @@ def _plan(
     options: CollocationOptions,
     began: float,
 ) -> Plan:
-    """Return the plan of a refined candidate; `began` is the time at which the search began."""
+    """Make the plan of a refined candidate; `began` is the time at which the search began."""
     job, solution, search = candidate.task, candidate.solution, progress.current_progress()
     assert search is not None
     wall, trajectory = time.perf_counter() - began, job.curve(solution.iterate)
@@ -164,9 +164,9 @@ def _plan(
 
 
 def chosen_goal(problem: Problem, iterate: Iterate) -> dict[str, Any]:
-    """Return the end of a plan, for its notes, if the goal leaves coordinates free; else nothing.
+    """Return the end of a plan, for the plan's notes, if the goal leaves coordinates free; else {}.
 
-    The end is given by all joints in degrees, or by user coordinates with their names and units.
+    The end is given by all joints in degrees, or by user coordinates with their names.
     """
     if not problem.free:
         return {}
@@ -178,12 +178,12 @@ def chosen_goal(problem: Problem, iterate: Iterate) -> dict[str, Any]:
 
 
 def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan) -> Plan:
-    """As `plan_collocation`, but starting from a plan of another problem of the same system.
+    """Plan as `plan_collocation`, but start from a plan of another problem of the same system.
 
-    The plan may come from any method and have any start, goal, duration and limits; the nearer it
-    is, the faster the search. The answer is the optimum near it: other first guesses are tried only
-    if this fails. A plan of collocation also supplies its mesh. If the plan has the same ends, its
-    own motion at the required speed is the first result, so the answer is at least as good.
+    The plan `warm` may come from any method and have any start, goal, duration and limits; the
+    nearer it is, the faster the search. The answer is the optimum near `warm`: other first guesses
+    are tried only if this fails. A plan of collocation also supplies its mesh. If `warm` has the
+    same ends, its motion at the required speed is the first result, which the answer may improve.
 
     Raises:
         InputError: If the plan belongs to another system or cannot be executed.
@@ -194,7 +194,7 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
 
 
 def refuse_start(problem: Problem, warm: Plan) -> None:
-    """Raise InputError for a plan that cannot serve as a start."""
+    """Raise InputError for a plan that cannot serve as a first guess of a problem."""
     if warm.problem.system != problem.system:
         raise InputError(
             f"{problem.source}: warm is a plan of another system ({warm.problem.source}); it"
@@ -208,7 +208,7 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
 
 
 def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> Iterator[Candidate]:
-    """Yield the plan's own motion, if the problem has the same ends, then the optimum near it."""
+    """Yield the motion of plan `warm` if it has the problem's ends, then the optimum near it."""
     is_compatible = warm.method == NAME and options.intervals == "auto" and not problem.waypoints
     mesh = Mesh(warm.t / warm.duration) if is_compatible else search_intervals(problem)
     job = collocation_task(problem, options, mesh)
@@ -223,7 +223,7 @@ def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> 
 
 
 def _own_motion(job: Task, start: Iterate, accuracy: float) -> tuple[Task, Solution] | None:
-    """Return a plan's motion on the job's mesh, or else on its own mesh; None if limits break."""
+    """Return a plan's motion on the task's mesh, or else on its own mesh; None if limits break."""
     motion = job.judge(start)
     if motion.ok:
         return (job, motion) if clears(job, motion) else None
@@ -231,7 +231,7 @@ def _own_motion(job: Task, start: Iterate, accuracy: float) -> tuple[Task, Solut
 
 
 def _resample(job: Task, warm: Plan) -> Iterate:
-    """Sample a plan on the task's mesh, shifted linearly in time to run from start to goal."""
+    """Sample a plan on the task's mesh, plus a line so that it leads from the start to the goal."""
     problem, mesh, T = job.problem, job.mesh, warm.duration
     duration = problem.duration or T
     inside = mesh.at(job.nlp.form.scheme.points)

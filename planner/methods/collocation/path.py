@@ -1,4 +1,4 @@
-"""Find a path first, then its timing.
+"""Find a path first, then the timing of the path.
 
 The systems are driftless, so the path and its speed can be found separately. The path problem is
 smooth and has no limits on inputs: paths are found from several seeds, and the shortest are kept.
@@ -42,28 +42,27 @@ from planner.support.arrays import Array
 INFEASIBLE = "Infeasible_Problem_Detected"
 
 ALIKE, REPEATS, LEAST_PATHS = 5, 3, 9
-"""A search ends after `ALIKE` paths if all are the same; by then the straight line, and each first
-direction with each side, have been tried. Otherwise it ends once the shortest path has been found
-`REPEATS` times among at least `LEAST_PATHS`; by then each direction and side has been tried
-twice."""
+"""Numbers of paths that end a search: `ALIKE` paths if all are the same, by when the straight line,
+and each first direction with each side, have been tried; else `REPEATS` times the shortest path
+among at least `LEAST_PATHS`, by when each direction and side has been tried twice."""
 
 SUFFIX, MOST_FAILURES = ", moved", 16
-"""If the seeds lead to different paths, random loops about the shortest one are tried, whose names
+"""If the seeds lead to different paths, random loops about the shortest path are tried, whose names
 end with `SUFFIX`, until `MOST_FAILURES` in a row find no shorter path. Of 34 pairs of four joints
 within 45 degrees, 26 % ended more than 1 % above the shortest path known with 8 small loops in all;
 9 % did with this rule, in 2.2 times the time of the search."""
 
 SURE_ONE_WAY = 4
-"""Up to this number of coordinates (those of an arm with three joints) a motion whose drive never
-reverses ends the search. With more there may be a much shorter motion that reverses."""
+"""Largest number of coordinates (an arm of three joints has four) at which a motion whose drive
+never reverses ends the search. With more, a motion that reverses may be much shorter."""
 
 STANDSTILL_SHARE = 1e-6
-"""Inputs below this share of the greatest count as zero."""
+"""Share of the greatest input below which an input counts as zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class SeedPath:
-    """A path, its seed, and whether its links clear all discs between the nodes."""
+    """A path, the name of its seed, and whether the links clear all discs between the nodes."""
 
     seed: str
     solution: Solution
@@ -72,15 +71,15 @@ class SeedPath:
 
 @dataclass(eq=False)
 class PathSearch:
-    """The state of a search for paths.
+    """The state and result of a search for paths.
 
     Attributes:
         solved: Paths in the order in which they were found.
         failure: The last solution that failed, or None.
         log: One entry per seed, JSON-ready.
-        latest: The result of the last seed with its task: a failed path, or the path as a motion of
-            the job, to be used if there is no time for a better one. None if there is neither.
-        clear: Number of the paths whose links pass through no disc.
+        latest: The result of the last seed with its task: a failed path; or the path as a motion of
+            the job, to be used if no time is left for a better motion. None without either.
+        clear: Number of paths found whose links clear all discs.
     """
 
     solved: list[SeedPath] = field(default_factory=list)
@@ -91,7 +90,7 @@ class PathSearch:
 
     @property
     def distinct(self) -> list[SeedPath]:
-        """The different paths: first those that clear all discs, each group by length."""
+        """The different paths: first the paths that clear all discs, then the others, by length."""
         distinct: list[SeedPath] = []
         for path in sorted(self.solved, key=lambda path: (not path.clear, path.solution.objective)):
             if not distinct or not same_path(path.solution.objective, distinct[-1]):
@@ -108,13 +107,13 @@ def search(
     """Solve the task's path problem from one seed after the other until enough have converged.
 
     With `simple`, a single path whose drive never reverses is enough, and so is a path that is
-    found repeatedly. The search also ends if two thirds of the seeds in a row are infeasible. A
+    found repeatedly. The search also ends if the first two thirds of the seeds are infeasible. A
     path whose links pass through a disc between two nodes may become clear when it is timed, but
-    counts only half. If the seeds lead to different paths, they are followed by random loops about
-    the shortest one.
+    counts only half. If the seeds lead to different paths and the search is `simple`, random loops
+    about the shortest path follow.
 
     Yields:
-        The same search object, before the first seed and after each guess.
+        The search so far, always the same object, before the first seed and after each guess.
     """
     widths, state = [path_task(each) for each in _thicknesses(job)], PathSearch()
     free = widths[-1]
@@ -145,7 +144,7 @@ def search(
 
 
 def is_sure(problem: Problem) -> bool:
-    """Return whether a motion whose drive never reverses ends the search, see `SURE_ONE_WAY`."""
+    """Return whether, for a problem, a motion whose drive never reverses ends the search."""
     return problem.system.size <= SURE_ONE_WAY
 
 
@@ -160,7 +159,7 @@ def _try(
 
     Args:
         job: The task.
-        widths: Its path problem with thickened discs, from thick to thin, then the original.
+        widths: Path problems of the task with thickened discs, from thick to thin, then unchanged.
         state: The search, which is updated.
         seed: The first guess.
         about: The motion to which the seed is added; by default a straight line.
@@ -189,13 +188,13 @@ def _try(
 
 
 def _thicknesses(job: Task) -> list[Task]:
-    """Return the job with thickened discs, from thick to thin, then the job itself."""
+    """Return the task with thickened discs, from thick to thin, then the task itself."""
     *thick, _ = thicknesses(job.problem)
     return [*(job.for_problem(each, job.objective) for each in thick), job]
 
 
 def _shrink(tasks: list[Task], start: Iterate) -> Solution:
-    """Solve with the thickest discs, then from that path with thinner ones.
+    """Solve with the thickest discs, then from each path with the next thinner discs.
 
     If links would pass over a thinner disc, the previous path is kept.
     """
@@ -217,8 +216,8 @@ def _shrink(tasks: list[Task], start: Iterate) -> Solution:
 def path_task(job: Task) -> Task:
     """Return the path problem of a task: least effort, no limits on inputs, a reference duration.
 
-    It depends only on system, ends and geometry, so the same paths are found for every duration: if
-    a motion is found, every slower one is found too.
+    The path problem depends only on system, ends and geometry, so the same paths are found for
+    every duration: if a motion is found, every slower motion is found too.
     """
     unhurried = replace(job.problem, duration=strategy(job.nlp, job.settings).reference_s)
     demands = replace(job.demands, timeless=True)
@@ -228,27 +227,27 @@ def path_task(job: Task) -> Task:
 
 
 MOST_INPUT_ANGLE, INTERVAL_STEP, MOST_INTERVALS = 0.5, 20, 400
-"""For the mesh of a refined path: the largest integral of an input over an interval, rad, if joints
-are limited to 80 degrees; the number of which the number of intervals is a multiple, so that paths
-share transcriptions; and the largest number of intervals."""
+"""Settings of the mesh of a refined path: the largest integral of an input over an interval, rad,
+if joints are limited to 80 degrees; a divisor of the number of intervals, by which paths share
+transcriptions; and the largest number of intervals."""
 
 LEAST_FAST_INTERVALS, FAST_DENSITY = 100, 1.5
-"""Least number of intervals of a fastest motion, since a linear input needs them to switch; and the
-ratio of the motion's number of intervals to the path's."""
+"""Least number of intervals of a fastest motion, which a linear input needs to switch; and ratio of
+the number of intervals of the motion to that of the path."""
 
 PATH_ERROR = 1e-4
-"""Largest difference at the end, rad or m, between a path and its true motion; the motion's own
-mesh reduces it further."""
+"""Largest difference at the end, rad or m, between a path and its true motion; the mesh of the
+timed motion reduces the difference further."""
 
 
 def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
     """Solve a path on a mesh fine enough for its length, with limits kept inside intervals too.
 
-    On few intervals a path is shorter than any motion: it exceeds the joint limits between the
-    nodes, by half a radian if they are 40 degrees. So it first gets more nodes, then its limits are
-    tightened, and only then it is timed, since a path has no limits on inputs.
+    On few intervals a path is shorter than any motion: it exceeds joint limits between the nodes,
+    limits of 40 degrees by half a radian. So the path first gets more nodes, then tighter limits,
+    and is timed only afterwards, since a path has no limits on inputs.
 
-    The result is None if a solve fails.
+    The result, the path's task and the path, is None if a solve fails.
     """
     inspection = inspect(free, path)
     if inspection.end_error <= PATH_ERROR and not inspection.excess.any():
@@ -263,7 +262,7 @@ def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
 
 
 def halve_mesh(free: Task, path: Solution) -> tuple[Task, Solution]:
-    """Solve a refined path on intervals half as wide if it still differs from its true motion."""
+    """Solve a refined path again on intervals half as wide, if it differs from its true motion."""
     count = len(free.mesh.widths)
     if inspect(free, path).end_error <= PATH_ERROR or count >= MOST_INTERVALS:
         return free, path
@@ -273,7 +272,7 @@ def halve_mesh(free: Task, path: Solution) -> tuple[Task, Solution]:
 
 
 def path_intervals(free: Task, path: Iterate) -> int:
-    """Return the number of mesh intervals to refine a path on, from the length of its inputs."""
+    """Return the number of mesh intervals to refine a path on, from the integrals of its inputs."""
     left, right = path.input_ends()
     steps = np.abs(left + right) / 2 * (free.mesh.widths * path.duration)[:, None]
     limit = free.problem.limits.input
@@ -285,14 +284,15 @@ def path_intervals(free: Task, path: Iterate) -> int:
 
 
 def _round_up(count: float) -> int:
-    """Return the number of intervals, rounded up to one that other meshes share."""
+    """Round a number of intervals up to a multiple of `INTERVAL_STEP`, as other meshes have."""
     return INTERVAL_STEP * int(np.ceil(count / INTERVAL_STEP))
 
 
 def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
     """Time a refined path so that at every time one of its inputs is at its limit.
 
-    Its mesh is even in time; a path's mesh is even in length. Other limits on speed are ignored.
+    The motion's mesh is even in time; the path's mesh is even in length. Other limits on speed are
+    ignored. The result is the motion's task, and the motion.
 
     Args:
         job: The task.
@@ -310,7 +310,7 @@ def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
 
 
 def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Array]:
-    """Return the times of `clock` at the path's edges, (K+1,), s, and divisors of its inputs."""
+    """Return the times at the edges, (K+1,), s, of a path timed by `clock`, and inputs' divisors."""
     left, right = (end / problem.limits.input for end in path.input_ends())
     least = STANDSTILL_SHARE * float(np.max(np.abs([left, right])))
     first, middle, last = (
@@ -322,13 +322,13 @@ def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Arr
 
 
 def on_mesh(job: Task, free: Task, mesh: Mesh) -> Task:
-    """Return the job on a mesh, with limits kept inside intervals if `free` keeps them there."""
+    """Return the task on a mesh, with limits kept inside intervals if the path's task has such."""
     fine = job.on_mesh(mesh)
     return fine.with_inner_rows() if free.nlp.form.inner and not fine.nlp.form.inner else fine
 
 
 def _repeats_shortest(paths: Sequence[SeedPath]) -> bool:
-    """Return whether the shortest path has been found repeatedly."""
+    """Return whether the shortest path has been found often enough to end the search."""
     shortest = min(path.solution.objective for path in paths)
     again = sum(same_path(shortest, path) for path in paths)
     if len(paths) < LEAST_PATHS:
@@ -337,22 +337,22 @@ def _repeats_shortest(paths: Sequence[SeedPath]) -> bool:
 
 
 def same_path(effort: float, path: SeedPath) -> bool:
-    """Return whether a path of that effort counts as the same path."""
+    """Return whether a path of the given effort counts as the same path."""
     return abs(effort - path.solution.objective) <= 1e-6 * path.solution.objective
 
 
 def never_reverses(iterate: Iterate) -> bool:
-    """Return whether the drive never reverses."""
+    """Return whether the drive u₁ of an iterate keeps its sign."""
     drive = iterate.inputs[:, 0]
     slack = STANDSTILL_SHARE * np.max(np.abs(drive))
     return bool(np.all(drive >= -slack) or np.all(drive <= slack))
 
 
 def solve_timing(job: Task, start: Iterate) -> Solution:
-    """Solve the job for its motion, starting from a path at any speed.
+    """Solve a task for its motion, starting from a path at any speed.
 
-    With its time scaled uniformly the path is a feasible start if it fits the duration. A path that
-    does not fit is first made as fast as possible.
+    If the path, with its time scaled uniformly, fits into the duration, it is a feasible start. A
+    slower path is first made as fast as possible.
     """
     needed, duration = needed_duration(job.problem, job.mesh, start), job.problem.duration
     if duration is None:
@@ -371,8 +371,7 @@ def solve_timing(job: Task, start: Iterate) -> Solution:
 
 
 def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:
-    """Return the duration of a path, s, when its time is stretched uniformly to keep limits on the
-    speed."""
+    """Return the duration of a path, s, scaled uniformly in time to keep all limits on speed."""
     u = np.stack(iterate.input_ends())
     slope = (u[1] - u[0]) / (mesh.widths[:, None] * iterate.duration)
     q = np.stack([iterate.nodes[:-1], iterate.nodes[1:]])[..., : problem.system.size]

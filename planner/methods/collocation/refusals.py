@@ -1,4 +1,4 @@
-"""Refusals of collocation, with what the last motion violates and changes to try."""
+"""Refusals by collocation, each with the violations of the last motion and changes to try."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from planner.verification.verify import verify
 NAME = "collocation"
 
 LONGER_DURATION = 1.05
-"""Factor on the fastest duration found, to be tried if no plan has that duration itself."""
+"""Factor on the shortest duration found, for the change that is tried after this duration."""
 
 
 def no_goal(problem: Problem) -> NoPlanError:
-    """Return the refusal if a goal leaves joints free and no pose that meets it is found."""
+    """Return the refusal of a goal with free joints for which no pose within limits is found."""
     reach, tip = goal_reach(problem), problem.tip
     assert reach is not None
     why = f"put {tip}" if tip else "keep all limits"
@@ -49,9 +49,9 @@ def no_goal(problem: Problem) -> NoPlanError:
 
 
 def too_short(problem: Problem, fastest: Candidate, options: CollocationOptions) -> NoPlanError:
-    """Return the refusal of a duration that is shorter than that of the fastest motion found.
+    """Return the refusal of a duration that is shorter than the fastest motion found.
 
-    Its violations are those of the fastest motion, shortened to the given duration.
+    The refusal lists the violations of the fastest motion, shortened to the given duration.
     """
     fastest_s, given = fastest.solution.iterate.duration, problem.duration
     proof = why_too_short(problem)
@@ -74,7 +74,7 @@ def too_short(problem: Problem, fastest: Candidate, options: CollocationOptions)
 def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
     """Return the refusal of a search that found only too slow motions, no path, or no motion.
 
-    A path does not depend on the duration. So if none was found, only changes of the requirements
+    Paths are the same for every duration. So if no path was found, only changes of the requirements
     that paths keep can help.
     """
     if search.fastest is not None:
@@ -105,7 +105,7 @@ def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
 
 
 def motion_changes(problem: Problem, options: CollocationOptions) -> list[Change]:
-    """Return the change that allows motion at the ends, if the default of `rest` forbids it."""
+    """Return the change that allows motion at the ends, in a list; [] unless `rest` forbids it."""
     change = Change({f"method.{NAME}.rest": False})
     resting = options.rest == "auto" and rests("auto", problem.limits.input_rate)
     return [change] if resting else []
@@ -114,10 +114,10 @@ def motion_changes(problem: Problem, options: CollocationOptions) -> list[Change
 def iterate_plan(
     problem: Problem, candidate: Candidate, options: CollocationOptions
 ) -> tuple[Plan | None, list[Violation]]:
-    """Make a plan of an iterate in the given duration, for study; return it and its violations.
+    """Make an unverified plan of an iterate in the given duration; return it and its violations.
 
     The violations refer to the original problem, not to the task's variant. The result is None and
-    an empty list if the iterate's duration is not a number.
+    an empty list if the iterate's duration is infinite or NaN.
     """
     job, solution = candidate.task, candidate.solution
     iterate = solution.iterate

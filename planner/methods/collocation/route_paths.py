@@ -29,20 +29,20 @@ from planner.support import progress
 
 MAX_PATHS, REFINED_INTERVALS = 2, 200
 """Largest number of paths to time; largest total number of mesh intervals of the paths to refine.
-Long paths take long to refine, and when the first failed, so did all others (6 of 6 among 22 random
+Long paths take long to refine, and if the first failed, so did all others (6 of 6 among 22 random
 pairs of four joints within 40 degrees; the ladder then had the answer)."""
 
 MAX_COARSE_PATHS = 6
-"""Largest number of paths to time on a given mesh, where it is not known which is the fastest."""
+"""Largest number of paths to time on a given mesh, for which the fastest path is unknown."""
 
 LEAST_TIME_RATIO = 0.95
-"""Expected least ratio of a motion's duration to that of its path by `clock`, or to that of the
-fastest motion found: timing saves a few hundredths."""
+"""Least expected ratio of a motion's duration to the duration of its path by `clock`: timing saves
+a few hundredths."""
 
 
 @dataclass(frozen=True, eq=False)
 class RefinedPath:
-    """A path after its refinement.
+    """A path after refinement, with its origin.
 
     Attributes:
         origin: The path as it was found from its seed.
@@ -55,11 +55,11 @@ class RefinedPath:
     solution: Solution
 
     def duration(self, job: Task) -> float:
-        """Return the duration, s, if time is scaled uniformly to keep the limits on speed."""
+        """Return the duration of the path, s, scaled uniformly in time to keep limits on speed."""
         return needed_duration(job.problem, self.free.mesh, self.solution.iterate)
 
     def clock_s(self, job: Task) -> float:
-        """Return the duration, s, if at every time one input is at its limit."""
+        """Return the duration of the path, s, if at every time one input is at its limit."""
         return float(clock_times(job.problem, self.free.mesh, self.solution.iterate)[0][-1])
 
 
@@ -70,8 +70,8 @@ class RoutePaths:
     Attributes:
         free: The path task on the coarse mesh of the search.
         search: The finished search.
-        refined: The most promising paths, refined; None if the mesh is given, on which all are
-            timed.
+        refined: The most promising paths, refined; None if the mesh is given, on which coarse paths
+            are timed.
     """
 
     free: Task
@@ -80,7 +80,7 @@ class RoutePaths:
 
     @classmethod
     def of(cls, job: Task, paths: PathSearch, mesh_given: bool) -> RoutePaths:
-        """Take the paths of a search, and refine the most promising unless the mesh is given."""
+        """Refine the most promising paths of a search, unless the user gives the mesh."""
         free, refined, spent = path_task(job), list[RefinedPath](), 0
         if mesh_given:
             return cls(free, paths, None)
@@ -97,7 +97,7 @@ class RoutePaths:
     def starts(
         self, job: Task, motions: Sequence[Solution]
     ) -> Iterator[tuple[SeedPath, Task, Iterate]]:
-        """Yield the most promising paths, each with a task on its own mesh and a start for it.
+        """Yield the most promising paths, each with a task on its own mesh and a start of the task.
 
         Paths that fit into the given duration come first, by effort, then the other paths, by their
         duration. In both groups paths that clear all discs come first. A path that takes longer
@@ -133,7 +133,7 @@ class RoutePaths:
 
 
 def _start_at_own_speed(path: RefinedPath, job: Task) -> tuple[SeedPath, Task, Iterate]:
-    """Return a path at its own speed and on its own mesh, as a start for the job."""
+    """Return a path, the task on the path's own mesh, and the path at its own speed as a start."""
     free, solution = halve_mesh(path.free, path.solution)
     fine = on_mesh(job, free, free.mesh)
     return path.origin, fine, transfer(free, solution.iterate, fine)

@@ -1,6 +1,6 @@
-"""The solvers behind one interface: IPOPT and Fatrop, through CasADi.
+"""The solvers IPOPT and Fatrop behind one interface, both through CasADi.
 
-Both get the same functions and derivatives; Fatrop also gets their structure in stages.
+Both get the same functions and derivatives; Fatrop also gets the structure of the stages.
 """
 
 from __future__ import annotations
@@ -21,36 +21,36 @@ from planner.support.arrays import Array
 from planner.support.solver_calls import NlpCall, call_within
 
 NEAR_DISTANCE = 1e-4
-"""Initial distance to the bounds if the start is near the answer."""
+"""Initial distance of the unknowns from their bounds if the start is near the answer."""
 
 FATROP_ROWS = 1e-8
-"""Tolerance of the rows for Fatrop, independent of the objective's factor."""
+"""Tolerance of the rows in Fatrop, which is independent of the objective's factor."""
 
 FATROP_ITERATIONS = 100
-"""Largest number of iterations of Fatrop; problems that it can solve need some tens."""
+"""Largest number of iterations of Fatrop; problems that Fatrop can solve need some tens."""
 
 FATROP_TOLERANCE = 1e-7
-"""Least tolerance of Fatrop. With less, rounding keeps it from finishing when limits are active.
-The rows are as accurate as with a smaller one, and the objective differs by less than 1e-7."""
+"""Least tolerance of Fatrop. With less, rounding keeps Fatrop from finishing when limits are
+active. A smaller tolerance changes the objective by less than 1e-7 and leaves rows as accurate."""
 
 FATROP_RELAXES = 1e-8
-"""Distance by which Fatrop's iterates may exceed bounds, relative to the bound or to one."""
+"""Distance by which Fatrop's iterates may exceed a bound, relative to the bound or to one."""
 
 PATIENCE_S, PATIENCE_EACH_S = 5.0, 0.05
-"""Limit on Fatrop's processor time, s: a constant part and a part for each interval. Together they
-are over ten times what it needs."""
+"""Limit on Fatrop's processor time, s: a constant part and a part for each interval, together over
+ten times what Fatrop needs."""
 
 SHORT_CHAIN = 5
-"""Largest number of coordinates of a short chain. For longer ones Fatrop fails, since it eliminates
-the goal backwards through the inputs of the last few intervals, which loses all digits; and there
-are many optima."""
+"""Largest number of coordinates of a short chain. On longer chains Fatrop fails, since it
+eliminates the goal backwards through the inputs of the last few intervals, which loses all digits;
+and longer chains have many optima."""
 
 COARSE_INTERVALS = 40
-"""A path on more intervals than this is being refined, not searched."""
+"""Number of intervals above which a path is being refined rather than searched."""
 
 MANY_INTERVALS, MOST_ITERATIONS = 300, 120
-"""On more intervals than the first number each iteration takes long, and at most the second number
-of iterations is allowed; a good start needs few."""
+"""Number of intervals above which each iteration takes long, and the largest number of iterations
+then allowed; a good start needs few."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ class Settings:
         tolerance: Tolerance of optimality and of the rows.
         max_iterations: Largest number of iterations.
         near: Whether the start is close to the answer, as from a coarser mesh or looser limits.
-        direct: Whether the start is a straight line and the answer close to one.
-        solver: The solver; "auto" tries another if the first fails.
+        direct: Whether the start is a straight line and the answer is close to a straight line.
+        solver: The solver; "auto" tries a second solver if the first fails.
     """
 
     tolerance: float = 1e-9
@@ -78,8 +78,8 @@ class SolverAnswer:
 
     Attributes:
         vector: The unknowns, shape (size,).
-        finished: Whether it reports success.
-        status: Its own status text.
+        finished: Whether the solver reports success.
+        status: The solver's own status text.
         iterations: Number of iterations.
     """
 
@@ -91,7 +91,7 @@ class SolverAnswer:
 
 @dataclass(frozen=True)
 class Strategy:
-    """How to solve from starts of one kind.
+    """The way to solve from starts of one kind: solvers, barriers and iterations.
 
     Attributes:
         order: Solvers to try in turn, unless the settings name one.
@@ -100,11 +100,11 @@ class Strategy:
             answer a large objective makes the rows converge slowly.
         barrier: Initial barrier parameter of Fatrop, multiplied by `weight` if the start is near;
             None for Fatrop's default, 0.1.
-        ipopt: Options of IPOPT for its initial barrier: fixed or adaptive.
+        ipopt: Options of IPOPT for the barrier: fixed or adaptive.
         iterations: Largest number of iterations.
-        reference_s: Duration in the search for a path. A long one makes the effort small relative
-            to the rows: then paths of long chains are found more often, but those of short chains
-            are longer.
+        reference_s: Duration, s, in the search for a path. A long duration makes the effort small
+            relative to the rows: then paths of long chains are found more often, but paths of
+            short chains are longer.
         guesses: Number of first guesses for the arm with which the ladder begins.
     """
 
@@ -137,15 +137,15 @@ STRATEGIES = {
     "far, winding": Strategy(("ipopt",), 1.0, None, {}),
     "far, long chain": Strategy(("ipopt",), 1.0, None, {}, reference_s=100.0, guesses=0),
 }
-"""Solvers, barriers and iterations for each kind of start."""
+"""The strategy for each kind of start, by name."""
 
 LADDER_ITERATIONS = {"guess": 300, "shortening": 100, "timing": 400}
-"""Largest number of iterations on the ladder: for each guess for its first arm, and for shortening
-a path; and the least number for the timing of a long path that is already a motion."""
+"""Largest numbers of iterations on the ladder: of each guess for its first arm, and to shorten a
+path; and least number of iterations allowed to time a long path that is already a motion."""
 
 
 def strategy(nlp: Transcription, settings: Settings) -> Strategy:
-    """Return the entry of `STRATEGIES` for a transcription and a kind of start."""
+    """Return the strategy for a transcription and for the kind of start that the settings state."""
     form = nlp.form
     short = nlp.system.size <= SHORT_CHAIN and not form.augmented
     if settings.near and form.intervals > MANY_INTERVALS:
@@ -163,20 +163,20 @@ def strategy(nlp: Transcription, settings: Settings) -> Strategy:
 
 
 def names(nlp: Transcription, settings: Settings) -> tuple[SolverName, ...]:
-    """Return the solvers to try, in this order."""
+    """Return the names of the solvers to try for a transcription, in order."""
     return strategy(nlp, settings).order if settings.solver == "auto" else (settings.solver,)
 
 
 Backend = Callable[[Array, Bounds], SolverAnswer]
-"""Computes an answer from a start (size,) and the problem's numbers."""
+"""Solver as a function from a start (size,) and the problem's numbers to an answer."""
 
 
 class _Ipopt:
-    """IPOPT. Bounds are not relaxed, so every iterate keeps them exactly.
+    """The solver IPOPT, with bounds that every iterate keeps exactly.
 
-    If the start is close to the answer (`Settings.near`), IPOPT moves it hardly away from the
-    bounds and begins with a small barrier parameter. IPOPT's warm start with multipliers saved a
-    few more iterations on easy problems and failed on long ones.
+    From a start close to the answer (`Settings.near`), IPOPT moves the unknowns hardly away from
+    the bounds and begins with a small barrier parameter. IPOPT's warm start with multipliers saved
+    a few more iterations on easy problems and failed on long problems.
     """
 
     def __init__(self, nlp: Transcription, settings: Settings) -> None:
@@ -211,7 +211,7 @@ class _Ipopt:
 
 
 class _Fatrop:
-    """Fatrop, which uses the structure in stages.
+    """The solver Fatrop, which exploits the structure of the programme in stages.
 
     CasADi's interface (3.8) loses Fatrop's options when the pattern of fixed and free bounds
     changes between two calls, so each pattern has its own solver memory.
@@ -247,10 +247,10 @@ class _Fatrop:
         self._memories: dict[bytes, tuple[Any, Callable[[], None]]] = {}
 
     def __call__(self, start: Array, data: Bounds) -> SolverAnswer:
-        """Solve; return the start if Fatrop does not return in time.
+        """Solve from a start with Fatrop; return the start as a failure if Fatrop exceeds its time.
 
-        Fatrop's search for a direction may never end. Such a call goes on using its data, so the
-        next call gets new data.
+        Fatrop's search for a direction may never end. Such a call goes on using its memory, so the
+        next call gets new memory.
         """
         answer = None
         try:
@@ -292,7 +292,7 @@ SOLVERS: dict[SolverName, Callable[[Transcription, Settings], Backend]] = {
 
 
 def backend(nlp: Transcription, settings: Settings) -> Backend:
-    """Return the solver of the settings, cached for each transcription and settings."""
+    """Return the solver that the settings name, cached by transcription and settings."""
     if settings not in nlp.solvers:
         assert settings.solver != "auto", "choose a solver of `names` first"
         nlp.solvers[settings] = SOLVERS[settings.solver](nlp, settings)
@@ -301,8 +301,7 @@ def backend(nlp: Transcription, settings: Settings) -> Backend:
 
 
 def _draw_in(lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Return the bounds tightened by the amount that Fatrop relaxes them; fixed values are
-    unchanged."""
+    """Return bounds tightened by as much as Fatrop relaxes them; bounds of fixed values stay."""
     low, high = lower + _relaxation(lower), upper - _relaxation(upper)
     wide = low < high
     return np.where(wide, low, lower), np.where(wide, high, upper)
@@ -313,7 +312,7 @@ def _relaxation(bound: Array) -> Array:
 
 
 def _values(program: Program) -> Any:
-    """Build the function that CasADi calls at the end for f and g; its gradients are not used."""
+    """Build the function that CasADi calls at the end for f and g, with unused zero gradients."""
     x, p = program.problem["x"], program.problem["p"]
     scale, duals = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", program.problem["g"].numel())
     unread = [ca.MX.zeros(x.numel()), ca.MX.zeros(p.numel())]
@@ -336,11 +335,11 @@ def _stages(nlp: Transcription) -> dict[str, Any]:
 def _nlpsol(
     nlp: Transcription, name: str, functions: dict[str, Any], options: dict[str, Any]
 ) -> Any:
-    """Build a CasADi solver with our derivatives instead of its own.
+    """Build a CasADi solver that uses the program's derivatives in place of CasADi's.
 
-    CasADi finds the derivatives by the names under which its solver asks for them (for IPOPT
-    nlp_jac_g and nlp_hess_l; for another solver, those of the `create_function` calls in its source
-    in CasADi). It silently ignores other names, so check that a wrong derivative has an effect.
+    CasADi finds derivatives by the names under which the solver asks for functions (for IPOPT
+    nlp_jac_g and nlp_hess_l; for another solver, see the `create_function` calls in its source in
+    CasADi). CasADi silently ignores other names, so check that a wrong derivative has an effect.
     """
     program = nlp.program
     known: dict[str, Any] = {

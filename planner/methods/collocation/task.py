@@ -1,6 +1,6 @@
 """One problem on one transcription, ready to be solved from any start.
 
-A solver's report of success is checked: the rows are evaluated again.
+A solver's report of success is checked by evaluating the rows again.
 """
 
 from __future__ import annotations
@@ -37,23 +37,23 @@ from planner.support import deadline, progress
 from planner.support.arrays import Array
 
 ACCEPTED_RESIDUAL = 1e-7
-"""Largest excess of a row over its bounds, in its own unit, that counts as solved."""
+"""Largest excess of a row or unknown over its bounds, in natural units, that counts as solved."""
 
 FEASIBLE_RESIDUAL = 1e-5
-"""If the residual of a solver's last iterate is below this, the next solver starts from it."""
+"""Largest residual of a solver's last iterate at which the next solver starts from this iterate."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The result of a solver.
+    """The result of solving a task, or an iterate that was judged without a solver.
 
     Attributes:
         iterate: The unknowns by name.
         objective: Value of the objective.
-        residual: Largest excess of a row or unknown over its bounds, evaluated again, in natural
-            units.
+        residual: Largest excess of a row or unknown over its bounds, in natural units, computed
+            independently of the solver.
         ok: Whether the solver finished and the residual is small enough.
-        status: The solver's own status text.
+        status: The status text of the solver.
         iterations: Number of iterations.
     """
 
@@ -67,18 +67,18 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A problem on a transcription, with all that is needed to solve it.
+    """A problem on a transcription, with everything that a solver needs.
 
     Attributes:
         problem: Start, goal and limits.
         requirements: The requirements that may be broken between the nodes.
         objective: The objective.
         nlp: The transcription.
-        mesh: Its mesh.
+        mesh: The mesh.
         demands: Demands on the inputs beside the problem's limits.
         settings: Options of the solver.
         inset: Amounts by which the parts of the requirements are tightened, shape (K, R).
-        build_time_s: Time to build the transcription, s; zero if it was cached.
+        build_time_s: Time to build transcription and solver, s; zero if both were cached.
     """
 
     problem: Problem
@@ -93,14 +93,14 @@ class Task:
 
     @property
     def bounds(self) -> Bounds:
-        """Bounds of the unknowns and rows of the programme, from the problem's numbers."""
+        """Bounds of the programme's unknowns and rows, and the parameters of the programme."""
         numbers = self.mesh, self.objective, self.demands, self.inset
         return bounds(self.problem, self.requirements, self.nlp, *numbers)
 
     def solve(self, start: Iterate, near: bool = False) -> Solution:
-        """Solve from a start; `near` tells the solver that it is close to the answer.
+        """Solve the task from a start; `near` tells the solver that the answer is close to it.
 
-        If the first solver fails, the next one allowed is tried.
+        If the first solver fails, the next solver allowed is tried.
         """
         nlp, data, settings = self.nlp, self.bounds, replace(self.settings, near=near)
         iterations, solution = 0, None
@@ -122,44 +122,44 @@ class Task:
         return solution
 
     def solve_near(self, start: Iterate) -> Solution:
-        """Solve from a start near the answer; if that fails, as from any other start."""
+        """Solve the task from a start near the answer; if that fails, as from any other start."""
         solution = self.solve(start, near=True)
         return solution if solution.ok else self.solve(start)
 
     def judge(self, iterate: Iterate) -> Solution:
-        """Rate an iterate without a solver; the solution is ok if it keeps all rows and bounds."""
+        """Rate an iterate without a solver; the solution is ok if all rows and bounds hold."""
         data = self.bounds
         vector = self.nlp.layout.pack(iterate, data.widths) / data.units
         answer = SolverAnswer(vector, True, "a motion, not the best", 0)
         return _check(self.nlp, data, answer, FEASIBLE_RESIDUAL)
 
     def curve(self, iterate: Iterate) -> StateTrajectory:
-        """Return the motion that an iterate describes."""
+        """Return the motion that an iterate of the task describes, as a trajectory."""
         return curve(self.nlp.system, self.nlp.form, self.mesh, iterate)
 
     def motion(self, iterate: Iterate) -> Array:
-        """Return the true motion under the iterate's input, see `resimulate`."""
+        """Simulate the true motion under an iterate's input; return samples (K, M, N) in time."""
         nlp = self.nlp
         states = resimulate(nlp.model, self.mesh, iterate, nlp.start(self.problem))
         return states[..., : nlp.system.size]
 
     def motion_apart(self, iterate: Iterate) -> Array:
-        """Simulate each interval on its own from the iterate's node at its left edge, (K, M, N)."""
+        """Simulate each interval from an iterate's node at its left edge; return (K, M, N)."""
         states = resimulated_apart(self.nlp.model, self.mesh, iterate)
         return states[..., : self.nlp.system.size]
 
     def on_mesh(self, mesh: Mesh) -> Task:
-        """Return the same task on another mesh, without tightened limits."""
+        """Return the same task on another mesh, with the limits as given, not tightened."""
         form = replace(self.nlp.form, intervals=len(mesh.widths))
         return task(self.problem, self.objective, form, mesh, self.demands, self.settings)
 
     def for_problem(self, problem: Problem, objective: Objective) -> Task:
-        """Return the task of another problem, with the same system, mesh and tightened limits."""
+        """Return the task of another problem with this task's mesh and tightened limits."""
         parts = self.nlp.form, self.mesh, self.demands, self.settings
         return replace(task(problem, objective, *parts), inset=self.inset)
 
     def with_inner_rows(self) -> Task:
-        """Return the same task with limits kept at the collocation points too."""
+        """Return the same task with limits on coordinates kept at the collocation points too."""
         form = replace(self.nlp.form, inner=True)
         return task(self.problem, self.objective, form, self.mesh, self.demands, self.settings)
 
@@ -172,10 +172,10 @@ def task(
     demands: InputDemands,
     settings: Settings,
 ) -> Task:
-    """Prepare a task; transcription and solver are built unless they are cached.
+    """Prepare the task of a problem; transcription and solver are built unless cached.
 
-    The problem determines whether the duration is an unknown, which requirements the form has, and
-    its natural units. Desensitised plans use the problem's own units, since their states are
+    The problem determines whether the duration is an unknown, which requirements have rows, and the
+    natural units. Desensitised plans use the problem's own units, since their states are
     responses to errors in these units.
     """
     requirements = kept_between_nodes(problem)
@@ -195,7 +195,7 @@ def task(
 
 
 def _check(nlp: Transcription, data: Bounds, answer: SolverAnswer, accepted: float) -> Solution:
-    """Return a solver's answer as a solution, with its rows evaluated again."""
+    """Convert a solver's answer to a solution; the rows are evaluated again and must hold."""
     objective, rows, iterate = nlp.outcome(answer.vector, data.parameters)
     values = np.concatenate([rows, answer.vector])
     lower = np.concatenate([data.row_lower, data.lower])
@@ -208,7 +208,7 @@ def _check(nlp: Transcription, data: Bounds, answer: SolverAnswer, accepted: flo
 
 
 def transfer(old: Task, iterate: Iterate, new: Task) -> Iterate:
-    """Convert an iterate of one task to a start for a task with another mesh or kind of input."""
+    """Convert an iterate of one task to a start of a task with another mesh or kind of input."""
     q, u = pieces(old.nlp.form, old.mesh, iterate)
     mesh, T = new.mesh, iterate.duration
     return Iterate(
@@ -220,7 +220,7 @@ def transfer(old: Task, iterate: Iterate, new: Task) -> Iterate:
 
 
 def iterate_of_inputs(job: Task, duration: float, inputs: Array) -> Iterate:
-    """Simulate given inputs (shaped as `Iterate.inputs`) from the start; return the iterate."""
+    """Simulate inputs, shaped as `Iterate.inputs`, from the problem's start; return the iterate."""
     nlp, tau = job.nlp, job.nlp.form.scheme.points * STEPS
     shape = nlp.form.intervals, nlp.form.degree, nlp.model.size
     still = Iterate(duration, np.empty(0), np.empty(shape), inputs)
@@ -232,14 +232,13 @@ def iterate_of_inputs(job: Task, duration: float, inputs: Array) -> Iterate:
 
 
 def stretch_to(iterate: Iterate, duration: float) -> Iterate:
-    """Return the same path in another duration; it remains a motion, since the systems are
-    driftless."""
+    """Return the same path in another duration, s, still a motion since systems are driftless."""
     factor = iterate.duration / duration
     return replace(iterate, duration=duration, inputs=iterate.inputs * factor)
 
 
 def _ask(nlp: Transcription, settings: Settings, start: Array, data: Bounds) -> SolverAnswer:
-    """Return the answer of a solver; if it raises an error, a failed answer with the start."""
+    """Return the answer of a solver, or a failed answer with the start if the solver raises."""
 
     def unfinished(words: str) -> SolverAnswer:
         nlp.solvers.pop(settings, None)  # its state is unknown after an error

@@ -1,1 +1,1 @@
-"""Paths among discs: `thin_discs` keeps links from passing over one, `legs` finds a way around."""
+"""Paths among discs: `thin_discs` keeps links from passing over discs, `legs` finds a way."""

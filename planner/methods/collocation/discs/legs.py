@@ -1,10 +1,10 @@
 """Motions among discs, found leg by leg.
 
-A way through the free joint space leads from corner to corner with room around them (`find_way`),
-but it ignores the kinematics. From each corner to the next a path is found from the usual first
-guesses; the first that clears all discs is enough. The legs are joined, shortened and timed. So
-that links pass over no thin disc meanwhile, discs grow in each interval of the mesh up to a share
-of their distance from the links, and an interval in which links pass over one is halved.
+A way through the free joint space, which ignores the kinematics, leads from corner to corner with
+room around each (`find_way`). From each corner to the next a path is found from the usual first
+guesses; the first path that clears all discs is enough. The legs are joined, shortened and timed.
+Meanwhile discs grow in each interval of the mesh up to a share of their distance from the links,
+and an interval in which links pass over a disc is halved, so that links stay on their side.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from planner.support import progress
 from planner.support.arrays import Array
 
 WAYS, MOST_WAYS, LEG_SEEDS = 8, 4, 6
-"""Number of ways to find, and of the shortest of them to try until one leads to a motion; largest
-number of first guesses for a leg; nearly always the first one works."""
+"""Number of ways to find; number of the shortest ways to try until one leads to a motion; largest
+number of first guesses for a leg, of which nearly always the first works."""
 
 ROUNDS, ITERATIONS, GAIN = 10, 200, 0.01
-"""Largest number of solves of a motion, of iterations of each, and least gain that justifies
-another solve. Solves of joined legs take 20 to 200 iterations; longer ones end elsewhere."""
+"""Largest number of solves of a motion; largest number of iterations of a solve; least gain that
+justifies another solve. Solves of joined legs take 20 to 200 iterations; longer solves fail."""
 
 
 def motion_by_legs(job: Task, seeds: Sequence[Seed]) -> tuple[Task, Solution] | None:
-    """Find a motion that clears all discs; return it after its job on a mesh of its own.
+    """Find a motion that clears all discs, leg by leg; return its task, on its own mesh, and it.
 
-    None if the straight line clears all discs already, or if no such motion is found.
+    The result is None if the straight line clears all discs already, or if no motion is found.
     """
     ways = list[Array]()
     while len(ways) < WAYS and (way := find_way(job.problem, len(ways))) is not None:
@@ -60,7 +60,7 @@ def _length(way: Array) -> float:
 
 
 def _time(job: Task, free: Task, path: Solution) -> tuple[Task, Solution] | None:
-    """Time a path. If it does not fit into the duration, first make it as fast as possible."""
+    """Solve a path's timing; return task and motion, or None. A path too slow is first sped up."""
     own, start, wanted = job.on_mesh(free.mesh), path.iterate, job.problem.duration
     needed = 1.1 * needed_duration(job.problem, own.mesh, start)
     if wanted and needed > wanted:
@@ -75,7 +75,7 @@ def _time(job: Task, free: Task, path: Solution) -> tuple[Task, Solution] | None
 
 
 def _find_legs(job: Task, seeds: Sequence[Seed], corners: Array) -> list[tuple[Task, Solution]]:
-    """Find a path to each corner in turn, with its task; an empty list if one is not found."""
+    """Find the path to each corner in turn, with its task; return [] if a path is not found."""
     problem, legs, here = job.problem, list[tuple[Task, Solution]](), job.problem.start
     for k, corner in enumerate(corners):
         goal, travel = np.append(np.nan, corner), None
@@ -93,7 +93,7 @@ def _find_legs(job: Task, seeds: Sequence[Seed], corners: Array) -> list[tuple[T
 
 
 def _join(job: Task, legs: Sequence[tuple[Task, Solution]]) -> tuple[Task, Iterate]:
-    """Join the legs to one path of constant speed; return its task and the path."""
+    """Join legs to one path of constant speed; return the task of the path, and the path."""
     lengths = np.sqrt([path.objective for _, path in legs])
     shares = lengths / np.sum(lengths)
     widths = np.concatenate([w * leg.mesh.widths for w, (leg, _) in zip(shares, legs, strict=True)])
@@ -116,7 +116,7 @@ def _mesh(widths: Array) -> Mesh:
 
 
 def _solve_clear(job: Task, start: Iterate) -> tuple[Task, Solution] | None:
-    """Solve from a start that clears all discs, keeping links on the same side of each."""
+    """Solve from a start that clears all discs, with links kept on the same side of each disc."""
     most = min(ITERATIONS, job.settings.max_iterations)
     job = replace(job, settings=replace(job.settings, max_iterations=most))
     best: tuple[Task, Solution] | None = None
@@ -139,6 +139,6 @@ def _solve_clear(job: Task, start: Iterate) -> tuple[Task, Solution] | None:
 
 
 def _halve(mesh: Mesh, passed: NDArray[np.bool_]) -> Mesh:
-    """Halve the intervals that `passed` (K,) marks, and their neighbours."""
+    """Return the mesh with the intervals that `passed` (K,) marks, and their neighbours, halved."""
     near = np.convolve(passed, np.ones(3), mode="same") > 0
     return _mesh(np.repeat(mesh.widths / (1 + near), 1 + near))

@@ -1,7 +1,7 @@
-"""Avoid that links pass over thin discs between two nodes of the mesh.
+"""Keep links from passing over thin discs between two nodes of the mesh.
 
 Paths are first found with thickened discs, which then shrink: a path that clears a thick disc
-also clears a thin one at the same place. If a path would pass over a thinner disc, the previous
+also clears a thin disc at the same place. If a path would pass over a thinner disc, the previous
 path is kept. A motion that clears all discs is solved again with discs that grow in each interval
 up to a share of their distance from the links, so that the answer is on the same side.
 """
@@ -22,17 +22,17 @@ from planner.support.arrays import Array
 from planner.systems.triangular_system import PlanarArm
 
 LEAST_THICKNESS = 0.025
-"""Least radius of a disc, including its clearance, in lengths of the arm. The tip moves by this
-much between two nodes of a search's mesh in a motion of about three radians."""
+"""Least radius of a disc, including its clearance, as a fraction of the arm's length. The tip moves
+as far between two nodes of a search's mesh in a motion of about three radians."""
 
 SHRINKING = 4.0
-"""Factor by which discs get thinner at each step."""
+"""Factor by which the radii of thickened discs are divided at each step."""
 
 KEPT = 0.5
-"""Share of the distance between links and discs that a motion keeps when it is solved again."""
+"""Fraction of the distance between links and discs that a motion keeps when it is solved again."""
 
 NEAREST_SHARE = 0.9
-"""Share of the links' distance at start and goal by which a disc may grow."""
+"""Fraction of the links' distance, at start, goal and waypoints, by which a disc may thicken."""
 
 
 def thicknesses(problem: Problem) -> Iterator[Problem]:
@@ -47,7 +47,7 @@ def thicknesses(problem: Problem) -> Iterator[Problem]:
 
 
 def _thicken(problem: Problem, thickness: float) -> Problem:
-    """Return the problem with thin discs thickened to `thickness`, as far as start, goal and
+    """Return the problem with thin discs thickened to a radius, m, as far as start, goal and
     waypoints allow."""
     places = (problem.start, problem.likely.goal, *(point.q for point in problem.waypoints))
     whole = np.array([q[1:] for q in places if not np.isnan(q[1:]).any()])
@@ -61,10 +61,10 @@ def _thicken(problem: Problem, thickness: float) -> Problem:
 
 
 def keep_side(task: Task, start: Iterate, solution: Solution) -> Solution:
-    """Return the solution, or one on the start's side of the discs if links passed over one.
+    """Return the solution, or a solution on the start's side of a disc that links passed over.
 
-    If only the solution passes over a disc, but not the start, the task is solved again with grown
-    discs; if that fails, the first solution is returned.
+    If the solution passes over a disc but the start does not, the task is solved again with grown
+    discs; if this fails, the first solution is returned.
     """
     if not solution.ok or clears(task, solution) or not clears(task, task.judge(start)):
         return solution
@@ -74,9 +74,9 @@ def keep_side(task: Task, start: Iterate, solution: Solution) -> Solution:
 
 
 def growth(task: Task, start: Iterate) -> Array:
-    """Return by how much discs grow in each interval, (K, R), in the unit of their rows.
+    """Return by how much discs may grow in each interval, (K, R), in the unit of the discs' rows.
 
-    They grow up to the share `KEPT` of their distance from the links.
+    A disc grows by at most the fraction `KEPT` of its distance from the links.
     """
     system, curves, out = task.problem.system, task.motion_apart(start), []
     for required in task.requirements:

@@ -1,7 +1,7 @@
 """Close the gaps of a path: each step finds the nearest path whose gaps are a little smaller.
 
-Such a path, or chain, consists of pieces with constant inputs over a unit of time, integrated by a
-few Runge-Kutta steps.
+A path with gaps, or chain, consists of pieces with constant inputs over a unit of time, integrated
+by a few Runge-Kutta steps.
 """
 
 from __future__ import annotations
@@ -24,22 +24,21 @@ from planner.systems.triangular_system import TriangularSystem
 Index = NDArray[np.int64]
 
 FIRST_SHARE, LEAST_SHARE = 0.3, 4e-3
-"""A step is given up if it would close less than this share of the gaps: `FIRST_SHARE` for the
-first step, since a chain that cannot close a third at once has never closed less; `LEAST_SHARE`
-later."""
+"""Least share of the gaps that a step must close: `FIRST_SHARE` for the first step, since a chain
+that cannot close a third at once has never closed less; `LEAST_SHARE` later."""
 
 QUICK_ITERATIONS = 25
-"""A step with more iterations is hard, and the next step is not larger."""
+"""Number of iterations above which a step counts as hard, so that the next step is not larger."""
 
 ITERATIONS = 40
 PATIENCE = 200
-"""Largest number of iterations to close the gaps; another chain is faster than a hard one."""
+"""Largest number of iterations to close all gaps of a chain; another chain is then faster."""
 
 RESIDUAL = 1e-6
 CORRECTIONS, PARTS = 2, 8
-"""Number of corrections that make a chain exact, and of parts in which each piece is integrated for
-them. The later check integrates less finely; with equal steps it would make the same error and not
-see it."""
+"""Number of corrections that make a chain exact, and number of parts in which a correction
+integrates each piece. The later check integrates less finely; with equal steps it would repeat the
+error of the correction and hide it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +72,7 @@ class ChainEnds:
 
     @classmethod
     def of(cls, problem: Problem, share: float = 1.0) -> ChainEnds:
-        """Return the ends of a problem with a share of its limits, widened to contain start and
-        goal."""
+        """Return start, goal and a share of a problem's joint limits, widened to contain both."""
         ends = np.fmax(np.abs(problem.start), np.abs(problem.target))
         limit = np.fmax(share * problem.limits.joint, ends)
         return cls(problem.start, problem.target, limit)
@@ -83,10 +81,10 @@ class ChainEnds:
 def cut_finer(
     system: TriangularSystem, chain: PieceChain, limited: list[int], turn: float, least: int = 1
 ) -> PieceChain:
-    """Return the chain cut so that no limited coordinate turns by more than `turn` in a piece.
+    """Cut the pieces of a chain so that no limited coordinate turns by more than `turn` in a piece.
 
     Each piece is cut into at least `least` parts. The integration errors of the long pieces become
-    gaps between the short ones.
+    gaps between the short pieces.
     """
     parts, piece, share = cuts(chain.q, limited, turn, least)
     before = ends_of(system, chain.q[:-1][piece], chain.u[piece] * share[:, None])
@@ -96,7 +94,7 @@ def cut_finer(
 
 
 def cuts(q: Array, limited: list[int], turn: float, least: int = 1) -> tuple[Index, Index, Array]:
-    """Tell how to cut the pieces of q (K+1, N) so that limited coordinates turn at most by `turn`.
+    """Choose how to cut the pieces of q (K+1, N) so that limited coordinates turn by up to `turn`.
 
     Returns:
         Number of parts of each piece, shape (K,); for each part its piece, and its start as a
@@ -111,7 +109,7 @@ def cuts(q: Array, limited: list[int], turn: float, least: int = 1) -> tuple[Ind
 def close_gaps(
     system: TriangularSystem, chain: PieceChain, ends: ChainEnds
 ) -> tuple[PieceChain | None, float]:
-    """Return the chain without its gaps, or None if the continuation fails; and the share closed.
+    """Return the chain with its gaps closed, or None if that fails; and the share of gaps closed.
 
     Args:
         system: The system.
@@ -138,7 +136,7 @@ def close_gaps(
 
 
 def make_exact(system: TriangularSystem, chain: PieceChain, ends: ChainEnds) -> PieceChain | None:
-    """Return the nearest chain that is a motion even when integrated finely; None without one."""
+    """Return the nearest chain whose finely integrated pieces meet; None if a solve fails."""
     for _ in range(CORRECTIONS):
         error = _fine_ends(system, chain) - ends_of(system, chain.q[:-1], chain.u)
         candidate, _ = _nearest(system, len(chain.u))(chain, error, ends)
@@ -149,7 +147,7 @@ def make_exact(system: TriangularSystem, chain: PieceChain, ends: ChainEnds) -> 
 
 
 def _fine_ends(system: TriangularSystem, chain: PieceChain) -> Array:
-    """Return the ends of the pieces, shape (K, N), integrated in `PARTS` parts each."""
+    """Return the ends of a chain's pieces, (K, N), with each piece integrated in `PARTS` parts."""
     q = chain.q[:-1]
     for _ in range(PARTS):
         q = ends_of(system, q, chain.u / PARTS)
@@ -157,7 +155,7 @@ def _fine_ends(system: TriangularSystem, chain: PieceChain) -> Array:
 
 
 class _Nearest:
-    """The chain nearest to another one, with given gaps and within limits, by IPOPT.
+    """Callable that finds the nearest chain with given gaps and within limits, by IPOPT.
 
     The unknowns are (q₀, u₀, q₁, u₁, …, q_K); the derivatives are those of one piece, repeated.
     """
@@ -204,7 +202,7 @@ def _nearest(system: TriangularSystem, count: int) -> _Nearest:
 
 
 def chain_programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Build the programme of `_Nearest`, and the solver's options with the derivatives."""
+    """Build the programme of the nearest chain, and the solver's options with the derivatives."""
     size = system.size
     w, near = (ca.MX.sym(name, count * (size + 2) + size) for name in ("w", "near"))
     columns = ca.reshape(w[:-size], size + 2, count)
@@ -232,8 +230,7 @@ def chain_programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any
 
 
 def _jacobian(size: int, count: int, by_q: Any, by_u: Any) -> Any:
-    """Return the Jacobian of the gaps: in the rows of piece k, its negative slopes, and ones at
-    q_(k+1)."""
+    """Return the Jacobian of the gaps: in piece k's rows its negative slopes, and 1 at q_(k+1)."""
     blocks = ca.vertcat(ca.reshape(by_q, size * size, count), ca.reshape(by_u, size * 2, count))
     entries = ca.vertcat(ca.vec(-blocks), ca.MX(ca.DM.ones(size * count)))
     k, column, row = np.meshgrid(
@@ -247,8 +244,7 @@ def _jacobian(size: int, count: int, by_q: Any, by_u: Any) -> Any:
 
 
 def _hessian(size: int, count: int, scale: Any, curved: Any) -> Any:
-    """Return the upper triangle of the Hessian: a block for each piece, and the distance on the
-    diagonal."""
+    """Return the Hessian's upper triangle: a block per piece, and 2 `scale` on the diagonal."""
     m = size + 2
     row, column = np.triu_indices(m)
     inside = (row + m * column).tolist()
@@ -288,17 +284,17 @@ _QUIET: dict[str, Any] = {
 
 
 STEPS = 3
-"""Runge-Kutta steps per piece; `cut_finer` and `make_exact` correct their errors."""
+"""Number of Runge-Kutta steps per piece; `cut_finer` and `make_exact` correct the steps' errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """CasADi functions of (q, u), where u is the integral of the inputs over the piece.
+    """CasADi functions of one piece, from its start q and the integral u of its inputs.
 
     Attributes:
         end: End of the piece, N.
-        slopes: Two Jacobians of the end with respect to q (N × N) and u (N × 2), dense.
-        curvature: Function of (q, u, λ): Hessian of λ · end with respect to (q, u), dense.
+        slopes: Jacobians of the end with respect to q (N × N) and u (N × 2), dense.
+        curvature: Hessian of λ · end with respect to (q, u), dense; λ is a third argument.
     """
 
     end: Any
@@ -308,7 +304,7 @@ class Piece:
 
 @lru_cache(maxsize=16)
 def piece(system: TriangularSystem) -> Piece:
-    """Build the functions of one piece of constant inputs, with derivatives, for a system."""
+    """Build the functions of a piece with constant inputs, and their derivatives, for a system."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     end = q
     for _ in range(STEPS):
@@ -324,5 +320,5 @@ def piece(system: TriangularSystem) -> Piece:
 
 
 def ends_of(system: TriangularSystem, q: Array, u: Array) -> Array:
-    """Return the ends of pieces, shape (M, N), from q (M, N) under u (M, 2)."""
+    """Return the ends of pieces, (M, N), that start at q (M, N) with input integrals u (M, 2)."""
     return np.asarray(piece(system).end.map(len(q))(q.T, u.T)).T

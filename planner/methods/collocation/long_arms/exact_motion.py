@@ -1,6 +1,6 @@
-"""Turn a path into an exact motion, as fast as the limits allow, without shortening it.
+"""Turn a path into an exact motion along it, as fast as the limits allow.
 
-This is for paths that are too long for a solver to optimise.
+The file is for paths that are too long for a solver to optimise.
 """
 
 from __future__ import annotations
@@ -26,30 +26,28 @@ from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.support.arrays import Array
 
 DEGREE = 5
-"""Collocation points per interval of such a path; few wide intervals are accurate enough."""
+"""Number of collocation points per interval of a path; few wide intervals are accurate enough."""
 
 MOST_TURN, HALVINGS = 0.4, 2
-"""Largest turn of a limited coordinate in an interval, rad; and largest number of times that all
-intervals are halved if that is too coarse. In most intervals little turns, but small errors add
-up."""
+"""Largest turn of a limited coordinate in an interval, rad; and how often all intervals are halved
+at most if the turn is too coarse. In most intervals little turns, but small errors add up."""
 
 COARSE_TURN = 0.3
 """Largest turn in a piece made from a solution whose mesh was too coarse, rad."""
 
 FREE_LIMIT_SHARE = 1e-4
-"""Share of the joint limits that the nodes keep free for the motion between them."""
+"""Share of the joint limits that the nodes leave free for the motion between the nodes."""
 
 
 def has_only_limits(job: Task) -> bool:
-    """Return whether a task limits only joints and inputs, and lets inputs jump, also at the
-    ends."""
+    """Return whether a task limits only joints and inputs, and allows inputs to jump everywhere."""
     may_jump = not (job.demands.rest or job.objective.smooth or job.problem.reads("du"))
     plain = all(requirement.is_direct for requirement in job.problem.requirements)
     return may_jump and plain and not (job.problem.waypoints or job.nlp.form.augmented)
 
 
 def exact_motion(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, Solution] | None:
-    """Return the task on the path's own mesh, and the path as its solution; None if that fails.
+    """Return a task on the path's own mesh, and an exact motion that solves it; None if that fails.
 
     Args:
         job: The task, see `has_only_limits`.
@@ -80,8 +78,7 @@ def exact_motion(job: Task, chain: PieceChain, accuracy: float) -> tuple[Task, S
 
 
 def _duration(job: Task, path: Iterate) -> float | None:
-    """Return the given duration, or the least that the limits allow; None if the given is too
-    short."""
+    """Return the given duration, or the least within limits, s; None if the given is too short."""
     given, needed = job.problem.duration, needed_duration(job.problem, job.mesh, path)
     if given is None:
         return needed or path.duration
@@ -89,8 +86,9 @@ def _duration(job: Task, path: Iterate) -> float | None:
 
 
 def chain_of(job: Task, solution: Solution) -> PieceChain:
-    """Approximate a solution's path by pieces of constant input. Where a piece misses the path's
-    next node, the miss is a gap before the next piece."""
+    """Approximate a solution's path by a chain of pieces with constant inputs.
+
+    Where a piece misses the path's next node, the chain has a gap."""
     iterate, limited = solution.iterate, list(job.problem.system.limited)
     parts, interval, share = cuts(iterate.nodes, limited, COARSE_TURN)
     width = job.mesh.widths[interval]
@@ -103,7 +101,7 @@ def chain_of(job: Task, solution: Solution) -> PieceChain:
 
 
 def follow(job: Task, chain: PieceChain, degree: int = 0) -> tuple[Task, Iterate]:
-    """Return the job on the path's mesh, and the path at the speed that the input limits allow.
+    """Return a task on the path's mesh, and the path at the speed that the input limits allow.
 
     Each interval has at least `degree` collocation points.
     """
@@ -117,7 +115,7 @@ def follow(job: Task, chain: PieceChain, degree: int = 0) -> tuple[Task, Iterate
 
 
 def _with_constant_inputs(job: Task, degree: int) -> Task:
-    """Return the job with at least that degree, and with constant inputs if they may jump."""
+    """Return a task with at least the given degree, and with constant inputs if inputs may jump."""
     form = job.nlp.form
     new = replace(form, degree=max(form.degree, degree))
     if has_only_limits(job):

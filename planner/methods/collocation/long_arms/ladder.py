@@ -1,9 +1,9 @@
-"""Paths of long arms from those of shorter arms: each step ("rung") adds a joint in front.
+"""Paths of long arms from paths of shorter arms: each step ("rung") adds a joint in front.
 
-The arm of the last few joints gets its path by the usual search. Then each further joint is made to
-drive those behind it. This always succeeds if the path is cut into short enough stretches. The path
-is then timed. A path that is too long for a solver, or that the solver cannot improve, is used as
-it is.
+The usual search finds a path for the arm of the last few joints. Then each further joint is made to
+drive the joints behind it, which always succeeds if the path is cut into short enough stretches.
+The path is then timed. A path that is too long for a solver, or that the solver cannot improve, is
+used unchanged.
 
 One rung turns a path of the arm without its first joint into a path of the arm. With joint 1 at
 rest at θ₁ the drive moves φ and all joints after the second cosθ₁ times as fast as in the shorter
@@ -12,7 +12,7 @@ shorter arm by any drive and any turn of its own first joint, in any ratio: it f
 the shorter arm, the more closely the shorter the stretches are.
 
 
-Sources: the reduction of one stage at a time is that of Lafferriere and Sussmann, A differential
+Source of the reduction of one stage at a time: Lafferriere and Sussmann, A differential
 geometric approach to motion planning (Nonholonomic Motion Planning, Kluwer 1993).
 """
 
@@ -55,26 +55,25 @@ ENOUGH_PATHS = 6
 """Number of paths to find for the arm of the last joints."""
 
 LARGEST_GAPS = (0.12, 0.05, 0.02)
-"""Largest gaps that a joint in front may leave, rad; smaller ones are tried if gaps do not
-close."""
+"""Largest gaps that a joint in front may leave, rad, tried in turn until the gaps close."""
 
 MAX_PIECES = 5000
-"""A path with more pieces than this is not shortened."""
+"""Largest number of intervals of a path that is shortened."""
 
 FREE_LIMIT_SHARE = 0.1
 """Share of the joint limits that each rung leaves free for the motions that later rungs add. The
-best path runs along its limits. With 0.02 the motions of joint 1 broke limits of 40 degrees by 0.2
-to 0.5 rad, and no nearest chain existed."""
+best path runs along its limits. With a share of 0.02 the motions of joint 1 broke limits of 40
+degrees by 0.2 to 0.5 rad, and no nearest chain existed."""
 
 MOST_SOLVED_INTERVALS = 300
-"""A path with more intervals than this is not optimised."""
+"""Largest number of intervals of a path that is optimised."""
 
 
 def find_arm_path(job: Task) -> tuple[PieceChain, int] | None:
-    """Find a path by way of shorter arms; return it and the joint count of the first of them.
+    """Find a path by way of shorter arms; return the path and the shortest arm's number of joints.
 
-    None if the system is not an arm of at least three joints, if the task has more requirements
-    than limits on joints and inputs (see `has_only_limits`), or if no path is found.
+    The result is None unless the system is an arm of at least three joints, the task has only
+    limits on joints and inputs (see `has_only_limits`), and a path is found.
     """
     system = job.problem.system
     if not isinstance(system, Manipulator) or system.n < 3 or not has_only_limits(job):
@@ -84,9 +83,10 @@ def find_arm_path(job: Task) -> tuple[PieceChain, int] | None:
 
 
 def time_arm_path(job: Task, chain: PieceChain) -> tuple[Task, Solution] | None:
-    """Return the best motion near a path, on the path's mesh, with its task.
+    """Return a task on the path's mesh, and the best motion near the path.
 
-    None if the path has more than `MOST_SOLVED_INTERVALS`, or if no motion is found.
+    The result is None if the path has more intervals than `MOST_SOLVED_INTERVALS`, or if no motion
+    is found.
     """
     progress.tell("timing that path")
     path_job, path = follow(job, chain)
@@ -97,7 +97,7 @@ def time_arm_path(job: Task, chain: PieceChain) -> tuple[Task, Solution] | None:
 
 
 def _solve_timing(job: Task, path: Iterate) -> Solution:
-    """Solve the path's timing; if the last iterate is a motion, it counts as a solution."""
+    """Solve the timing of a path; a last iterate that is a motion also counts as a solution."""
     settings = job.settings
     patient = replace(
         settings, max_iterations=max(settings.max_iterations, LADDER_ITERATIONS["timing"])
@@ -109,10 +109,10 @@ def _solve_timing(job: Task, path: Iterate) -> Solution:
 
 
 def lift_shorter_path(job: Task) -> tuple[PieceChain, int] | None:
-    """Find a path of the arm from one of the arm without its first joint.
+    """Find a path of an arm from a path of the arm without its first joint.
 
-    The shorter arm's path is searched from guesses or else, in the same way, found from a path of a
-    still shorter arm.
+    The shorter arm's path is searched from guesses or else, in the same way, found from a path of
+    an even shorter arm.
 
     Returns:
         The path, and the number of joints of the arm whose path was searched; or None.
@@ -137,7 +137,7 @@ def lift_shorter_path(job: Task) -> tuple[PieceChain, int] | None:
 
 
 def _shorten(job: Task, path: PieceChain, ends: ChainEnds) -> PieceChain:
-    """Return the path of least effort near a path if that is shorter, else the path itself."""
+    """Return the path of least effort near a path if it is shorter, else the given path."""
     path_job, iterate = follow(job, path)
     if len(path_job.mesh.widths) > MAX_PIECES:
         return path
@@ -156,7 +156,7 @@ def _length(path: PieceChain) -> float:
 def _search_path(job: Task) -> tuple[PieceChain, int] | None:
     """Return the shortest path found from a few guesses, and the arm's number of joints.
 
-    None if no path is found, or if the gaps that its coarse mesh hides cannot be closed.
+    The result is None if no path is found, or if the gaps of its coarse mesh cannot be closed.
     """
     guesses = strategy(job.nlp, job.settings).guesses
     settings = replace(job.settings, max_iterations=LADDER_ITERATIONS["guess"])
@@ -170,7 +170,7 @@ def _search_path(job: Task) -> tuple[PieceChain, int] | None:
 
 
 def _shorter_arm_task(job: Task) -> Task:
-    """Return the job of the arm without its first joint."""
+    """Return the task of the arm without its first joint, with the same ends and tighter limits."""
     problem, form = job.problem, job.nlp.form
     assert isinstance(problem.system, Manipulator)
     start, goal = (np.delete(q, 1) for q in (problem.start, problem.goal))
@@ -183,24 +183,25 @@ def _shorter_arm_task(job: Task) -> Task:
 
 
 OTHER_ANGLE = np.deg2rad(60.0)
-"""Angle of joint 1 for driving, besides zero; near it the sum of drives and turns is least."""
+"""Second angle of joint 1 at which the drive turns, besides zero, rad; near 60 degrees the sum of
+drives and turns is least."""
 
 LONGEST_STRETCH, HALVINGS = 0.8, 12
-"""Largest sum of turn and drive in a stretch, rad, and largest number of rounds of halving."""
+"""Largest sum of turn and drive in a stretch, rad; and largest number of rounds of halving."""
 
 NEGLIGIBLE_RAD = 1e-9
-"""Smaller turns and drives are left out, rad."""
+"""Size of turns and drives, rad, below which they are left out."""
 
 
 def lift(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> PieceChain:
-    """Return a path of all joints, with gaps, that moves joints 2 … n along a given path.
+    """Return a path of all n joints, with gaps, along which joints 2 … n follow a given path.
 
     Args:
         system: The arm, n ≥ 3.
         path: The path of `system.shorter()`.
         ends: Ends and limits of the arm.
-        gap: Largest gap to leave, rad; limits may be exceeded by a quarter of it. Stretches that
-            leave or exceed more are halved.
+        gap: Largest gap to leave, rad; limits may be exceeded by a quarter of this gap. Stretches
+            with a larger gap or excess are halved.
     """
     length = np.append(0.0, np.cumsum(np.sum(np.abs(path.u), axis=1)))
     edges = np.linspace(0.0, length[-1], 1 + max(1, int(np.ceil(length[-1] / LONGEST_STRETCH))))
@@ -219,10 +220,9 @@ def lift(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> 
 def _lifted_chain(
     system: Manipulator, path: PieceChain, length: Array, ends: ChainEnds, edges: Array
 ) -> tuple[PieceChain, Index]:
-    """Return the chain for stretches between the path lengths `edges`, and the stretch of each
-    piece.
+    """Return the lifted chain of a path cut into stretches, and the stretch of each piece.
 
-    `length` are the path lengths at the path's own nodes.
+    `edges` are the path lengths between stretches, `length` those at the path's own nodes.
     """
     places, moves = _stretches(system.shorter(), path, length, edges)
     u, before = _drives(system, moves, ends)
@@ -234,8 +234,7 @@ def _lifted_chain(
 def _stretches(
     short: Manipulator, path: PieceChain, length: Array, edges: Array
 ) -> tuple[Array, Array]:
-    """Return the coordinates between the stretches, (S+1, n), and drive and turn in each, (S,
-    2)."""
+    """Return the coordinates between S stretches, (S+1, n), and drive and turn in each, (S, 2)."""
     sums = np.vstack([np.zeros(2), np.cumsum(path.u, axis=0)])
     values = np.stack([np.interp(edges, length, column) for column in sums.T], axis=-1)
     piece = np.clip(np.searchsorted(length, edges[:-1], side="right") - 1, 0, len(path.u) - 1)
@@ -244,9 +243,9 @@ def _stretches(
 
 
 def _drives(system: Manipulator, moves: Array, ends: ChainEnds) -> tuple[Array, Array]:
-    """Return the inputs of a turn, drive, turn and drive in each stretch, shape (S+1, 4, 2).
+    """Return the inputs (turn, drive, turn, drive) of each stretch, (S+1, 4, 2), and θ₁ before it.
 
-    The last entry is the turn to the goal. Also return θ₁ before each stretch, shape (S+1,).
+    The last entry of the inputs is the turn to the goal. θ₁ has the shape (S+1,).
     """
     angle, out = ends.start[1], np.zeros((len(moves) + 1, 4, 2))
     before = np.empty(len(moves) + 1)
@@ -264,9 +263,10 @@ def _drives(system: Manipulator, moves: Array, ends: ChainEnds) -> tuple[Array, 
 def _angles_and_drives(
     drive: float, turn: float, angle: float, other: float
 ) -> list[tuple[float, float]]:
-    """Return the angles αₖ of joint 1 and drives xₖ at them, the nearer angle first.
+    """Return angles αₖ of joint 1 with a drive xₖ at each, the nearer angle first.
 
-    They satisfy Σ xₖ cosαₖ = drive and Σ xₖ cos³αₖ = turn; one angle is enough if the ratio allows.
+    Angles and drives satisfy Σ xₖ cosαₖ = drive and Σ xₖ cos³αₖ = turn; one angle is enough if the
+    ratio of turn to drive allows.
     """
     least = np.cos(other) ** 2
     if least * drive**2 <= turn * drive <= drive**2 and drive:
@@ -278,7 +278,7 @@ def _angles_and_drives(
 
 
 def _pieces(system: Manipulator, q: Array, u: Array, last: Array) -> tuple[PieceChain, Index]:
-    """Make one piece of each turn and drive, with gaps; also return the stretch of each piece."""
+    """Make a chain with a piece for each turn and drive; return also the stretch of each piece."""
     before = [q]
     for part in range(u.shape[1] - 1):
         before.append(ends_of(system, before[-1], u[:, part]))

@@ -1,4 +1,4 @@
-"""The problem as a nonlinear programme.
+"""The transcription of a problem to a nonlinear programme.
 
 Read the files in this order: `form` (and the objective), `augmented` (a motion with its response to
 errors), `interval`, `unknowns`, `bounds`, `derivatives`, `transcription`.

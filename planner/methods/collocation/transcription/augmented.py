@@ -2,7 +2,7 @@
 
 The response W = S diag(σ) to errors of one standard deviation follows from Ṡ = A S + B: one column
 per parameter, instead of the n² entries of a covariance. In triangular systems most entries are
-zero, and constant ones (an offset of θᵢ stays an offset of θᵢ) need no state. For the manipulator
+zero, and constant entries (an offset of θᵢ stays such an offset) need no state. For the manipulator
 of three joints with five errors, eight of the fifteen entries are states. Each state is the change
 of its entry, so all begin at zero. The covariance along the path is P = W Wᵀ.
 """
@@ -23,17 +23,17 @@ from planner.systems.linearisation import Linearisation, linearise
 from planner.systems.triangular_system import TriangularSystem
 
 DEGREES = 180 / np.pi
-"""The response is weighted in degrees (lengths in 1/57.3 of their unit), so that it is near 1."""
+"""Factor from radians to degrees, in which the response is weighted, so that its size is near 1."""
 
 VARIANCE_ROUNDING = 1e-6 / DEGREES
-"""Smooths the square root at a variance of zero, in the unit of the coordinate (rad, or that of
-z₂)."""
+"""Standard deviation, in the unit of the coordinate (rad, or that of z₂), that is added so that the
+square root is smooth at a variance of zero."""
 
 
 @dataclass(frozen=True)
 class Augmented:
-    """A system with states x = (q, w), where w are the varying entries of S and, if needed, a clock
-    and the effort so far.
+    """A system with its response to errors, with states x = (q, w), where w are the varying
+    entries of S and, if needed, a clock and the effort so far.
 
     Attributes:
         system: The system.
@@ -56,24 +56,24 @@ class Augmented:
 
     @property
     def size(self) -> int:
-        """Number of states."""
+        """Number of states x."""
         return self._formulas.size
 
     def rates_expr(self, x: Any, u: Any) -> list[Any]:
-        """CasADi expressions of ẋ."""
+        """Return the rates ẋ of the states as CasADi expressions in x and the inputs u (2)."""
         return list(ca.vertsplit(self._formulas.rates(x, u)))
 
     def end_cost_expr(self, x: Any) -> Any:
-        """CasADi expression of the response's cost at the end."""
+        """Return the cost of the response at the end state x, deg², as a CasADi expression."""
         W = DEGREES * self._formulas.response.function(x)
         return self.passive * ca.sumsqr(W[2:, self._passive]) + self.terminal * ca.sumsqr(W[1:, :])
 
     def path_cost_expr(self, x: Any) -> Any:
-        """CasADi expression of the response's cost along the path."""
+        """Return the cost of the response at a state x on the path, deg², as an expression."""
         return self.path * ca.sumsqr(DEGREES * self._formulas.response.function(x)[1:, :])
 
     def sides(self, q: Any, value: Any, places: list[Any]) -> list[Any]:
-        """Return an expression in q (N) at each state of `places`, minus and plus its back-off."""
+        """Return a limited value, an expression in q, minus and plus its back-off at each state."""
         both = ca.Function("value", [q], [value, ca.jacobian(value, q)])
         out = []
         for x in places:
@@ -85,12 +85,12 @@ class Augmented:
         return out
 
     def response(self, x: Array) -> Array:
-        """W (…, N, P) in SI units at x (…, N + m). Row 0, of the path coordinate, is zero if
-        nothing depends on it."""
+        """Return the response W (…, N, P) in SI units at states x (…, N + m); row 0 is zero if
+        no rate depends on the path coordinate."""
         return self._formulas.response(x)
 
     def sizes_deg(self, x: Array) -> tuple[float, float]:
-        """Return the size of the passive block and of the whole response at x (N + m), degrees."""
+        """Return the norms of the passive block and of the whole response at a state x, degrees."""
         W = DEGREES * self.response(x)
         return float(np.linalg.norm(W[2:, self._passive])), float(np.linalg.norm(W[1:]))
 
@@ -107,7 +107,7 @@ class Augmented:
 
 @dataclass(frozen=True, eq=False)
 class _Expressions:
-    """The number of states x, a function from (x, u) to ẋ, and one from x to the response W."""
+    """Number of states x, function from (x, u) to ẋ, and function from x to the response W."""
 
     size: int
     rates: Any
@@ -136,7 +136,7 @@ def _expressions(model: Augmented) -> _Expressions:
 
 
 def _column(form: Linearisation, error: str) -> tuple[dict[int, Any], Any]:
-    """Return an error's column of S, and before it the symbols of its varying entries by row."""
+    """Return an error's column of S, and before it the symbols of the varying entries by row."""
     N, b, start = form.q.numel(), form.forcing[error], form.initial[error]
     read = [[j for j in range(N) if form.A[i, j].nnz() > 0] for i in range(N)]
     reached = [bool(start[i]) or b[i].nnz() > 0 for i in range(N)]
@@ -153,13 +153,13 @@ def _column(form: Linearisation, error: str) -> tuple[dict[int, Any], Any]:
 
 
 MovingSystem = TriangularSystem | Augmented
-"""A system that can be transcribed."""
+"""A system that can be transcribed: alone, or augmented by its response to errors."""
 
 
 def backs_off(requirement: Requirement) -> bool:
-    """Return whether a requirement is backed off: limits on coordinates, but not obstacles.
+    """Return whether a requirement is backed off: a limit on coordinates, but not an obstacle.
 
-    Rows that depend on fields of the requirement (`row_fields`) are not backed off, since their
-    slope is not a function of q alone.
+    A requirement whose rows depend on its fields (`row_fields`) is not backed off, since the slope
+    of a row must be a function of q alone.
     """
     return requirement.reads == {"q"} and requirement.smooth and not requirement.row_fields

@@ -1,4 +1,4 @@
-"""A problem's numbers for a transcription: bounds on unknowns and rows, and parameters."""
+"""The numbers of a problem for its transcription: bounds on unknowns and rows, and parameters."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
 
 MOST_DRAWN_IN = 0.1
-"""Largest share of half the range between low and high by which a limit is tightened; a mesh that
-needs more is far too coarse."""
+"""Largest amount by which a limit is tightened, as a share of half the range from low to high; a
+mesh that needs more is far too coarse."""
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,9 @@ class InputDemands:
     """Demands on the inputs beside the problem's limits.
 
     Attributes:
-        rest: Whether they are zero at both ends.
-        first_sign: Sign of the first input, constant between `turns`; zero if it is free.
-        turns: Fractions of the duration at which that sign changes.
+        rest: Whether the inputs are zero at both ends.
+        first_sign: Sign of u₁ until the first of `turns`; zero if the sign is free.
+        turns: Fractions of the duration at which the sign of u₁ changes.
         effort: Largest ∫ u₁² + u₂² dt, if the transcription has it as a state.
         timeless: Whether to leave out limits that depend on inputs, since a path has no timing.
     """
@@ -40,7 +40,7 @@ class InputDemands:
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """The numbers that a solver gets beside the functions, in natural units.
+    """The numbers that a solver gets in addition to the functions, in natural units.
 
     Attributes:
         lower: Lower bounds of the unknowns, shape (size,).
@@ -62,7 +62,7 @@ class Bounds:
 
     @property
     def pattern(self) -> bytes:
-        """Bytes that encode which bounds are finite or equal; the same for problems of one kind."""
+        """Bytes that encode which bounds are finite or equal, the same for problems of one kind."""
         pairs = ((self.lower, self.upper), (self.row_lower, self.row_upper))
         kinds = [
             (low == high) + 2 * np.isfinite(low) + 4 * np.isfinite(high) for low, high in pairs
@@ -79,17 +79,17 @@ def bounds(
     demands: InputDemands,
     inset: Array,
 ) -> Bounds:
-    """Compute bounds and parameters from a problem's numbers.
+    """Compute the bounds and parameters of a transcription from a problem's numbers.
 
     Args:
         problem: The problem.
-        requirements: Its requirements, see `kept_between_nodes`.
+        requirements: Requirements of the problem that have rows, see `kept_between_nodes`.
         nlp: The transcription.
-        mesh: Its mesh.
+        mesh: The mesh.
         objective: The objective.
         demands: Demands on the inputs beside the problem's limits.
         inset: Amounts by which the parts of the requirements are tightened, shape (K, R), so that
-            they hold between the nodes.
+            the requirements hold between the nodes.
     """
     low, high = (np.concatenate([[], *(each.bounds[k] for each in requirements)]) for k in (0, 1))
     most = MOST_DRAWN_IN * (high - low) / 2
@@ -144,7 +144,7 @@ def _limits(
     inside: Array,
     edges: Array,
 ) -> tuple[Array, Array]:
-    """Return bounds of the unknowns, tightened inside intervals (K, R) and at edges (K+1, R)."""
+    """Return bounds (size,) of the unknowns, tightened by `inside` (K, R) and `edges` (K+1, R)."""
     places = nlp.layout
     upper = np.full(places.size, np.inf)
     lower = -upper
@@ -189,7 +189,7 @@ def _fix(
     mesh: Mesh,
     demands: InputDemands,
 ) -> None:
-    """Fix the given values in both bounds: start, goal, duration, waypoints and rest."""
+    """Set both bounds to each fixed value: start, goal, duration, waypoints, rest at the ends."""
     places, N = nlp.layout, problem.system.size
     duration = np.nan if problem.duration is None else problem.duration
     fixed = [(places.nodes[0], nlp.start(problem)), (places.nodes[-1, :N], problem.target)]
@@ -203,6 +203,6 @@ def _fix(
 
 
 def _at_nodes(inset: Array) -> Array:
-    """Convert amounts (K, R) of intervals to edges (K+1, R): the greater of both neighbours."""
+    """Convert amounts of intervals (K, R) to edges (K+1, R): the greater of two neighbours."""
     ends = np.concatenate([inset[:1], inset, inset[-1:]])
     return np.asarray(np.maximum(ends[:-1], ends[1:]))

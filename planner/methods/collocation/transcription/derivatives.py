@@ -1,4 +1,4 @@
-"""The functions of one interval with their derivatives; `transcription` maps them over the mesh.
+"""The functions of one interval with their derivatives, which `transcription` maps over the mesh.
 
 `ChainRule` differentiates functions that are computed through many intermediate values.
 """
@@ -22,9 +22,9 @@ Pattern = tuple[Index, Index]
 
 @dataclass(frozen=True, eq=False)
 class IntervalFunctions:
-    """Functions of the state and control (y, c) and the parameters, all dense columns.
+    """CasADi functions of the column (y, c) of one interval, state and control, and of parameters.
 
-    The parameters are those of `Form.parameters`, then the width.
+    The parameters are those of `Form.parameters`, then the interval's width.
 
     Attributes:
         cost: Gives the cost.
@@ -50,10 +50,10 @@ class IntervalFunctions:
 
 
 def interval_functions(stage: Stage) -> IntervalFunctions:
-    """Differentiate one interval.
+    """Build the functions of one interval with their first and second derivatives.
 
     Raises:
-        TimeUpError: If time is up; with eight joints and their response it takes a second.
+        TimeUpError: If time is up; eight joints with their response to errors take a second.
     """
     unknowns = ca.vertcat(stage.state, stage.control)
     inputs = [unknowns, ca.vertcat(stage.weights, stage.width)]
@@ -92,10 +92,10 @@ def _pattern(matrix: Any) -> Pattern:
 
 
 class ChainRule:
-    """Differentiates functions L(w, v) by w, where v is defined step by step: v = F(w, earlier v).
+    """Derivatives by w of functions L(w, v), where v is defined step by step: v = F(w, earlier v).
 
     Let Z = dv/dw, and mu the total derivatives of a function L(w, v) by each v, including the
-    effect on later ones. Then L has the Hessian (I; Z)' M (I; Z), where M is the Hessian of
+    effect on later entries of v. Then L has the Hessian (I; Z)' M (I; Z), where M is the Hessian of
     L + mu' F in (w, v). M is sparse, since the collocation points are not coupled in it. This takes
     half the operations of differentiating L after substituting v. With substitution, by CasADi
     alone, five shipped problems took 10 to 30 % more processor time in total when desensitised, and
@@ -118,12 +118,11 @@ class ChainRule:
         self.Z = ca.vertcat(*rows)
 
     def jacobian(self, value: Any) -> Any:
-        """Return the matrix of first derivatives by w, with a row for each entry of the column
-        `value`."""
+        """Return the Jacobian by w of a column `value` in w and v, with a row for each entry."""
         return ca.jacobian(value, self.w) + ca.jacobian(value, self.v) @ self.Z
 
     def second(self, of: Any) -> tuple[Any, Any]:
-        """Return the gradient and the Hessian by w of one function of w and v."""
+        """Return the gradient and the Hessian by w of a scalar function of w and v."""
         mu, count = ca.SX.sym("mu", self.v.numel()), self.w.numel()
         whole = of + ca.dot(mu, self.F)
         hessian = ca.hessian(whole, ca.vertcat(self.w, self.v))[0]
@@ -140,5 +139,5 @@ class ChainRule:
         return ca.densify(ca.vertcat(*out))
 
     def substitute(self, outputs: list[Any]) -> list[Any]:
-        """Return the expressions with values substituted for the symbols v."""
+        """Return the expressions with the definitions F substituted for the symbols v."""
         return list(ca.substitute_inplace(ca.vertsplit(self.v), ca.vertsplit(self.F), outputs)[1])

@@ -3,7 +3,7 @@
 The objective is a weighted sum of duration, effort, smoothness and closeness to the domain's edge.
 A collocation scheme consists of points and of weights for integration, quadrature and conversion to
 Bernstein form. On one interval, scaled to [0, 1], a coordinate is the polynomial of degree d
-through its value at 0 and at the d collocation points. Everything else is linear in those d + 1
+through its value at 0 and at the d collocation points. Everything else is linear in these d + 1
 values.
 
 Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.5.
@@ -33,7 +33,7 @@ Kind = Literal["radau", "legendre"]
 
 @dataclass(frozen=True, eq=False)
 class Scheme:
-    """Points and weights of one collocation scheme; build it with `scheme`.
+    """Points and weights of a collocation scheme, as built by `scheme`.
 
     Attributes:
         points: τ₁ … τ_d, shape (d,), in (0, 1].
@@ -51,7 +51,7 @@ class Scheme:
 
 @lru_cache(maxsize=16)
 def scheme(kind: Kind, degree: int) -> Scheme:
-    """Return the scheme of that kind and degree d (1 to 5).
+    """Return the collocation scheme of a kind and degree d (1 to 5), cached.
 
     "radau": the right end point is a collocation point, order 2d − 1 at the end of an interval;
     "legendre": order 2d.
@@ -73,29 +73,28 @@ InputKind = Literal["constant", "linear"]
 
 
 TERMS = 6
-"""Number of terms of the objective: duration, effort and smoothness of each input, closeness to the
-domain's edge."""
+"""Number of terms of the objective: duration; effort of each input; smoothness of each input;
+closeness to the domain's edge."""
 
 
 def kept_between_nodes(problem: Problem) -> list[Requirement]:
-    """Requirements that may be broken between the nodes: all except plain limits on inputs and
-    their rates."""
+    """Return the requirements that may break between nodes: all but direct limits on u and du/dt."""
     drives = {"u", "du"}
     return [each for each in problem.requirements if not (each.is_direct and each.reads & drives)]
 
 
 REFERENCE_S, REFERENCE_LIMITED_S = 15.0, 3.0
-"""Durations, s, for which the natural unit of time is one second: the given duration or, if it is
-free, the longest time that a limit or the objective alone implies for a move by 1 rad or 1 m. Both
-are typical of ordinary problems."""
+"""Durations, s, for which the natural unit of time is one second: a given duration; and, for a free
+duration, the longest time that a limit or the objective alone implies for a move by 1 rad or 1 m.
+Both are typical of ordinary problems."""
 
 
 @dataclass(frozen=True)
 class Units:
     """Natural units, in which the unknowns of any problem are near one.
 
-    They are powers of ten, so that problems of ordinary size have units of one and are solved
-    without any change of rounding.
+    The units are powers of ten, so that problems of ordinary size have units of one and are solved
+    with unchanged rounding.
 
     Attributes:
         time_s: Unit of time, s.
@@ -108,14 +107,14 @@ class Units:
     objective: float = 1.0
 
     def weights(self, weights: Array) -> Array:
-        """Return the weights of the terms of an objective, shape (6,), in these units."""
+        """Convert the weights of an objective's six terms, shape (6,), to natural units."""
         T, squares = self.time_s, np.square(self.inputs)
         units = np.array([T, *(squares * T), *(squares / T), 1.0])
         return np.asarray(weights * units / self.objective)
 
 
 def natural_units(problem: Problem, objective: Objective, timeless: bool) -> Units:
-    """Choose units from a problem's drive constant, its duration or limits, and its objective.
+    """Choose natural units from a problem's drive constant, duration or limits, and objective.
 
     Args:
         problem: The problem.
@@ -145,7 +144,7 @@ def _decade(value: float) -> float:
 
 @dataclass(frozen=True)
 class Form:
-    """The properties of a transcription; together with the system its cache key.
+    """The properties of a transcription, which together with the system are its cache key.
 
     Attributes:
         intervals: Number K of mesh intervals.
@@ -154,8 +153,8 @@ class Form:
         input: "constant" in each interval, or "linear" and continuous.
         free_duration: Whether the duration is an unknown; else it is a parameter.
         kept: Requirements that have rows, as templates without numbers, see `kept_between_nodes`.
-        final: Requirements that have rows at right edges only, as templates without numbers: those
-            at the end and at waypoints.
+        final: Requirements at the end and at waypoints, which have rows at right edges only, as
+            templates without numbers.
         edge: Whether closeness to the edge of the chart's domain is a term of the objective.
         inner: Whether requirements on coordinates have rows at the collocation points too, not only
             at the mesh's edges.
@@ -177,29 +176,29 @@ class Form:
 
     @property
     def parameters(self) -> int:
-        """Number of parameters of an interval beside its width: weights of the objective, numbers
-        of the requirements, and the duration if it is known."""
+        """Number of parameters of an interval besides its width: weights of the objective, numbers
+        of the requirements, and the duration if fixed."""
         numbers = sum(len(requirement.row_fields) for requirement in (*self.kept, *self.final))
         return TERMS + numbers + (not self.free_duration)
 
     @property
     def scheme(self) -> Scheme:
-        """The scheme's weights."""
+        """Points and weights of the collocation scheme."""
         return scheme(self.scheme_kind, self.degree)
 
     def input_places(self, mesh: Mesh) -> Array:
-        """Return the fractions of the duration at which `Iterate.inputs` are sampled from a curve:
-        the middles, (K,), for constant inputs, or the edges, (K+1,), for linear ones."""
+        """Return the fractions of the duration to which `Iterate.inputs` refer: the middles of the
+        intervals, (K,), for constant inputs, or the edges, (K+1,), for linear inputs."""
         return mesh.edges if self.input == "linear" else mesh.edges[:-1] + mesh.widths / 2
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A partition of [0, 1].
+    """A partition of the duration, scaled to [0, 1], into K intervals.
 
     Attributes:
-        edges: Increasing, shape (K+1,), from 0 to 1.
-        marks: Indices of the edges at which waypoints are passed, in their order.
+        edges: Ends of the intervals, increasing from 0 to 1, shape (K+1,).
+        marks: Indices of the edges at which the waypoints are passed, in order.
     """
 
     edges: Array
@@ -212,15 +211,15 @@ class Mesh:
 
     @property
     def knots(self) -> Array:
-        """0, the fractions at which waypoints are passed, and 1."""
+        """Fractions of the duration at start, waypoints and goal: 0, the marked edges, and 1."""
         return self.edges[[0, *self.marks, len(self.edges) - 1]]
 
     def at(self, tau: Array) -> Array:
-        """Return fractions of the whole mesh, (K, m), at fractions tau (m,) of each interval."""
+        """Convert fractions tau (m,) of each interval to fractions of the whole mesh, (K, m)."""
         return np.asarray(self.edges[:-1, None] + self.widths[:, None] * tau)
 
     def snap(self, edges: Array) -> Mesh:
-        """Return a mesh of these edges, the nearest of which are moved onto this mesh's marks."""
+        """Return a mesh with the given edges, the nearest of which are moved onto the marks."""
         edges = edges.copy()
         marks: list[int] = []
         for knot in self.knots[1:-1]:
@@ -232,12 +231,12 @@ class Mesh:
 
 
 def uniform(intervals: int) -> Mesh:
-    """K intervals of the same width."""
+    """Return the mesh of K intervals of the same width."""
     return Mesh(np.linspace(0.0, 1.0, intervals + 1))
 
 
 def through(intervals: int, fractions: Sequence[float]) -> Mesh:
-    """About K intervals, as even as possible, with edges at the fractions (increasing, inside)."""
+    """Return a mesh of about K nearly even intervals, with marked edges at increasing fractions."""
     knots = np.array([0.0, *fractions, 1.0])
     counts = np.maximum(1, np.round(intervals * np.diff(knots)).astype(int))
     parts = [
@@ -249,12 +248,12 @@ def through(intervals: int, fractions: Sequence[float]) -> Mesh:
 
 
 TIME_REGULARISATION = 0.01
-"""Weight of the scaled effort relative to the duration when time is the objective. The scaled
-effort is at most twice the duration, so the duration found is within 2 % of the least."""
+"""Weight of the scaled effort relative to the duration in the objective "time". The scaled effort
+is at most twice the duration, so the duration found is within 2 % of the least."""
 
 
 EDGE_REGULARISATION = 0.01
-"""Weight of the effort relative to the closeness to the domain's edge when that is the objective;
+"""Weight of the effort relative to the closeness to the domain's edge in the objective "edge";
 without the effort the motion would leave the edge at infinite speed."""
 
 
@@ -264,7 +263,7 @@ class Objective:
 
     Attributes:
         kind: "effort", "smooth", "edge", "time" or "mixed".
-        name: In words.
+        name: The objective in words.
         weights: Weights of T, of each ∫uᵢ² dt, of each ∫(duᵢ/dt)² dt, and of the mean closeness to
             the domain's edge (`planner.plan.measures.closeness`), shape (6,).
     """
@@ -285,11 +284,11 @@ class Objective:
 
 
 def objective(problem: Problem, options: CollocationOptions) -> Objective:
-    """Return the objective of the options, or the default for the problem.
+    """Return the objective that the options name, or the default objective of the problem.
 
     Raises:
         InputError: If the objective has no minimum with a free duration (slower is always better),
-            or is the time although an input has no limit.
+            or is "time" although an input has no limit.
     """
     kind: str = options.objective
     limited = bool(np.all(np.isfinite(problem.limits.input)))
@@ -339,7 +338,7 @@ def _mixed_objective(options: CollocationOptions) -> Objective:
 
 
 def fastest(problem: Problem) -> Objective:
-    """Return the objective of least duration; a small weight on effort makes the motion unique."""
+    """Return the objective "time": the duration, plus a little effort that makes motions unique."""
     weights = TIME_REGULARISATION / problem.limits.input_scale**2
     return Objective(
         "time",
@@ -352,8 +351,8 @@ def fastest(problem: Problem) -> Objective:
 def shortest_path(problem: Problem) -> Objective:
     """Return the objective of a path before its timing: the effort, in units of the inputs' limits.
 
-    The systems are driftless. At a fixed duration without limits on inputs, least effort gives the
-    path of least length in the metric of the inputs, for any duration.
+    For driftless systems, at a fixed duration without limits on inputs, least effort gives the path
+    of least length in the metric of the inputs, whatever the duration.
     """
     inputs = 1 / problem.limits.input_scale**2
     inputs = inputs / np.mean(inputs)

@@ -1,9 +1,9 @@
-"""One mesh interval in symbols: its next state, its cost, and its labelled rows.
+"""One mesh interval in symbols: the next state, the cost, and the labelled rows.
 
-All intervals are equal, so the whole problem repeats this one (see `transcription`).
+All intervals are equal, so the whole problem repeats one interval (see `transcription`).
 
 The file also decides which collocation values are unknowns. A collocation method is implicit. But
-if no coordinate's rate depends on that coordinate, directly or through others, its equations can be
+if no coordinate's rate depends on that coordinate, directly or through others, the equations can be
 solved one coordinate after the other: the manipulator's θ₁ from the input, θ₂ from θ₁, and so on.
 To break cycles of dependencies, some coordinates are lifted: their values at the collocation points
 are unknowns.
@@ -32,11 +32,11 @@ class Rows:
     """A group of rows with one meaning.
 
     Attributes:
-        kind: Their family. motion: the next state is the end of this interval; carried: the
+        kind: The family. motion: the next state is the end of this interval; carried: the
             duration and a linear input's corner continue in the next interval; defect: a lifted
             coordinate obeys its rate at the collocation points; kept: a part of a requirement;
             final: a part of a requirement at the end, active only in the last interval.
-        index: Index of the coordinate or input, or of the part among all parts of its family.
+        index: Index of the coordinate or input, or of the part among all parts of the family.
         tau: Position of each row in the interval, shape (m,), in [0, 1].
         positions: Positions of the rows among those of the interval.
     """
@@ -52,19 +52,19 @@ class Stage:
     """The symbols of one interval.
 
     Attributes:
-        state: The state y at its left edge, see `unknowns`.
+        state: The state y at the left edge, see `unknowns`.
         control: The control c of the interval.
         width: The interval's share of the duration.
         weights: The interval's parameters, see `Form.parameters`.
         inside: Inputs, coordinates and their rates at the collocation points, as columns of
             symbols.
-        meaning: Definition of each column by state, control and earlier columns.
-        cost: The interval's share of the objective; this and all below may depend on `inside`.
-        end: Additional cost of the last state.
-        after: The state at its right edge; the first rows are the next state minus this one.
-        rows: The rows that follow these first ones.
+        meaning: Definition of each column of `inside` by state, control and earlier columns.
+        cost: The interval's share of the objective, which may depend on `inside`.
+        end: Additional cost of the last state of the mesh.
+        after: State at the right edge; the first rows are the next state minus `after`.
+        rows: The rows that follow the first rows.
         points: Coordinates at the collocation points, N × d.
-        labels: Meaning of all rows, including the first ones.
+        labels: Meaning of all rows, including the first rows.
     """
 
     state: Any
@@ -87,7 +87,7 @@ class Stage:
 
 
 class _Symbols:
-    """The interval's unknowns by name, in natural units; u(τ) is linear from u_left to u_right."""
+    """Unknowns of an interval by name, in natural units; u(τ) is linear from u_left to u_right."""
 
     def __init__(self, system: MovingSystem, form: Form, lifted: tuple[int, ...]) -> None:
         self.X, self.width = ca.SX.sym("X", system.size), ca.SX.sym("h")
@@ -112,7 +112,7 @@ class _Symbols:
 
 
 class _RowList:
-    """Collects rows together with their labels."""
+    """A growing list of rows together with their labels."""
 
     def __init__(self) -> None:
         self.expressions: list[Any] = []
@@ -125,7 +125,7 @@ class _RowList:
 
 
 def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
-    """Return the symbols of one interval of a transcription."""
+    """Build the symbols of one interval for a system and a form."""
     model = form.augmented or system
     x, rows = _Symbols(model, form, order.lifted), _RowList()
     points, rates, defects, inside = _collocation(model, form, order, x)
@@ -156,7 +156,7 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
 def _collocation(
     system: MovingSystem, form: Form, order: Order, x: _Symbols
 ) -> tuple[list[list[Any]], dict[int, list[Any]], dict[int, list[Any]], list[tuple[Any, Any]]]:
-    """Return the values and rates at the collocation points, one coordinate after the other.
+    """Express values and rates at the collocation points, one coordinate after the other.
 
     Returns:
         Values, whose first index is the point; rates of each coordinate at the points; for each
@@ -188,7 +188,7 @@ def _collocation(
 
 
 def _rates(system: MovingSystem, coordinates: tuple[int, ...], units: Units) -> list[Any]:
-    """Return functions of (q, u) that give the rate of each coordinate, in natural units."""
+    """Return one function of (q, u) per coordinate that gives its rate, in natural units."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = system.rates_expr(q, u * ca.DM(units.inputs))
     return [ca.Function("rate", [q, u], [units.time_s * rates[i]]) for i in coordinates]
@@ -201,7 +201,7 @@ def _motion(
     rates: dict[int, list[Any]],
     rows: _RowList,
 ) -> Any:
-    """Add the rows of the motion in an interval; return the state at its right edge."""
+    """Add the rows that link an interval to the next; return the state at the right edge."""
     weights, end = ca.DM(form.scheme.quadrature), np.ones(1)
     after = []
     for i in range(system.size):
@@ -218,7 +218,7 @@ def _motion(
 
 
 LIMITED_PLACES = [0.0, 0.25, 0.5, 0.75, 1.0]
-"""Positions in an interval at which functions of linear inputs are limited. With three of them a
+"""Positions in an interval at which functions of linear inputs are limited. With three positions a
 product on a mesh of 15 intervals exceeds its limit by a fifth in between, with five by a
 twentieth."""
 
@@ -226,9 +226,9 @@ twentieth."""
 def _limit_rows(
     system: TriangularSystem, form: Form, x: _Symbols, points: list[Any], after: Any, rows: _RowList
 ) -> None:
-    """Add rows for the requirements that are not bounds on unknowns.
+    """Add the rows of requirements other than bounds on unknowns.
 
-    Coordinates at edges and lifted ones are unknowns. An input is constant or linear in an
+    Coordinates at edges and lifted coordinates are unknowns. An input is constant or linear in an
     interval, so a requirement on inputs alone has one row, or rows at a few positions.
     """
     at_points = form.scheme.points.tolist() if form.inner else []
@@ -268,7 +268,7 @@ def _limit_rows(
 
 
 def _backed_off_rows(form: Form, model: Augmented, places: list[Any], rows: _RowList) -> None:
-    """Add rows for limits on coordinates, backed off, at collocation points and the right edge."""
+    """Add rows for backed-off limits on coordinates at collocation points and the right edge."""
     system, q = model.system, ca.SX.sym("q", model.system.size)
     tau, part = np.repeat(np.append(form.scheme.points, 1.0), 2), 0
     for blank in form.kept:
@@ -279,11 +279,11 @@ def _backed_off_rows(form: Form, model: Augmented, places: list[Any], rows: _Row
 
 
 def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) -> Any:
-    """Return the interval's share of the objective; for the terms see `Form` and `Objective`.
+    """Return an interval's share of the objective, whose terms are those of `Objective`.
 
     Closeness (`planner.plan.measures.closeness`) is a sum over the margins of the chart's domain,
-    in which the least margin dominates. It grows towards an edge from both sides, so it does not
-    depend on the branch and is also defined outside the chart.
+    in which the least margin dominates. Closeness grows towards an edge from both sides, so it is
+    the same on every branch and is also defined outside the chart.
     """
     square = x.u_left**2  # mean of u^2 over the interval, exact for both kinds of input
     if form.input == "linear":
@@ -307,10 +307,10 @@ def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) 
 
 @dataclass(frozen=True)
 class Order:
-    """The order in which collocation values are computed.
+    """The order in which the collocation values of coordinates are computed.
 
     Attributes:
-        sequence: All coordinates; the rate of each depends only on earlier and on lifted ones.
+        sequence: All coordinates; the rate of each depends only on earlier and lifted coordinates.
         lifted: Coordinates whose collocation values are unknowns, increasing.
     """
 
@@ -319,7 +319,7 @@ class Order:
 
 
 def order(system: MovingSystem) -> Order:
-    """Choose in which order to compute the coordinates of a system, and few of them to lift."""
+    """Choose the order in which to compute a system's coordinates, and few coordinates to lift."""
     needs = _dependencies(system)
     sequence: list[int] = []
     lifted: set[int] = set()
@@ -335,7 +335,7 @@ def order(system: MovingSystem) -> Order:
 
 
 def _dependencies(system: MovingSystem) -> list[set[int]]:
-    """For each coordinate, the coordinates on which its rate depends."""
+    """Return for each coordinate of a system the set of coordinates on which its rate depends."""
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     rates = ca.vertcat(*system.rates_expr(q, u))
     rows, columns = ca.jacobian(rates, q).sparsity().get_triplet()

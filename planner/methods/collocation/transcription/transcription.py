@@ -1,4 +1,4 @@
-"""The whole problem from one interval: CasADi functions with exact sparse derivatives.
+"""The whole programme from one interval: CasADi functions with exact sparse derivatives.
 
 The derivatives of one interval are formed symbolically once and mapped over all intervals. Unknowns
 and rows are ordered by stages, so the nonzeros of the whole matrices are those of the intervals in
@@ -42,7 +42,7 @@ from planner.systems.triangular_system import TriangularSystem
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A nonlinear programme min f(x, p), with bounds on x and on g(x, p).
+    """The functions of a nonlinear programme: minimise f(x, p) with bounds on x and on g(x, p).
 
     Attributes:
         problem: The expressions x, p, f, g; p holds `Form.parameters` numbers, then the widths
@@ -71,8 +71,8 @@ class Program:
 
 
 class _Assembly:
-    """One interval repeated over the mesh; the unknowns are one column per interval, then the last
-    state."""
+    """Builder of a programme by repeating one interval over the mesh; the unknowns are a column per
+    interval, then the last state."""
 
     def __init__(self, stage: Stage, layout: Layout, functions: IntervalFunctions) -> None:
         self.K, self.ny, self.nc = layout.intervals, layout.state, layout.control
@@ -115,12 +115,12 @@ class _Assembly:
         return list(out) if isinstance(out, tuple) else [out]
 
     def _rows(self, rows: Any) -> Any:
-        """Return the rows of all intervals; the next state is added to the first rows of each."""
+        """Return the rows of all intervals, with the next state added to the first rows of each."""
         following = ca.horzcat(self.columns[: self.ny, 1:], self.last)
         return ca.vec(ca.vertcat(rows[: self.ny, :] + following, rows[self.ny :, :]))
 
     def _jacobian(self) -> Any:
-        """Assemble the Jacobian; states also have ones in the rows of the previous interval."""
+        """Build the Jacobian of g, in which states have ones in the previous interval's rows."""
         rows, nonzeros = self._mapped(self.functions.jacobian)
         row, column = self.functions.jacobian_pattern
         stages, last = np.arange(self.K)[:, None], np.arange(self.ny)
@@ -133,7 +133,7 @@ class _Assembly:
         return ca.Function("nlp_jac_g", self._xp, outputs, ["x", "p"], ["g", "jac_g_x"])
 
     def _lagrangian(self) -> tuple[list[Any], Any, Any]:
-        """Return the Lagrangian's arguments, its gradient, and each interval's Hessian nonzeros."""
+        """Return the Lagrangian's arguments and gradient, and nonzeros of each interval's Hessian."""
         scale, duals = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.K * self.height)
         columns = ca.reshape(duals, self.height, self.K)
         scales = ca.repmat(scale, 1, self.K)
@@ -174,7 +174,7 @@ class Transcription:
     Attributes:
         system: The system.
         model: The transcribed system: the system itself or an `Augmented` one.
-        form: Its form.
+        form: The properties of the transcription.
         layout: Positions of the unknowns.
         labels: Meaning of the rows of one interval.
         height: Number of rows of one interval.
@@ -192,12 +192,11 @@ class Transcription:
     solvers: dict[Any, Any] = field(default_factory=dict)
 
     def start(self, problem: Problem) -> Array:
-        """Return the state at the start; the states beyond the system's coordinates begin at
-        zero."""
+        """Return the state at a problem's start; states other than coordinates are zero there."""
         return np.append(problem.start, np.zeros(self.model.size - self.system.size))
 
     def outcome(self, vector: Array, parameters: Array) -> tuple[float, Array, Iterate]:
-        """Evaluate the programme at unknowns in natural units.
+        """Evaluate the programme at a vector of unknowns in natural units.
 
         Returns:
             The objective and the values of all rows, in natural units; and the unknowns by name, in
@@ -220,10 +219,10 @@ class Transcription:
 
 @lru_cache(maxsize=24)  # up to 25 MB each, solvers included, on the meshes of five joints
 def transcription(system: TriangularSystem, form: Form) -> Transcription:
-    """Build the transcription, or return the cached one.
+    """Build the transcription of a system for a form, cached.
 
     Raises:
-        TimeUpError: If time is up before it is built.
+        TimeUpError: If time is up before the transcription is built.
     """
     model = form.augmented or system
     dependencies = order(model)

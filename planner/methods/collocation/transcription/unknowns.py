@@ -1,4 +1,4 @@
-"""The solver's vector of unknowns, and the motions that can be read from it.
+"""The vector of unknowns of a solver, and the motions that it describes.
 
     w = (y₀, c₀, y₁, c₁, …, y_K)        y = (X, [T], [V])        c = (U, P)
 
@@ -38,7 +38,7 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """The unknowns and the values that follow from them, by name.
+    """The unknowns, and the values that follow from the unknowns, by name.
 
     Attributes:
         duration: T in seconds.
@@ -53,7 +53,7 @@ class Iterate:
     inputs: Array
 
     def input_ends(self) -> tuple[Array, Array]:
-        """Return the inputs at the left and right end of each interval, shapes (K, 2)."""
+        """Return the inputs at the left and at the right end of each interval, both (K, 2)."""
         if len(self.inputs) == len(self.points):
             return self.inputs, self.inputs
         return self.inputs[:-1], self.inputs[1:]
@@ -61,7 +61,7 @@ class Iterate:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Positions in the vector of unknowns.
+    """Positions of the unknowns in the solver's vector.
 
     Attributes:
         intervals: Number K of intervals.
@@ -69,7 +69,7 @@ class Layout:
         control: Number of entries of c.
         nodes: Positions of X, shape (K+1, N).
         durations: Positions of T, shape (K+1,), or (0,) if T is known.
-        inputs: Positions of inputs, in the shape of `Iterate.inputs`.
+        inputs: Positions of the inputs, in the shape of `Iterate.inputs`.
         slopes: Positions of the slopes of a linear input, shape (K, 2), else (0, 2).
         points: Positions of P, shape (K, d, L).
         lifted: The L lifted coordinates.
@@ -98,7 +98,7 @@ class Layout:
         return w
 
     def pack(self, iterate: Iterate, widths: Array) -> Array:
-        """Return the vector (size,) of an iterate, in the problem's units, for mesh widths (K,)."""
+        """Return an iterate as a vector (size,), in the problem's units, for mesh widths (K,)."""
         w = np.empty(self.size)
         w[self.nodes] = iterate.nodes
         w[self.durations] = iterate.duration
@@ -111,7 +111,7 @@ class Layout:
 
 
 def layout(form: Form, size: int, lifted: tuple[int, ...]) -> Layout:
-    """Return the layout for a system of `size` coordinates, some of them lifted."""
+    """Return the positions of the unknowns for a form and a system of `size` coordinates."""
     K, d = form.intervals, form.degree
     linear = form.input == "linear"
     corners = size + form.free_duration
@@ -133,13 +133,13 @@ def layout(form: Form, size: int, lifted: tuple[int, ...]) -> Layout:
 
 
 def curve(system: TriangularSystem, form: Form, mesh: Mesh, iterate: Iterate) -> StateTrajectory:
-    """Return the motion of a system, without the response and effort in an iterate's states."""
+    """Convert an iterate to a trajectory of the system, without states for response and effort."""
     q, u = pieces(form, mesh, iterate)
     return StateTrajectory(system, Bernstein(q.c[..., : system.size], q.x), u)
 
 
 def pieces(form: Form, mesh: Mesh, iterate: Iterate) -> tuple[Bernstein, Bernstein]:
-    """Return piecewise polynomials in time: all states, of degree d, and u, of degree 0 or 1."""
+    """Convert an iterate to curves in time: all states, of degree d, and u, of degree 0 or 1."""
     breaks = mesh.edges * iterate.duration
     values = np.concatenate([iterate.nodes[:-1, None], iterate.points], axis=1)
     q = (form.scheme.bernstein @ values).swapaxes(0, 1)
@@ -150,13 +150,13 @@ def pieces(form: Form, mesh: Mesh, iterate: Iterate) -> tuple[Bernstein, Bernste
 
 
 STEPS = 12
-"""Runge–Kutta steps per interval."""
+"""Number of Runge–Kutta steps per interval in the simulation of the true motion."""
 
 
 def resimulate(system: MovingSystem, mesh: Mesh, iterate: Iterate, start: Array) -> Array:
-    """Integrate an iterate's input from `start` (N,): samples of the true motion.
+    """Simulate the true motion under an iterate's input from `start` (N,).
 
-    The shape is (K, STEPS + 1, N); an interval's last sample is the next one's first.
+    The shape is (K, STEPS + 1, N); an interval begins with the last sample of the one before.
     """
     K = len(mesh.widths)
     inputs = start, mesh.widths * iterate.duration, *iterate.input_ends()
@@ -167,7 +167,7 @@ def resimulate(system: MovingSystem, mesh: Mesh, iterate: Iterate, start: Array)
 
 
 def resimulated_apart(system: MovingSystem, mesh: Mesh, iterate: Iterate) -> Array:
-    """Integrate each interval's input from the node at its left edge, (K, STEPS + 1, N)."""
+    """Simulate each interval from the node at its left edge; return samples (K, STEPS + 1, N)."""
     K, nodes = len(mesh.widths), iterate.nodes[:-1]
     inputs = nodes, mesh.widths * iterate.duration, *iterate.input_ends()
     samples = _runner(system, K, through=False)(*inputs).reshape(K, STEPS, system.size)
@@ -176,10 +176,10 @@ def resimulated_apart(system: MovingSystem, mesh: Mesh, iterate: Iterate) -> Arr
 
 @lru_cache(maxsize=32)
 def _runner(system: MovingSystem, intervals: int, through: bool) -> Call:
-    """Build the function that integrates all intervals and returns samples.
+    """Build the function that simulates all intervals and returns samples of the states.
 
-    Its arguments are the start, the durations of the intervals, and the inputs at their left and
-    right ends. Unless `through`, each interval has its own start.
+    The arguments are the start, the durations of the intervals, and the inputs at the left and
+    right ends of the intervals. Unless `through`, each interval has its own start.
     """
     one = _interval(system)
     whole = one.mapaccum(intervals) if through else one.map(intervals)
@@ -189,7 +189,7 @@ def _runner(system: MovingSystem, intervals: int, through: bool) -> Call:
 
 @lru_cache(maxsize=32)
 def _interval(system: MovingSystem) -> Any:
-    """CasADi function that integrates one interval and gives its end and all samples."""
+    """Build the CasADi function that simulates one interval and returns its end and all samples."""
     q, seconds, a, b = (
         ca.SX.sym(name, size) for name, size in zip("qsab", (system.size, 1, 2, 2), strict=True)
     )

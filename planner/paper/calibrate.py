@@ -304,7 +304,7 @@ def _parameters(settings: Mapping[str, Any], data: Sequence[DataSet]) -> str:
 
 
 def remaining_share(data: DataSet, parameter: Parameter) -> float:
-    """Return the share of a parameter's range that remains given the data, 1 if not identifiable."""
+    """Return the share of a parameter's range that remains given the data; 1: not identifiable."""
     return float(data.remaining[FITTED_PARAMETERS.index(parameter)])
 
 

@@ -7,8 +7,8 @@ statements, computed by replays. The most probable x minimises
 
 (least squares; a normal prior on x and normal reading errors). A statement that says "at most"
 counts only if it is exceeded. The largest errors of θ₃ and θ₂ are computed with the quasi-static
-model, the default. The deviations of the motors from their commands, and the torque of motor 1, are
-computed with the dynamic model, in which the load acts on the motors.
+model, the default. The deviations of the motors from their commands are computed with the dynamic
+model, in which the load acts on the motors.
 
 `planner.identify` solves a different problem: it fits thousands of readings with a robust loss,
 offsets of each log and a bootstrap. Here there are five numbers, two of them bounds. Both use
@@ -72,19 +72,18 @@ class Fit:
 
     @property
     def distance(self) -> float:
-        """Distance (norm) of all parameters from the centres of their ranges, in standard deviations."""
+        """Distance of the parameters from their ranges' centres, |x|, in standard deviations."""
         return float(np.linalg.norm(self.x))
 
 
 def difference_points(x: Array) -> list[dict[str, float]]:
-    """Return 1 + 2 P parameter sets: x, x with each entry half a step up, x with each half down."""
+    """Return 1 + 2 P parameter sets: x, x with each entry `HALF_STEP` higher, and each lower."""
     steps = HALF_STEP * np.eye(len(x))
     return [values(p) for p in (x, *(x + steps), *(x - steps))]
 
 
 def central_differences(values: Array) -> Array:
-    """Return derivatives (…, P) by standardised parameters from values (1 + 2 P, …) at
-    `difference_points`."""
+    """Return derivatives (…, P) by standardised parameters, from values at `difference_points`."""
     count = len(values) // 2
     return np.moveaxis((values[1 : 1 + count] - values[1 + count :]) / (2 * HALF_STEP), 0, -1)
 
@@ -98,7 +97,7 @@ def statement_values(plan: Plan, points: list[dict[str, float]], **changes: Any)
 
 
 def fit(plan: Plan, **changes: Any) -> Fit:
-    """Fit `FITTED_PARAMETERS` to the statements without bounds; fit again while a bound is exceeded.
+    """Fit `FITTED_PARAMETERS` to the statements except bounds; fit again while a bound is exceeded.
 
     Each exceeded bound ("at most") enters the next fit as an equality: a one-sided residual has a
     kink, at which least squares would stop too early.
@@ -171,7 +170,7 @@ class DataSet:
 
     @property
     def rank(self) -> int:
-        """Number of directions along which the data determine more than the ranges of parameters."""
+        """Number of directions along which the data determine more than the parameter ranges."""
         return int(np.sum(self.singular > 1))
 
 

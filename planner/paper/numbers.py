@@ -327,16 +327,14 @@ def _detour_text(plan: Plan) -> str:
 
 
 def margins_at_paper_point(travels: int = 301) -> Array:
-    """Return the least chart margin of the path through the paper's point, by travel, (travels,).
-
-    The travels are spaced evenly from 0.7 to 1 rad."""
+    """Return the least chart margins through the paper's point at travels from 0.7 to 1 rad."""
     motions = _motions(np.linspace(0.70, 1.00, travels), [Point(*POINT)])
     return score(paper_problem(), motions.curves).margin
 
 
 @dataclass(frozen=True)
 class Scan:
-    """Result of a search for constraint points, with the paper's z₂, that keep a path in the domain.
+    """Constraint points, found by `scan`, with the paper's z₂ that keep a path inside the domain.
 
     Only travels are tried at which the plain cubic, without a constraint point, crosses z₂ = 0.
 
@@ -350,7 +348,7 @@ class Scan:
 
 
 def scan() -> Scan:
-    """Try the paper's value of z₂ at many times and travels, most densely where paths stay inside."""
+    """Try the paper's value of z₂ at many times and travels, densely where paths stay inside."""
     travels = np.concatenate([np.linspace(0.70, 1.00, 61), np.linspace(0.7929, 0.7936, 8)])
     times = np.concatenate([np.linspace(0.5, 9.5, 37), np.linspace(3.8, 4.2, 9)])
     plain = _motions(travels, []).z

@@ -98,7 +98,7 @@ def figures(cases: Cases) -> dict[str, Figure]:
 
 
 def _turned_contacts() -> Figure:
-    """Plot a joint's speed behind three turned contacts against their angle, for ratios of friction."""
+    """Plot the speed of a joint behind three turned contacts, for several ratios of friction."""
     figure, axes, _ = grid(1, 1, size=(6.4, 4.0))
     ax, degrees = axes[0, 0], np.linspace(0, 60, 241)
     ax.plot(degrees, np.cos(np.deg2rad(degrees)) ** 3, "k--", label="eq. (6): $\\cos^3\\theta$")

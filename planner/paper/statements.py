@@ -25,7 +25,7 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 STEP_S = 0.01
-"""Step of the replays, s. The resulting error, about 0.0002 deg, is far below the reading error of a
+"""Step of the replays, s. The error from it, about 0.0002 deg, is far below the reading error of a
 figure.
 
 The motion is recorded at the same step. Where a gearhead reverses, the motor deviates from its
@@ -106,7 +106,7 @@ class PaperReplays:
 
     @property
     def statements(self) -> Array:
-        """Computed values of the five `STATEMENTS` on each machine, shape (S, 5), in their units."""
+        """Values of the five `STATEMENTS` on each machine, (S, 5), in the statements' units."""
         counted = (self.t >= COUNT_FROM_S) & (self.t < self.t[-1] - SETTLE_S - 1e-9)
         rms = np.sqrt(np.mean(self.gap[:, counted] ** 2, axis=1))
         return np.column_stack([self.largest[:, [2, 1]], rms, self.torque_share])
@@ -145,7 +145,7 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
 
 
 def values(x: Array) -> dict[str, float]:
-    """Convert standardised parameters x (P,), 0 at a range's centre and ±2 at its ends, to values."""
+    """Convert standardised parameters x (P,) to values: 0 is a range's centre, ±2 are its ends."""
     return {
         r.key: r.centre * float(np.exp(r.width * xi))
         for r, xi in zip(FITTED_PARAMETERS, x, strict=True)
@@ -270,5 +270,4 @@ SPREADS: dict[str, float] = {
     "shaft_stiffness_nm_per_rad": 0.1,
     "coulomb_friction_nm": 0.2,
 }
-"""Spread of parameters between machines, as a share of the value, by effect: tolerances of
-manufacture and assembly."""
+"""Spread between machines by effect, as a share of the value, from manufacture and assembly."""

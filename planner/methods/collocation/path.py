@@ -310,7 +310,7 @@ def clock(job: Task, free: Task, path: Iterate) -> tuple[Task, Iterate]:
 
 
 def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Array]:
-    """Return the times at the edges, (K+1,), s, of a path timed by `clock`, and inputs' divisors."""
+    """Return the times at the edges, (K+1,), s, of a path timed by `clock`, and input divisors."""
     left, right = (end / problem.limits.input for end in path.input_ends())
     least = STANDSTILL_SHARE * float(np.max(np.abs([left, right])))
     first, middle, last = (

@@ -78,7 +78,7 @@ closeness to the domain's edge."""
 
 
 def kept_between_nodes(problem: Problem) -> list[Requirement]:
-    """Return the requirements that may break between nodes: all but direct limits on u and du/dt."""
+    """Return the requirements that may break between nodes: all but plain limits on u or du/dt."""
     drives = {"u", "du"}
     return [each for each in problem.requirements if not (each.is_direct and each.reads & drives)]
 

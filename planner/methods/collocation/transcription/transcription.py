@@ -133,7 +133,7 @@ class _Assembly:
         return ca.Function("nlp_jac_g", self._xp, outputs, ["x", "p"], ["g", "jac_g_x"])
 
     def _lagrangian(self) -> tuple[list[Any], Any, Any]:
-        """Return the Lagrangian's arguments and gradient, and nonzeros of each interval's Hessian."""
+        """Return the Lagrangian's arguments, gradient, and Hessian nonzeros of each interval."""
         scale, duals = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.K * self.height)
         columns = ca.reshape(duals, self.height, self.K)
         scales = ca.repmat(scale, 1, self.K)

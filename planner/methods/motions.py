@@ -47,10 +47,10 @@ USUAL_RATE = 4.0
 LENGTH_S = 30.0
 DRIVE_RAD_S, DRIVE_PERIOD_S = 0.45, 5.3
 THETA1_RAD_S, THETA1_PERIODS_S = (0.35, 0.12), (11.0, 3.1)
-"""Length of the motion, s; speed and period of the drive's square wave; speeds and periods of the
-two sines of θ₁. Two motors that move at once give more information per second than in turn.
-Only a drive that reverses shows the lost motion; the paper's motion never reverses and hardly shows
-it."""
+"""Excitation: its length, s; speed and period of the drive's square wave (`DRIVE_…`); speeds and
+periods of the two sines of θ₁ (`THETA1_…`). Two motors that move at once give more information per
+second than in turn. Only a drive that reverses shows the lost motion; the paper's motion never
+reverses."""
 
 SIZES = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4)
 """Sizes to try in turn, as fractions of the usual excitation, until the motion keeps joint limits
@@ -101,11 +101,11 @@ def excitation(problem: Problem) -> Plan:
 
 BACK_RAD, FORWARD_RAD, QUICK_RAD_S = 0.6, 0.5, 0.3
 SLOW_RAD, SLOW_RAD_S = 0.9, 0.075
-"""Turns, rad, and speeds, rad/s, of the drive for an arm whose last axis turns `USUAL_AXIS` times
-as far. The turn back exceeds twice the largest lost motion of a prototype (2 · 7 degrees). The slow
-turn forward is long enough for the encoders of every machine to rise; the homing rule shortens the
-turn. The rule counts only the rise in the slow turn, since joints with inertia run ahead of their
-axes when the quick turn stops."""
+"""Turns, rad, and speeds, rad/s, of the drive while homing: quickly back and forward, then slowly
+forward; for an arm whose last axis turns `USUAL_AXIS` times as far. The turn back exceeds twice the
+largest lost motion of a prototype (2 · 7 degrees). The slow turn is long enough for the encoders of
+every machine to rise; the homing rule shortens it. The rule counts only the rise in the slow turn,
+since joints with inertia run ahead of their axes when the quick turn stops."""
 USUAL_AXIS = 0.476
 
 LAST_TURN_DEG, LAST_TURN_RAD_S = 2.0, 0.05

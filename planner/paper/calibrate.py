@@ -315,7 +315,7 @@ def _preset(value: Any, joint: int | None = None) -> str:
 
 
 def _entry(number: Any, joint: int | None) -> float:
-    """Return a number or, from a list of numbers for joints 2 … n, the number of the joint."""
+    """Return the number itself or, for a joint, its entry in a list of numbers of joints 2 … n."""
     return float(number if joint is None else number[joint - 2])
 
 

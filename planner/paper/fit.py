@@ -77,7 +77,7 @@ class Fit:
 
 
 def difference_points(x: Array) -> list[dict[str, float]]:
-    """Return 1 + 2 P parameter sets: x, x with each entry `HALF_STEP` higher, and each lower."""
+    """Return 1 + 2 P parameter sets: x, x with one entry `HALF_STEP` higher, x with one lower."""
     steps = HALF_STEP * np.eye(len(x))
     return [values(p) for p in (x, *(x + steps), *(x - steps))]
 

@@ -293,7 +293,7 @@ MISSING_ANGLE_DETOURS: tuple[tuple[float, Points], ...] = (
     (0.85, "auto"),
     (0.87, "auto"),
 )
-"""Travels at which the plain cubic keeps z₂ < 0 but lacks a real θ₁, each with points that help."""
+"""Travels at which the plain cubic keeps z₂ < 0 but lacks a real θ₁, with points that give one."""
 
 
 def detour(travel: float, points: Points) -> Plan:
@@ -334,7 +334,7 @@ def margins_at_paper_point(travels: int = 301) -> Array:
 
 @dataclass(frozen=True)
 class Scan:
-    """Constraint points, found by `scan`, with the paper's z₂ that keep a path inside the domain.
+    """Result of `scan`: constraint points at the paper's z₂ that keep the path inside the domain.
 
     Only travels are tried at which the plain cubic, without a constraint point, crosses z₂ = 0.
 

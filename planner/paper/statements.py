@@ -25,8 +25,7 @@ from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
 STEP_S = 0.01
-"""Step of the replays, s. The error from it, about 0.0002 deg, is far below the reading error of a
-figure.
+"""Step of the replays, s: its error of about 0.0002 deg is far below a figure's reading error.
 
 The motion is recorded at the same step. Where a gearhead reverses, the motor deviates from its
 command for less than 0.05 s. With one record per 0.05 s, the rms would depend on the time of the
@@ -194,7 +193,7 @@ class Parameter:
 
     @property
     def width(self) -> float:
-        """Standard deviation of the parameter's natural logarithm: a quarter of the range."""
+        """Standard deviation of the parameter's logarithm: a quarter of the logarithm's range."""
         return float(np.log(self.high / self.low) / 4)
 
 
@@ -261,7 +260,7 @@ FIXED_PARAMETERS: dict[str, str] = {
     "initial_angle_error_deg": "set by eye or against a stop before each run; mean 0, drawn",
     "encoder_resolution_deg": "1024 lines, four edges each; affects the readings, not the motion",
 }
-"""Sources of the values of all other parameters, which no statement of the paper determines."""
+"""Source of the value of each fixed parameter, which no statement of the paper determines."""
 
 SPREADS: dict[str, float] = {
     "friction_capacity_nm": 0.1,

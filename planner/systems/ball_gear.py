@@ -69,8 +69,7 @@ class BallGear(PlanarArm, TangentSystem):
     # -- numeric form --------------------------------------------------------------------------
 
     def _ratios(self, q: Array) -> Array:
-        """Return the speed of each ball relative to k_g u₁, shape (…, n): 1, cosθ₁, cosθ₁cosθ₂,
-        …"""
+        """Return the ratios 1, cosθ₁, cosθ₁cosθ₂ … of the balls' speeds to k_g u₁, shape (…, n)."""
         ones = np.ones_like(q[..., :1])
         return np.asarray(np.cumprod(np.concatenate([ones, np.cos(q[..., 1:-1])], -1), axis=-1))
 

@@ -58,11 +58,11 @@ class ChainedForm:
         return self._z.function(q)
 
     def q_expr(self, z: Any, branch: Any) -> Any | None:
-        """Return q (N) as a CasADi expression in z (N) and branch (N); None if links have none."""
+        """Return q (N) as an expression in z (N), branch (N); None if a link has no expression."""
         return None if self._state is None else self._state.function(z, branch)
 
     def inputs_expr(self, z: Any, v: Any, branch: Any) -> Any | None:
-        """Return u (2) as an expression in z (N), v (2), branch (N); None if links have none."""
+        """Return u (2) as an expression in z (N), v (2), branch (N); None if a link has none."""
         return None if self._inputs is None else self._inputs.function(z, v, branch)
 
     def z(self, q: Array) -> Array:

@@ -73,7 +73,7 @@ class Coin(TriangularSystem):
     # -- numeric form --------------------------------------------------------------------------
 
     def slopes(self, q: Array) -> Array:
-        """dη/dθ and dσ/dθ, shape (…, 2)."""
+        """Return the slopes dη/dθ and dσ/dθ, shape (…, 2)."""
         return np.stack([self.radius_m * q[..., 1] + q[..., 3], -q[..., 2]], axis=-1)
 
     def drive(self, q: Array) -> Array:

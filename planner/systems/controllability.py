@@ -25,7 +25,7 @@ from planner.support.compiled_calls import Pointwise
 from planner.systems.triangular_system import TriangularSystem, expect_system
 
 RANK_TOLERANCE = 1e-14
-"""A singular value counts towards the rank if it exceeds this share of the largest one."""
+"""Share of the largest singular value above which a singular value counts towards the rank."""
 
 _NEIGHBOUR_POINTS = 8
 _NEIGHBOUR_RADIUS = 0.1

@@ -123,7 +123,7 @@ class CustomSystem(TriangularSystem):
     # -- the chart -----------------------------------------------------------------------------
 
     def branch(self, q: Array) -> Array:
-        """Return the sign of ∂fᵢ₊₁/∂qᵢ for each i, shape (N,); 0 outside the interval of qᵢ."""
+        """Return the sign of ∂fᵢ₊₁/∂qᵢ for each i, (N,); 0 at an extremum or off the interval."""
         out = np.ones(self.size)
         point = np.nan_to_num(np.asarray(q, dtype=float))
         for i, (low, high) in self._intervals.items():
@@ -247,7 +247,7 @@ class CustomSystem(TriangularSystem):
 
 
 def _no_such_branch(solution: Preimage, slope: Array) -> NDArray[np.bool_]:
-    """Return a mask of the slopes whose link has nowhere a derivative of the branch's sign."""
+    """Return the mask of entries of `slope` for which no point has the branch's derivative sign."""
     return np.isnan(solution.x) & ~np.isnan(np.ravel(slope))
 
 

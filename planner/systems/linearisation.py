@@ -28,7 +28,7 @@ from planner.systems.triangular_system import PlanarArm, TriangularSystem
 
 @dataclass(frozen=True)
 class ErrorParameter:
-    """Name and unit of an error: "gain u1", "start theta2", "K3"; "1" if the error is relative."""
+    """An error, by name ("gain u1", "start theta2", "K3") and unit ("1" for relative errors)."""
 
     name: str
     unit: str

@@ -46,7 +46,7 @@ class Gear:
 
 
 PROTOTYPE_K, PROTOTYPE_K_G = (0.870125, 0.711625), 0.668811
-"""K₂, K₃ and k_g of the paper's prototype, derived from its printed z(0)."""
+"""Constants K₂, K₃ and k_g of the paper's prototype, derived from the z(0) that it prints."""
 
 
 def prototype_ratios(joints: int) -> list[float]:

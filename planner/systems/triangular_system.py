@@ -129,7 +129,7 @@ class TriangularSystem(ABC):
 
     @cached_property
     def shared(self) -> dict[int, int]:
-        """Indices of the coordinates in both lists: from the user to the triangular index."""
+        """Coordinates that are both user and triangular: triangular index by user index."""
         names = [c.name for c in self.coordinates]
         pairs = enumerate(c.name for c in self.user_coordinates)
         return {i: names.index(name) for i, name in pairs if name in names}

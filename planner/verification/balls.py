@@ -67,7 +67,7 @@ SQUARE = (RHO**2 + RHO**-2) / 4 * (1 + 8 * ROUNDING_UNIT)
 RADIUS_COLUMN = np.append(np.zeros(POINTS), RADIUS)
 SQUARE_COLUMN = np.append(np.zeros(POINTS), SQUARE)
 HALF_COLUMN = np.append(np.zeros(POINTS), np.full(len(RHO), 0.5))
-"""Value of R, bound of |z² − 1/2|, and 1/2, for every column of a `Ball`; zero at points."""
+"""Values of R, of the bound of |z² − 1/2| and of 1/2 by column of a `Ball`; zero at points."""
 
 REMAINDER_FACTOR = 4 * RHO[1:] ** (1 - POINTS) / (RHO[1:] - 1) * (1 + 64 * ROUNDING_UNIT)
 """Bound of the interpolation error of a function with radius r = 1, for each ellipse."""

@@ -321,7 +321,7 @@ def _jump(part: Part, motion: EnclosedMotion) -> Claim | None:
 
 @prove.register
 def _(chart: ChartDomain, evidence: Evidence) -> Iterable[Proof]:
-    """State that every margin of the chart is positive, which plans in chained coordinates need."""
+    """State that every margin of the chart is positive; required only in chained coordinates."""
     required = not evidence.plan.trajectory.in_coordinates
     try:
         balls = _rows(evidence.plan.problem.system, chart)(evidence.path.enclosure.q)

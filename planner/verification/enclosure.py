@@ -233,7 +233,7 @@ def _growth(
 
 
 def perturbed_motion(system: TriangularSystem, motion: Enclosure, off: Array) -> Enclosure:
-    """Enclose the motions under all inputs that differ from the given ones by at most `off` (2,).
+    """Enclose the motions under all inputs that differ from the motion's by at most `off` (2,).
 
     With s the difference of the inputs and J from the widened coordinates, the distance δ obeys,
     block by block, ‖δ‖' ≤ μ ‖δ‖ + max (|J| |δ of earlier blocks| + |rates(q, s)|), since rates are

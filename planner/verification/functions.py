@@ -22,7 +22,7 @@ ArgumentBalls = Sequence[Sequence[Ball] | Mapping[int, Ball]]
 
 
 class UnboundedError(Exception):
-    """Raised where a quantity or an operation has no bound; the text names which."""
+    """Error where a quantity or an operation has no bound; the message names it."""
 
 
 class Expression:
@@ -178,7 +178,7 @@ def polynomials(curve: Bernstein, cells: Cells, order: int = 0) -> list[Model]:
 
 
 def balls_on_cells(curve: Bernstein, cells: Cells, order: int = 0) -> list[Ball]:
-    """Return one ball per component of a piecewise polynomial, or of its derivative of an order."""
+    """Return one ball per component of a piecewise polynomial, or of its derivative in time."""
     return polynomial_balls(*_cell_coefficients(curve, cells, order))
 
 

@@ -149,7 +149,7 @@ class InputSource:
         trajectory: The trajectory with these inputs.
         inputs: Function from cells to balls of u₁ and u₂.
         slopes: Function from cells to balls of du₁/dt and du₂/dt.
-        halvings: Most times that a cell may be halved. Near a singularity halving reaches
+        halvings: Largest number of halvings of a cell. Near a singularity halving reaches
             cells that have a bound; near a standstill of a retimed path it only narrows the part
             without a bound.
     """

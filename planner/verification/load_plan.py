@@ -23,9 +23,9 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
     The result has `verified` True only if `verify` confirms the plan and a new certificate shows no
     violation. A compensated plan must also contain a verified original plan of the
     same problem. The objective is computed again, except for desensitised plans and methods of
-    other packages: if the file has another value, the computed one is used, with a warning, and a
-    proof of optimality for the other value is dropped. `Plan.claimed` names the figures that are
-    taken from the file; the other `notes` are taken from it too. A plan that fails has `verified`
+    other packages: if the file has another value, the computed value is used, with a warning, and
+    a proof of optimality for the value in the file is dropped. `Plan.claimed` names the figures
+    that are taken unchecked from the file, as are the other `notes`. A plan that fails has `verified`
     False, the status "verification_failed", no certificate, and its violations in `why`. A file
     that does not claim to contain a verified plan (such as a refused plan, kept for study) keeps
     its status.
@@ -61,7 +61,7 @@ and the weighted terms are about a hundredth of the objective."""
 
 
 def _correct_objective(plan: Plan, path: str | Path) -> Plan:
-    """Return a plan with its objective computed again if possible, and the rest named in `claimed`.
+    """Return a plan with its objective computed again, if possible, and with `claimed` filled in.
 
     A compensated plan has the objective of its original plan.
     """

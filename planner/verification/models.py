@@ -55,7 +55,7 @@ class Model:
 
     @classmethod
     def truncate(cls, c: Array, r: Array) -> Model:
-        """Make a model of coefficients c (C, any width); any beyond `POINTS` enlarge r (C,)."""
+        """Make a model of c (C, any width); coefficients beyond `POINTS` enlarge remainder r."""
         tail = np.sum(np.abs(c[:, POINTS:]), axis=1)
         r = np.asarray((r + tail) * ROUNDING_FACTOR)
         bad = ~np.isfinite(r)
@@ -284,9 +284,9 @@ def _curved_bounds(c: Array) -> tuple[Index, Array, Array, Array]:
         For each row: whether p is proven monotonic, concave or convex; a value of p; its position
         τ; and a lower bound of p, which is valid only for a proven row.
 
-    All sums have errors of at most (POINTS + 4) units of the sum of their terms' magnitudes; those
-    of p'(y) and p(y), with Tₖ(y) = cos kθ, of 6 POINTS units, which for p the row's remainder
-    already includes.
+    All sums have errors of at most (POINTS + 4) units of the sum of their terms' magnitudes; the
+    sums for p'(y) and p(y), with Tₖ(y) = cos kθ, have 6 POINTS units, which the remainder of the
+    row already includes for p.
     """
     size, k = np.abs(c), np.arange(POINTS)
     d, dd = (c @ slopes(POINTS, n).T for n in (1, 2))

@@ -155,9 +155,9 @@ def examine(
         plan: Any plan.
         times: Times, seconds, near which the plan's pieces are divided before they are read; by
             default pieces are divided only as needed.
-        coarse: The motion from a call without `times`, if it follows the inputs. Limits on the
-            inputs' rates are then judged by this motion, since on short cells rounding errors of
-            the inputs look like rates.
+        coarse: The motion from a call without `times`. If it reproduces the inputs, limits on their
+            rates are judged by this motion, since on short cells rounding errors of the inputs
+            look like rates.
     """
     expect_plan(plan)
     if flaw := _flaw(plan):
@@ -311,7 +311,7 @@ def _claimed_findings(plan: Plan, error_deg: float) -> Iterator[_Finding]:
 
 
 def _parts(width: Array, longest: float) -> NDArray[np.int_]:
-    """Return the number of parts, a power of two, that makes each cell's parts ≤ `longest`, s."""
+    """Return how many parts (a power of two) split each cell into parts of at most `longest` s."""
     return np.asarray(2 ** np.ceil(np.log2(np.maximum(width / longest, 1.0))), dtype=int)
 
 

@@ -115,7 +115,7 @@ def _savings(task: Task, solution: Solution) -> Array:
 
 @lru_cache(maxsize=16)
 def _basis(kind: Kind, degree: int) -> Array:
-    """Return the matrix (M, d+1) from values at the left edge and the points to even samples."""
+    """Return the matrix (M, d+1) from values at left edge and collocation points to M samples."""
     tau = np.arange(STEPS + 1) / STEPS
     return np.asarray(basis(degree, tau).T @ scheme(kind, degree).bernstein)
 
@@ -184,7 +184,7 @@ def _dense(system: Any, curves: Array, thickness: float) -> Array:
 
 
 def limit_excess(curves: Array, limit: Array, scale: Array) -> Array:
-    """Return the excess over a limit in each interval (K, …), enlarged by just over a tenth, or 0.
+    """Return the excess over a limit in each interval (K, …), enlarged by a tenth; 0 if kept.
 
     `curves` are samples (C, K, M, …). A parabola through three samples rises above the highest by
     at most a quarter of the step to a neighbour; in most cases this bound is enough.

@@ -253,8 +253,8 @@ def routes(problem: Problem) -> list[Problem]:
     """Return the variants of a problem to search, the shortest by straight lines first.
 
     There is a variant for each order of the waypoints and, if the goal leaves joints free, for each
-    expected branch of the goal; at most `MOST_ORDERS` are returned. The list is empty
-    if no goal is found, and contains only the problem if there is no choice.
+    expected branch of the goal; at most `MOST_ORDERS` are returned. The list is empty if no goal is
+    found, and contains only the problem if there is no choice.
 
     Raises:
         InputError: If the waypoints have too many orders.

@@ -322,7 +322,7 @@ def clock_times(problem: Problem, mesh: Mesh, path: Iterate) -> tuple[Array, Arr
 
 
 def on_mesh(job: Task, free: Task, mesh: Mesh) -> Task:
-    """Return the task on a mesh, with limits kept inside intervals if the path's task has such."""
+    """Return the task on a mesh, with limits kept inside intervals if they are so in `free`."""
     fine = job.on_mesh(mesh)
     return fine.with_inner_rows() if free.nlp.form.inner and not fine.nlp.form.inner else fine
 
@@ -337,7 +337,7 @@ def _repeats_shortest(paths: Sequence[SeedPath]) -> bool:
 
 
 def same_path(effort: float, path: SeedPath) -> bool:
-    """Return whether a path of the given effort counts as the same path."""
+    """Return whether a path of the given effort counts as the same path as `path`."""
     return abs(effort - path.solution.objective) <= 1e-6 * path.solution.objective
 
 

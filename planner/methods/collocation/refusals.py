@@ -27,7 +27,7 @@ from planner.verification.verify import verify
 NAME = "collocation"
 
 LONGER_DURATION = 1.05
-"""Factor on the shortest duration found, for the change that is tried after this duration."""
+"""Factor on the shortest duration found, for a longer duration to try if the shortest fails."""
 
 
 def no_goal(problem: Problem) -> NoPlanError:

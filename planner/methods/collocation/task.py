@@ -98,7 +98,7 @@ class Task:
         return bounds(self.problem, self.requirements, self.nlp, *numbers)
 
     def solve(self, start: Iterate, near: bool = False) -> Solution:
-        """Solve the task from a start; `near` tells the solver that the answer is close to it.
+        """Solve the task from a start; `near` says that the start is close to the answer.
 
         If the first solver fails, the next solver allowed is tried.
         """

@@ -31,8 +31,8 @@ def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
 
     Raises:
         SingularError: If start and goal are not in one branch of the chart, or the path leaves the
-            chart's domain (unless `options.allow_singular`), with the times of leaving; or if
-            the travel leaves the coefficients undetermined.
+            chart's domain (unless `options.allow_singular`) at the times that the error gives;
+            or if the travel leaves the coefficients undetermined.
         InputError: If there are fewer slots than coordinates to bring to the goal.
     """
     began = time.perf_counter()

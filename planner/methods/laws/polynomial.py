@@ -42,8 +42,8 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
 
     Raises:
         SingularError: If start and goal are not in one branch of the chart, or the best
-            motion found leaves the chart's domain (unless `options.allow_singular`), with the times
-            of leaving; or if the points leave the coefficients undetermined.
+            motion found leaves the chart's domain (unless `options.allow_singular`) at the times
+            that the error gives; or if the points leave the coefficients undetermined.
         InputError: If a constraint point lies outside the motion or contradicts another.
     """
     began = time.perf_counter()

@@ -39,8 +39,8 @@ def plan_sinusoid(problem: Problem, options: SinusoidOptions) -> Plan:
 
     Raises:
         SingularError: If start and goal are not in one branch of the chart; if the best motion
-            found leaves the chart's domain (unless `options.allow_singular`), with the times of
-            leaving; or if the amplitude leaves the coefficients undetermined.
+            found leaves the chart's domain (unless `options.allow_singular`) at the times that
+            the error gives; or if the amplitude leaves the coefficients undetermined.
     """
     began = time.perf_counter()
     ends = Ends.of(problem)
@@ -110,8 +110,8 @@ def plan_sinusoid_steps(problem: Problem, options: SinusoidStepsOptions) -> Plan
 
     Raises:
         SingularError: If start and goal are not in one branch of the chart, or the best motion
-            found leaves the chart's domain (unless `options.allow_singular`), with the times of
-            leaving.
+            found leaves the chart's domain (unless `options.allow_singular`) at the times that
+            the error gives.
         InputError: If `amplitude` is a list without one entry for each period, or `shares` lacks
             one entry for the first leg and each period.
     """

@@ -32,11 +32,11 @@ number of first guesses for a leg, of which nearly always the first works."""
 
 ROUNDS, ITERATIONS, GAIN = 10, 200, 0.01
 """Largest number of solves of a motion; largest number of iterations of a solve; least gain that
-justifies another solve. Solves of joined legs take 20 to 200 iterations; longer solves fail."""
+justifies another solve. Solves of joined legs take 20 to 200 iterations; longer ones go astray."""
 
 
 def motion_by_legs(job: Task, seeds: Sequence[Seed]) -> tuple[Task, Solution] | None:
-    """Find a motion that clears all discs, leg by leg; return its task, on its own mesh, and it.
+    """Find a motion that clears all discs, leg by leg; return the motion after its own task.
 
     The result is None if the straight line clears all discs already, or if no motion is found.
     """
@@ -60,7 +60,7 @@ def _length(way: Array) -> float:
 
 
 def _time(job: Task, free: Task, path: Solution) -> tuple[Task, Solution] | None:
-    """Solve a path's timing; return task and motion, or None. A path too slow is first sped up."""
+    """Time a path within the task's duration; return task and motion, or None if that fails."""
     own, start, wanted = job.on_mesh(free.mesh), path.iterate, job.problem.duration
     needed = 1.1 * needed_duration(job.problem, own.mesh, start)
     if wanted and needed > wanted:

@@ -190,7 +190,7 @@ LONGEST_STRETCH, HALVINGS = 0.8, 12
 """Largest sum of turn and drive in a stretch, rad; and largest number of rounds of halving."""
 
 NEGLIGIBLE_RAD = 1e-9
-"""Size of turns and drives, rad, below which they are left out."""
+"""Size, rad, below which a turn or a drive is left out."""
 
 
 def lift(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> PieceChain:

@@ -22,7 +22,7 @@ Pattern = tuple[Index, Index]
 
 @dataclass(frozen=True, eq=False)
 class IntervalFunctions:
-    """CasADi functions of the column (y, c) of one interval, state and control, and of parameters.
+    """CasADi functions of one interval, with the column (y, c), state and control, and parameters.
 
     The parameters are those of `Form.parameters`, then the interval's width.
 

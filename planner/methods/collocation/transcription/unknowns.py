@@ -156,7 +156,7 @@ STEPS = 12
 def resimulate(system: MovingSystem, mesh: Mesh, iterate: Iterate, start: Array) -> Array:
     """Simulate the true motion under an iterate's input from `start` (N,).
 
-    The shape is (K, STEPS + 1, N); an interval begins with the last sample of the one before.
+    The samples, (K, STEPS + 1, N), of an interval begin with the last of the interval before.
     """
     K = len(mesh.widths)
     inputs = start, mesh.widths * iterate.duration, *iterate.input_ends()

@@ -93,7 +93,7 @@ class EnclosedMotion:
         required: bool = True,
         why: str = "",
     ) -> Claim:
-        """Make the claim on a margin whose least value lies between the bounds `low` and `high`.
+        """Make the claim on a part whose least margin lies between the bounds `low` and `high`.
 
         A margin down to −tolerance counts as kept, as in `verify`. `when`, the time of the least
         margin, is in the motion's own time; the claim converts it to the plan's time. `why` is the

@@ -25,10 +25,10 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
     same problem. The objective is computed again, except for desensitised plans and methods of
     other packages: if the file has another value, the computed value is used, with a warning, and
     a proof of optimality for the value in the file is dropped. `Plan.claimed` names the figures
-    that are taken unchecked from the file, as are the other `notes`. A plan that fails has `verified`
-    False, the status "verification_failed", no certificate, and its violations in `why`. A file
-    that does not claim to contain a verified plan (such as a refused plan, kept for study) keeps
-    its status.
+    that are taken unchecked from the file, as are the other `notes`. A plan that fails has
+    `verified` False, the status "verification_failed", no certificate, and its violations in `why`.
+    A plan that the file does not call verified (such as a refused plan, kept for study) keeps its
+    status.
 
     Args:
         path: The file.

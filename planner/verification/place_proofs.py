@@ -89,7 +89,7 @@ def joints(system: TriangularSystem, motion: Enclosure) -> list[Ball]:
 
 @lru_cache(maxsize=32)
 def _links(system: TriangularSystem) -> Expression:
-    """Return |P − C|², a and a² of each link (see the file's start) as an expression in (q, C)."""
+    """Return |P − C|², a and a² of each link, as at the file's start, as expressions in (q, C)."""
     arm: Any = system
     q, centre = ca.SX.sym("q", system.size), ca.SX.sym("C", 2)
     offset, heading, out = -centre, ca.SX(0), []

@@ -167,7 +167,8 @@ def _compensation(state: State) -> Control:
 
 
 def _effect(name: str, first: Machine, now: Machine, setting: Any) -> Control:
-    """Return the control of a machine effect; `setting` is its value in the initial problem."""
+    """Return the control of a machine effect; `setting` is its value in the first
+    problem, `first` that problem's machine, and `now` the machine shown."""
     usual = (first if name in first.effects else now).effects[name].to_setting()
     is_on = name in now.effects
     whole = now.effects[name].to_setting() if is_on else usual

@@ -350,8 +350,8 @@ class StageLaws:
         return limited_torque, self.stiff * wound
 
     def _pieces(self, v: Array, before: Array) -> Array:
-        """Return the piece (−1, 0 or 1) of each law at the bodies' speeds v; a piece of `before`
-        that is still valid within rounding is kept."""
+        """Return the piece of each law at the bodies' speeds v: −1 or 1 beyond its lower or upper
+        edge, else 0. A piece of `before` that is valid within rounding is kept."""
         limited, play = self.relative(v)
         value = np.concatenate([self.offset + self.slope * limited, self.ahead + self.h * play])
         edge = np.concatenate([self.limit, self.half_gap])

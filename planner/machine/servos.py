@@ -135,7 +135,8 @@ class Servos:
         return r1 - behind + left, travel
 
     def _second_order(self, r0: Array, r1: Array, h: float) -> tuple[Array, Array]:
-        """Return speed and travel of second-order servos; the particular solution is r − 2ζṙ/b."""
+        """Return speed and travel of second-order servos; with bandwidth
+        b and damping ζ the particular solution is r − 2ζṙ/b."""
         assert self._damping is not None
         e11, e12, e21, e22 = self._lag(h)
         b, twice = self._bandwidth, 2 * self._damping / self._bandwidth

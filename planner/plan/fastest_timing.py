@@ -36,8 +36,8 @@ _RATE_POINTS = [0, DEGREE // 2, DEGREE]
 
 _MOST_ROUNDS = 5
 _LIMIT_TOLERANCE = 1e-5
-"""Share by which inputs and rates may exceed limits between these points before `fastest_clock`
-tightens the limits again. Slowing the whole motion then removes the excess."""
+"""Share by which inputs and rates may exceed their limits anywhere before the limits are tightened
+there and the program is solved again. Slowing the whole motion removes the rest."""
 
 _CORNER_TOLERANCE = JUMP_TOLERANCE / 2
 """Change of direction at a node, in units of the limits, above which the node is a corner, where

@@ -261,7 +261,7 @@ def _irreducible(system: TriangularSystem, names: tuple[str, ...]) -> NDArray[np
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Indicators:
-    """Indicators of the companion paper for one plan, in our interpretation.
+    """Indicators of Li, Tan and Li (2014) for one plan, as we interpret the abstract.
 
     Attributes:
         joints: Names of the n angles, without the first coordinate.
@@ -294,7 +294,7 @@ class Indicators:
 
 
 def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
-    """Compute the companion paper's indicators of an executable plan.
+    """Compute the indicators of Li, Tan and Li (2014) for an executable plan.
 
     Args:
         plan: Any executable plan.

@@ -45,9 +45,9 @@ DURATION_TOLERANCE = 1e-9
 """Largest relative error of a given duration, the same as in `verify`."""
 
 SUBSTITUTE_GAP = 1e-6
-"""Largest difference between a requirement's `rows` (expressions, which the proof bounds) and its
-`values`, as a fraction of the scale, at which both count as equal: a limit may be exceeded by as
-much. Rows that differ more are a substitute: only the sign of the margin is known from them."""
+"""Largest difference, as a fraction of the part's scale, at which a requirement's `rows`, which the
+proof bounds, and its `values`, which `verify` samples, count as the same function. If they differ
+more, as u²/limit from |u|, the rows prove only whether the limit is kept, not by how much."""
 
 PLAN_DEVIATION = Part("plan's q(t) against its integrated input", "", -np.inf, 0.0, 1.0)
 """Requirement that the plan's q(t) is near the true motion, with the same label as in `verify`."""

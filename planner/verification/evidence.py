@@ -187,7 +187,7 @@ Proof = Obligation | Claim
 
 
 def decide(proofs: list[Proof]) -> list[Claim]:
-    """Decide all obligations, and return one claim per proof in order; a claim stays as it is."""
+    """Decide all obligations; return one claim for each proof, in order, and claims as given."""
     pending = [each for each in proofs if isinstance(each, Obligation)]
     verdicts: dict[int, Claim] = {}
     for motion in {id(each.motion): each.motion for each in pending}.values():

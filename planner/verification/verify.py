@@ -153,11 +153,11 @@ def examine(
 
     Args:
         plan: Any plan.
-        times: Times, seconds, near which the plan's pieces are divided before they are read; by
-            default pieces are divided only as needed.
-        coarse: The motion from a call without `times`. If it reproduces the inputs, limits on their
-            rates are judged by this motion, since on short cells rounding errors of the inputs
-            look like rates.
+        times: Times, seconds, at which the plan's pieces are divided further before integration;
+            by default they are divided only as needed.
+        coarse: The motion that a call without `times` returned. If its inputs agree with those of
+            this call, limits on input rates are judged by `coarse`, since on short cells rounding
+            errors of the inputs look like rates.
     """
     expect_plan(plan)
     if flaw := _flaw(plan):

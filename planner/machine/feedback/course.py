@@ -34,8 +34,9 @@ class RunUp:
 class Course:
     """Reference motion of the tracker: coordinates and commanded motor angles at any time.
 
-    For a compensated plan without run-up, or whose drive reverses, this is the predicted motion.
-    For other compensated plans this is the original path, since the tracker removes errors.
+    For a plan without compensation this is the plan's own motion. For a compensated plan it is the
+    predicted motion if there is no run-up or the drive reverses, else the original plan's motion,
+    since the tracker itself removes the errors.
 
     Args:
         plan: The plan.

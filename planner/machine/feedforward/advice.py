@@ -49,9 +49,9 @@ def settings_to_try(plan: Plan, violations: Sequence[Violation]) -> list[Setting
 def compensation_changes(
     plan: Plan, violations: Sequence[Violation], options: CompensationTable
 ) -> list[str]:
-    """Return changes other than `settings_to_try` that would help a compensated plan, in words:
-    moving obstacles, switching on steps of the compensation, another path, more time. Changes of
-    what the problem leaves free, or that `follow` tried, are left out."""
+    """Return in words which changes other than `settings_to_try` would help a compensated plan:
+    moving an obstacle, switching on steps of the compensation, another goal or path, more time. If
+    all violations come before the plan starts, only obstacles are named."""
     problem = plan.problem
     asking = [problem.asking(v.label) for v in violations]
     met = [pair[0].number for pair in asking if pair and isinstance(pair[0], Obstacle)]
@@ -93,8 +93,8 @@ def compensation_changes(
 
 
 def _drift_deg(plan: Plan) -> float:
-    """Return the angle, degrees, by which a bias of two standard deviations turns a motor until the
-    plan's end."""
+    """Return the angle, degrees, that a motor drifts over the plan if its `input_bias_rad_s` is two
+    standard deviations from the mean; 0 without that effect."""
     assert plan.compensation is not None
     bias = Machine.from_table(plan.compensation.machine).effects.get("input_bias_rad_s")
     return float(np.rad2deg(2 * max(bias.spread) * plan.duration)) if bias else 0.0

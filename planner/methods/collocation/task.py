@@ -71,7 +71,8 @@ class Task:
 
     Attributes:
         problem: Start, goal and limits.
-        requirements: The requirements that may be broken between the nodes.
+        requirements: The requirements that have rows, see `kept_between_nodes`: keeping them at the
+            nodes does not ensure them between the nodes.
         objective: The objective.
         nlp: The transcription.
         mesh: The mesh.

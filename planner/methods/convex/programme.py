@@ -77,7 +77,8 @@ class Farkas:
         multipliers: u, one per row, scaled so that Σ u = 1 on rows of unit length.
         residual: |Aᵀu|.
         value: bᵀu.
-        radius: Bound on |y| that every path of the class obeys.
+        radius: Bound on |y|. With a cap on the domain no path of the given number of pieces
+            exceeds it; without one the proof covers only paths within it.
     """
 
     multipliers: Array

@@ -173,10 +173,11 @@ class _PointFamily:
         return _motion(self.ends, *self.read(x)).curves
 
     def candidates(self, known: tuple[Array, tuple[Point, ...]] | None) -> tuple[Array, Array]:
-        """Return free numbers (C, d) to scan, and first steps (C, d) from each.
+        """Return candidates to scan, as free numbers (C, d), and the search's first steps (C, d).
 
-        Each scanned reach gets the values of z₂ of the motion without points, and deviations from
-        these values. If a motion is known, it is the only candidate.
+        For each travel to scan (offset if the travel is zero), z₂ at the times of the points is
+        read from the motion without constraint points, and varied by `_DEVIATIONS`. With a known
+        motion the only candidate is that motion, read at these times.
         """
         reaches, deviations, widths = self.reaches, _DEVIATIONS[self.count], self.widths
         if known is not None:

@@ -61,12 +61,12 @@ class Scores:
     def cost(self, criterion: Criterion, ends: float, slack: float = 0.0) -> Array:
         """Combine the scores into one number to minimise, shape (C,), in three ranges.
 
-        Below 1: keeps limits and a distance from the domain's edge; 1 to 2: breaks a limit or comes
-        ten times closer to the edge than the ends; 2 to 3: leaves the domain.
+        Below 1: all limits are kept, and the chart's margin is at least `_CLOSE` times that of the
+        ends; 1 to 2: a limit is broken or the margin is smaller; 2 to 3: it leaves the domain.
 
         Args:
-            criterion: "peak" compares peak inputs; "margin" compares margins, and peak inputs among
-                candidates that reach the margin of the ends, the largest possible.
+            criterion: Ranks the candidates below 1: "peak" by peak input, "margin" by margin. If
+                candidates reach the margin of the ends, the largest possible, peak inputs decide.
             ends: The least margin of start and goal; see `end_margin`.
             slack: Least slack with which a limit counts as kept; see `end_slack`.
         """

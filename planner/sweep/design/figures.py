@@ -137,9 +137,9 @@ def outcome(
 
 
 def _width(window: TravelWindow) -> float:
-    """Return the width of a travel window over its middle, a ratio independent of φ's scale.
+    """Return the width of a travel window divided by the travel at its middle.
 
-    An empty window has 0. A window without an upper end (two joints) has 2, the ratio's limit.
+    The quotient is 0 for an empty window, and 2 for one without an upper end (two joints).
     """
     if window.empty:
         return 0.0

@@ -187,7 +187,8 @@ OTHER_ANGLE = np.deg2rad(60.0)
 drives and turns is least."""
 
 LONGEST_STRETCH, HALVINGS = 0.8, 12
-"""Largest sum of turn and drive in a stretch, rad; and largest number of rounds of halving."""
+"""Largest |drive| + |turn of the first joint| in a stretch of the shorter arm's path, rad; and most
+rounds in which stretches that leave too large a gap are halved."""
 
 NEGLIGIBLE_RAD = 1e-9
 """Size, rad, below which a turn or a drive is left out."""

@@ -143,10 +143,10 @@ def promises() -> str:
         words = ({KEEPING[answer] for answer in answers} for answers in own.values())
         rows.append([what, *(" or ".join(sorted(each, reverse=True)) for each in words)])
     return (
-        "*kept*: the method keeps it during planning. *checked*: the finished plan is checked, and"
-        " refused if it breaks it. *refused*: the problem is refused before the method begins."
-        " Where there are two answers it depends on the problem; `planner check --verbose` says"
-        " which holds, and `planner/methods/keeping.py` why.\n\n"
+        "*kept*: the method keeps the requirement during planning. *checked*: the finished plan is"
+        " checked, and refused if it breaks the requirement. *refused*: the problem is refused"
+        " before the method begins. Where there are two answers, the problem decides;"
+        " `planner check --verbose` says which holds, and `planner/methods/keeping.py` why.\n\n"
         + _table(["what is asked", *planner.METHODS], rows)
     )
 

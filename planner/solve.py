@@ -142,10 +142,10 @@ def solve_and_check(
                 plan, check = judge_plan(_plan_by_method(problem, entry, merged, warm))
         except TimeUpError:
             far = current_progress()
-            doing = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
+            came = f" after {far.solves} solves (the search was {far.doing})" if far else ""
             raise TimeLimitError(
                 f"{problem.source}: {span.why} ended the method '{method}' before it had a"
-                f" plan{doing}",
+                f" plan{came}",
                 advice=time_advice(),
             ) from None
         except NoPlanError as error:

@@ -158,7 +158,7 @@ def test_what_breaks_a_requirement_on_the_machine_is_refused() -> None:
     assert "goal theta2" in [v.label for v in caught.value.violations]
     assert caught.value.advice is not None
     assert caught.value.advice.startswith("compensation.correction = true; or another path (")
-    assert "the drive reverses" in caught.value.advice  # what stands in the way
+    assert "so that the drive does not reverse at t = " in caught.value.advice
     assert caught.value.advice.endswith("no compensation (compensation.on = false)")
 
 

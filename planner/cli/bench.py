@@ -109,8 +109,8 @@ def log(
     A run is a CSV file with one header line: t, u1, u2, theta1 ... thetan with units, as in
     t_s,u1_rad_s,u2_rad_s,theta1_deg,theta2_deg,theta3_deg. The commands of a row hold until the
     next row; its angles are measured before the commands act. For a compensated plan, errors are
-    measured from the requested path; the deviation from the motion predicted for its machine,
-    preparation included, is printed too (and drawn in the picture's lower row).
+    measured from the requested path; the deviation from the motion predicted for the compensated
+    plan's machine, preparation included, is printed too (and drawn in the picture's lower row).
 
     \b
     Examples:
@@ -185,10 +185,10 @@ def identify(
 ) -> int:
     """Find the machine of an arm from recorded runs.
 
-    With several runs, the last one named (with runs/*.csv the last by name) is not used in the fit.
-    Its prediction error, compared with that of the preset, shows how good the machine is. `planner
-    motion excitation` makes the most informative motion. The fit takes about 6 CPU s for each run
-    of 30 s, half of that with --starts 1.
+    With several runs, the last run (with runs/*.csv the last by name) is kept out of the fit; the
+    error of predicting that run, next to the preset's error, shows how good the machine is.
+    `planner motion excitation` makes the most informative motion. The fit takes about 6 CPU s for
+    each run of 30 s, half of that with --starts 1.
 
     \b
     Examples:
@@ -222,7 +222,7 @@ def identify(
 
 
 def _words(result: Identification) -> Iterator[str]:
-    yield "+-: standard deviation (bootstrap). told: how far the runs determine it, 0 to 1."
+    yield "+-: standard deviation (bootstrap). told: how far the runs fix the parameter, 0 to 1."
     for text in result.merged:
         yield f"One number for several parameters: {text}."
     if result.untold:

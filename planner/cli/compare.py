@@ -88,7 +88,7 @@ def compare(
         bool,
         typer.Option(
             "--budget",
-            help="Also compute how much error each effect of the machine causes (extra `budget`).",
+            help="Also compute the error that each machine effect causes (needs extra `budget`).",
         ),
     ] = False,
     time_limit: TimeLimit = None,

@@ -156,7 +156,7 @@ def report(
 
     The page opens from disk, without a network. It holds the table, the motion of two plans side by
     side, figures that show values under the pointer, the distribution of the error, and the command
-    that reproduces it.
+    that reproduces the comparison.
 
     \b
     Examples:

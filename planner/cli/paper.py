@@ -83,5 +83,5 @@ def calibrate(
         {**calibration.to_dict(), "written": out},
         terminal_table(columns, FITTED_PARAMETERS, ruled=True),
         *met,
-        "last columns: share of the range that remains, given that statement; 1 = not identifiable",
+        "last columns: share of the range left by the data in the heading; 1 = not identifiable",
     )

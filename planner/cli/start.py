@@ -66,7 +66,7 @@ def new(
 ) -> int:
     """Write a commented problem file that can be solved as it is.
 
-    The file holds every key of the problem itself; with --full also those of the methods and
+    The file holds every key of the problem itself; with --full also the keys of the methods and
     of the emulated machine, with their defaults.
 
     \b

@@ -141,11 +141,12 @@ def _against(row: Row, rival: Row, worse: bool) -> str:
     if _breaks_limits(rival) and not _breaks_limits(row):
         return f" {name} breaks a limit on {number(rival.beyond_limits)} % of the machines."
     if worse:
-        costs = _costs(row, rival)
-        return f" Next best of its kind is {name}." + f" Compared with it: {costs}." * bool(costs)
+        costs, kind = _costs(row, rival), "out" if plain_label(row.label) == row.label else ""
+        best = f" The next best plan with{kind} compensation is {name}."
+        return best + (f" {row.label} takes {costs}." if costs else "")
     costs = _costs(rival, row)
     more = f", which takes {costs}" if costs else ""
-    return f" The paired test cannot tell it from {name}{more}."
+    return f" The paired test cannot tell {row.label} from {name}{more}."
 
 
 def _fidelity(row: Row, fidelity: str) -> str:

@@ -166,9 +166,9 @@ def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
         return ""
     first = violations[0]
     count = f"{machines} of {first.samples} machine{'s' if first.samples > 1 else ''}"
-    more = f", and {len(violations) - 1} limits more" if len(violations) > 1 else ""
+    more = f", and {len(violations) - 1} more limits" if len(violations) > 1 else ""
     ways = dict.fromkeys(filter(None, map(_advice, _furthest(violations))))
-    keeps = f"; with about {' and '.join(ways)} {KEPT_PERCENT:.0f} % of the machines keep clear"
+    keeps = f"; {KEPT_PERCENT:.0f} % of the machines keep clear with about {' and '.join(ways)}"
     if not ways or machines <= first.samples * (1 - KEPT_PERCENT / 100):  # as many do already
         keeps = ""
     return f"{count} break a limit: {first}{more}{keeps}"

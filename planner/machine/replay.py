@@ -91,8 +91,8 @@ class Replay(Recording):
         return (
             f"gross slip on {len(slips)} of {count} machine{'s' if count > 1 else ''}, first of"
             f" contact {contact_name(int(self.slip_contact[first]))} at"
-            f" {self.slip_begin[first]:.3g} s: the joints behind it stand still for"
-            f" {self.slip_s[slips].max():.2g} s at most"
+            f" {self.slip_begin[first]:.3g} s: the joints behind the contact stand still for at"
+            f" most {self.slip_s[slips].max():.2g} s"
         )
 
     @cached_property

@@ -157,7 +157,7 @@ def tip_of(
             extra = " and its clearance" if disc.clearance else ""
             raise InputError(
                 f"{where} lies {inside:.3g} m inside obstacle {disc.number}{extra};"
-                " move one of them"
+                " move goal.tip_m or the obstacle"
             )
     return tip
 

@@ -116,11 +116,11 @@ def expect_workers(workers: int | None, cluster: str | None) -> None:
     """Refuse invalid settings of the pool, before anything is written.
 
     Raises:
-        InputError: If both `workers` and `cluster` are given, or `workers` is negative.
+        InputError: If both `workers` and `cluster` are given, or `workers` is no number ≥ 0.
     """
     if cluster is not None and workers is not None:
         raise InputError("give workers or cluster, not both: a cluster has its own workers")
-    if workers is not None and (isinstance(workers, bool) or workers < 0):
+    if workers is not None and (type(workers) is not int or workers < 0):
         raise InputError(f"workers = {workers}: must be a whole number, at least 0")
 
 

@@ -75,7 +75,7 @@ def test_by_default_every_plan_is_compensated_once_it_is_there(
     base = taken.label.replace(" compensated", "")
     assert f"instead of {number(result[base].E_median_deg)} deg ({base})" in words
     assert "With compensation it takes " in words
-    assert f"cannot tell it from {better.label} (E " in words
+    assert f"cannot tell {taken.label} from {better.label} (E " in words
     now, was = (
         [r.E_p95_deg for r in result.rows if r.solved and (COMPENSATED.split()[1] in r.label) == it]
         for it in (True, False)
@@ -152,8 +152,9 @@ def test_the_headline_prices_a_plan_against_the_next_best_of_its_kind(
     worse = replace(plain, label="sinusoid compensated", effort=0.2)
     words = replace(compensated, rows=(plain, better, worse)).headline
     priced = f"{number(better.effort)} rad²/s of effort instead of 0.2"
-    assert f"Next best of its kind is {worse.label} (E {number(worse.E_median_deg)} deg)." in words
-    assert words.split("Compared with it: ")[1].split(". ")[0].endswith(priced)
+    named = f"{worse.label} (E {number(worse.E_median_deg)} deg)"
+    assert f"The next best plan with compensation is {named}." in words
+    assert words.split(f"{named}. {better.label} takes ")[1].split(". ")[0].endswith(priced)
 
 
 def test_the_first_swing_stands_beside_the_recommendation(compensated: planner.Comparison) -> None:

@@ -282,7 +282,10 @@ def test_a_disc_out_of_reach_is_settled_and_one_in_reach_is_named_by_link() -> N
     labels = [part.label for part in disc.parts]
     assert labels == [f"clearance of link {k} from obstacle 2" for k in (1, 2, 3)]
     said = disc.contradiction_text("start", _broken(disc, -0.0625, 1)[2])
-    assert said == "at the start link 2 reaches 0.0625 m into obstacle 2; move one of them"
+    assert (
+        said
+        == "at the start link 2 reaches 0.0625 m into obstacle 2; move the start or the obstacle"
+    )
     both = [_broken(Obstacle(n, 3, 1.0, 1.0, 0.2), -0.1) for n in (2, 1, 2)]
     assert Obstacle.easing(both) == "leave out [[obstacles]] 1 and 2"
 
@@ -306,8 +309,8 @@ def test_a_clearance_is_kept_beyond_the_disc() -> None:
     near = _broken(disc, 0.1, 1)
     said = disc.contradiction_text("goal", replace(near[2], limit=0.25))
     assert said == (
-        "at the goal link 2 is 0.1 m from obstacle 1, clearance_m = 0.25; move one of them, or"
-        " lower clearance_m to 0.0999 or less"
+        "at the goal link 2 is 0.1 m from obstacle 1, clearance_m = 0.25; move the goal or the"
+        " obstacle, or lower clearance_m to 0.0999 or less"
     )
     assert Obstacle.easing([near]) == "obstacles.clearance_m = 0.0999 or less"
 

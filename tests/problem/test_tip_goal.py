@@ -99,7 +99,7 @@ def test_an_ordinary_goal_leaves_nothing_free(paper: planner.Problem) -> None:
          "the sum of 3 joints' angles, each within 90 degrees; it must lie between -270 and"
          " 270 degrees"),
         ({"obstacles": [{"centre_m": [0.5, 0.6], "radius_m": 0.1}]},
-         "m inside obstacle 1; move one of them"),
+         "m inside obstacle 1; move goal.tip_m or the obstacle"),
         ({"goal.tip_m": [0.5]}, "'goal.tip_m'"),
         ({"goal.theta_deg": [95, "free", "free"]}, "goal.theta_deg"),
     ],

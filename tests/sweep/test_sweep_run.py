@@ -341,8 +341,8 @@ def test_progress_counts_and_names(tables: Tables, db: Path) -> None:
     assert told[-1] == ("10 of 10 cases (10 infeasible)", 1.0)
 
 
-@pytest.mark.parametrize("workers", [-1, True])
-def test_impossible_numbers_of_workers_are_refused(tables: Tables, db: Path, workers: int) -> None:
+@pytest.mark.parametrize("workers", [-1, True, 1.5, "2"])
+def test_impossible_numbers_of_workers_are_refused(tables: Tables, db: Path, workers: Any) -> None:
     with pytest.raises(planner.InputError, match="workers = "):
         run_sweep(tables, db, workers=workers)
     with pytest.raises(planner.InputError, match="not both"):

@@ -246,7 +246,7 @@ def refuse_excess(plan: Plan, machine: Machine) -> None:
     request = f"{c.name} asks for {peak:.3g} {c.unit}"
     raise UntrackableError(
         f"feedback cannot follow this {plan.method} plan: {request}, {source} {limit[i]:g}"
-        f" {c.unit}, and {share[i]:.0%} of its motion exceeds this; give it more time"
-        " (goal.duration, or planner.retime)",
-        why=f"feedback cannot follow it, {request}, allowed {limit[i]:g} {c.unit}",
+        f" {c.unit}, and {share[i]:.0%} of the travel of {c.name} lies above that limit; give the"
+        " plan more time (goal.duration, or planner.retime)",
+        why=f"feedback cannot follow the plan: {request}, allowed {limit[i]:g} {c.unit}",
     )

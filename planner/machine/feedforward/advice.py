@@ -68,14 +68,14 @@ def compensation_changes(
     uneven = [leg for leg in legs if leg["t_s"] > 0 and leg["deg"] > LEAST_UNEVEN_DEG]
     if near or uneven:
         other = "another goal" + f" or {problem.travel_key}" * (problem.travel is not None)
-        why = f"at t = {near[0][0]:.3g} s the drive reverses" if near else ""
+        when, why = f"{near[0][0]:.3g} s" if near else "", ""
         if uneven:
             worst = max(uneven, key=lambda each: each["deg"])
-            why = f"at t = {worst['t_s']:.3g} s the drive reverses, and {worst['joint']} is left"
-            why += f" {worst['deg']:.2g} deg short"
+            when = f"{worst['t_s']:.3g} s"
+            why = f" (this reversal leaves {worst['joint']} {worst['deg']:.2g} deg off the path)"
         if plan.options.get("criterion") == "objective":
             other = f"another path (method.{plan.method}.criterion = 'machine') or {other}"
-        out.append(f"{other}, so that the drive reverses elsewhere or not at all ({why})")
+        out.append(f"{other}, so that the drive does not reverse at t = {when}{why}")
     if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # the error that spreads leave
         less = (
             "larger limits.input_rad_s" if problem.duration is None else "a shorter goal.duration"

@@ -388,9 +388,9 @@ def find_warnings(
         )
     for zero in _wrong_zeros(estimates):
         yield (
-            f"theta{zero.parameter.key[4:]} reads {zero.value:.2f} +- {zero.spread:.2f} deg where"
-            " it stands at zero (which this fit allows for); subtract that from its readings, here"
-            " and where the arm is run"
+            f"{(joint := f'theta{zero.parameter.key[4:]}')} reads {zero.value:.2f} +-"
+            f" {zero.spread:.2f} deg with the joint at zero. This fit allows for the offset;"
+            f" subtract the offset from all readings of {joint}, here and where the arm is run"
         )
     for each in estimates:
         if each.at_edge:

@@ -118,7 +118,7 @@ def _finish_best(
     far, last, violations = progress.current_progress(), None, list[Violation]()
     if failed := best.candidates.get(Exactness.FAILED):
         last, violations = iterate_plan(problem, failed, options)
-    came = "" if far is None else f" after {far.solves} solves (it was {far.doing})"
+    came = "" if far is None else f" after {far.solves} solves (the search was {far.doing})"
     nearest = "; the closest attempt breaks:" if violations else ""
     raise TimeLimitError(
         f"{problem.source}: {span.why} ended the search before it had found a motion{came}"

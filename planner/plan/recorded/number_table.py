@@ -146,9 +146,9 @@ class NumberTable:
         if self.separator == "," and "," not in text:
             return "."  # a file that separates cells by commas uses decimal points
         raise InputError(
-            f"{self.cell(k, place)}, which is {text.replace(',', '.')} or"
-            f" {re.sub('[.,]', '', text)}, and no other cell decides; write another number of"
-            " decimals, or no thousands separator"
+            f"{self.cell(k, place)}, which means {text.replace(',', '.')} or"
+            f" {re.sub('[.,]', '', text)}, and no other cell shows which of the two; write another"
+            " number of decimals, or no thousands separator"
         )
 
 

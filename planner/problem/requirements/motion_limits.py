@@ -139,7 +139,7 @@ class JointLimit(SymmetricLimit):
         """Return words on how start, goal or waypoint violates the limit, and what to change."""
         value, limit, unit = replace(v, limit=abs(v.limit)).shown(6)
         what = f"{name} {v.label.removeprefix(self.words + ' ')} = {value}{unit}"
-        return f"{what} lies outside its limit of {limit}{unit}; move it or widen the limit"
+        return f"{what} lies outside its limit of {limit}{unit}; move the {name} or widen the limit"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """Return the change that widens the joint limits as far as possible."""

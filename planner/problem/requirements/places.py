@@ -151,9 +151,9 @@ class Obstacle(Requirement):
         if v.value > 0:
             near = f"is {v.value:.3g} m from obstacle {self.number}, clearance_m = {v.limit:g}"
             lower = f"lower clearance_m to {0.999 * v.value:.4g} or less"
-            return f"at the {name} link {link} {near}; move one of them, or {lower}"
+            return f"at the {name} link {link} {near}; move the {name} or the obstacle, or {lower}"
         into = f"{-v.value:.3g} m into obstacle {self.number}"
-        return f"at the {name} link {link} reaches {into}; move one of them"
+        return f"at the {name} link {link} reaches {into}; move the {name} or the obstacle"
 
     def values_out_of_reach(self, system: TriangularSystem) -> Sequence[float] | None:
         """Return a lower bound of each link's distance if no link can reach the disc; else None."""

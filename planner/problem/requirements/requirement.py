@@ -200,10 +200,8 @@ class Requirement(Demand):
     def contradiction_text(self, name: str, v: Violation) -> str:
         """Return a message that start, goal or waypoint violates the limit, and what to change."""
         value, limit, unit = v.shown(6)
-        change = f"change limits.{self.key}" if self.key else "widen the limit"
-        return (
-            f"{v.label} at the {name} is {value}{unit}, allowed {limit}{unit}; move it or {change}"
-        )
+        change = f"move the {name} or change {f'limits.{self.key}' if self.key else 'the limit'}"
+        return f"{v.label} at the {name} is {value}{unit}, allowed {limit}{unit}; {change}"
 
     def values_out_of_reach(self, system: TriangularSystem) -> Sequence[float] | None:
         """Return the least possible values if no motion can violate the requirement; else None."""

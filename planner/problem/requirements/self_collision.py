@@ -167,11 +167,12 @@ class SelfCollision(Requirement):
     def contradiction_text(self, name: str, v: Violation) -> str:
         """Return words on links too near at start, goal or waypoint, and what to change."""
         what = v.label.removeprefix("clearance of ")
-        change = f"move it or lower limits.{self.key}"
+        change = f"move the {name} or lower limits.{self.key}"
         if v.value <= 0:
             pair = what.replace(" from ", " and ")
             return (
-                f"at the {name} links cross (near {pair}); move it, or leave out limits.{self.key}"
+                f"at the {name} links cross (near {pair}); move the {name} or leave out"
+                f" limits.{self.key}"
             )
         is_ = f"the clearance of {what} is {v.value:.3g} m, allowed {v.limit:g} m"
         return f"at the {name} {is_}; {change}"

@@ -272,7 +272,7 @@ def _reason(
     if choice["one_way"] < 1:
         sentences.append(
             f"For {tasks - choice['one_way'] * tasks:.0f} of the {tasks} tasks no one-way motion"
-            " exists with it, so methods whose disk never reverses cannot solve them."
+            " exists with this design, so methods whose disk never reverses cannot solve them."
         )
     return " ".join(sentences)
 

@@ -167,5 +167,5 @@ def test_an_unsolved_task_counts_as_worse_than_any(known: Known, quick: dict[str
     assert less["window"] == pytest.approx(min(widths))  # the middle one: that of none is 0
     endless = known([[one]])
     assert (endless.rows[0]["window"], endless.rows[0]["one_way"]) == (2.0, 1.0)
-    assert "For 1 of the 3 tasks no one-way motion exists with it" in study.reason
+    assert "For 1 of the 3 tasks no one-way motion exists with this design" in study.reason
     assert "one-way" not in endless.reason

@@ -348,9 +348,7 @@ def _knee(curve: TradeOff) -> str:
     )
     refused = [(p.compensated or {}).get("refused") for p in curve.points]
     why = next((text for text in refused if text), None)
-    return (
-        text if why is None else f"{text}\nA '-' means that the plan cannot be compensated: {why}"
-    )
+    return text if why is None else f"{text}\n'-': the plan cannot be compensated, since {why}"
 
 
 def _use(curve: TradeOff, file: Path) -> str:

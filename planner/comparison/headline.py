@@ -100,8 +100,7 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
         tail += f"{_follow_up(rows, row)}{refused}"
         if sum(not each.feedback for each in rows) == 1:
             return f"{row.label} reaches the goal and keeps every limit.{tail}"
-        reason = "the only one that reaches the goal and keeps every limit."
-        return f"Take {row.label}: {reason}{tail}"
+        return f"Take {row.label}: the only plan that reaches the goal and keeps every limit.{tail}"
     if not np.isfinite(row.E_median_deg):
         least = f"of {len(solved)} verified plans it has the least effort."
         return f"Take {row.label}: {least}{refused}"

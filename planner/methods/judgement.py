@@ -39,7 +39,7 @@ def judge_plan(plan: Plan) -> tuple[Plan, Check]:
         return plan, check
     if why := plan.notes.get("ended_early"):
         raise TimeLimitError(
-            f"{plan.problem.source}: {why}, and there was no time to refine it: it breaks",
+            f"{plan.problem.source}: {why}, and no time was left to refine the plan, which breaks",
             plan=replace(plan, status=TimeLimitError.status),
             violations=check.violations,
             advice=time_advice(),
@@ -48,7 +48,7 @@ def judge_plan(plan: Plan) -> tuple[Plan, Check]:
     said = ""
     if left := sum(v.label in others for v in check.violations):
         part = "" if left == len(check.violations) else f"{left} of "
-        said = f", {part}which this method does not promise to keep"
+        said = f", {part}which the {plan.method} method does not promise to keep"
     changes, otherwise = _remedies(plan, check)
     raise refusal(plan, check, said, otherwise, changes)
 

@@ -191,7 +191,7 @@ def identify(plan: Plan, fit: Fit) -> tuple[DataSet, ...]:
     ]
     return (
         _data("the paper's words", words),
-        _data("its curves in Figs 9 and 10", _curves(usual, READ_DEG, READ_PERCENT)),
+        _data("the paper's curves in Figs 9 and 10", _curves(usual, READ_DEG, READ_PERCENT)),
         _data("encoders and tachometers, three speeds", np.concatenate(every)),
     )
 

@@ -257,10 +257,10 @@ PAPER_FIGURES = (
         "least effort at pi/4, an inferred travel, without and with a limit on z2",
     ),
     ("fig6-joints", "Fig. 6", "joints of a plan of the same law that stays in the domain"),
-    ("fig7-inputs", "Fig. 7", "its inputs"),
-    ("fig8-arm", "Fig. 8", "its arm in the plane"),
-    ("fig9-joints-machine", "Fig. 9", "its joints on the emulated prototype"),
-    ("fig10-motors-machine", "Fig. 10", "its motors on the emulated prototype"),
+    ("fig7-inputs", "Fig. 7", "inputs of the plan of Fig. 6"),
+    ("fig8-arm", "Fig. 8", "the arm in the plane, moved by the plan of Fig. 6"),
+    ("fig9-joints-machine", "Fig. 9", "the plan of Fig. 6 on the emulated prototype: joints"),
+    ("fig10-motors-machine", "Fig. 10", "the plan of Fig. 6 on the emulated prototype: motors"),
 )
 
 

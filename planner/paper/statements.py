@@ -74,7 +74,7 @@ STATEMENTS = (
         "motor 2: deviation from its command, rms (Fig. 10: 'precisely controlled')", 0.0, 1.0, "%"
     ),
     # No motor is precisely controlled at its limit.
-    Statement("motor 1: largest torque over its limit (Fig. 10 likewise)", 100.0, 1.0, "%", True),
+    Statement("motor 1: largest torque over its limit (Fig. 10)", 100.0, 1.0, "%", True),
 )
 
 
@@ -247,14 +247,14 @@ FITTED_PARAMETERS = (
 
 FIXED_PARAMETERS: dict[str, str] = {
     "control_period_s": "a PC of 2010 commanding two drives over a bus",
-    "delay_s": "half a period; it shifts the motion in time and hardly changes it",
+    "delay_s": "half a period; a delay shifts the motion in time and hardly changes its shape",
     "velocity_resolution_rad_s": "one motor rpm behind 1:100",
     "input_gain_error": "drives with encoders hold 0.1 to 0.5 % of speed; mean 0, drawn",
     "input_bias_rad_s": "offset of the command, some 0.03 deg/s at the output; mean 0, drawn",
     "link_moment_kgm": "0.8 kg at 0.2 m, as the links' inertia; acts on a slope or with lengths",
     "velocity_limit_rad_s": "3000 to 4000 rpm behind 1:100; the paper's motion needs a fifth",
     "acceleration_limit_rad_s2": "a tenth of a second to that speed",
-    "lateral_friction": "rollers or crowned rims; no statement of the paper fixes it, see above",
+    "lateral_friction": "rollers or crowned rims; no statement of the paper fixes this ratio",
     "gear_ratio_error": "radii of disks and contacts to 0.1 mm on 20 mm; mean 0, drawn",
     "initial_play": "position of a joint within its backlash at the start, unknown; mean 0, drawn",
     "initial_angle_error_deg": "set by eye or against a stop before each run; mean 0, drawn",

@@ -411,8 +411,8 @@ def _names(plan: Plan, names: Sequence[str] | None) -> list[str]:
         return names
     if len(set(names)) != 2 or len(names) != 2 or not all(names):
         raise InputError(
-            f"joint names {', '.join(names)!r}: give two different names, of the"
-            f" motors{', or ' + ', '.join(joints) if joints else ''}"
+            f"joint names {', '.join(names)!r}: give two different names, one for each motor"
+            + (f"; or the arm's own, {', '.join(joints)}, for all joints" if joints else "")
         )
     return names
 

@@ -104,9 +104,9 @@ class Controllability:
             f"singular values {values} (rank counts those above {self.tolerance:g} of the largest)",
             "Frobenius: span{g1, g2} is "
             + (
-                "involutive as far as sampled: it can be integrated, the constraints are holonomic"
+                "involutive as far as sampled, so integrable: the constraints are holonomic"
                 if self.involutive
-                else "not involutive, so it cannot be integrated: the constraints are nonholonomic"
+                else "not involutive, so not integrable: the constraints are nonholonomic"
             ),
             "Chow: brackets up to length "
             + (

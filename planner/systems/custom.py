@@ -292,7 +292,8 @@ def check_intervals(
             raise InputError(f"{system}: give the interval of {name} in {coordinates[i].unit}")
         low, high = (float(x) for x in given.get(name, (-np.pi / 2, np.pi / 2)))
         if not (np.isfinite(high - low) and low < high):
-            raise InputError(f"{system}: the interval of {name} is ({low:g}, {high:g})")
+            ends = "the ends must be finite, the lower one first"
+            raise InputError(f"{system}: the interval of {name} is ({low:g}, {high:g}); {ends}")
         out[i] = (low, high)
     return out
 

@@ -80,9 +80,9 @@ class UserMap:
             same = ca.is_equal(there[i], x[j]) and ca.is_equal(back[j], x[i])
             if not same or c.unit != self.own[j].unit:
                 raise InputError(
-                    f"{self.name}: user.coordinates has '{c.name}', which is a triangular"
-                    " coordinate too: give it the same unit and the expression"
-                    f" '{c.name}' both ways, or another name"
+                    f"{self.name}: '{c.name}' in user.coordinates is a triangular coordinate too:"
+                    f" give '{c.name}' the unit of that coordinate, and the expression '{c.name}'"
+                    " in user.expressions and user.inverse; or choose another name"
                 )
 
     def check_inverse(self, intervals: Mapping[int, tuple[float, float]]) -> None:

@@ -315,7 +315,7 @@ def _jump(part: Part, motion: EnclosedMotion) -> Claim | None:
     if most <= JUMP_TOLERANCE * peak:
         return None
     unit = motion.source.trajectory.system.inputs[part.index].unit
-    why = f"it may jump by {most:.3g} {unit}"
+    why = f"the input may jump by {most:.3g} {unit}"
     return Claim(part.label, "undecided", -np.inf, np.nan, when, part.unit, True, why)
 
 

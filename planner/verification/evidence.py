@@ -26,13 +26,13 @@ from planner.verification.input_models import (
 )
 from planner.verification.models import Margin, Model, least_values
 
-NO_BOUND_REASON = "no bound on the motion or its inputs is known on all of it"
+NO_BOUND_REASON = "no bound on the coordinates or the inputs is known for the whole motion"
 
-SUBSTITUTE_REASON = "the proof uses rows that only replace the values of this limit"
-
-STANDSTILL_REASON = (
-    "the inputs of a retimed path are quotients of zeros where the path stands still"
+SUBSTITUTE_REASON = (
+    "the proof bounds a substitute for the limited quantity, such as u^2/limit for |u|"
 )
+
+STANDSTILL_REASON = "where a retimed path stands still, its inputs are computed as zero over zero"
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
         strict: Whether to refuse a file that wrongly claims to contain a verified plan.
 
     Raises:
-        InputError: If the file is missing, is not a plan, or has a newer version; or, if `strict`,
+        InputError: If the file is missing, is not a plan, or has another version; or, if `strict`,
             its plan fails the verification.
     """
     said = read_plan(path)
@@ -86,12 +86,12 @@ def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:
     if said.trajectory.flaw:
         return unknown, said.trajectory.flaw
     if said.compensates is not None and not said.compensates.verified:
-        return unknown, "in its original plan, it is not verified"
+        return unknown, "the original plan in the file is not verified"
     with np.errstate(all="ignore"):  # a changed file may contain any numbers
         try:
             plan, check = judge(unknown)
         except (ArithmeticError, ValueError) as error:
-            return unknown, f"its motion cannot be computed: {error}"
+            return unknown, f"the plan's motion cannot be computed: {error}"
     if check.ok:
         return _with_own_figures(plan, said, path), ""
     more = len(check.violations) - 1

@@ -310,7 +310,7 @@ def test_what_was_stopped_before_it_was_fine_enough_is_called_stopped() -> None:
     early = replace(plan, status="interrupted", notes={"ended_early": "the Stop button ended it"})
     outcome = judge(replace(shown.outcome, plan=early))
     assert outcome.kind == "stopped"
-    assert "no time to refine it" in str(outcome.error)
+    assert "no time was left to refine the plan" in str(outcome.error)
 
 
 def test_plans_are_compensated_for_the_machine_where_that_is_on() -> None:

@@ -82,7 +82,7 @@ def test_convex_paths_keep_the_joints_that_move_one_way(paper: planner.Problem) 
         assert ends[0] - 1e-9 <= np.min(q[:, i])
         assert np.max(q[:, i]) <= ends[1] + 1e-9
     with pytest.raises(
-        planner.VerificationError, match="1 requirement, which this method"
+        planner.VerificationError, match="1 requirement, which the convex method"
     ) as refusal:
         solve_and_check(
             paper.changed({"limits.joint_deg": [31.0, 40.0, 40.0]}), "convex", advice=False

@@ -245,7 +245,7 @@ def test_a_travel_that_follows_from_the_goal_is_not_given(front: dict) -> None:
         (
             "expressions",
             ["x + 2 * cos(heading)", "y + 2 * sin(heading)", "2 * heading", "steering"],
-            "'heading', which is a triangular coordinate too: give it the same unit",
+            "'heading' in user.coordinates is a triangular coordinate too: give 'heading' the unit",
         ),
         (
             "inverse",

@@ -260,7 +260,7 @@ EDITS = [
     (_bent, "plan's q(t) against the nominal machine's motion"),
     (_inner_limit, "in its original plan, input u"),
     (_inner_motion, "in its original plan, "),
-    (_inner_claim, "in its original plan, it is not verified"),
+    (_inner_claim, "the original plan in the file is not verified"),
 ]
 
 

@@ -40,7 +40,7 @@ def no_goal(problem: Problem) -> NoPlanError:
     elif tip:
         angle = tip.place is None
         off = f"{np.rad2deg(reach.missed):.3g} deg" if angle else f"{reach.missed:.3g} m"
-        why += f"; the nearest found are {off} off"
+        why += f"; the nearest angles found miss the goal by {off}"
     return NotConvergedError(
         f"{problem.source}: no joint angles within the limits were found that {why}",
         changes=[*reach_changes(problem, reach), *path_changes(problem)],
@@ -59,7 +59,7 @@ def too_short(problem: Problem, fastest: Candidate, options: CollocationOptions)
     plan, violations = iterate_plan(problem, fastest, options)
     return (InfeasibleError if proof else NotConvergedError)(
         f"{problem.source}: {why} fastest motion found takes {fastest_s:.4g} s. Shortened to"
-        f" {given:g} s it breaks:",
+        f" {given:g} s, that motion breaks:",
         plan=plan,
         violations=violations,
         changes=[

@@ -244,7 +244,7 @@ def _refuse_outside(plan: Plan) -> NoReturn:
     zero = (
         f"; z2 = 0 at t = {crossings} s"
         if crossings
-        else "; z2 keeps its sign, yet no real angle exists there"
+        else "; z2 keeps its sign, yet outside the domain no real angles exist"
     )
     count = plan.notes.get("auto_motions_tried")
     which = (

@@ -406,7 +406,7 @@ def _machines(ax: Any, curve: TradeOff) -> None:
         none = sum("refused" in f for f in replays)
         if none == len(replays):
             continue
-        label += f" ({none} of {len(replays)} cannot be)" if none else ""
+        label += f" (not possible for {none} of {len(replays)})" if none else ""
         ax.plot(cost, values, ".-", color=colour, label=label)
         ax.plot(cost[knee], values[knee], color=colour, **KNEE_STYLE)
     ax.set_ylim(0, 1.35 * ax.get_ylim()[1])  # room for the legend above every curve

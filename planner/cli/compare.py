@@ -81,7 +81,7 @@ def compare(
         bool,
         typer.Option(
             "--feedback",
-            help="Also replay with feedback: every named plan; without --methods the last one.",
+            help="Also replay with feedback: every named plan; without --methods the last plan.",
         ),
     ] = False,
     budget: Annotated[

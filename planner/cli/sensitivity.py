@@ -344,7 +344,7 @@ def _knee(curve: TradeOff) -> str:
         f" {number(first.total_deg)}, of it irreducible {number(k.floor_deg)}.\n"
         "The knee lies farthest below the chord between the curve's ends. Errors are the largest"
         " joint error at the end: under the design errors alone, and on the problem's machine, with"
-        " the plan as it is and compensated for it. Turns: how often the drive reverses."
+        " the plan as it is and with the plan compensated. Turns: how often the drive reverses."
     )
     refused = [(p.compensated or {}).get("refused") for p in curve.points]
     why = next((text for text in refused if text), None)
@@ -363,5 +363,5 @@ def _use(curve: TradeOff, file: Path) -> str:
         change = f"{number(before)} deg at the first point, {number(after)} at the knee"
         lines += [f"Compensated, the error at the end on the machine (95 %) is {change}."]
     table = shlex.join(["planner", "export", str(file), "--out", str(file.with_suffix(".csv"))])
-    lines += [f"Its plan is {file}; as a table: {table}", next_step(curve.problem, "collocation")]
+    lines += [f"Knee plan: {file}; as a table: {table}", next_step(curve.problem, "collocation")]
     return "\n".join([*lines, MEANINGS])

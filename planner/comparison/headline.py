@@ -113,7 +113,7 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
     reason += f" {_degrees(row.end_median_deg)} instead of {_degrees(other.end_median_deg)} at the"
     reason += f" end{_fidelity(row, fidelity)}."
     if other is not rival and (costs := _costs(row, other)):
-        reason += f" {'With compensation it' if other is plain else 'It'} takes {costs}."
+        reason += f" {row.label} takes {costs}."
     if rival is not None:
         reason += _against(row, rival, rival.label in _worse_than(row, rows, threshold_deg))
     tail += f"{_what_decides(solved)}{_follow_up(rows, row)}{refused}"
@@ -165,7 +165,7 @@ def _swing(row: Row) -> str:
     if abs(far - start) < LEAST_SWING_DEG:
         return ""
     way = f"from {start:.0f} to {far:.0f} deg and back"
-    return f" Stand clear: before it starts, joint 1 swings {way}."
+    return f" Stand clear: before the plan starts, joint 1 swings {way}."
 
 
 def _refusal(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
@@ -238,7 +238,7 @@ def _caution(row: Row) -> str:
     """Return a warning if machines break limits that the plan keeps; else ""."""
     if not row.beyond_limits > 0:
         return ""
-    return f" On {number(row.beyond_limits)} % of the machines it breaks a limit."
+    return f" On {number(row.beyond_limits)} % of the machines {row.label} breaks a limit."
 
 
 def _follow_up(rows: Sequence[Row], row: Row) -> str:

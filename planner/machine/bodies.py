@@ -225,8 +225,8 @@ def _refuse_light_links(inertia: Array, lengths: Array, moments: Array) -> None:
     if np.any(least < -ROUNDING * inertia.max(axis=0)):
         raise InputError(
             "machine: link_inertia_kgm2 is too small for link_length_m and link_moment_kgm; raise"
-            " it (each link's includes the mass carried at the next joint: at least length times"
-            " moment), or reduce link_length_m"
+            " link_inertia_kgm2 (for each link at least length times moment, as the link carries"
+            " mass at the next joint), or reduce link_length_m"
         )
 
 

@@ -65,7 +65,7 @@ class Clock:
     def flaw(self) -> str:
         """Reason why the map is not a valid clock; empty for a valid clock."""
         if not (len(self.t) == len(self.s) >= 2 and self.t[0] == self.s[0] == 0):
-            return "it must have equally many times of the machine and of the plan, both from 0"
+            return "t and s must have equally many entries, both from 0"
         steps = np.diff(self.t)
         if not np.all(steps > 0):
             return "the machine's times must increase"

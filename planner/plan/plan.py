@@ -268,7 +268,7 @@ class Plan:
         if np.any(outside):
             warnings.warn(
                 f"t = {times[outside].flat[0]:.6g} s lies outside the plan, which lasts from 0"
-                f" to {self.duration:.6g} s; outside it is at rest (plan.trajectory.q and .u"
+                f" to {self.duration:.6g} s; outside, the plan is at rest (plan.trajectory.q and .u"
                 " give the same without this warning)",
                 RuntimeWarning,
                 stacklevel=3,
@@ -353,7 +353,7 @@ def expect_plan(value: object) -> None:
     """
     how = "planner.solve(problem, method) makes one and planner.load_plan(path) reads one"
     if callable(getattr(value, "plan", None)):  # a recorded run
-        how = f"its plan(problem) is one, as in planner.replay(log.plan(problem)); {how}"
+        how = f"log.plan(problem) is one, as in planner.replay(log.plan(problem)); {how}"
     expect(Plan, value, how)
 
 

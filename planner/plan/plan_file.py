@@ -65,7 +65,7 @@ def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Cl
         raise InputError(f"{path}: compensation.clock is missing; compensate the plan again")
     why = clock.flaw
     if not why and abs(clock.seconds - seconds) > ROUNDING * max(1.0, seconds):
-        why = f"it ends at {clock.seconds:.6g} s, but the plan lasts {seconds:.6g} s"
+        why = f"the clock ends at {clock.seconds:.6g} s, but the plan lasts {seconds:.6g} s"
     if why:
         raise InputError(f"{path}: compensation.clock is not valid: {why}")
     return clock

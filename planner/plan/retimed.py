@@ -134,7 +134,7 @@ class RetimedTrajectory(Trajectory):
         if not np.any(still):
             return ""
         when = grid.times[still][0]
-        return f"its length nearly stands still at {when:.4g} s of the path, which moves there"
+        return f"its length nearly stands still at {when:.4g} s of the path, yet the path moves"
 
     def q(self, t: ArrayLike) -> Array:
         """Return the coordinates of the path at σ(t)."""

@@ -149,7 +149,7 @@ def tip_of(
     if away < least:
         raise InputError(
             f"{where} is {away:.4g} m from the base, and the longest link keeps the tip at least"
-            f" {least:.4g} m away"
+            f" {least:.4g} m away; move goal.tip_m farther out"
         )
     for disc in discs:
         apart = disc.radius + disc.clearance

@@ -124,7 +124,7 @@ class LocalPool:
                 return answer
             if self._closed:
                 break
-        return death_row(f"the process running it died {MAX_DEATHS} times", *worker.last_words())
+        return death_row(f"the case's process died {MAX_DEATHS} times", *worker.last_words())
 
     def _worker(self) -> _WorkerProcess:
         """Return the worker process of this thread; start a process if none is alive."""
@@ -313,7 +313,7 @@ class ClusterPool:
             if error is None:
                 answer.set_result(future.result())
             elif isinstance(error, self._killed):
-                answer.set_result(death_row("every worker of the cluster that ran it died"))
+                answer.set_result(death_row("every worker that ran the case died"))
             else:
                 answer.set_exception(
                     InputError(f"{self._failure} ({type(error).__name__}: {error})")

@@ -63,7 +63,7 @@ def load_case_plan(db: str | Path, case: str) -> Plan:
         text = store.plan(case)
     if text is None:
         raise InputError(
-            f"{db} has no plan of case {case}: the case has none, or the sweep lacks plans = true"
+            f"{db} has no plan of case {case}: no plan was found, or the sweep lacks plans = true"
         )
     with tempfile.TemporaryDirectory() as folder:
         return load_plan(write_text(Path(folder) / "plan.json", text))

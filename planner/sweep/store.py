@@ -215,7 +215,7 @@ class Store:
         if now is None or (now.st_dev, now.st_ino) != self._file:
             raise InputError(
                 f"{self.path} was deleted or replaced while the sweep ran; its results are lost,"
-                " and the same command runs them again"
+                " and the same command runs the cases again"
             )
 
     # -- writing -------------------------------------------------------------------------------

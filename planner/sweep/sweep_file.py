@@ -274,7 +274,7 @@ def _refuse_clashes(table: SweepFile, keys: list[str], source: str) -> None:
         for other in keys:
             if other.startswith(f"{key}."):
                 raise InputError(
-                    f"{source}: '{key}' and '{other}' both vary; one contains the other"
+                    f"{source}: '{key}' and '{other}' vary, but one contains the other; keep one"
                 )
 
 

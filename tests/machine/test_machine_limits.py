@@ -123,7 +123,7 @@ def test_a_comparison_says_it_in_table_file_and_page(plan: Plan) -> None:
     (row,) = result.rows
     assert row.beyond_limits == 100
     assert row.remark == "100 % of machines break a limit"
-    assert result.headline.endswith("limit. On 100 % of the machines it breaks a limit.")
+    assert result.headline.endswith(f" On 100 % of the machines {row.label} breaks a limit.")
     assert "1 of 1" not in verdict_html(result)
     assert "yes: 100 % of machines break a limit" in result.markdown()
     assert row.replay is not None

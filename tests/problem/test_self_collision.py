@@ -134,7 +134,7 @@ def test_a_file_says_it_and_no_more_is_asked_by_default() -> None:
     [
         (folding(None), 0.0, {}, "limits.self_clearance_m"),
         (folding(None), 0.2, {},
-         "'limits.self_clearance_m': 0.2 m is not less than the shortest inner link"),
+         "'limits.self_clearance_m': 0.2 m must be less than the shortest inner link"),
         (planner.Problem.manipulator([10, 20], [20, 30]), 0.1, {},
          "'limits.self_clearance_m': an arm of 2 links has only neighbouring links"),
         (folding(None), 0.1, {"goal.theta_deg": [5, 80, 80, 70]},

@@ -194,8 +194,8 @@ def timing(
     longest = hold.value[0] if hold else min(DEFAULT_TICK_S, options.period_s)
     if options.period_s < longest * (1 - 1e-9):
         raise InputError(
-            f"feedback.period_s = {options.period_s:g}: commands are held for the machine's"
-            f" control_period_s = {longest:g} s; it must be at least that"
+            f"feedback.period_s = {options.period_s:g}: must be at least the machine's"
+            f" control_period_s = {longest:g} s, for which commands are held"
         )
     ticks = int(np.ceil(options.period_s / longest - 1e-9))
     tick = options.period_s / ticks

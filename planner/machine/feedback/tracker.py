@@ -330,7 +330,7 @@ def _refuse_too_long(plan: Plan, size: int) -> None:
         raise InputError(
             f"feedback during {plan.duration:.6g} s takes"
             f" {each * plan.duration / DEFAULT_TICK_S / 1e9:.3g} GB of memory, and at most"
-            f" {MOST_BYTES / 1e9:g} GB are used for it; give a plan of {longest:.0f} s or less, or"
+            f" {MOST_BYTES / 1e9:g} GB are allowed; give a plan of {longest:.0f} s or less, or"
             " replay it without feedback"
         )
 

@@ -78,7 +78,7 @@ def refuse_misfit(log: Log, system: Manipulator) -> None:
     fits = np.max(_misfit(fault[1], system)) < FIT_SHARE
     if not fits and left[worst] < UNFIT_SHARE:
         return  # an arm far from the prototype; what the fit leaves over is reported
-    advice = f"it fits if {fault[0]}" if fits else "no sign, unit or order of columns makes it fit"
+    advice = f"the run fits if {fault[0]}" if fits else "no sign, unit or order makes the run fit"
     raise InputError(
         f"{log.source}: theta{worst + 1} does not turn as the commands and the problem's gears"
         f" (K, k_g) require; {advice}"

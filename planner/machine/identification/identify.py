@@ -335,7 +335,7 @@ def _refuse_twice(logs: Sequence[Log]) -> None:
         if np.array_equal(first.theta, second.theta) and np.array_equal(first.u, second.u):
             raise InputError(
                 f"{first.source} and {second.source} are the same run; give each run once, since"
-                " the last one tests the fit of the others"
+                " the last run tests the fit of the others"
             )
 
 
@@ -388,9 +388,9 @@ def find_warnings(
         )
     for zero in _wrong_zeros(estimates):
         yield (
-            f"{(joint := f'theta{zero.parameter.key[4:]}')} reads {zero.value:.2f} +-"
+            f"{(angle := f'theta{zero.parameter.key[4:]}')} reads {zero.value:.2f} +-"
             f" {zero.spread:.2f} deg with the joint at zero. This fit allows for the offset;"
-            f" subtract the offset from all readings of {joint}, here and where the arm is run"
+            f" subtract the offset from all readings of {angle}, here and where the arm is run"
         )
     for each in estimates:
         if each.at_edge:

@@ -114,8 +114,8 @@ def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None
         if problem.duration is None:
             raise InputError(
                 f"{problem.source}: goal.duration is free but [limits] holds no limit of input"
-                f" {problem.system.inputs[i].name}, so there is no fastest motion; set one, or a"
-                " duration"
+                f" {problem.system.inputs[i].name}, so there is no fastest motion; set that limit,"
+                " or goal.duration"
             )
 
 

@@ -224,7 +224,7 @@ def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
     if not any(requirement.speed_power for requirement in problem.requirements):
         raise InputError(
             f"{problem.source}: goal.duration is free but [limits] holds no limit of an input;"
-            " set one of them"
+            " set goal.duration or a limit"
         )
     factor = slowing_factor(problem.requirements, trajectory)
     if not np.isfinite(factor):  # outside the domain; the caller refuses it

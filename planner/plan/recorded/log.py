@@ -126,13 +126,13 @@ class Log:
             rate = change[joint] / (half * self.interval_s)
             raise InputError(
                 f"{self.source}: the arm does not rest at the end: in the last {len(last)} readings"
-                f" theta{joint + 1} moves at {rate:.2g} deg/s; record until it stands still"
+                f" theta{joint + 1} moves at {rate:.2g} deg/s; record until the arm stands still"
             )
         if spread[joint] > MOST_POSE_OFF_DEG:
             raise InputError(
                 f"{self.source}: one of the last {len(last)} readings of theta{joint + 1} differs"
-                f" by {spread[joint]:.3g} deg from their median; it is wrong, or the encoder is too"
-                " coarse"
+                f" by {spread[joint]:.3g} deg from their median; the reading is wrong, or the"
+                " encoder is too coarse"
             )
         return np.asarray(last.mean(axis=0))
 

@@ -57,8 +57,8 @@ class SelfCollision(Requirement):
             raise ValueError(f"an arm of {len(lengths)} links has only neighbouring links")
         if value >= (least := float(np.min(lengths[1:-1]))):
             raise ValueError(
-                f"{value:g} m is not less than the shortest inner link, {least:g} m, which keeps"
-                " its two joints apart"
+                f"{value:g} m must be less than the shortest inner link, {least:g} m: the links at"
+                " the two ends of that link are never farther apart"
             )
         return cls(len(lengths), float(value))
 

@@ -34,7 +34,7 @@ class CompensationTable(Table):
         "forward",
         description="How backlash and shaft torsion of the joints are taken up. forward: by a"
         " preparatory motion of some seconds, without reversal of the drive. false: not"
-        " before the start; the correction does what it can.",
+        " before the start; only the correction, during the plan.",
     )
     take_up: bool = Field(
         True,

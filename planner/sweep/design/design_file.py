@@ -273,7 +273,7 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
     specs = parse_specs(base, table.methods)
     if any(spec.compensated for spec in specs):
         raise InputError(
-            f"{origin}: name methods without '{COMPENSATED}'; compensated = true asks for it"
+            f"{origin}: name methods without '{COMPENSATED}'; compensated = true adds them"
         )
     methods = [spec.label for spec in specs]
     if table.compensated:

@@ -255,7 +255,7 @@ def _reason(
             " all load their contacts beyond capacity."
         ]
     sentences += [
-        f"Of these {_why(front_by)}: {_values(choice, front_by)}.",
+        f"Of these, {_why(front_by)}: {_values(choice, front_by)}.",
         f"Its contacts are loaded to {number(choice[CONTACT_LOAD])} of their capacity on"
         f" {CONTACT_PERCENTILE} % of the machines.",
     ]
@@ -285,8 +285,8 @@ def _why(figures: Sequence[DesignFigure]) -> str:
     """Return the reason for the recommendation, as the end of a sentence about a design."""
     titles = _join_titles(figures)
     if len(figures) > 1:
-        return f"its {titles} are, added up, the fewest percent worse than the best of each"
-    return f"it has the best {titles}"
+        return f"this design is nearest to the best {titles} (fewest percent worse, added up)"
+    return f"this design has the best {titles}"
 
 
 def _join_titles(figures: Sequence[DesignFigure]) -> str:

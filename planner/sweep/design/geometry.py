@@ -113,8 +113,8 @@ def _hidden_axle(gear: Gear, bends: Array, clearance: float) -> str:
     if clearance and not room > clearance:
         return (
             f"wheel B and the axle of disk A collide where a joint bends by {bent}"
-            f" (limits.joint_deg): R cos {bent} > {number(clearance)} does not hold, it is"
-            f" {number(room)}"
+            f" (limits.joint_deg): R cos {bent} is {number(room)} and must be more than"
+            f" {number(clearance)}"
         )
     return ""
 

@@ -89,13 +89,13 @@ def test_the_one_to_take_solves_most_holds_and_loses_least(known: Known) -> None
     said = study.reason
     assert said.startswith(
         f"Take {GOOD}. It solves 4 of 4 tasks by polynomial, as 3 of 5 designs do whose contacts do"
-        " not slip. Of these its effort and spread are, added up, the fewest percent worse than the"
-        " best of each: effort 0.2 rad^2/s, spread 1.1 deg. Its contacts are loaded to 0.5 of their"
+        " not slip. Of these, this design is nearest to the best effort and spread (fewest percent"
+        " worse, added up): effort 0.2 rad^2/s, spread 1.1 deg. Its contacts are loaded to 0.5 of"
     )
     assert f"{FAILS} has effort 0.01 rad^2/s, but it solves fewer tasks." in said
     alone = known(DESIGNS, front=["effort"])
     assert alone.recommended is alone[EAGER]
-    assert "Of these it has the best effort: effort 0.18 rad^2/s" in alone.reason
+    assert "Of these, this design has the best effort: effort 0.18 rad^2/s" in alone.reason
     assert known(DESIGNS, front=["spread_deg"]).recommended.design.name == CALM  # type: ignore[union-attr]
 
 

@@ -99,7 +99,7 @@ def test_clearance_is_added_and_wheels_leave_room_for_axles(build: Build) -> Non
     assert build(*gear, clearance=0.5).least_link > build(*gear).least_link
     why = refusal(build, *gear, clearance=2.0)
     assert why.startswith("wheel B and the axle of disk A collide where a joint bends by 80 deg")
-    assert why.endswith("R cos 80 deg > 2 does not hold, it is 1.74")
+    assert why.endswith("R cos 80 deg is 1.74 and must be more than 2")
     free = refusal(build, *gear, clearance=0.1, bends=None)
     assert "bends by 90 deg (limits.joint_deg)" in free
 

@@ -313,14 +313,14 @@ def objective(problem: Problem, options: CollocationOptions) -> Objective:
     return _mixed_objective(options)
 
 
-_SLOWNESS = "a slower motion always has less"
+_SLOWNESS = "a slower motion always lowers the objective"
 _FIXED_TIME: dict[str, tuple[str, list[float], str]] = {
     "effort": (f"effort: {EFFORT}", [0.0, 1.0, 1.0, 0.0, 0.0, 0.0], _SLOWNESS),
     "smooth": (f"smooth: {SMOOTHNESS}", [0.0, 0.0, 0.0, 1.0, 1.0, 0.0], _SLOWNESS),
     "edge": (
         f"edge: {CLOSENESS} + {EDGE_REGULARISATION:g} x {EFFORT}",
         [0.0, EDGE_REGULARISATION, EDGE_REGULARISATION, 0.0, 0.0, 1.0],
-        "a longer stay far from the edge always has less",
+        "a longer stay far from the edge always lowers the objective",
     ),
 }
 

@@ -401,7 +401,8 @@ def _limit_findings(
         upper = not below or part.low == -part.high  # report symmetric limits by magnitude
         value = (minus_least if upper else -minus_least) if below else most
         if "du" in each.reads and (jumping[part.index] if each.is_direct else any(jumping)):
-            value = np.inf
+            upper = part.high < np.inf
+            value = np.inf if upper else -np.inf
         limit = part.high if upper else part.low
         time_s = when[below] if "q" in each.reads else None
         out.append(_Finding(part, value, limit, time_s, LIMIT_TOLERANCE * part.scale, upper))

@@ -127,6 +127,51 @@ class Cornered(Requirement):
         return [np.abs(point.q[1])]
 
 
+@dataclass(frozen=True)
+class Gentle(Requirement):
+    """low ≤ minus the square of u₂'s rate ≤ high."""
+
+    low: float
+    high: float
+    reads = frozenset({"du"})
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (Part("gentleness", "", self.low, self.high, 0.1, 1),)
+
+    def rows(self, point: MotionPoint) -> Sequence[Any]:
+        return [-(point.du[1] ** 2)]
+
+
+class Plain(Gentle):
+    """low ≤ the rate of u₂ ≤ high."""
+
+    rows = Requirement.rows
+
+
+@pytest.mark.parametrize("kind", [Gentle, Plain])
+@pytest.mark.parametrize(
+    ("low", "high", "reaches"),
+    [(-0.01, np.inf, -np.inf), (-np.inf, 0.01, np.inf), (-0.01, 9.0, np.inf)],
+)
+def test_a_jump_breaks_the_limit_that_there_is(
+    kind: type[Gentle], low: float, high: float, reaches: float
+) -> None:
+    """The law's u₂ jumps twice, so that no limit on its rate is kept, above or below."""
+    problem = planner.load_problem(ROOT / "problems/custom.toml")
+    plan = planner.solve(problem, "piecewise")
+    asked = replace(problem, registered_limits=(kind(low, high),))
+    made = planner.Plan(asked, plan.method, {}, plan.trajectory)
+    check = planner.verify(made)
+    (violation,) = check.violations
+    allowed = low if reaches < 0 else high
+    assert (violation.value, violation.limit) == (reaches, allowed)
+    assert check.margins["gentleness"] == -violation.scaled == -np.inf
+    assert str(violation) == f"gentleness reaches {reaches}, allowed {allowed:g}"
+    claim = planner.certify(made)["gentleness"]
+    assert claim.status == ("violated" if kind is Plain else "undecided")
+
+
 def kinds() -> list[tuple[planner.Problem, Requirement]]:
     """Every kind there is, as problem files ask for them."""
     paper = planner.load_problem(ROOT / "problems/paper.toml")

@@ -436,6 +436,8 @@ REQUIREMENT_REFUSALS: list[tuple[Any, str]] = [
     (differing(key="model_dump"), "Other.key is not a name"),
     (differing(key=""), "Other.key is not a name"),
     (differing(reads=frozenset({"z"})), "Other.reads does not say which"),
+    (differing(smooth=False), "Other.reads may be only 'q' in a limit that is not smooth"),
+    (differing(final=True), "Other.reads may be only 'q' in a limit that is not smooth, or final"),
     (differing(table=None), "Other.table is not a type and a description"),
     (differing(table=(float, " ")), "Other.table is not a type and a description"),
 ]

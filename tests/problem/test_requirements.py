@@ -127,6 +127,17 @@ class Cornered(Requirement):
         return [np.abs(point.q[1])]
 
 
+class Blunt(Cornered):
+    """|θ₁| ≤ 1, which the judge would not see."""
+
+    parts = property(lambda self: (Part("largest angle", "rad", self.low, 1.0, 0.1),))  # type: ignore[assignment]
+
+
+def test_an_upper_limit_with_corners_is_refused(paper: planner.Problem) -> None:
+    assert Cornered(-1.0).fault(paper.system) is None
+    assert str(Blunt(-1.0).fault(paper.system)).startswith("is not smooth and has an upper limit")
+
+
 @dataclass(frozen=True)
 class Gentle(Requirement):
     """low ≤ minus the square of u₂'s rate ≤ high."""

@@ -128,8 +128,8 @@ class Requirement(Demand):
             inputs, 2 for their rates and products. Unless it is 0, a slow enough motion satisfies
             the requirement. Rows that replace the values may grow with another power.
         divides: Whether paths can pass on different sides, so that several optima exist.
-        smooth: Whether the values are differentiable near their limits; if not, the parts must have
-            no upper limit.
+        smooth: Whether the values are differentiable near their limits; if not, they read only "q"
+            and the parts must have no upper limit.
         final: Whether the requirement applies only at the end; then it reads "q" and is smooth.
         key: Key in the `[limits]` table, for a kind that applies to all systems.
         table: Type and description of that key's value, optionally an example for `planner new`.
@@ -251,6 +251,8 @@ class Requirement(Demand):
             hash(self)
         except TypeError:
             return "has fields that are not strings, integers, floats or tuples of them"
+        if not self.smooth and any(part.high < np.inf for part in self.parts):
+            return "is not smooth and has an upper limit; give its negative a lower limit"
         places = ca.DM(np.linspace(0.1, 0.4, system.size)), ca.DM([0.3, 0.2]), ca.DM([0.1, 0.5])
         whole, rebuilt = (
             [float(row) for row in each.rows(MotionPoint(system, *places))]

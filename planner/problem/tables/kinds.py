@@ -254,6 +254,8 @@ def _shortcomings(kind: Any) -> Iterator[str]:
         yield f"{name}.key is not a name of a-z, 0-9 and _ that begins with a letter"
     if not drives or not drives <= {"q", "u", "du"}:
         yield f"{name}.reads does not say which of 'q', 'u' and 'du' it reads"
+    elif drives != {"q"} and (kind.final or not kind.smooth):
+        yield f"{name}.reads may be only 'q' in a limit that is not smooth, or final"
     if kind.table is None or not isinstance(kind.table[1], str) or not kind.table[1].strip():
         yield f"{name}.table is not a type and a description"
 

@@ -72,6 +72,7 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
     """
     if any(np.isnan(v.limit) for v in check.violations):
         return [], None
+    other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
     violated = [plan.problem.asking(v.label) for v in check.violations]
     broken = [pair[0] for pair in violated if pair]
     speeds = [each.speed_power if isinstance(each, Requirement) else 0 for each in broken]
@@ -82,8 +83,8 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
             slower = duration_change(plan.duration * factor * 1.0001)
             return [slower, BY_COLLOCATION], None
     if len(broken) < len(violated) or any(isinstance(each, GOALS) for each in broken):
-        return [], "a finer mesh: more method.collocation.intervals or a higher degree"
-    other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
+        fine = "a finer mesh: more method.collocation.intervals or a higher degree"
+        return other, None if other else fine
     jumps = [f"no limit on the {v.label}" for v in check.violations if np.isinf(v.value)]
     instead = changed_words(plan, [v for v in check.violations if np.isfinite(v.value)])
     ways = [" and ".join(filter(None, [*jumps, instead])) or "wider limits"]

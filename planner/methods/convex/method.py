@@ -24,7 +24,7 @@ from planner.methods.convex.global_optimum import (
 from planner.methods.convex.paths import Frame, Shape, input_shape
 from planner.methods.convex.programme import Programme, StalledError
 from planner.methods.laws.free_numbers import candidate_travels
-from planner.methods.laws.law import chart_ends
+from planner.methods.laws.law import chart_ends, refuse_zero_drive
 from planner.methods.refusal import BY_COLLOCATION, Change, duration_change, travel_changes
 from planner.plan.fastest_timing import fastest_motion
 from planner.plan.measures import peak_inputs, slowing_factor, worst_margin
@@ -67,7 +67,8 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
             has a `certificate`), or no one-way motion meets travel and duration.
         NotConvergedError: If no path was found, without a proof that none exists, or the best path
             takes longer than the duration within the input limits.
-        SingularError: If start or goal are not in one branch of the chart.
+        SingularError: If start or goal are not in one branch of the chart, or the path passes a
+            place where the drive is zero.
         InputError: If there are too few pieces, or the duration is free and an input has no limit.
     """
     began = time.perf_counter()
@@ -81,9 +82,9 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
     search = _best_path(problem, options, frame, band, travels)
     if search.best is None:
         raise _no_path(problem, frame.shape, band, search)
-    trajectory, timing = _time_path(
-        problem, _path(problem, search.best.frame, search.best.y), options.rest
-    )
+    path = _path(problem, search.best.frame, search.best.y)
+    refuse_zero_drive(problem, NAME, path)
+    trajectory, timing = _time_path(problem, path, options.rest)
     value = search.best.value
     return Plan(
         problem=problem,

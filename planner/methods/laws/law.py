@@ -26,6 +26,7 @@ from planner.problem.problem import Problem
 from planner.problem.tables.method_options import LawOptions
 from planner.support.arrays import Array
 from planner.support.calculus.bernstein import Bernstein
+from planner.support.calculus.extremes import sample_times
 from planner.systems.chained_form import chained_form
 
 
@@ -178,7 +179,8 @@ def finish(
         began: Time at which the method began, by `time.perf_counter`.
 
     Raises:
-        SingularError: If the motion leaves the chart's domain, unless `options.allow_singular`.
+        SingularError: If the motion leaves the chart's domain, unless `options.allow_singular`, or
+            passes a place where the drive is zero.
     """
     plan = Plan(
         problem=problem,
@@ -193,6 +195,7 @@ def finish(
         if options.allow_singular:
             return replace(plan, status="singular")
         _refuse_outside(plan)
+    refuse_zero_drive(problem, name, trajectory)
     fitted = fit_duration(problem, trajectory)
     return replace(plan, trajectory=fitted, objective=effort(fitted))
 
@@ -211,6 +214,29 @@ def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
             raise SingularError(f"{problem.source}: {why}", changes=[BY_COLLOCATION])
     form = chained_form(problem.system)
     return form.z(problem.start), form.z(goal)
+
+
+def refuse_zero_drive(problem: Problem, name: str, trajectory: ChainedTrajectory) -> None:
+    """Refuse a path with a place where the drive q̇₁/u₁ is zero, since u₁ = v₁/drive is infinite.
+
+    Raises:
+        SingularError: If there is such a place; the message gives the first one found.
+    """
+    system, q = problem.system, trajectory.q(sample_times(trajectory.breaks))
+    drive = system.drive(q)
+    zero = drive * np.sign(drive[0]) <= 1e-12 * np.max(np.abs(drive))
+    if np.any(zero):  # false for NaN
+        place = ", ".join(
+            f"{c.name} = {np.rad2deg(x):.4g} deg"
+            if c.unit == "rad"
+            else f"{c.name} = {x:.4g} {c.unit}"
+            for c, x in zip(system.coordinates, q[np.argmax(zero)], strict=True)
+        )
+        raise SingularError(
+            f"{problem.source}: the {name} plan passes a place where the system's drive is zero"
+            f" ({place}), so that {system.inputs[0].name} would have to be infinite",
+            changes=[BY_COLLOCATION],
+        )
 
 
 def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:

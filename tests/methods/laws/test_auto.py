@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -209,6 +211,27 @@ def test_search_survives_laws_without_solution(
     found = search_candidates(unlimited, nothing, np.zeros((3, 1)), np.ones(1))
     assert found.cost == 3
     assert not found.inside
+
+
+CHART_METHODS = ["polynomial", "piecewise", "sinusoid", "sinusoid_steps", "convex"]
+
+
+@pytest.mark.parametrize("method", CHART_METHODS)
+@pytest.mark.parametrize(
+    ("drive", "place"), [("sin(heading)", "x = 0 m, heading = 0 deg"), ("1 - x", "x = 1")]
+)
+def test_a_place_without_drive_is_named(method: str, drive: str, place: str) -> None:
+    """At the start, or on every way to the goal."""
+    file = Path(__file__).parents[3] / "problems/custom.toml"
+    problem = planner.load_problem(file).changed({"system.drive": drive})
+    with pytest.raises(planner.SingularError, match=f"drive is zero .*{place}.*speed") as refusal:
+        planner.solve(problem, method)
+    assert refusal.value.advice is not None
+    assert refusal.value.advice.startswith("use the method 'collocation'")
+    problem = problem.changed({"system.drive": "(x - 0.7)**2"})  # zero between the samples
+    with pytest.raises(planner.NoPlanError) as refusal:
+        planner.solve(problem, method)
+    assert "mesh" not in str(refusal.value)
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])

@@ -7,9 +7,11 @@ and lag are similar on all machines of a kind, so most of their effect needs no 
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from planner.compensation import compensate_in_time, compensate_plan
@@ -86,13 +88,14 @@ def solve(
             most a few times the duration of the failed search.
     """
     return solve_and_check(
-        problem, method, warm=warm, time_limit_s=time_limit_s, progress=progress, **options
+        problem, method, options, warm=warm, time_limit_s=time_limit_s, progress=progress
     )[0]
 
 
 def solve_and_check(
     problem: Problem,
     method: str,
+    options: Mapping[str, Any] = MappingProxyType({}),
     *,
     warm: Plan | None = None,
     time_limit_s: float | None = None,
@@ -100,12 +103,11 @@ def solve_and_check(
     advice: bool = True,
     compensate: bool = False,
     compensated_for: Machine | None = None,
-    **options: Any,
 ) -> tuple[Plan, Check]:
     """Plan a motion as `solve` does, and return the plan with the result of its verification.
 
     Args:
-        problem, method, warm, time_limit_s, progress, options: As for `solve`.
+        problem, method, options, warm, time_limit_s, progress: As for `solve`.
         advice: Whether to try the changes that a refusal names.
         compensate: Whether to compensate the plan even if the problem does not ask for it.
         compensated_for: The machine to compensate for. By default the problem's machine.
@@ -115,7 +117,7 @@ def solve_and_check(
     if time_limit_s is not None:
         time_limit_s = check_seconds(time_limit_s)
         if "time_limit_s" in entry.options.model_fields:
-            options["time_limit_s"] = time_limit_s
+            options = {**options, "time_limit_s": time_limit_s}
     merged = merged_options(problem, entry, options)
     must_compensate = compensate or problem.compensation.on
 

@@ -251,12 +251,11 @@ def plan_row(
         InputError: If the method does not fit the problem.
     """
     options, advice = dict(spec.options), ""
-    if time_limit_s is not None:
-        options = {"time_limit_s": time_limit_s, **options}
+    time_limit_s = options.pop("time_limit_s", time_limit_s)
     start = time.perf_counter() - (0.0 if plain is None else plain.took_s)
     try:
         if plain is not None and plain.plan is not None:
-            with time_limit(options.get("time_limit_s")):
+            with time_limit(time_limit_s):
                 plan, check = compensate_in_time(
                     plain.plan, verify(plain.plan), machine, problem.compensation
                 )
@@ -264,9 +263,10 @@ def plan_row(
             plan, check = solve_and_check(
                 problem,
                 spec.method,
+                options,
+                time_limit_s=time_limit_s,
                 compensate=spec.compensated,
                 compensated_for=machine,
-                **options,
             )
         took = time.perf_counter() - start
         early = str(plan.notes.get("ended_early", ""))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, cast
@@ -234,7 +234,7 @@ def find_method(name: str) -> Method:
     return METHODS[name]
 
 
-def merged_options(problem: Problem, method: Method, options: dict[str, Any]) -> Any:
+def merged_options(problem: Problem, method: Method, options: Mapping[str, Any]) -> Any:
     """Return a method's options: the problem's table of the method, overridden by `options`."""
     table = getattr(problem.methods, method.name, None)  # None if registered after the problem
     if table is not None and not options:

@@ -90,3 +90,9 @@ def test_toml_text_reads_back_as_the_value(value: object) -> None:
     assert tomllib.loads(f"x = {toml(value)}") == {"x": value}
     tables = {"x": value, "a b": {"x": value, "c": {"x": value}}, "d": [{"x": value}, {"e": {}}]}
     assert tomllib.loads("\n".join(toml_lines(tables))) == tables
+
+
+@pytest.mark.parametrize("key", ["advice", "compensate", "compensated_for", "options"])
+def test_no_key_but_a_method_s_own_is_an_option(paper: planner.Problem, key: str) -> None:
+    with pytest.raises(planner.InputError, match=f"unknown key '{key}' .* allowed: criterion"):
+        planner.solve(paper, "polynomial", **{key: False})

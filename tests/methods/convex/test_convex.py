@@ -282,7 +282,7 @@ def test_a_proof_names_the_distance_from_the_edge_that_it_is_about(wide: planner
     ends = {"start.theta_deg": [20, 20, 20], "goal.theta_deg": [20, 30, 30], "limits": {}}
     problem = wide.changed({**ends, "goal.travel": 0.318})
     with pytest.raises(planner.InfeasibleError, match=r"sin\^2\(theta1\) >= 0\.05849 ") as caught:
-        solve_and_check(problem, "convex", advice=False, edge=0.099)  # half the ends' distance
+        solve_and_check(problem, "convex", {"edge": 0.099}, advice=False)  # half the ends' distance
     assert "method.convex.edge" in str(caught.value.advice)
     assert planner.solve(problem, "convex").verified
 

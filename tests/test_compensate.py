@@ -180,6 +180,14 @@ def test_what_it_advises_is_understood(paper: planner.Problem) -> None:
     missed = [Violation("goal theta2", plan.duration, 0.002, 0.0, "rad", -1.0)]
     assert compensation_changes(plan, missed, asked)[0] == "more time (goal.duration)"
     assert advice.endswith("more time (goal.duration)")
+    limits = (InputProduct(0.01),)  # which the compensation does not know
+    limited = replace(plan, problem=replace(plan.problem, registered_limits=limits))
+    above = Violation("product", None, 0.3, 0.01, "", 29.0)
+    assert compensation_changes(limited, [above], asked) == [
+        "wider limits: product at least 0.3003",
+        "smaller limits.input_rad_s, which the added inputs keep",
+    ]
+    assert compensation_changes(limited, [above, *missed], asked)[-1] == "more time (goal.duration)"
     without = parse(CompensationTable, {"take_up": False, "correction": False}, "options")
     left_out = "; ".join(compensation_changes(plan, (), without))
     assert "compensation.take_up = true; compensation.correction = true" in left_out
@@ -320,6 +328,14 @@ class InputProduct(Requirement):
         return [point.u[0] * point.u[1]]
 
 
+@dataclass(frozen=True)
+class SecondInput(InputProduct):
+    """|u₂| ≤ most."""
+
+    key, speed_power = "second_input", 1
+    rows = Requirement.rows
+
+
 def test_a_limit_of_inputs_that_compensation_does_not_keep_gives_a_warning(
     paper: planner.Problem,
 ) -> None:
@@ -328,6 +344,9 @@ def test_a_limit_of_inputs_that_compensation_does_not_keep_gives_a_warning(
         limited = paper.changed({"limits.test_product": 0.2})
         with pytest.warns(planner.InputWarning, match=r"ignore limits\.test_product"):
             limited.changed({"compensation.on": True})
+        planner.register_requirement(SecondInput)
+        with pytest.warns(planner.InputWarning, match=r"ignore limits\.second_input"):
+            paper.changed({"limits.second_input": 0.5, "compensation.on": True})
 
 
 def test_a_solver_that_raises_corrects_nothing(

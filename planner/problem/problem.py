@@ -170,9 +170,9 @@ class Problem:
             )
         if doubt := likely_slip(system, problem.start, problem.goal):
             warnings.warn(f"{source}: {doubt}", InputWarning, stacklevel=2)
-        formulas = [r for r in problem.requirements if r.speed_power and not r.is_direct]
-        if problem.compensation.on and formulas:
-            keys = ", ".join(f"limits.{requirement.key}" for requirement in formulas)
+        unknown = [r for r in problem.registered_limits if r.reads != {"q"}]
+        if problem.compensation.on and unknown:
+            keys = ", ".join(f"limits.{requirement.key}" for requirement in unknown)
             warnings.warn(
                 f"{source}: compensation.on: the inputs that it adds ignore {keys}; a"
                 " compensated plan that violates one of them is refused",

@@ -56,7 +56,9 @@ def compensation_changes(
     asking = [problem.asking(v.label) for v in violations]
     met = [pair[0].number for pair in asking if pair and isinstance(pair[0], Obstacle)]
     out = [f"obstacle {number} elsewhere" for number in dict.fromkeys(met)]
-    if meets_before_start(plan, violations):
+    wider = _wider_limits(plan, violations)
+    out += [*wider, "smaller limits.input_rad_s, which the added inputs keep"] * bool(wider)
+    if meets_before_start(plan, violations) or 0 < len(wider) == len(violations):
         return out  # neither another motion nor more time would help
     if options.preparation != "forward":
         out.append("compensation.preparation = 'forward'")
@@ -90,6 +92,15 @@ def compensation_changes(
     elif problem.duration_max is not None:
         out.append("a larger goal.duration_max")
     return out
+
+
+def _wider_limits(plan: Plan, violations: Sequence[Violation]) -> list[str]:
+    """Return how to widen each violated limit on the inputs that compensation does not know."""
+    limits = [each for each in plan.problem.registered_limits if each.reads != {"q"}]
+    pairs = [(each, part) for each in limits for part in each.parts]
+    return [
+        e.easing([(e, part, v)]) for e, part in pairs for v in violations if v.label == part.label
+    ]
 
 
 def _drift_deg(plan: Plan) -> float:

@@ -525,9 +525,9 @@ def test_a_limit_registered_by_hand_is_known_here_alone(tmp_path: Path) -> None:
     assert pickle.loads(pickle.dumps(problem)) == problem
     assert planner.solve(before, "polynomial").verified
     sweep = {"problem": before.to_dict(), "methods": ["polynomial"]}
-    sweep["grid"] = {"limits.turn_rate": [5.0, 6.0]}
-    with pytest.raises(InputError, match="requirement 'turn_rate': registered only in this"):
-        planner.run_sweep(sweep, tmp_path / "x.sqlite")
+    for grid in ({"limits.turn_rate": [5.0, 6.0]}, {"limits": [{"turn_rate": 5.0}, {}]}):
+        with pytest.raises(InputError, match="requirement 'turn_rate': registered only in this"):
+            planner.run_sweep({**sweep, "grid": grid}, tmp_path / "x.sqlite")
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from planner.sweep.case import Case, Row, case_at, cases
 from planner.sweep.description import Sweep
 from planner.sweep.pools import ClusterPool, LocalPool, Pool, SerialPool
 from planner.sweep.store import Store
+from planner.sweep.sweep_file import flatten
 
 PROGRESS_INTERVAL_S = 1.0
 """Longest time between progress calls, in seconds, so that a bar shows before the first result."""
@@ -138,9 +139,9 @@ def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
 
 def _refuse_local_plugins(sweep: Sweep) -> None:
     """Refuse methods, systems and limits that are registered only in this process."""
-    base = sweep.base.to_dict()
-    kinds = {base["system"]["kind"], *(point.get("system.kind") for point in sweep.points)}
-    keys = {key.removeprefix("limits.") for point in sweep.points for key in point}
+    base, points = sweep.base.to_dict(), [flatten(point) for point in sweep.points]
+    kinds = {base["system"]["kind"], *(point.get("system.kind") for point in points)}
+    keys = {k.split(".")[1] for point in points for k in point if k.startswith("limits.")}
     limits = (f"requirement '{key}'" for key in sorted({*base.get("limits", {}), *keys}))
     methods = dict.fromkeys(f"method '{spec.method}'" for spec in sweep.methods)
     if unknown := local_only(*methods, *(f"system '{kind}'" for kind in kinds), *limits):

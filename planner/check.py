@@ -185,7 +185,8 @@ def check(
             the time that remains; see `planner.solve`.
 
     Raises:
-        InputError: If a method is unknown.
+        InputError: If a method is unknown, `problem` is not a `Problem`, `progress` is no function
+            or `time_limit_s` is not a number above zero.
     """
     expect_listener(progress)
     expect_problem(problem)

@@ -110,7 +110,7 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem, errors: Array |
     elif data["solved"] and not (plan and plan.verified):
         fault = fault or "no verified plan is there"
     if fault:
-        why = f"{file} was changed after it was made: {fault}; compare again"
+        why = f"{file or 'comparison.json'} was changed after it was made: {fault}; compare again"
         return Row(data["label"], data["method"], False, why, plan=plan, feedback=data["feedback"])
     names = {field.name for field in fields(Row)} - KEPT_IN_FILES
     values = {**data, "peak_u": data["peak_u_rad_s"]}

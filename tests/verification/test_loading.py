@@ -364,6 +364,17 @@ def saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return quick_comparison().save(tmp_path / "paper")
 
 
+def test_a_solved_row_without_a_plan_file_says_which_file_was_changed(saved: Path) -> None:
+    path = saved / "comparison.json"
+    data = json.loads(path.read_text())
+    (row,) = (row for row in data["rows"] if row["label"] == "polynomial")
+    row["plan_file"] = None
+    path.write_text(json.dumps(data))
+    assert planner.report.load_comparison(saved)["polynomial"].why == (
+        "comparison.json was changed after it was made: no verified plan is there; compare again"
+    )
+
+
 @pytest.mark.parametrize(
     ("edit", "says"),
     [

@@ -197,6 +197,8 @@ class Explorer(anywidget.AnyWidget):
             return screen.words()
         if what == "errors":
             return {"error": self._errors()}
+        if what not in ("picture", "change", "reset"):
+            raise ValueError(f"the page asks for {what!r:.40}, which the explorer does not know")
         if what == "change":
             try:
                 others = screen.set(content["changes"])

@@ -54,6 +54,14 @@ def test_each_question_has_one_answer_with_its_number(sent: tuple[Any, list[Any]
     assert repr(widget).startswith("Explorer(\"the paper's example")
 
 
+def test_an_unknown_question_is_not_answered_by_a_picture(sent: tuple[Any, list[Any]]) -> None:
+    widget, messages = sent
+    widget._hear(widget, {"ask": "weather", "number": 1}, [])
+    done()
+    assert messages[0]["kind"] == "a bug"
+    assert "asks for 'weather', which the explorer does not know" in messages[0]["text"]
+
+
 def test_a_message_about_a_control_that_is_gone_is_answered(sent: tuple[Any, list[Any]]) -> None:
     widget, messages = sent
     widget._hear(widget, {"ask": "change", "number": 1, "changes": [["gone", 1.0]]}, [])

@@ -1,9 +1,10 @@
 """Call solvers that may never return.
 
 Nothing can interrupt compiled code. CasADi releases Python's lock while solving, so a solver can
-run in its own thread and be abandoned there; that thread runs until the process ends.
+run in its own thread and be abandoned there (`call_within`) until the process ends.
 
-IPOPT (`NlpCall`) is stopped after an iteration if time is up or Ctrl-C was pressed.
+`NlpCall` stops a solver after an iteration if time is up or Ctrl-C was pressed. Within an iteration
+nothing stops it. Never use both: a call abandoned with a callback aborts the process at its end.
 """
 
 from __future__ import annotations

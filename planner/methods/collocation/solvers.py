@@ -192,7 +192,8 @@ class _Ipopt:
         }
         program = nlp.program
         functions = {"nlp_grad_f": program.value_gradient, "nlp_hess_l": program.triangle}
-        self._call = _nlpsol(nlp, "ipopt", functions, {"no_nlp_grad": True, "ipopt": options})
+        options = {"no_nlp_grad": True, "ipopt": options}
+        self._call = _nlpsol(nlp, "ipopt", functions, options, watched=True)
 
     def __call__(self, start: Array, data: Bounds) -> SolverAnswer:
         answer = self._call(
@@ -289,6 +290,7 @@ SOLVERS: dict[SolverName, Callable[[Transcription, Settings], Backend]] = {
     "fatrop": _Fatrop,
     "ipopt": _Ipopt,
 }
+"""The solvers by name. Each prints nothing and stops at a time limit and at Ctrl-C."""
 
 
 def backend(nlp: Transcription, settings: Settings) -> Backend:
@@ -333,13 +335,18 @@ def _stages(nlp: Transcription) -> dict[str, Any]:
 
 
 def _nlpsol(
-    nlp: Transcription, name: str, functions: dict[str, Any], options: dict[str, Any]
+    nlp: Transcription,
+    name: str,
+    functions: dict[str, Any],
+    options: dict[str, Any],
+    watched: bool = False,
 ) -> Any:
     """Build a CasADi solver that uses the program's derivatives in place of CasADi's.
 
-    CasADi finds derivatives by the names under which the solver asks for functions (for IPOPT
-    nlp_jac_g and nlp_hess_l; for another solver, see the `create_function` calls in its source in
-    CasADi). CasADi silently ignores other names, so check that a wrong derivative has an effect.
+    CasADi asks for functions by name; `casadi.nlpsol(...).get_function()` lists a solver's names.
+    CasADi silently ignores other names, so check that a wrong derivative has an effect. Set
+    `watched` if the solver calls back after each iteration and no iteration can hang; it then stops
+    in time (`NlpCall`). Otherwise call it through `call_within`; never both, which aborts at exit.
     """
     program = nlp.program
     known: dict[str, Any] = {
@@ -355,6 +362,6 @@ def _nlpsol(
         "show_eval_warnings": False,
     }
     options = {**common, **options}
-    if name == "ipopt":
-        return NlpCall("ipopt", "collocation", program.problem, options)
+    if watched:
+        return NlpCall(name, "collocation", program.problem, options)
     return ca.nlpsol("collocation", name, program.problem, options)

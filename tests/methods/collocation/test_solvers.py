@@ -42,7 +42,9 @@ PROBLEMS = Path(__file__).parents[3] / "problems"
         ("trailers", {}, {"start": "straight"}),
     ],
 )
-def test_solvers_agree(name: str, changes: Any, options: Any) -> None:
+def test_solvers_agree_and_print_nothing(
+    name: str, changes: Any, options: Any, capfd: pytest.CaptureFixture[str]
+) -> None:
     """On one mesh: one that is refined to settle the objective differs by the rounding it sees."""
     problem = planner.load_problem(PROBLEMS / f"{name}.toml", changes)
     found = {}
@@ -51,6 +53,7 @@ def test_solvers_agree(name: str, changes: Any, options: Any) -> None:
         plan = plan_collocation(problem, CollocationOptions(**options))
         found[solver] = plan.objective
         assert planner.verify(plan).ok
+        assert capfd.readouterr() == ("", ""), solver
     assert list(found.values()) == pytest.approx([found["ipopt"]] * len(found), rel=1e-6)
 
 

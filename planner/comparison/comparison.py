@@ -204,7 +204,7 @@ class Comparison:
         return "\n".join([heading, table, *after])
 
     def figures(self) -> dict[str, Figure]:
-        """Return the figures of the comparison by name, such as "z", "joints", "arm", "errors"."""
+        """Return the figures by name: those of plans (`PLAN_FIGURES`), "arm", `REPLAY_FIGURES`."""
         figures: dict[str, Figure] = import_function("planner.report.folders.figures")(self)
         return figures
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -181,11 +181,7 @@ def save_budget(
 
 
 def figures(comparison: Comparison) -> dict[str, Figure]:
-    """Draw all figures of a comparison, by name, except those for which no plan has the data.
-
-    The names in `PLAN_FIGURES` must differ from the other names that are used here: "arm",
-    "errors", "effort", "replay".
-    """
+    """Draw all figures of a comparison, by name, except those for which no plan has the data."""
     plans, system = comparison.plans, comparison.problem.system
     motions = [plan for plan in plans.values() if plan is not None]
     out: dict[str, Figure] = {}
@@ -194,14 +190,23 @@ def figures(comparison: Comparison) -> dict[str, Figure]:
             out[name] = plot(name, plans, machine=comparison.machine)[0]
     if can_draw(system) and any(plan.executable for plan in motions):
         out["arm"] = plot_arm(plans)[0]
-    replays = {row.label: row.replay for row in comparison.rows}
-    if any(runs is not None and runs.angles for runs in replays.values()):
-        errors = {k: None if runs is None else runs.index_E_deg for k, runs in replays.items()}
-        refused = {row.label for row in comparison.rows if not row.solved}
-        out["errors"] = plot_errors(errors, refused=refused)[0]
-        out["effort"] = plot_efforts(comparison)[0]
-        out["replay"] = plot_replays(replays)[0]
+    if any(row.replay is not None and row.replay.angles for row in comparison.rows):
+        out |= {name: draw(comparison)[0] for name, draw in REPLAY_FIGURES.items()}
     return out
+
+
+def _plot_errors(comparison: Comparison) -> tuple[Figure, Any]:
+    runs = {row.label: row.replay for row in comparison.rows}
+    errors = {k: None if run is None else run.index_E_deg for k, run in runs.items()}
+    return plot_errors(errors, refused={row.label for row in comparison.rows if not row.solved})
+
+
+REPLAY_FIGURES: dict[str, Callable[[Comparison], tuple[Figure, Any]]] = {
+    "errors": _plot_errors,
+    "effort": plot_efforts,
+    "replay": lambda found: plot_replays({row.label: row.replay for row in found.rows}),
+}
+"""Figures of the replays in a comparison, by name; a name is in `PLAN_FIGURES` or here."""
 
 
 def save_sensitivity(

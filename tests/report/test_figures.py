@@ -29,7 +29,7 @@ from planner.report import (
 from planner.report.figures.on_the_machine import median_sample
 from planner.report.figures.over_time import plot
 from planner.report.figures.style import COLOURS, curves, symbol
-from planner.report.folders import replay_data
+from planner.report.folders import REPLAY_FIGURES, replay_data
 from planner.report.page.series import page_data
 from planner.report.panels import PLAN_FIGURES, Peak, PlanFigure, TimePanel, z2_band
 
@@ -350,7 +350,7 @@ def test_a_plan_keeps_its_colour_in_all_figures(plans: dict[str, planner.Plan]) 
 
 def test_titles_and_legends_fit_into_the_figure() -> None:
     figures = quick_comparison().figures()
-    assert list(figures) == [*PLAN_FIGURES, "arm", "errors", "effort", "replay"]
+    assert list(figures) == [*PLAN_FIGURES, "arm", *REPLAY_FIGURES]
     for name, figure in figures.items():
         figure.draw_without_rendering()
         width, height = figure.get_size_inches() * figure.dpi

@@ -12,7 +12,7 @@ import planner
 from planner.report import folders as report_folder
 from planner.report.panels import PLAN_FIGURES
 
-DRAWN = (*PLAN_FIGURES, "arm", "errors", "effort", "replay")
+DRAWN = (*PLAN_FIGURES, "arm", *report_folder.REPLAY_FIGURES)
 
 
 @pytest.fixture(scope="module")

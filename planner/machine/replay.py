@@ -294,7 +294,10 @@ STATISTICS = {
 """Statistics of the errors over all machines of a replay, by their names in rows, JSON and CSV."""
 
 ERROR_WORDS = "; ".join(f"{name}: {words}" for name, words in ERRORS.items())
-PERCENTILE_WORDS = "median (50 %) and 95th percentile (95 %)"
+PERCENTILE_WORDS = " and ".join(
+    f"{'median' if percent == 50 else f'{percent}th percentile'} ({percent} %)"
+    for percent in sorted({statistic.percent for statistic in STATISTICS.values()})
+)
 """Words of captions that explain `ERRORS` and the percentiles of `STATISTICS`."""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from printed import printed
 
 import planner
 from planner.comparison import comparison
+from planner.comparison.comparison import NOT_IN_TERMINALS
 from planner.comparison.comparison import comparison_csv as csv_text
-from planner.comparison.rows import sweep_columns
+from planner.comparison.rows import intervals, sweep_columns
+from planner.machine.replay import STATISTICS
 from planner.report.page.page import report_page
 from planner.support.tables import Column, number
 from planner.sweep.case import RESULTS
@@ -34,14 +37,22 @@ def test_terminal_table_shows_every_row_and_figure_in_eighty_columns() -> None:
         assert word in words
     row = quick_comparison()["polynomial"]
     line = next(x for x in lines if x.startswith("polynomial ") and "yes" in x)
-    cells = line.split()
-    assert cells[2] == f"{row.duration_s:.3g}"
-    assert float(cells[3]) == pytest.approx(row.effort, rel=1e-3)
-    assert float(cells[5]) == pytest.approx(row.peak_u[1], rel=1e-2)
-    assert float(cells[6]) == pytest.approx(row.E_median_deg, rel=1e-2)
-    assert float(cells[7]) == pytest.approx(row.E_p95_deg, rel=1e-2)
-    assert float(cells[8]) == pytest.approx(row.end_median_deg, rel=1e-2)
-    assert float(cells[9]) == pytest.approx(row.end_p95_deg, rel=1e-2)
+    shown = [c for c in quick_comparison().columns if c.shown and c.title not in NOT_IN_TERMINALS]
+    cells = dict(zip([c.name for c in shown], line.split(), strict=True))
+    assert cells["duration_s"] == f"{row.duration_s:.3g}"
+    assert float(cells["effort"]) == pytest.approx(row.effort, rel=1e-3)
+    assert float(cells["peak_u2_rad_s"]) == pytest.approx(row.peak_u[1], rel=1e-2)
+    for name in STATISTICS:
+        assert float(cells[name]) == pytest.approx(getattr(row, name), rel=1e-2)
+
+
+def test_a_terminal_has_room_for_every_column_and_the_names_of_methods() -> None:
+    found = quick_comparison()
+    rows = tuple(replace(found["polynomial"], label=name) for name in planner.METHODS)
+    lines = printed(replace(found, rows=rows).table(), 80)
+    assert max(map(len, lines)) <= 80
+    whole = {line.split(" ")[0] for line in lines}
+    assert whole >= {*planner.METHODS}, "too many columns: add the new one to NOT_IN_TERMINALS"
 
 
 def test_markdown_has_a_line_a_method_and_the_command() -> None:
@@ -49,7 +60,9 @@ def test_markdown_has_a_line_a_method_and_the_command() -> None:
     table = [line for line in text.splitlines() if line.startswith("|")]
     assert len(table) == 2 + 3
     cells = {len(line.replace("\\|", "").split("|")) for line in table}
-    assert cells == {19}
+    shown = [c for c in quick_comparison().columns if c.shown]
+    shown += intervals(quick_comparison().problem.system)
+    assert cells == {len(shown) + 2}
     assert "5 machines (prototype, unwound at the start), seed 1" in text
     assert "planner compare" in text
 

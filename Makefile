@@ -25,7 +25,8 @@
 #   make installed  built, installed and run on every Python here that pyproject.toml declares
 #   make check     lint and types only
 #   make format    put the code into the house format
-#   make generated  write the files that come from tables (editors' options, the layout for C)
+#   make generated  write the files that come from tables (editors' options, the layout for C);
+#                  a new layout compiles the kernel anew
 #   make clean     remove what make has made
 
 PYTHON ?= python3
@@ -156,6 +157,7 @@ format: $(VENV)/.dev
 
 generated: $(VENV)/.dev
 	@$(BIN)/python tests/generated.py
+	@$(MAKE) --no-print-directory $(VENV)/.dev
 
 clean:
 	@rm -rf $(VENV) out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -189,4 +189,5 @@ def _sum(a: int, b: int) -> str:
 
 if __name__ == "__main__":
     for path, text in files().items():
-        path.write_text(text, encoding="utf-8")
+        if not path.exists() or path.read_text(encoding="utf-8") != text:  # make compares dates
+            path.write_text(text, encoding="utf-8")

@@ -13,8 +13,7 @@ from planner.errors import InputError, MethodError, expect
 from planner.problem.requirements.ends import TipGoal
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Requirement
-from planner.problem.requirements.self_collision import SelfCollision
-from planner.problem.tables.kinds import REQUIREMENTS
+from planner.problem.tables.kinds import KIND_LIMITS
 from planner.problem.tables.problem_file import ProblemFile
 from planner.support.arrays import Array
 from planner.support.tables import error_words, line
@@ -162,34 +161,17 @@ def tip_of(
     return tip
 
 
-def self_collision_of(
-    tables: ProblemFile, system: TriangularSystem, source: str
-) -> SelfCollision | None:
-    """Return the requirement that an arm's links keep clear of each other; None without one.
-
-    Raises:
-        InputError: If this arm can never keep the clearance, or has no links that could cross.
-    """
-    value = getattr(tables.limits, SelfCollision.key, None)
-    if value is None:
-        return None
-    try:
-        return SelfCollision.of(value, system)
-    except ValueError as error:
-        raise InputError(f"{source}: 'limits.{SelfCollision.key}': {error}") from None
-
-
-def registered_limits_of(
-    tables: ProblemFile, system: TriangularSystem, source: str
-) -> list[Requirement]:
-    """Return the file's limits of registered kinds (`planner.register_requirement`).
+def limits_by_class(
+    kinds: Iterable[type[Requirement]], tables: ProblemFile, system: TriangularSystem, source: str
+) -> tuple[Requirement, ...]:
+    """Return the file's limits of some classes, such as those in `REQUIREMENTS`.
 
     Raises:
         InputError: If a limit does not fit this system, or its class is faulty.
     """
     out = []
-    for key, kind in REQUIREMENTS.items():
-        value = getattr(tables.limits, key, None)
+    for kind in kinds:
+        key, value = kind.key, getattr(tables.limits, kind.key, None)
         if value is None:
             continue
         try:
@@ -199,11 +181,11 @@ def registered_limits_of(
         except Exception as error:
             why: str | None = f"failed: {line(error_words(error))}"
         else:
-            why = _fault(requirement, system)
+            why = None if kind in KIND_LIMITS else _fault(requirement, system)
         if why:
             raise InputError(f"{source}: 'limits.{key}': its class {kind.__name__} {why}")
         out.append(requirement)
-    return out
+    return tuple(out)
 
 
 def _fault(requirement: Requirement, system: TriangularSystem) -> str | None:

@@ -20,9 +20,8 @@ from planner.problem.conditions import (
     clash_of_times,
     contradiction,
     likely_slip,
+    limits_by_class,
     obstacles_of,
-    registered_limits_of,
-    self_collision_of,
     tip_of,
     waypoints_of,
     with_changes,
@@ -39,7 +38,7 @@ from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Demand, Part, Requirement
 from planner.problem.requirements.self_collision import SelfCollision
 from planner.problem.requirements.user_places import UserGoal, UserLimit
-from planner.problem.tables.kinds import parse_file, system_of
+from planner.problem.tables.kinds import KIND_LIMITS, REQUIREMENTS, parse_file, system_of
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
@@ -85,8 +84,8 @@ class Problem:
         compensation: Whether and how plans are compensated for the machine.
         waypoints: Places that every plan passes through.
         obstacles: Discs that the links of an arm must not touch.
-        registered_limits: Limits of the kinds added by `planner.register_requirement`.
-        self_collision: Least distance between an arm's links; None if they may cross.
+        kind_limits: Limits that only some kinds of systems can have, such as `self_collision`.
+        registered_limits: Limits that all kinds can have (`planner.register_requirement`).
         tip: Goal of an arm's tip, which replaces some or all joint angles; None without one.
         source: Origin of the problem, for messages.
     """
@@ -106,8 +105,8 @@ class Problem:
     compensation: CompensationTable
     waypoints: tuple[Waypoint, ...]
     obstacles: tuple[Obstacle, ...]
+    kind_limits: tuple[Requirement, ...]
     registered_limits: tuple[Requirement, ...]
-    self_collision: SelfCollision | None
     tip: TipGoal | None
     source: str
     _data: Mapping[str, Any]
@@ -146,8 +145,8 @@ class Problem:
             compensation=tables.compensation,
             waypoints=tuple(waypoints_of(tables, system)),
             obstacles=obstacles,
-            registered_limits=tuple(registered_limits_of(tables, system, source)),
-            self_collision=self_collision_of(tables, system, source),
+            kind_limits=limits_by_class(KIND_LIMITS, tables, system, source),
+            registered_limits=limits_by_class(REQUIREMENTS.values(), tables, system, source),
             tip=tip_of(tables, system, obstacles, source),
             source=source,
             _data=tables.model_dump(mode="json", by_alias=True, exclude_unset=True),
@@ -352,6 +351,11 @@ class Problem:
         """The requirement that motions in chained coordinates stay in the chart's domain."""
         return ChartDomain(tuple(self.start.tolist()))
 
+    @property
+    def self_collision(self) -> SelfCollision | None:
+        """Least distance between an arm's links; None if they may cross."""
+        return next((r for r in self.kind_limits if isinstance(r, SelfCollision)), None)
+
     @cached_property
     def demands(self) -> tuple[Demand, ...]:
         """All conditions on a plan, one object per kind: ends, limits, waypoints, obstacles.
@@ -382,9 +386,7 @@ class Problem:
         ]
         if limits.z2_margin is not None:
             demands.append(Z2Margin(limits.z2_margin, int(self.z2_sign)))
-        if self.self_collision is not None:
-            demands.append(self.self_collision)
-        demands += [*self.registered_limits, *self.waypoints, *self.obstacles]
+        demands += [*self.kind_limits, *self.registered_limits, *self.waypoints, *self.obstacles]
         return tuple(each for each in demands if each.parts)
 
     @cached_property

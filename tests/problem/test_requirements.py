@@ -184,7 +184,10 @@ def test_a_jump_breaks_the_limit_that_there_is(
 
 
 def kinds() -> list[tuple[planner.Problem, Requirement]]:
-    """Every kind there is, as problem files ask for them."""
+    """Every kind there is, as problem files ask for them.
+
+    Random states must lie on both sides of each limit.
+    """
     paper = planner.load_problem(ROOT / "problems/paper.toml")
     limits = {"limits.input_rate_rad_s2": 0.3, "limits.z2_margin": 0.01}
     found = [(paper, required) for required in paper.changed(limits).requirements]
@@ -210,6 +213,7 @@ def test_rows_and_values_are_on_the_same_side(
     problem: planner.Problem, required: Requirement
 ) -> None:
     """The planners' formula and the judge's, at random states."""
+    assert required.fault(problem.system) is None
     rng, N = np.random.default_rng(0), problem.system.size
     q = np.pi * rng.uniform(-0.49, 0.49, (N, 4000))
     u, du = rng.normal(size=(2, 2, 4000))
@@ -224,8 +228,8 @@ def test_rows_and_values_are_on_the_same_side(
     np.testing.assert_array_equal(found >= low - 1e-12 * scale, values >= low - 1e-12 * scale)
     np.testing.assert_array_equal(found <= high + 1e-12 * scale, values <= high + 1e-12 * scale)
     inside = (values >= low) & (values <= high)
-    assert np.any(inside)  # both sides were seen
-    assert not np.all(inside)
+    assert np.any(inside), "no random state keeps it: choose a wider limit in `kinds`"
+    assert not np.all(inside), "no random state breaks it: choose a narrower limit in `kinds`"
 
 
 # -- each kind by hand ---------------------------------------------------------------------------

@@ -122,8 +122,8 @@ class Requirement(Demand):
 
     Attributes:
         reads: Arguments of the rows, a subset of "q", "u" and "du".
-        row_fields: Names of the float fields that the rows read. A float that only `parts` use, as
-            `low` or `high`, is not listed.
+        row_fields: Names of the float fields that the rows read, as in `Obstacle`; a float that
+            only `parts` use, as `low` or `high`, is not listed.
         speed_power: Power of the speed with which the `values` grow: 0 for coordinates, 1 for
             inputs, 2 for their rates and products. Unless it is 0, a slow enough motion satisfies
             the requirement. Rows that replace the values may grow with another power.
@@ -165,7 +165,9 @@ class Requirement(Demand):
     def values(self, point: MotionPoint) -> Sequence[Any]:
         """Return the limited values for verification: R arrays of the shape of `point.q[0]`.
 
-        A class overrides this method if its rows only approximate the values or need CasADi.
+        A class overrides this method if its rows only approximate the values or need CasADi. The
+        values may be another quantity on the same side of the limit; then the proof
+        (`planner.certify`) shows that the limit is kept, but its guaranteed margin is 0.
         """
         return self.rows(point)
 

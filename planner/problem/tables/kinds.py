@@ -29,6 +29,7 @@ from pydantic.fields import FieldInfo
 
 from planner.errors import InputError, MethodError, NoPlanError
 from planner.problem.requirements.requirement import Requirement
+from planner.problem.requirements.self_collision import SelfCollision
 from planner.problem.tables import arms, custom, vehicles
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import BaseLimits, GoalTable, ProblemFile
@@ -159,10 +160,11 @@ FILES: dict[str, type[ProblemFile]] = {**arms.FILES, **vehicles.FILES, **custom.
 """Classes of problem files, by `system.kind`. `load_plugins` adds the kinds of plugins."""
 
 REQUIREMENTS: dict[str, type[Requirement]] = {}
-"""Registered limits, which apply to all kinds of systems, by their key in `[limits]`.
+"""Limits that every kind of system can have, by their key in `[limits]`: built-in ones of such a
+kind would be entries here; plugins register theirs."""
 
-Limits whose keys differ between kinds of systems, such as those of inputs, are in the tables of
-each kind."""
+KIND_LIMITS: tuple[type[Requirement], ...] = (SelfCollision,)
+"""Limits that some kinds of systems can have; the `[limits]` tables of those kinds have the key."""
 
 
 def all_files() -> dict[str, type[ProblemFile]]:

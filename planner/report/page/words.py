@@ -92,10 +92,11 @@ def task_facts(comparison: Comparison) -> list[tuple[str, str]]:
     out += _joint_limits(problem)
     if limits.z2_margin is not None:
         out.append(("Distance from z₂ = 0", f"at least {limits.z2_margin:g}"))
-    if problem.self_collision is not None:
-        clearance = problem.self_collision.clearance
-        out.append(("Distance of links from each other", f"at least {clearance:g} m"))
-    out += [_limit_fact(part) for each in problem.registered_limits for part in each.parts]
+    apart = problem.self_collision
+    if apart is not None:
+        out.append(("Distance of links from each other", f"at least {apart.clearance:g} m"))
+    others = (*problem.kind_limits, *problem.registered_limits)
+    out += [_limit_fact(part) for each in others if each is not apart for part in each.parts]
     machine = comparison.machine
     name = machine.source or machine.preset
     machines = f"{comparison.samples} drawn from “{name}”"

@@ -40,7 +40,7 @@ class ArmLimits(BaseLimits):
     input_rate_rad_s2: PerInput = Field(
         None,
         description="Largest |du/dt|, one number or two: with it, inputs are continuous, and zero"
-        " at both ends unless the method's rest is false.",
+        " at both ends unless the method's rest is false. Closed-form plans may begin with speed.",
         examples=[[5.0, 5.0]],
     )
     joint_deg: (

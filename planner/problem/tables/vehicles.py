@@ -71,8 +71,8 @@ class VehicleLimits(BaseLimits):
     speed_m_s: Positive | None = Field(None, description="Largest speed, either way, in m/s.")
     acceleration_m_s2: Positive | None = Field(
         None,
-        description="Largest rate of the speed in m/s^2: with it, the speed is continuous, and"
-        " zero at both ends unless the method's rest is false.",
+        description="Largest rate of the speed in m/s^2: with it, the speed is continuous, and zero"
+        " at both ends unless the method's rest is false. Closed-form plans may begin with speed.",
         examples=[2.0],
     )
     heading_deg: Annotated[float, Field(gt=0, le=360)] | None = Field(

@@ -60,7 +60,13 @@ Tell = Callable[[float], None]
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Results of a simulation of S samples; for the attributes see `planner.Replay`."""
+    """Results of a simulation of S samples; for the attributes see `planner.Replay`.
+
+    A new quantity over time that follows from these and `draws` is a property of `Replay`, as
+    `measured`. Any other is a field: `_blank` makes it, both motions record it (`MachineMotion`;
+    for C also `ARRAYS` of compiled.py and `record` in kernel.c), `_keep` stores it for the first
+    samples only, and `_row_bytes` counts it. `Replay.again` makes the motions that are not kept.
+    """
 
     t: Array
     q: Array

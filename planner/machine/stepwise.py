@@ -1,10 +1,12 @@
 """Simulate S samples step by step in NumPy, for any plant.
 
+`StepwiseMotion` records coordinates and motor speeds at the times asked for, and over all steps the
+largest deviations, saturation and gross slip, as `kernel.c` and `dynamic.c` do.
+
 A plant is a system driven by the motor speeds directly (`KinematicPlant`), the quasi-static
-manipulator (`DiskChain`), or the manipulator with inertia (`DynamicChain`): two masses per axis,
-backlash by Nordin and Gutman, and torques. The position in the gap is a state (M. Nordin, P.-O.
-Gutman, Automatica 38, 2002, 1633): with twist x of the shaft and position b of the axis in its
-play, |b| <= gap/2,
+manipulator (`DiskChain`), or the manipulator with inertia (`DynamicChain`), which has two masses
+per axis. There the position in the gap is a state (M. Nordin, P.-O. Gutman, Automatica 38, 2002,
+1633): with twist x of the shaft and position b of the axis in its play, |b| <= gap/2,
 
     x + b = axis − joint,    T = k x + c ẋ,    T in the normal cone of [−gap/2, gap/2] at b
 
@@ -14,8 +16,6 @@ of `servos`, whose acceleration is fed forward; the load's torque acts on the mo
 capacity friction contacts slip by creep_per_nm times torque times rate, and by more where they are
 turned (see `contacts`). Creep without load acts as a smaller rolling radius: it costs travel but no
 power.
-
-`dynamic.c` computes the same numbers to within rounding.
 """
 
 from __future__ import annotations

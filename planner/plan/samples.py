@@ -111,7 +111,7 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
 
     Args:
         plan: Any plan.
-        rate_hz: Samples per second. The spacing is reduced slightly if needed, so that the last
+        rate_hz: Nominal samples per second. The true rate is the next higher one at which the last
             sample is at the plan's end.
 
     Raises:

@@ -63,8 +63,8 @@ class Format:
         content: Function that returns the file (text or bytes), or a folder's files by name.
         reader: Name of the Python function that reads the file back, or "".
         options: Names of the fields of `ExportOptions` that the format uses.
-        is_command: Whether a machine or robot executes the file directly, so that `export` warns of
-            a plan that does not start at rest.
+        is_command: Whether a machine or robot executes the file directly. Then `export` warns of a
+            plan that does not start at rest, if `content` has not refused it (`_refuse_unfit`).
         sample_and_hold: Whether motors hold the command of each row until the next row.
         command_columns: Function that returns the names of the columns with the motors' commands;
             empty for formats without named columns.
@@ -369,6 +369,7 @@ def moving_inputs(plan: Plan, time: float) -> list[str]:
 
 
 def _refuse_unfit(plan: Plan) -> None:
+    """Refuse a plan that a robot's trajectory controller cannot follow; for any robot format."""
     check = verify(plan)
     if not check.ok:
         raise InputError(
@@ -377,7 +378,7 @@ def _refuse_unfit(plan: Plan) -> None:
     if plan.compensates:
         raise InputError(
             f"this {plan.method} plan is compensated: its commands are speeds held for a tick each,"
-            " but a controller interpolates a JointTrajectory; export it as csv"
+            " but a robot's controller interpolates between points; export it as csv"
         )
     for time, when in ((0.0, "start"), (plan.duration, "end")):
         if moving := moving_inputs(plan, time):

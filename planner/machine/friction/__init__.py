@@ -1,1 +1,1 @@
-"""Friction contacts: `contacts` has the law, `contact_load` what a plan asks of them."""
+"""Friction contacts: `contacts` has the law, `contact_load` the largest loads along a plan."""

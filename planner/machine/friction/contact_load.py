@@ -162,7 +162,7 @@ def _loads(system: Manipulator, draws: Draws, q: Array, rates: Array) -> tuple[A
         torques = np.where(turning == 0, static_torque, torques - down * np.sign(turning))
     torques = np.broadcast_to(torques, (system.n - 1, len(q), draws.count))
     cosines = np.cos(q[:, 1:-1]).T[..., None]
-    driven = rates[:, :1] != 0  # a contact at rest does not slide sideways
+    driven = rates[:, :1] != 0  # no contact slides sideways at rest; `DiskChain` then moves nothing
     loads, _, most = chain_loads(
         cosines,
         gear_constants(system, draws),

@@ -205,8 +205,7 @@ class Comparison:
 
     def figures(self) -> dict[str, Figure]:
         """Return the figures by name: those of plans (`PLAN_FIGURES`), "arm", `REPLAY_FIGURES`."""
-        figures: dict[str, Figure] = import_function("planner.report.folders.figures")(self)
-        return figures
+        return dict(import_function("planner.report.folders.figures")(self))
 
     def save(self, folder: str | Path, *, report: bool = False) -> Path:
         """Save table, figures, plans and data in a folder, all or nothing.
@@ -218,8 +217,7 @@ class Comparison:
         Raises:
             InputError: If the folder cannot be written or holds something else.
         """
-        saved: Path = import_function("planner.report.folders.save")(self, folder, report=report)
-        return saved
+        return Path(import_function("planner.report.folders.save")(self, folder, report=report))
 
 
 def _facts(d: Difference) -> dict[str, Any]:
@@ -336,7 +334,6 @@ def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
 
 NOT_IN_TERMINALS = ("travel", "took")
 """Titles of the columns that a table for terminals (80 characters) leaves out."""
-
 
 TINY_S = 1e-6
 """Difference of durations below which plans count as equally long, in seconds."""

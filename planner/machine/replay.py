@@ -295,8 +295,8 @@ STATISTICS = {
 
 ERROR_WORDS = "; ".join(f"{name}: {words}" for name, words in ERRORS.items())
 PERCENTILE_WORDS = " and ".join(
-    f"{'median' if percent == 50 else f'{percent}th percentile'} ({percent} %)"
-    for percent in sorted({statistic.percent for statistic in STATISTICS.values()})
+    f"median ({p} %)" if p == 50 else f"{p}th percentile ({p} %)"
+    for p in sorted({statistic.percent for statistic in STATISTICS.values()})
 )
 """Words of captions that explain `ERRORS` and the percentiles of `STATISTICS`."""
 

@@ -34,7 +34,6 @@ MAX_ROWS = 2_000_000
 RATE_HZ = 100.0
 """Default number of samples per second, as for the emulated machine's controller."""
 
-
 MISS_BLOCK = 5000
 """Number of rows that `held_miss` integrates at once, in some 100 MB."""
 

@@ -39,7 +39,6 @@ usual values; peaks beyond are cut off and noted."""
 PEAK_RATIO = 5.0
 """Multiple of the usual values above which peaks are cut off if an input has no limit."""
 
-
 Pair = Sequence[float]  # coordinates of a point, or the least and the greatest value of a range
 
 

@@ -88,8 +88,7 @@ class NlpCall:
 
     def stats(self) -> dict[str, Any]:
         """Return the solver statistics of the last call."""
-        stats: dict[str, Any] = self._solver.stats()
-        return stats
+        return dict(self._solver.stats())
 
 
 class _IterationWatch(ca.Callback):

@@ -55,7 +55,6 @@ def parse(model: type[Model], data: Any, source: str) -> Model:
 Positive = Annotated[float, Field(gt=0)]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 
-
 Path = tuple[Any, ...]
 
 MOST_ERRORS = 10

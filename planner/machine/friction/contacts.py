@@ -54,7 +54,6 @@ SLIP_SPEED_RAD_S = 1e-3
 MOST_TRIES, RATE_TOLERANCE = 60, 1e-12
 """Most iterations and tolerance of Newton's method in `share`, which mostly takes five."""
 
-
 MOST_CAPACITY_NM = 1e5
 """Capacity from which a contact counts as unlimited; all values used for infinity are larger."""
 

@@ -36,7 +36,6 @@ into which the step between two samples is cut to achieve this."""
 ROUNDING = 1e-9
 """Relative excess over a limit below which the limit counts as kept, as in certificates."""
 
-
 SAVING = 1e-3
 """Share of the objective that a finer mesh must save at least, so that the saving counts."""
 

@@ -163,7 +163,6 @@ class FeedbackTable(Table):
 
 AngleDeg = Annotated[float, Field(gt=-90, lt=90)]
 
-
 MOST_WAYPOINTS, MOST_OBSTACLES = 50, 100
 """Largest numbers of waypoints and obstacles. More waypoints give a motion more pieces than the
 first mesh has intervals. Each obstacle adds a constraint per link and mesh point, and verifying

@@ -71,7 +71,6 @@ def scheme(kind: Kind, degree: int) -> Scheme:
 
 InputKind = Literal["constant", "linear"]
 
-
 TERMS = 6
 """Number of terms of the objective: duration; effort of each input; smoothness of each input;
 closeness to the domain's edge."""
@@ -250,7 +249,6 @@ def through(intervals: int, fractions: Sequence[float]) -> Mesh:
 TIME_REGULARISATION = 0.01
 """Weight of the scaled effort relative to the duration in the objective "time". The scaled effort
 is at most twice the duration, so the duration found is within 2 % of the least."""
-
 
 EDGE_REGULARISATION = 0.01
 """Weight of the effort relative to the closeness to the domain's edge in the objective "edge";

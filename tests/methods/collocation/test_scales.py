@@ -79,3 +79,27 @@ def test_limits_of_any_size_have_a_plan(limits: list[float]) -> None:
     plan = planner.solve(problem, "collocation")
     assert planner.verify(plan).ok
     assert plan.duration >= 0.947 / (K_G * limits[0])
+
+
+@pytest.mark.parametrize("heading", [89.9999, 90.0, 270.0])
+@pytest.mark.parametrize("duration", ["free", 6.0])
+def test_a_vehicle_may_head_along_the_y_axis(duration: float | str, heading: float) -> None:
+    """The drive vanishes there, yet the fastest drive ahead is the same in every direction."""
+    along = np.exp(1j * np.deg2rad(heading))
+    for kind, constants, distance, limits in (
+        ("unicycle", {}, 2.0, {"speed_m_s": 1.0, "turn_rate_rad_s": 1.0}),
+        ("car", {"wheelbase_m": 2.7}, 25.0, {"speed_m_s": 5.0, "steering_rate_rad_s": 0.5}),
+    ):
+        still = {"steering_deg": 0} if kind == "car" else {}
+        x, y = np.round([(distance * along).real, (distance * along).imag], 6).tolist()
+        problem = planner.Problem.from_dict(
+            {
+                "system": {"kind": kind, **constants},
+                "start": {"x_m": 0.0, "y_m": 0.0, "heading_deg": heading, **still},
+                "goal": {"x_m": x, "y_m": y, "heading_deg": heading, "duration": duration, **still},
+                "limits": limits,
+            }
+        )
+        plan = planner.solve(problem, "collocation")
+        fastest = distance / limits["speed_m_s"]
+        assert plan.duration == pytest.approx(fastest if duration == "free" else 6.0, rel=1e-4)

@@ -87,6 +87,10 @@ REFERENCE_S, REFERENCE_LIMITED_S = 15.0, 3.0
 duration, the longest time that a limit or the objective alone implies for a move by 1 rad or 1 m.
 Both are typical of ordinary problems."""
 
+VANISHING, NEAR_RAD = 1e-3, 1.0
+"""The drive vanishes at a place if it is less than this share of the drive at the place where all
+angles are larger by this amount."""
+
 
 @dataclass(frozen=True)
 class Units:
@@ -120,8 +124,7 @@ def natural_units(problem: Problem, objective: Objective, timeless: bool) -> Uni
         objective: The objective.
         timeless: Whether only the path counts, with a reference duration.
     """
-    ends = np.array([problem.start, problem.likely.goal])
-    drive = np.abs(problem.system.drive(np.where(np.isnan(ends), problem.start, ends))).max()
+    drive = _usual_drive(problem)
     reach = np.array([drive if 0 < drive < np.inf else 1.0, 1.0])
     seconds = 1.0
     if problem.duration is not None and not timeless:
@@ -135,6 +138,18 @@ def natural_units(problem: Problem, objective: Objective, timeless: bool) -> Uni
     first, second = (_decade(1 / (each * time_s)) for each in reach)
     units = Units(time_s, (first, second))
     return replace(units, objective=_decade(np.max(units.weights(objective.weights))))
+
+
+def _usual_drive(problem: Problem) -> float:
+    """Return the largest |γ| at start and goal, or near them if it vanishes there, as it does for a
+    vehicle that heads along the y axis."""
+    ends = np.array([problem.start, problem.likely.goal])
+    ends = np.where(np.isnan(ends), problem.start, ends)
+    angles = np.array([each.unit == "rad" for each in problem.system.coordinates])
+    angles[0] = False
+    here = float(np.abs(problem.system.drive(ends)).max())
+    near = float(np.abs(problem.system.drive(ends + NEAR_RAD * angles)).max())
+    return near if here < VANISHING * near else here
 
 
 def _decade(value: float) -> float:

@@ -29,6 +29,13 @@ def late(log: Log, rows: int) -> Log:
     return replace(log, u=u)
 
 
+def dead_after(log: Log, joint: int, row: int) -> Log:
+    """The encoder of a joint stops to read."""
+    theta = log.theta.copy()
+    theta[row:, joint] = theta[row, joint]
+    return replace(log, theta=theta)
+
+
 def test_what_arms_do_is_not_refused(paper: Problem, log: Log) -> None:
     refuse_misfit(log, paper.system)
     refuse_misfit(late(log, -8), paper.system)  # a servo, slow as can be
@@ -43,6 +50,7 @@ def test_an_arm_far_from_the_prototype_is_not_refused(paper: Problem) -> None:
     refuse_misfit(log, paper.system)
     with pytest.raises(InputError, match="does not turn as the commands"):
         refuse_misfit(replace(log, theta=log.theta[:, [0, 2, 1]]), paper.system)
+    refuse_misfit(emulate_log(excitation(paper), arm, noise_deg=0), paper.system)  # stands still
 
 
 @pytest.mark.parametrize(
@@ -67,6 +75,11 @@ def test_an_arm_far_from_the_prototype_is_not_refused(paper: Problem) -> None:
         ),
         (lambda x: replace(x, u=x.u[::-1].copy()), r"no sign, unit or order makes the run fit"),
         (lambda x: late(x, 40), r"turn 0\.36 s before the commands"),
+        (lambda x: late(x, 10), r"turn 0\.06 s before the commands"),
+        (lambda x: replace(x, theta=x.theta * [1, 2, 1]), r"fits if theta2 is read 2 times too l"),
+        (lambda x: replace(x, theta=x.theta * [4, 1, 1]), r"fits if theta1 is read 4 times too l"),
+        (lambda x: replace(x, u=x.u / [2, 1]), r"motor 1 turns 2 times as far as u1 says"),
+        (lambda x: dead_after(x, 1, 1000), r"theta2 stays at .* from t = 1.* encoder is dead"),
         (lambda x: late(x, -40), r"turn 0\.44 s after the commands"),
     ],
 )
@@ -75,9 +88,35 @@ def test_a_mistake_is_named(paper: Problem, log: Log, change, words: str) -> Non
         identify(change(log), paper)
 
 
-def test_a_run_is_given_once(paper: Problem, log: Log) -> None:
+def test_a_motor_at_one_speed_shows_no_delay(paper: Problem) -> None:
+    """Its angle is a straight line, which fits itself after every delay; noise must not choose."""
+    t = 0.01 * np.arange(801)
+    for seed in range(5):
+        noise = np.random.default_rng(seed).normal(0, 5e-4, 801)
+        theta = np.column_stack([0.12 * t + noise, 0 * t, 0 * t])
+        refuse_misfit(Log(t, np.tile([0.0, 0.12], (801, 1)), theta), paper.system)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda x: x,
+        lambda x: x.part(0.0, 29.0),
+        lambda x: x.part(5.0),
+        lambda x: replace(x, theta=np.deg2rad(np.round(x.theta_deg, 1)), u=np.round(x.u, 3)),
+    ],
+    ids=["same", "cut", "begun later", "rounded"],
+)
+def test_a_run_is_given_once(paper: Problem, log: Log, change) -> None:
     with pytest.raises(InputError, match="are the same run; give each run once"):
-        identify([log, replace(log, source="copy")], paper)
+        identify([log, replace(change(log), source="copy")], paper)
+
+
+def test_a_ratio_that_is_no_tolerance_is_told(paper: Problem, log: Log) -> None:
+    found = identify(replace(log, u=log.u * [1.1, 1]), paper, starts=1)
+    words = " ".join(found.warnings)
+    assert "joint 2 turns 8.7" in words
+    assert "% less far than K and k_g say: a wrong constant" in words
 
 
 def test_a_coarse_encoder_is_not_blamed_on_inertia(paper: Problem) -> None:
@@ -88,6 +127,12 @@ def test_a_coarse_encoder_is_not_blamed_on_inertia(paper: Problem) -> None:
     (text, *_) = find_warnings([coarse], [], left, noise)
     assert "read in steps of 1 deg" in text
     assert "inertia" not in text
+
+
+def test_a_reading_that_stands_still_is_told(log: Log) -> None:
+    left, noise = np.array([[0.04, 0.04, 3.0]]), np.full((1, 3), 0.04)
+    words = " ".join(find_warnings([dead_after(log, 2, 1500)], [], left, noise))
+    assert "theta3 reads exactly the same for 15" in words
 
 
 def test_a_pose_is_of_an_arm_that_rests() -> None:
@@ -106,3 +151,11 @@ def test_a_pose_is_of_an_arm_that_rests() -> None:
     cut[-5, 1] = np.deg2rad(18.0)
     with pytest.raises(InputError, match=r"readings of theta2 differs by 2 deg from their median"):
         _ = replace(still, theta=cut).pose_deg
+
+
+def test_a_pose_read_often_is_judged_over_as_long() -> None:
+    """Twenty readings at 1 kHz take 20 ms, in which an arm at 3 deg/s moves by 0.06 degrees."""
+    t = 0.001 * np.arange(1000)
+    moving = Log(t, np.zeros((1000, 2)), np.deg2rad(np.column_stack([0 * t, 3.0 * t])))
+    with pytest.raises(InputError, match=r"in the last 200 readings theta2 moves at 3 deg/s"):
+        _ = moving.pose_deg

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations, permutations, product
+from itertools import combinations, pairwise, permutations, product
 
 import numpy as np
 
@@ -25,8 +25,13 @@ ratio is 0.07 for an emulated arm, 0.18 if its servos lag by 0.1 s, up to 0.27 f
 prototype's spreads and 0.65 for three times the spreads (40 arms each). The mildest mistake, joints
 2 and 3 exchanged, gives 0.3 or more, and most mistakes give 0.8."""
 
-MOST_LATE_S = 0.2
-"""Largest plausible lag of a motor, s; in the presets it is 0.04 s. The fit itself allows 0.3 s."""
+MOST_LATE_S, MOST_EARLY_S = 0.2, 0.03
+"""Largest plausible lag of a motor, s; in the presets it is 0.04 s. The fit itself allows 0.3 s.
+No motor leads, but the clocks of commands and readings may differ by some milliseconds."""
+
+CLEAR_RATIO = 4.0
+"""A delay is certain if no plausible one leaves less than this multiple of its squared residual. A
+motor that turns at one speed shows no delay at all."""
 
 LATEST_S, LATE_STEP_S = 2.0, 0.02
 LEAST_LIKENESS = 0.99
@@ -52,6 +57,17 @@ FACTORS = {
 """Units that are often confused, by the factor between them."""
 
 
+TOO_LARGE = (2, 4)
+"""Factors by which an encoder's readings are too large if its edges are counted twice or four
+times; so many times farther may a motor turn. The inverse is not tried: friction, too, makes joints
+turn less."""
+
+DEAD_DEG = 30.0
+"""A reading that stays exactly the same while the commands turn the joint by more is dead. Lost
+motion is 4 to 5 degrees in the presets, and 25 at most in an arm of half the stiffness and twice
+the friction."""
+
+
 def refuse_misfit(log: Log, system: Manipulator) -> None:
     """Refuse a recorded run that does not fit an arm.
 
@@ -64,7 +80,7 @@ def refuse_misfit(log: Log, system: Manipulator) -> None:
             or clock that makes it fit, if there is one.
     """
     late = _delay(log)
-    if abs(late) > MOST_LATE_S:
+    if not -MOST_EARLY_S <= late <= MOST_LATE_S:
         raise InputError(
             f"{log.source}: the joints turn {abs(late):.2g} s {'after' if late > 0 else 'before'}"
             " the commands; check that both were recorded with the same clock, and that each row"
@@ -72,10 +88,13 @@ def refuse_misfit(log: Log, system: Manipulator) -> None:
         )
     left = _misfit(log, system)
     if np.all(left < FIT_SHARE):
+        _refuse_dead(log, system)
         return
     worst = int(np.argmax(left))
     fault = min(_mistakes(log), key=lambda each: float(np.max(_misfit(each[1], system))))
     fits = np.max(_misfit(fault[1], system)) < FIT_SHARE
+    if not fits:
+        _refuse_dead(log, system)
     if not fits and left[worst] < UNFIT_SHARE:
         return  # an arm far from the prototype; what the fit leaves over is reported
     advice = f"the run fits if {fault[0]}" if fits else "no sign, unit or order makes the run fit"
@@ -85,16 +104,42 @@ def refuse_misfit(log: Log, system: Manipulator) -> None:
     )
 
 
+def _refuse_dead(log: Log, system: Manipulator) -> None:
+    """Refuse a run in which a reading stands still although the commands turn the joint."""
+    commands = _commanded(log, system)
+    for i, read in enumerate(log.theta.T):
+        first, last = longest_standstill(read)
+        turned = np.rad2deg(np.ptp(commands[first:last, i]))
+        if turned > DEAD_DEG:
+            raise InputError(
+                f"{log.source}: theta{i + 1} stays at {np.rad2deg(read[first]):.5g} deg from t ="
+                f" {log.t[first]:.4g} to {log.t[last - 1]:.4g} s, while the commands turn it by"
+                f" {turned:.3g} deg: its encoder is dead, or the joint is blocked or loose"
+            )
+
+
+def longest_standstill(read: Array) -> tuple[int, int]:
+    """Return the first row of the longest stretch of equal readings (R,), and the row after its
+    last."""
+    edges = np.flatnonzero(np.diff(read, prepend=np.nan, append=np.nan) != 0).tolist()
+    return max(pairwise(edges), key=lambda each: each[1] - each[0])
+
+
+def _commanded(log: Log, system: Manipulator) -> Array:
+    """Return the angles (R, n) by which the commands turn the joints, by the gears, rad."""
+    q = np.column_stack([np.zeros(len(log.t)), log.theta])
+    middle = (q[:-1] + q[1:]) / 2
+    steps = system.rates(middle, log.u[:-1])[:, 1:] * np.diff(log.t)[:, None]
+    return np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
+
+
 def _misfit(log: Log, system: Manipulator) -> Array:
     """Return each joint's misfit, (n,): the root mean square of read minus commanded angles,
     divided by that of the larger of both motions.
 
     Joints 2 … n are given the lost motion of `PLAYS_DEG` with the least misfit.
     """
-    q = np.column_stack([np.zeros(len(log.t)), log.theta])
-    middle = (q[:-1] + q[1:]) / 2
-    steps = system.rates(middle, log.u[:-1])[:, 1:] * np.diff(log.t)[:, None]
-    commands = np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
+    commands = _commanded(log, system)
     swing = np.maximum(np.std(commands, axis=0), np.std(log.theta, axis=0))
     passed = np.empty((len(log.t), len(PLAYS_DEG), commands.shape[1]))
     half = np.deg2rad(PLAYS_DEG)[:, None] * (np.arange(commands.shape[1]) > 0)
@@ -128,6 +173,19 @@ def _mistakes(log: Log) -> Iterator[tuple[str, Log]]:
     for i in joints:
         mirrored = np.array([-1.0 if i == k else 1.0 for k in joints])
         yield f"theta{i + 1} has the other sign", replace(log, theta=log.theta * mirrored)
+    for factor in TOO_LARGE:
+        yield (
+            f"motor 1 turns {factor} times as far as u1 says (or k_g is given so many times too"
+            " small)",
+            replace(log, u=log.u * [factor, 1.0]),
+        )
+    for i, factor in product(joints, TOO_LARGE):
+        smaller = np.array([1 / factor if i == k else 1.0 for k in joints])
+        yield (
+            f"theta{i + 1} is read {factor} times too large"
+            + (f" (or K{i + 1} is given so many times too small)" if i else ""),
+            replace(log, theta=log.theta * smaller),
+        )
     orders = [
         tuple(j if k == i else i if k == j else k for k in joints)
         for i, j in combinations(joints, 2)
@@ -143,8 +201,8 @@ def _mistakes(log: Log) -> Iterator[tuple[str, Log]]:
 
 
 def _delay(log: Log) -> float:
-    """Return the delay, s, at which joint 1 best follows its commands; 0 if joint 1 hardly turns or
-    follows at no delay."""
+    """Return the delay, s, at which joint 1 best follows its commands; 0 if joint 1 hardly turns, or
+    follows nearly as well with a plausible delay."""
     turned = np.concatenate([[0.0], np.cumsum(log.u[:-1, 1] * np.diff(log.t))])
     read = log.theta[:, 0]
     if min(np.ptp(turned), np.ptp(read)) < np.deg2rad(LEAST_SWING_DEG):
@@ -154,5 +212,7 @@ def _delay(log: Log) -> float:
     seen = np.interp(inside, log.t, read)
     delays = LATE_STEP_S * np.arange(-round(edge / LATE_STEP_S), round(edge / LATE_STEP_S) + 1)
     alike = [np.corrcoef(seen, np.interp(inside - late, log.t, turned))[0, 1] for late in delays]
-    best = int(np.nanargmax(np.abs(alike)))
-    return float(delays[best]) if abs(alike[best]) > LEAST_LIKENESS else 0.0
+    left = 1 - np.nan_to_num(np.square(alike))
+    best, plausible = int(np.argmin(left)), (delays >= -MOST_EARLY_S) & (delays <= MOST_LATE_S)
+    certain = CLEAR_RATIO * left[best] < np.min(left[plausible])
+    return float(delays[best]) if certain and abs(alike[best]) > LEAST_LIKENESS else 0.0

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.errors import InputError
-from planner.machine.identification.diagnosis import refuse_misfit
+from planner.machine.identification.diagnosis import longest_standstill, refuse_misfit
 from planner.machine.identification.fit import BestFit, fit, step_with_zeros
 from planner.machine.identification.model import KNOWN_DEG, LogModel, known_row
 from planner.machine.identification.parameters import FitParameter, Parameters
@@ -47,6 +47,15 @@ COARSE_DEG = 0.3
 ZERO_OFF_DEG, ZERO_SPREADS = 0.3, 5.0
 """Error of an encoder's zero, and multiple of its standard deviation, above which it is reported.
 On emulated arms without such an error the estimate is at most 0.12 degrees or 2.5 deviations."""
+
+RATIO_OFF_PERCENT = 5.0
+"""Error of a gear ratio above which it is reported; tolerances and creep are within 2 %."""
+
+STANDSTILL_S = 3.0
+"""Time of equal readings that is reported if there is a residual; most encoders flicker."""
+
+SAME_SHARE = 0.9
+"""Two logs are of the same run if their readings differ by less than this multiple of the noise."""
 
 PRIOR_SHARE = 0.9
 """Fraction of its prior's deviation that a parameter keeps if the logs do not determine it."""
@@ -332,11 +341,28 @@ def identify(
 
 def _refuse_twice(logs: Sequence[Log]) -> None:
     for first, second in combinations(logs, 2):
-        if np.array_equal(first.theta, second.theta) and np.array_equal(first.u, second.u):
+        rows = min(len(first.t), len(second.t))
+        if any(_are_alike(first.theta[part], second.theta[part]) for part in _ends_of(rows)):
             raise InputError(
                 f"{first.source} and {second.source} are the same run; give each run once, since"
                 " the last run tests the fit of the others"
             )
+
+
+def _ends_of(rows: int) -> tuple[slice, slice]:
+    """Return the first and the last so many rows: a copy of a run may lack its end or its start."""
+    return slice(rows), slice(-rows, None)
+
+
+def _are_alike(a: Array, b: Array) -> bool:
+    """Return whether readings (R, n) differ by less than their noise: copies, perhaps rounded.
+
+    Readings of two runs differ by √2 times the noise or more, second differences by √6 times.
+    """
+    if a.shape != b.shape:
+        return False
+    noise = np.sqrt(np.mean(np.diff(a, n=2, axis=0) ** 2) / 6)
+    return bool(np.sqrt(np.mean((a - b) ** 2)) <= SAME_SHARE * noise)
 
 
 def _estimates(parameters: Parameters, result: BestFit) -> Iterator[Estimate]:
@@ -376,8 +402,16 @@ def find_warnings(
                 f"{log.source}: theta{joint + 1} has a residual of {left[joint]:.3g} deg (rms), and"
                 f" its encoder's noise is {usual[joint]:.2g} deg: the arm has an effect that the"
                 " model lacks (inertia in fast motions, which a machine of fidelity 'dynamic' has;"
-                " an encoder that is eccentric; something loose)"
+                " an encoder that is eccentric; something loose"
+                + ("; commands and readings of different clocks)" if joint == 0 else ")")
             )
+            first, last = longest_standstill(log.theta[:, joint])
+            if (still_s := log.t[last - 1] - log.t[first]) > STANDSTILL_S:
+                yield (
+                    f"{log.source}: theta{joint + 1} reads exactly the same for {still_s:.3g} s"
+                    f" from t = {log.t[first]:.4g} s on, which may explain its residual: is its"
+                    " encoder dead?"
+                )
     if still := [
         i for i in range(1, logs[0].theta.shape[1]) if not any(_turns(x, i) for x in logs)
     ]:
@@ -393,6 +427,15 @@ def find_warnings(
             f" subtract the offset from all readings of {angle}, here and where the arm is run"
         )
     for each in estimates:
+        off = abs(each.value)
+        if each.parameter.key.startswith("ratio") and off > max(
+            RATIO_OFF_PERCENT, ZERO_SPREADS * each.spread
+        ):
+            yield (
+                f"joint {each.parameter.key[5:]} turns {off:.3g} %"
+                f" {'farther' if each.value > 0 else 'less far'} than K and k_g say: a wrong"
+                " constant, or a wrong unit of u1 or of its angle"
+            )
         if each.at_edge:
             yield (
                 f"{each.parameter.name} ended at the edge of its range,"

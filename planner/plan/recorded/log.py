@@ -33,11 +33,12 @@ LEAST_ROWS = 50
 """Least number of rows of a log. Fewer rows cover under half a second at the usual 100 Hz, in which
 no joint takes up its backlash."""
 
-POSE_READINGS = 20
+POSE_READINGS, POSE_S = 20, 0.2
 MOST_POSE_DRIFT_DEG, MOST_POSE_OFF_DEG = 0.1, 0.5
-"""Limits of the last `POSE_READINGS` readings of an arm at rest: largest difference between the
-medians of first and second half, and largest difference of a reading from the median of all. An
-encoder that flickers by its step of 0.088 degrees changes either by that step."""
+"""The last `POSE_READINGS` readings, or all of the last `POSE_S` if there are more, show an arm at
+rest if the medians of their first and second half differ by at most the first limit, and each
+reading differs from the median of all by at most the second. An encoder that flickers by its step
+of 0.088 degrees changes either by that step."""
 
 GAP_RATIO = 2.5
 """Multiple of the usual interval above which two rows have a gap; jitter is smaller."""
@@ -109,7 +110,8 @@ class Log:
 
     @property
     def pose_deg(self) -> Array:
-        """Pose at the end of the run: mean of the last 20 readings, shape (n,), degrees.
+        """Pose at the end of the run: mean of the last 20 readings, or of all in the last 0.2 s,
+        shape (n,), degrees.
 
         The error is 0.01 degrees for an encoder with steps of 0.088 degrees and noise of a third of
         a step.
@@ -117,7 +119,7 @@ class Log:
         Raises:
             InputError: If a joint still moves, or a reading is far from the others.
         """
-        last = self.theta_deg[-POSE_READINGS:]
+        last = self.theta_deg[-max(POSE_READINGS, round(POSE_S / self.interval_s)) :]
         half = len(last) // 2
         change = np.abs(np.median(last[-half:], axis=0) - np.median(last[:half], axis=0))
         spread = np.max(np.abs(last - np.median(last, axis=0)), axis=0)

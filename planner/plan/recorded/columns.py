@@ -58,7 +58,7 @@ def parse_unit(text: str) -> str:
 def _plain(text: str) -> str:
     """Return the text in lower case, with plain digits for raised and lowered ones, and one degree
     sign."""
-    text = unicodedata.normalize("NFKC", text.replace("º", "°")).casefold()
+    text = unicodedata.normalize("NFKC", re.sub("[º˚∘]", "°", text)).casefold()
     return text.replace("\u2212", "-").strip()
 
 

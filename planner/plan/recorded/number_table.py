@@ -192,7 +192,8 @@ def read_table(
     head = _find_header(above, first, known)
     names = above[head] if head >= 0 else []
     units = above[head + 1] if head + 1 < first else []
-    units = units if len(units) >= len(names) else [""] * len(names)
+    units = units if 2 * len(units) > len(names) else []
+    units += [""] * (len(names) - len(units))  # columns at the end may have none
     cells = [
         (number, _split(each, separator))
         for number, each in lines[max(first, head + 1) :]
@@ -253,7 +254,7 @@ def _decode(content: bytes, path: str | Path, what: str) -> str:
         coding = "utf-16-be" if content[:1] == b"\0" else "utf-16-le"
     for each in (coding, "cp1252"):
         try:
-            text = content.decode(each)
+            text = content.decode(each).rstrip("\0")  # a power cut leaves a file filled up with 0
         except UnicodeDecodeError:
             continue
         if not _BINARY.search(text):

@@ -83,7 +83,7 @@ def test_columns_of_another_program_are_named_by_a_map(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "header",
     [
-        "time_s,u1_rad_s,u2_rad_s,θ1 [°],θ2 [°],θ3 [°]",
+        "time_s,u1_rad_s,u2_rad_s,θ1 [°],θ2 [˚],θ3 [∘]",
         "Time (s),U_1 (rad/s),U_2 (rad/s),θ₁ (deg),θ₂ (deg),θ₃ (deg)",
         "t / s,u1 / (rad/s),u2 / (rad s⁻¹),ϑ1 / °,ϑ2 / °,ϑ3 / º",
         "timestamp [sec],u1 [rad·s^-1],u2 rad/sec,theta1 in degrees,theta2: deg,theta 3 [°]",

@@ -62,6 +62,7 @@ POINTS = text_of(",", "", ".")
         "// " + text_of(" ", "", "."),
         "Bench, 3\nDate: 1.2.2026, 12:30\n\n" + POINTS,
         POINTS.replace("deg]\n", "deg]\ns,,deg\n"),
+        POINTS + "\0" * 512,
         POINTS.replace("\n0.5", "\n# a pause\n\n,,\n0.5"),
         POINTS.replace("\n", "\r\n"),
         POINTS.replace("\n", "\r"),
@@ -69,7 +70,7 @@ POINTS = text_of(",", "", ".")
         POINTS.replace("-", "\u2212"),
         POINTS.replace("1234.50", "1.2345E+03"),
     ],
-    ids=range(27),
+    ids=range(28),
 )
 def test_one_table_in_many_hands(tmp_path: Path, text: str) -> None:
     for coding in ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"):
@@ -145,3 +146,9 @@ def test_a_line_that_does_not_end_may_be_left_out(tmp_path: Path) -> None:
         with pytest.warns(InputWarning, match=r"line 4 has no line end: it may be cut off"):
             table = read_table(tmp_path / "a.csv", "", NAMES.__contains__, may_be_cut=True)
         assert len(table.rows) == 2
+
+
+def test_columns_at_the_end_may_have_no_unit(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t;angle;note\ns;deg;\n1;2;3\n2;3;4\n", encoding="utf-8")
+    table = read_table(tmp_path / "a.csv", "", ["t", "angle", "note"].__contains__)
+    assert table.units == ("s", "deg", "")

@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError, TimeLimitError, Violation
+from planner.errors import InputError, NoPlanError, TimeLimitError, Violation
 from planner.methods.collocation.best import Best, Candidate, Exactness
 from planner.methods.collocation.between_nodes import clears
+from planner.methods.collocation.discs.thin_discs import searchable
 from planner.methods.collocation.guesses import routes
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
@@ -57,7 +58,12 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
             shortest duration found.
         NotConvergedError: If no motion is found, or every motion found takes longer.
     """
-    return _plan_from(problem, options, None)
+    thick = searchable(problem)
+    with deadline.time_limit(options.time_limit_s):
+        if thick is not problem:  # of which a refusal proves nothing
+            with suppress(NoPlanError), deadline.time_share():
+                return replace(_plan_from(thick, options, None), problem=problem)
+        return _plan_from(problem, options, None)
 
 
 def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None) -> Plan:

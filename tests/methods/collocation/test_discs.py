@@ -81,6 +81,21 @@ def test_whoever_has_a_motion_has_every_slower_one(duration: float | str) -> Non
     assert plan.duration == duration or plan.duration <= 5.47
 
 
+@pytest.mark.parametrize("radius", [2e-5, 5e-6, 1e-12])
+def test_a_post_as_thin_as_a_needle_is_passed(radius: float) -> None:
+    """It is planned for with a thicker post, since links pass over a thinner one unseen."""
+    plan = planner.solve(with_radius(radius), "collocation")
+    assert plan.problem.obstacles[0].radius == radius
+    assert plan.objective <= THIN
+
+
+def test_a_needle_before_two_joints_is_passed_in_every_duration() -> None:
+    needle = {"centre_m": [0.45, 0.42], "radius_m": 1e-4}
+    goal = {"theta_deg": [60, 40], "duration": 8.0}
+    problem = planner.Problem.from_dict(TWO_JOINTS | {"goal": goal, "obstacles": [needle]})
+    assert planner.solve(problem, "collocation").objective < 1.1
+
+
 def test_two_joints_that_are_blocked_are_soon_proven_so() -> None:
     problem = two_joints(centre_m=[0.55, 0.28], radius_m=0.06)
     for method in ("collocation", "convex", "polynomial"):

@@ -35,6 +35,22 @@ NEAREST_SHARE = 0.9
 """Fraction of the links' distance, at start, goal and waypoints, by which a disc may thicken."""
 
 
+LEAST_SEARCHED = 3e-4
+"""Radius of the thinnest discs with which a search is sure not to pass over one, in lengths of the
+arm. A detour of this size costs a tenth of a percent at most."""
+
+
+def searchable(problem: Problem) -> Problem:
+    """Return the problem with discs of at least the radius `LEAST_SEARCHED`, as far as start, goal
+    and waypoints allow; whoever clears them clears thinner ones. The problem itself if none is
+    thinner."""
+    if not problem.obstacles or not isinstance(problem.system, PlanarArm):
+        return problem
+    least = LEAST_SEARCHED * float(np.sum(problem.system.link_lengths))
+    thin = any(disc.radius + disc.clearance < least for disc in problem.obstacles)
+    return _thicken(problem, least) if thin else problem
+
+
 def thicknesses(problem: Problem) -> Iterator[Problem]:
     """Yield the problem with thickened discs, from thick to thin, then the problem itself."""
     if problem.obstacles and isinstance(problem.system, PlanarArm):

@@ -38,7 +38,8 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
         for parent in parents:
             table = table.setdefault(parent, {})
             if not isinstance(table, dict):
-                raise InputError(f"cannot set '{dotted}': '{parent}' is not a table")
+                way = "; give the whole list" if isinstance(table, list) else ""
+                raise InputError(f"cannot set '{dotted}': '{parent}' is not a table{way}")
         if value is None:
             table.pop(key, None)
         else:

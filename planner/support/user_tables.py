@@ -181,12 +181,16 @@ def _dot(parts: Sequence[Any]) -> str:
 
 
 def _home_table(model: type[BaseModel], path: Path) -> str:
-    """Return a hint that names the tables with a key of this name; "" if no table has one."""
+    """Return a hint for an unknown key: the tables that have a key of this name, or q if it is a
+    coordinate in a table with q; "" if no table has one."""
     homes = [
         name
         for name, table in _fields(model).items()
         if (name,) != path[:-1] and path[-1] in _fields(_table_in(table.annotation))
     ]
+    is_place = path[0] == "waypoints" and bool({"start", "goal"} & set(homes))
+    if is_place and "q" in _keys_at(model, path[:-1]):
+        return f"write it into {_dot(path[:-1])}.q: q = {{ {path[-1]} = ... }}"
     return f"it belongs to [{'] or ['.join(homes)}]" if homes else ""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -52,6 +53,15 @@ def test_a_misspelt_key_is_not_reported_as_missing_too(paper: planner.Problem) -
 def test_a_key_in_the_wrong_table_is_sent_home(paper: planner.Problem) -> None:
     assert complaint(paper, {"goal.joint_deg": 80}).endswith("it belongs to [limits]")
     assert complaint(paper, {"duration": 80}).endswith("it belongs to [goal]")
+    unicycle = planner.load_problem(Path(__file__).parents[2] / "problems/unicycle.toml")
+    text = complaint(unicycle, {"waypoints": [{"q": {"x": 1.0}, "heading_deg": 90}]})
+    assert text.endswith("write it into waypoints[0].q: q = { heading_deg = ... }")
+
+
+def test_a_key_of_an_obstacle_cannot_be_set_alone(paper: planner.Problem) -> None:
+    post = {"centre_m": [2.2, 1.75], "radius_m": 0.1}
+    with pytest.raises(planner.InputError, match="'obstacles' is not a table; give the whole list"):
+        paper.changed({"obstacles": [post], "obstacles.0.radius_m": 0.2})
 
 
 @pytest.mark.parametrize("key", ["float", "int", "list[float]", "goal.float", "goal.literal['a']"])

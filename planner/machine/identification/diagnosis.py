@@ -201,8 +201,8 @@ def _mistakes(log: Log) -> Iterator[tuple[str, Log]]:
 
 
 def _delay(log: Log) -> float:
-    """Return the delay, s, at which joint 1 best follows its commands; 0 if joint 1 hardly turns, or
-    follows nearly as well with a plausible delay."""
+    """Return the delay, s, at which joint 1 best follows its commands; 0 if joint 1 hardly turns,
+    or follows nearly as well with a plausible delay."""
     turned = np.concatenate([[0.0], np.cumsum(log.u[:-1, 1] * np.diff(log.t))])
     read = log.theta[:, 0]
     if min(np.ptp(turned), np.ptp(read)) < np.deg2rad(LEAST_SWING_DEG):

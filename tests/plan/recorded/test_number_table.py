@@ -110,7 +110,7 @@ def test_windows_own_encoding_is_read_and_no_picture(tmp_path: Path) -> None:
         ),
         (
             "t_s;count;angle [deg]\n1;2;3\n2;3;1,234\n3;4;5,678\n",
-            r"line 3: column 'angle \[deg\]' is '1,234', which is 1\.234 or 1234, and no other",
+            r"line 3: column 'angle \[deg\]' is '1,234', which means 1\.234 or 1234, and no other",
         ),
         (
             "t_s;count;angle [deg]\n1;2;3\n2;3;1.234\n3;4;5.678\n",

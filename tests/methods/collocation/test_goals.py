@@ -179,7 +179,7 @@ def test_out_of_the_limits_reach_the_nearest_place_is_proposed(problem: planner.
     tied = problem.changed({"goal.tip_m": [-0.1, 0.7], "limits.joint_deg": 50})
     with pytest.raises(planner.NoPlanError) as refused:
         solve_and_check(tied, "collocation", advice=False)
-    assert refused.value.reason.endswith("m off")
+    assert refused.value.reason.endswith(" m")
     assert "within the limits were found that put the tip at (-0.1, 0.7) m" in str(refused.value)
     first = refused.value.changes[0].keys
     (nearest,) = first.values()

@@ -114,9 +114,9 @@ def test_windows_own_encoding_is_read_and_no_picture(tmp_path: Path) -> None:
         ),
         (
             "t_s;count;angle [deg]\n1;2;3\n2;3;1.234\n3;4;5.678\n",
-            r"line 3: .* is '1\.234', which is 1\.234 or 1234",
+            r"line 3: .* is '1\.234', which means 1\.234 or 1234",
         ),
-        ('t_s,count,angle [deg]\n1,2,3\n2,3,"1,234"\n', r".*'1,234', which is 1\.234 or 1234"),
+        ('t_s,count,angle [deg]\n1,2,3\n2,3,"1,234"\n', r".*'1,234', which means 1\.234 or 1234"),
     ],
 )
 def test_what_is_left_open_is_refused_by_name(tmp_path: Path, text: str, words: str) -> None:

@@ -65,8 +65,7 @@ class NlpCall:
     def __init__(
         self, solver: str, name: str, problem: dict[str, Any], options: dict[str, Any]
     ) -> None:
-        sizes = {key: int(problem[key].numel()) for key in problem if key != "f"}
-        self._watch = _IterationWatch(sizes)  # CasADi holds no reference to it
+        self._watch = _IterationWatch()  # CasADi holds no reference to it
         watched = {**options, "iteration_callback": self._watch}
         self._solver = ca.nlpsol(name, solver, problem, watched)
 
@@ -94,27 +93,16 @@ class NlpCall:
 class _IterationWatch(ca.Callback):
     """CasADi's callback after each solver iteration; stops the solver and keeps the reason."""
 
-    def __init__(self, sizes: dict[str, int]) -> None:
+    def __init__(self) -> None:
         ca.Callback.__init__(self)
         self.error: BaseException | None = None
-        x, g, p = (sizes.get(key, 0) for key in ("x", "g", "p"))
-        self._sizes = {"x": x, "f": 1, "g": g, "lam_x": x, "lam_g": g, "lam_p": p}
         self.construct("watch", {})
 
     def get_n_in(self) -> int:
         return int(ca.nlpsol_n_out())
 
-    def get_n_out(self) -> int:
-        return 1
-
-    def get_name_in(self, k: int) -> str:
-        return str(ca.nlpsol_out(k))
-
-    def get_name_out(self, k: int) -> str:
-        return "ret"
-
     def get_sparsity_in(self, k: int) -> Any:
-        return ca.Sparsity.dense(self._sizes.get(ca.nlpsol_out(k), 0), 1)
+        return ca.Sparsity(0, 0)  # CasADi then passes no values, and none is needed
 
     def eval(self, arguments: Any) -> list[float]:
         try:

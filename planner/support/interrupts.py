@@ -5,17 +5,16 @@ Compiled code must not swallow a signal, and some short steps must not be interr
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from functools import cache, partial
 from types import FrameType
-from typing import Any, Literal, TextIO, cast
+from typing import Any, TextIO, cast
 
 SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -197,7 +196,7 @@ def osqp_result(solver: Any) -> Any:
 
     with _osqp_lock:
         while True:
-            with mute_lines("stdout", "Solver interrupted", "Polishing not needed"):
+            with mute_lines("Solver interrupted", "Polishing not needed"):
                 result = solver.solve(raise_error=False)
             stopped = result.info.status_val == SolverStatus.OSQP_SIGINT
             if stopped or _osqp_interrupt_query()():
@@ -230,15 +229,14 @@ def _pass_on_interrupt() -> None:
 
 
 @contextmanager
-def mute_lines(stream: Literal["stdout", "stderr"], *words: str) -> Iterator[None]:
-    """Hide the lines that contain any of the words from a stream; in the main thread only."""
-    target = getattr(sys, stream)
+def mute_lines(*words: str) -> Iterator[None]:
+    """Hide lines with any of the words from standard output; in the main thread only."""
+    target = sys.stdout
     if threading.current_thread() is not threading.main_thread() or target is None:
         yield
         return
-    redirect = contextlib.redirect_stdout if stream == "stdout" else contextlib.redirect_stderr
     sieve = _LineFilter(target, words)
-    with redirect(cast(TextIO, sieve)):
+    with redirect_stdout(cast(TextIO, sieve)):
         try:
             yield
         finally:

@@ -53,13 +53,12 @@ class Axis:
         self, problem: Problem, options: DesensitisedOptions, limit: float
     ) -> tuple[Problem, DesensitisedOptions]:
         """Return the problem and the options for planning the point with this limit."""
+        calm = options.model_copy(update={"effort": min(options.effort, CURVE_EFFORT_WEIGHT)})
         if self.kind == "effort":
-            calm = {"effort": min(options.effort, CURVE_EFFORT_WEIGHT), "effort_limit": limit}
-            return problem, options.model_copy(update=calm)
-        calm_only = options.model_copy(update={"effort": min(options.effort, CURVE_EFFORT_WEIGHT)})
+            return problem, calm.model_copy(update={"effort_limit": limit})
         if self.kind == "duration":
-            return problem.changed({"goal.duration": float(limit)}), calm_only
-        return with_input_limits(problem, limit * self.base), calm_only
+            return problem.changed({"goal.duration": float(limit)}), calm
+        return with_input_limits(problem, limit * self.base), calm
 
 
 def axis(problem: Problem, options: DesensitisedOptions, kind: Kind, points: int) -> Axis:
@@ -77,16 +76,18 @@ def axis(problem: Problem, options: DesensitisedOptions, kind: Kind, points: int
             f"{problem.source}: a trade-off against {kind} needs goal.duration in seconds; or trade"
             " against duration"
         )
-    least = judge_plan(plan_collocation(problem, easy))[0]
+    least = judge_plan(plan_collocation(problem, easy))[0]  # refuses a problem without a plan
     if kind == "effort":
-        calm = options.model_copy(update={"effort": END_EFFORT_WEIGHT})
-        most = judge_plan(plan_desensitised(problem, calm))[0]
-        ends = (
-            LEAST_FACTOR * effort(least.trajectory),
-            max(effort(most.trajectory), 1.1 * effort(least.trajectory)),
-        )
-        return Axis(kind, np.geomspace(*ends, points), problem.limits.input, least)
-    return _peaks(problem, options, easy, least, points)
+        low, high = (effort(p.trajectory) for p in (least, _costly_end(problem, options)))
+        limits = np.geomspace(LEAST_FACTOR * low, max(high, 1.1 * low), points)
+        return Axis(kind, limits, problem.limits.input, least)
+    return _peaks(problem, options, easy, points)
+
+
+def _costly_end(problem: Problem, options: DesensitisedOptions) -> Plan:
+    """Return the plan at the end of the curve where the effort hardly counts."""
+    calm = options.model_copy(update={"effort": END_EFFORT_WEIGHT})
+    return judge_plan(plan_desensitised(problem, calm))[0]
 
 
 def _durations(problem: Problem, easy: CollocationOptions, points: int) -> Axis:
@@ -107,17 +108,12 @@ def _quickest(problem: Problem, easy: CollocationOptions) -> Plan:
 
 
 def _peaks(
-    problem: Problem,
-    options: DesensitisedOptions,
-    easy: CollocationOptions,
-    least: Plan,
-    points: int,
+    problem: Problem, options: DesensitisedOptions, easy: CollocationOptions, points: int
 ) -> Axis:
     """Return the axis of input peaks; for an input without limit, a plan's peak is its base."""
-    base = problem.limits.input.copy()
+    base = problem.limits.input
     if not np.all(np.isfinite(base)):
-        calm = options.model_copy(update={"effort": END_EFFORT_WEIGHT})
-        peaks = peak_inputs(judge_plan(plan_desensitised(problem, calm))[0].trajectory)
+        peaks = peak_inputs(_costly_end(problem, options).trajectory)
         base = np.where(np.isfinite(base), base, peaks)
     quickest = _quickest(with_input_limits(problem, base), easy)
     assert problem.duration is not None

@@ -141,20 +141,16 @@ def compensated_errors(plan: Plan, machine: Machine, samples: int, seed: int) ->
 
 def errors_machine(problem: Problem, options: DesensitisedOptions) -> Machine:
     """Return an ideal machine with the design errors as spreads, except delay and stretch."""
-    spread = spreads(problem.system, options)
-    system, joints = problem.system, problem.system.size - 1
-    passive = [f"K{i}" for i in range(2, joints + 1)]
+    system, spread = problem.system, spreads(problem.system, options)
     families = {
-        "input_gain_error": ([f"gain {i.name}" for i in system.inputs], 1.0),
-        "input_bias_rad_s": ([f"bias {i.name}" for i in system.inputs], 1.0),
-        "gear_ratio_error": (passive, 1.0),
-        "initial_angle_error_deg": (
-            [f"start {c.name}" for c in system.coordinates[1:]],
-            180 / np.pi,
-        ),
+        "input_gain_error": [f"gain {i.name}" for i in system.inputs],
+        "input_bias_rad_s": [f"bias {i.name}" for i in system.inputs],
+        "gear_ratio_error": [f"K{i}" for i in range(2, system.size)],
+        "initial_angle_error_deg": [f"start {c.name}" for c in system.coordinates[1:]],
     }
     effects = {}
-    for name, (members, unit) in families.items():
+    for name, members in families.items():
+        unit = 180 / np.pi if name.endswith("_deg") else 1.0
         values = [spread.get(member, 0.0) * unit for member in members]
         if any(values):
             effects[name] = {"value": 0.0, "spread": values}
@@ -217,11 +213,10 @@ class PointStore:
                 )
             return
         data = self._read(index)
+        names = {f.name for f in fields(TradeOffPoint)} - {"plan"}
         for name, entry in data["points"].items():
-            names = {f.name for f in fields(TradeOffPoint)} - {"plan"}
             plan = load_plan(path / "plans" / f"{name}.json", strict=True)
-            values = {key: entry.get(key) for key in names}
-            self.points[int(name)] = TradeOffPoint(plan=plan, **values)
+            self.points[int(name)] = TradeOffPoint(plan=plan, **{k: entry.get(k) for k in names})
 
     def _read(self, index: Path) -> dict[str, Any]:
         try:

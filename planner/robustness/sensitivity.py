@@ -190,7 +190,18 @@ class Sensitivity:
         error of its start reaches the end unchanged. The gain of u₂ scales the travel of q₂. The
         constant of a joint scales its travel, as the gain of u₁ does for the first passive joint.
         """
-        return _irreducible(self.plan.problem.system, self.parameters)
+        system, names = self.plan.problem.system, self.parameters
+        mask = np.zeros_like(self.terminal, dtype=bool)
+        mask[1, names.index(f"gain {system.inputs[1].name}")] = True
+        mask[1, names.index(f"bias {system.inputs[1].name}")] = True
+        first = names.index(f"start {system.coordinates[0].name}")
+        mask[1, first + 1] = True
+        if isinstance(system, Manipulator | BallGear):
+            for i in range(2, system.size):
+                mask[i, first + i] = True
+                mask[i, names.index(f"K{i}")] = True
+            mask[2, names.index(f"gain {system.inputs[0].name}")] = True
+        return mask
 
     def standard_deviation(self, spread: Mapping[str, float]) -> Array:
         """Return the standard deviation of each parameter, shape (P,), in the parameters' units."""
@@ -223,18 +234,11 @@ def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
     S[0, :, first : first + system.size] = np.eye(system.size)
     ends = np.where(np.isin(t[1:], plan.t[1:-1]), np.nextafter(t[1:], 0.0), t[1:])
     places = (t[:-1], (t[:-1] + t[1:]) / 2, ends)
-    A, B = zip(*(_linearise(plan, instant) for instant in places), strict=True)
+    both = [_derivatives(system)(plan.q(at), plan.u(at), at[:, None]) for at in places]
+    A, B = ([each[..., part] for each in both] for part in np.s_[: system.size, system.size :])
     for k, h in enumerate(np.diff(t)):
         S[k + 1] = runge_kutta.step(lambda S, j, k=k: A[j][k] @ S + B[j][k], S[k], h)  # type: ignore[misc]
     return Sensitivity(plan, t, S, names, units)
-
-
-def _linearise(plan: Plan, t: Array) -> tuple[Array, Array]:
-    """Return A = ∂f/∂q (m, N, N) and B = ∂f/∂p (m, N, P) of a plan at the times t (m,)."""
-    system = plan.problem.system
-    size = system.size
-    out = _derivatives(system)(plan.q(t), plan.u(t), t[:, None])
-    return out[:, :, :size], out[:, :, size:]
 
 
 @lru_cache(maxsize=32)
@@ -243,20 +247,6 @@ def _derivatives(system: TriangularSystem) -> Pointwise:
     form = linearise(system)
     value = ca.horzcat(form.A, *(form.forcing[p.name] for p in parameters(system)))
     return Pointwise("derivatives", [form.q, form.u, form.t], value)
-
-
-def _irreducible(system: TriangularSystem, names: tuple[str, ...]) -> NDArray[np.bool_]:
-    mask = np.zeros((system.size, len(names)), dtype=bool)
-    mask[1, names.index(f"gain {system.inputs[1].name}")] = True
-    mask[1, names.index(f"bias {system.inputs[1].name}")] = True
-    first = names.index(f"start {system.coordinates[0].name}")
-    mask[1, first + 1] = True
-    if isinstance(system, Manipulator | BallGear):
-        for i in range(2, system.size):
-            mask[i, first + i] = True
-            mask[i, names.index(f"K{i}")] = True
-        mask[2, names.index(f"gain {system.inputs[0].name}")] = True
-    return mask
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -316,7 +306,9 @@ def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
         )
     error = sampled_end(plan, period_s) - plan.q(plan.duration)
     deviation, length = _chord_deviation(plan, joints)
-    matrix = _initial_errors(plan)
+    result = sensitivity(plan)
+    starts = [result.parameters.index(f"start {c.name}") for c in coordinates]
+    matrix = result.terminal[:, starts]
     return Indicators(
         joints=tuple(coordinates[i].name for i in joints),
         control_precision_deg=float(np.rad2deg(np.max(np.abs(error[joints])))),
@@ -356,9 +348,3 @@ def _chord_deviation(plan: Plan, joints: list[int]) -> tuple[float, float]:
         return np.asarray(np.linalg.norm(offset - foot, axis=-1))
 
     return maximum(distance, sample_times(plan.t))[0], length
-
-
-def _initial_errors(plan: Plan) -> Array:
-    result = sensitivity(plan)
-    columns = [result.parameters.index(f"start {c.name}") for c in plan.problem.system.coordinates]
-    return np.asarray(result.terminal[:, columns])

@@ -147,10 +147,8 @@ class Budget:
 
     def figure(self) -> Figure:
         """Draw the costs and Sobol indices of all effects as bars."""
-        figure: tuple[Figure, Any] = import_function(
-            "planner.report.figures.robustness.plot_budget"
-        )(self)
-        return figure[0]
+        figure: Figure = import_function("planner.report.figures.robustness.plot_budget")(self)[0]
+        return figure
 
 
 def error_budget(

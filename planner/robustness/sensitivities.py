@@ -134,10 +134,9 @@ class Sensitivities:
 
     def figure(self) -> Figure:
         """Draw the total response of each plan and its response to each error."""
-        figure: tuple[Figure, Any] = import_function(
-            "planner.report.figures.robustness.plot_sensitivities"
-        )(self)
-        return figure[0]
+        draw = import_function("planner.report.figures.robustness.plot_sensitivities")
+        figure: Figure = draw(self)[0]
+        return figure
 
 
 def worth(before: float, after: float, price: float, cost: str = "effort") -> str:

@@ -127,10 +127,9 @@ class TradeOff:
 
     def figure(self) -> Figure:
         """Draw the response of each point against its cost."""
-        figure: tuple[Figure, Any] = import_function(
-            "planner.report.figures.robustness.plot_trade_off"
-        )(self)
-        return figure[0]
+        draw = import_function("planner.report.figures.robustness.plot_trade_off")
+        figure: Figure = draw(self)[0]
+        return figure
 
 
 def trade_off(

@@ -226,8 +226,7 @@ def _report_failure(error: BaseException, words: list[str]) -> int:
     if isinstance(error, PlannerError):
         if isinstance(error, MethodError) and _wants_traceback(words):
             sys.stderr.write(clean_text(error.traceback))
-        kind = getattr(error, "status", "bad_input")
-        return _print_error(error.exit_status, kind, str(error))
+        return _print_error(error.exit_status, getattr(error, "status", "bad_input"), str(error))
     if isinstance(error, UsageError):
         return _report_usage_error(error)
     if message := _fault_of_surroundings(error):

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from planner.cli.arguments import PlanPath, out_option
@@ -15,6 +14,7 @@ from planner.plan.plan import Plan
 from planner.plan.samples import RATE_HZ, held_miss
 from planner.report.export import FORMATS, Real, find_format, fitting, refuse_target
 from planner.report.export import export as write
+from planner.report.figures.style import to_display, unit_of
 from planner.report.film import animate as film
 from planner.report.film import check_film
 from planner.report.page.page import write_report
@@ -90,13 +90,10 @@ def export(
 
 def _held_miss(plan: Plan, rate_hz: float) -> dict[str, float]:
     """Return how far held commands miss the plan's end, by coordinate; angles in degrees."""
-    system = plan.problem.system
-    names, miss = system.user_coordinates, held_miss(plan, rate_hz)
+    names = plan.problem.system.user_coordinates
     return {
-        f"{each.name}_{'deg' if each.unit == 'rad' else each.unit or '1'}": float(
-            np.rad2deg(value) if each.unit == "rad" else value
-        )
-        for each, value in zip(names, miss, strict=True)
+        f"{each.name}_{unit_of(each) or '1'}": float(to_display(value, each.unit))
+        for each, value in zip(names, held_miss(plan, rate_hz), strict=True)
     }
 
 

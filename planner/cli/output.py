@@ -402,8 +402,7 @@ class _CleanConsole(Console):
 
 
 def _console(stderr: bool) -> Console:
-    stream = sys.stderr if stderr else sys.stdout
-    width = None if stream.isatty() else TABLE_WIDTH
+    width = None if (sys.stderr if stderr else sys.stdout).isatty() else TABLE_WIDTH
     return _CleanConsole(stderr=stderr, width=width, emoji=False)
 
 

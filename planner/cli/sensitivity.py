@@ -298,7 +298,7 @@ def run_trade_off(
 
 def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
     inputs = enumerate(curve.problem.system.inputs)
-    ends = [(name.replace("_", " "), name) for name in ("errors_alone", "machine", "compensated")]
+    heads = {"errors_alone": "errors", "machine": "machine", "compensated": "compensated"}
     return [
         Column("", "", lambda p: "knee" if p is curve.knee else "", key="knee", left=True),
         Column("effort", "", lambda p: p.effort, number),
@@ -309,20 +309,12 @@ def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
         Column("irreducible", "deg", lambda p: p.floor_deg, None),
         Column("turns", "", lambda p: p.reversals, key="reversals"),
         *(
-            Column(
-                f"{name.split()[0]} 95 %",
-                "deg",
-                partial(_end_error, kind),
-                number,
-                f"{kind}_95_deg",
-            )
-            for name, kind in ends
+            Column(f"{head} 95 %", "deg", partial(_end_error, kind), number, f"{kind}_95_deg")
+            for kind, head in heads.items()
         ),
         *(
-            Column(
-                f"{name} {STATISTICS[key].title}", "deg", partial(_end_error, kind, key=key), None
-            )
-            for name, kind in ends[1:]
+            Column(f"{k} {STATISTICS[key].title}", "deg", partial(_end_error, k, key=key), None)
+            for k in ("machine", "compensated")
             for key in ("E_p95_deg", "end_median_deg")
         ),
     ]

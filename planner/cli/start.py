@@ -97,8 +97,7 @@ def methods() -> int:
     """
     from planner.methods.registry import all_methods
 
-    summaries = {name: method.summary for name, method in all_methods().items()}
-    return _print_list("method", summaries)
+    return _print_list("method", {name: m.summary for name, m in all_methods().items()})
 
 
 def systems() -> int:

@@ -131,9 +131,8 @@ def _count_cases(task: Sweep) -> int:
         ("methods", ", ".join(labels)),
         ("cases", f"{len(task.points)} points x {len(labels)} methods = {len(task)}"),
     ]
-    counts = {"points": len(task.points), "methods": labels, "runs": len(task)}
-    data = {"name": task.name, "keys": task.keys, **counts}
-    return finish(data, task.name, facts(rows))
+    data = {"name": task.name, "keys": task.keys, "points": len(task.points)}
+    return finish({**data, "methods": labels, "runs": len(task)}, task.name, facts(rows))
 
 
 def design(
@@ -184,8 +183,7 @@ def design(
             "red",
         )
     status = 1 if study.bugs else 0 if study.recommended else 3
-    data = {**study.to_dict(), "written": folder}
-    return finish(data, *parts, study.reason, status=status)
+    return finish({**study.to_dict(), "written": folder}, *parts, study.reason, status=status)
 
 
 def _count_designs(study: StudyInput) -> int:

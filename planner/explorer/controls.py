@@ -265,8 +265,7 @@ def option_controls(state: State, plan: Plan | None) -> list[Control]:
     for name, field in table.model_fields.items():
         key = f"method.{state.method}.{name}"
         default = field.get_default(call_default_factory=True)
-        whole = state.value(key, default)
-        control = _control(name, key, whole, default, field, plan)
+        control = _control(name, key, state.value(key, default), default, field, plan)
         if control is not None:
             controls.append(replace(control, help=field.description or ""))
     return controls
@@ -284,7 +283,8 @@ def _control(
     if get_origin(annotation) is Literal:
         words = list(get_args(annotation))
         return Control(SOLVER_TITLE, label, "choice", key, whole, shown=whole, choices=words)
-    number = whole if isinstance(whole, int | float) else _chosen_value(plan, name)
+    chosen = None if plan is None else plan.notes.get(name)  # what the method chose
+    number = next((v for v in (whole, chosen) if isinstance(v, int | float)), None)
     plain = isinstance(default, int | float)
     if isinstance(whole, list) or not (plain or ends):
         return None
@@ -297,9 +297,3 @@ def _control(
         SOLVER_TITLE, label, "slider", key, whole, (), position, low, high,
         log=log, integer=isinstance(low, int), **off,
     )  # fmt: skip
-
-
-def _chosen_value(plan: Plan | None, name: str) -> float | None:
-    """Return the value that a plan's method chose for an option, or None if not in its notes."""
-    value = None if plan is None else plan.notes.get(name)
-    return float(value) if isinstance(value, int | float) else None

@@ -21,14 +21,7 @@ from planner.plan.plan import Plan
 from planner.problem.feasibility import refuse_too_short
 from planner.problem.problem import Problem
 from planner.support import deadline
-from planner.support.deadline import (
-    SEARCH_SHARE,
-    TimeUpError,
-    holds_answer,
-    time_advice,
-    time_limit,
-    time_share,
-)
+from planner.support.deadline import TimeUpError, time_limit
 
 
 @dataclass(frozen=True)
@@ -72,7 +65,8 @@ def path(state: State) -> ScreenOutcome:
         try:
             refuse_too_short(problem)
             compensates = problem.compensation.on
-            with time_share(SEARCH_SHARE if compensates else 1.0, condition=holds_answer):
+            part = deadline.SEARCH_SHARE if compensates else 1.0
+            with deadline.time_share(part, condition=deadline.holds_answer):
                 plan = method.plan(problem, options)
             if compensates and plan.status != "singular":
                 plan = compensate_in_time(*judge_plan(plan), None, problem.compensation)[0]
@@ -81,7 +75,7 @@ def path(state: State) -> ScreenOutcome:
             return ScreenOutcome(state, problem, None, error, judged=True)
         except TimeUpError:
             reason = f"{problem.source}: {span.why} ended the method '{method.name}' before it had"
-            refusal: NoPlanError = TimeLimitError(f"{reason} a plan", advice=time_advice())
+            refusal: NoPlanError = TimeLimitError(f"{reason} a plan", advice=deadline.time_advice())
         except NoPlanError as error:
             refusal = error
         if span.ended_by:

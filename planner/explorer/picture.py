@@ -105,10 +105,9 @@ def _handles(plan: Plan) -> list[dict[str, Any]]:
     options = plan.options["points"]
     can_drag = isinstance(options, list)
     points = options if can_drag else plan.notes.get("points", [])
-    names = [[f"{POINTS_KEY}:{k}:{i}" for i in (0, 1)] for k in range(len(points))]
     return [
-        {"at": list(point), "names": controls if can_drag else None}
-        for point, controls in zip(points, names, strict=True)
+        {"at": list(at), "names": [f"{POINTS_KEY}:{k}:{i}" for i in (0, 1)] if can_drag else None}
+        for k, at in enumerate(points)
     ]
 
 

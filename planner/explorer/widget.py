@@ -149,12 +149,12 @@ class Explorer(anywidget.AnyWidget):
     @property
     def code(self) -> str:
         """Python code that makes the plan on the screen."""
-        return worker().do(self._texts).result()["code"]
+        return worker().do(lambda: self._screen.texts()).result()["code"]
 
     @property
     def problem_file(self) -> str:
         """The problem on the screen as a problem file (TOML)."""
-        return worker().do(self._texts).result()["file"]
+        return worker().do(lambda: self._screen.texts()).result()["file"]
 
     @property
     def _screen(self) -> Screen:
@@ -162,9 +162,6 @@ class Explorer(anywidget.AnyWidget):
         if self._shown_screen is None:
             self._shown_screen = Screen(self._state)
         return self._shown_screen
-
-    def _texts(self) -> dict[str, str]:
-        return self._screen.texts()
 
     def _hear(self, _: Any, content: Mapping[str, Any], buffers: Any) -> None:
         """Handle a message from the browser: stop the current answer, or queue the next answer."""

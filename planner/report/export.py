@@ -235,8 +235,7 @@ def _c(plan: Plan, options: ExportOptions) -> dict[str, str]:
 
 
 def _csv(samples: Samples) -> str:
-    rows = samples.table.tolist()
-    cells = (["" if np.isnan(x) else repr(x) for x in row] for row in rows)
+    cells = (["" if np.isnan(x) else repr(x) for x in row] for row in samples.table.tolist())
     return csv_text([samples.columns, *cells])
 
 

@@ -56,8 +56,7 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
     drawn, ours = drawable(plans), axes is None
     problem = drawn[0].plan.problem
     figure, axes = plane_axes(drawn, axes)
-    longest = max(curve.plan.duration for curve in drawn)
-    scale = ScalarMappable(Normalize(0, longest), COLOUR_MAP)
+    scale = ScalarMappable(Normalize(0, max(c.plan.duration for c in drawn)), COLOUR_MAP)
     for curve, ax in zip(drawn, axes.flat, strict=True):
         _draw(ax, curve, scale, poses)
     arm = hasattr(problem.system, "arm_points")

@@ -89,8 +89,7 @@ def _front(ax: Any, study: DesignStudy) -> None:
     The axes are the front's first two figures of merit, or the only one and the contacts' load.
     """
     x, *rest = study.front_by
-    load = next(figure for figure in study.figures if figure.key == CONTACT_LOAD)
-    y = rest[0] if rest else load
+    y = rest[0] if rest else next(f for f in study.figures if f.key == CONTACT_LOAD)
     built = [row for row in study.rows if row.figures]
     solved = f"solved {study.input.reaching}"
     most = max((row[solved] for row in built), default=0.0)

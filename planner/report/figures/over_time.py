@@ -169,11 +169,8 @@ def _panels(plan_panels: Panels, drawn: Sequence[Curve], axes: Any) -> tuple[Fig
     over_time = isinstance(plan_panels[0], TimePanel)
     share: tuple[Sharing, Sharing] = ("all" if over_time else "none", "none")
     rows = -(-len(plan_panels) // 4)
-    shape, size = (
-        (rows, -(-len(plan_panels) // rows)),
-        PANEL_SIZES.get(plan_panels[0].id, (3.4, 2.6)),
-    )
-    figure, axes, _ = grid(*shape, axes, size=size, share=share)
+    size = PANEL_SIZES.get(plan_panels[0].id, (3.4, 2.6))
+    figure, axes, _ = grid(rows, -(-len(plan_panels) // rows), axes, size=size, share=share)
     every = list(axes.flat)
     for ax, panel in zip(every, plan_panels, strict=False):
         _draw(ax, panel, drawn)
@@ -216,8 +213,7 @@ def _draw(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
         _plane(ax, panel)
     for series in panel.series:
         curve = drawn[series.plan]
-        xs = _times(series, drawn) if series.x is None else series.x
-        ax.plot(xs, series.y, **curve.look)
+        ax.plot(_times(series, drawn) if series.x is None else series.x, series.y, **curve.look)
     if isinstance(panel, TimePanel) and panel.view:
         _view(ax, panel, drawn)
 

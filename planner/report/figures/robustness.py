@@ -102,8 +102,7 @@ def plot_machine_sensitivity(
     loud = found.loudest[:most]
     labels = [f"{entry_name(e)}: {e.reference:.3g} {e.unit}".strip() for e in loud]
     values = np.stack([e.contribution for e in loud], axis=0)
-    angles = [symbol(n) for n in found.angles]
-    figure, ax, ours = _heat_map(values, labels, angles, axes, tall=True)
+    figure, ax, ours = _heat_map(values, labels, [*map(symbol, found.angles)], axes, tall=True)
     nominal = ", ".join(f"{e:.2g}" for e in found.nominal_error_deg)
     text = f"{found.plan.method} on the machine; nominal errors {nominal} deg"
     heading(figure, text, ours=ours)
@@ -210,8 +209,7 @@ def plot_sensitivities(found: Sensitivities, *, axes: Any = None) -> tuple[Figur
         InputError: If `axes` do not fit.
     """
     expect(Sensitivities, found, "planner.sensitivities(plans) makes one")
-    high = 0.34 * len(found.plans) + 1.8
-    figure, axes, ours = grid(1, 2, axes, size=(5.4, max(high, 3.0)))
+    figure, axes, ours = grid(1, 2, axes, size=(5.4, max(0.34 * len(found.plans) + 1.8, 3.0)))
     _sums(axes[0, 0], found)
     _errors(axes[0, 1], found)
     heading(figure, found.sentence, ours=ours)
@@ -270,11 +268,10 @@ def plot_budget(budget: Budget, *, axes: Any = None) -> tuple[Figure, Any]:
         The figure and its axes, shape (1, 2).
     """
     expect(Budget, budget, "planner.error_budget(plan) makes one")
-    high = 0.3 * len(budget.costs) + 1.2
-    figure, axes, ours = grid(1, 2, axes, size=(5.2, high), share=("none", "all"))
+    costs, places = budget.costs, np.arange(len(budget.costs))
+    size = (5.2, 0.3 * len(costs) + 1.2)
+    figure, axes, ours = grid(1, 2, axes, size=size, share=("none", "all"))
     left, right = axes[0]
-    places = np.arange(len(budget.costs))
-    costs = budget.costs
     _bars(left, places - 0.2, [c.saves_deg for c in costs], _reach(costs, "saves"), 0, "saves")
     _bars(left, places + 0.2, [c.alone_deg for c in costs], _reach(costs, "alone"), 1, "alone")
     left.set_xlabel("error index E (deg)")
@@ -386,8 +383,7 @@ def _responses(ax: Any, curve: TradeOff) -> None:
     ):
         ax.plot(cost, values, ".-", color=colour, label=label)
         ax.plot(cost[curve.knee_index], values[curve.knee_index], color=colour, **KNEE_STYLE)
-    floor = curve.points[0].floor_deg
-    ax.axhline(floor, color="#555555", linestyle=":", label="irreducible")
+    ax.axhline(curve.points[0].floor_deg, color="#555555", linestyle=":", label="irreducible")
     ax.set_ylim(bottom=0)
     ax.set_xlabel(_cost_label(curve))
     ax.set_ylabel("response at the end (deg, one standard deviation)")
@@ -421,8 +417,7 @@ def _paths(ax: Any, curve: TradeOff) -> None:
     for colour, k in zip(COLOURS, chosen, strict=False):
         point = curve.points[k]
         q = point.plan.q(np.linspace(0, point.plan.duration, 800))
-        turns = f", {reversals(point.reversals)}"
-        label = f"{curve.kind} {_cost(curve, point):.3g}{turns}"
+        label = f"{curve.kind} {_cost(curve, point):.3g}, {reversals(point.reversals)}"
         ax.plot(np.rad2deg(q[:, 0] - q[0, 0]), np.rad2deg(q[:, 1]), color=colour, label=label)
     ax.set_xlabel(f"travel of {symbol(system.coordinates[0].name)} (deg)")
     ax.set_ylabel(f"{symbol(system.coordinates[1].name)} (deg)")

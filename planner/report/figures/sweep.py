@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -70,7 +70,5 @@ def _places(keys: Sequence[str], records: Sequence[Record]) -> tuple[list[float]
     if len(keys) == 1 and all(type(r[keys[0]]) in (int, float) for r in records):
         return [float(r[keys[0]]) for r in records], keys[0]
     points: dict[str, int] = {}
-    numbers: list[Any] = [
-        points.setdefault(repr([r[key] for key in keys]), len(points) + 1) for r in records
-    ]
-    return [float(n) for n in numbers], POINT
+    texts = (repr([r[key] for key in keys]) for r in records)
+    return [float(points.setdefault(text, len(points) + 1)) for text in texts], POINT

@@ -102,8 +102,7 @@ def _mechanism(comparison: Comparison) -> str:
     drawing = mechanism_svg(comparison.problem.system)
     if not drawing:
         return ""
-    data = base64.b64encode(drawing.encode()).decode()
-    return Template(_MECHANISM).substitute(data=data)
+    return Template(_MECHANISM).substitute(data=base64.b64encode(drawing.encode()).decode())
 
 
 _MECHANISM = """<section id="mechanism" aria-labelledby="h-mechanism">

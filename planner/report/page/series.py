@@ -91,8 +91,7 @@ def _plan(drawn: Curve, replay: Mapping[str, Any] | None) -> dict[str, Any]:
     if plan.executable and can_draw(plan.problem.system):
         even = np.linspace(0, plan.duration, MOTION_PICTURES)
         out["motion"] = _motion(plan, even, plan.q(even))
-        path = body_points(plan.problem, plan.q(_times(plan)))[:, -1]
-        out["path"] = to_screen_digits(path)
+        out["path"] = to_screen_digits(body_points(plan.problem, plan.q(_times(plan)))[:, -1])
         if replay is not None:
             run = replay["median"]
             out["machine"] = _motion(plan, np.array(run["t"]), np.array(run["q"]))

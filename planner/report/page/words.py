@@ -116,8 +116,7 @@ def _joint_limits(problem: Problem) -> list[tuple[str, str]]:
     for i in limited:
         most, c = float(problem.limits.user[i]), system.user_coordinates[i]
         if np.isfinite(most):
-            value = _amount(c, most, "g")
-            by_value.setdefault(value, []).append(f"|{readable_name(c.name)}|")
+            by_value.setdefault(_amount(c, most, "g"), []).append(f"|{readable_name(c.name)}|")
     what = "coordinates" if system.has_user_coordinates else "angles"
     return [(f"Limits of {what}", f"{', '.join(who)} ≤ {most}") for most, who in by_value.items()]
 

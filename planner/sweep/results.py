@@ -116,8 +116,7 @@ def read(db: str | Path, which: int | None = None) -> tuple[list[str], list[Reco
         number = len(sweeps) - 1 if which is None else which
         if not 0 <= number < len(sweeps):
             raise InputError(f"{db} holds {len(sweeps)} sweeps; there is no number {which}")
-        keys = sweeps[number]["keys"]
-        columns = [*keys, *RESULT_COLUMNS]
+        columns = [*sweeps[number]["keys"], *RESULT_COLUMNS]
         records = []
         for row in store.rows(sweeps[number]["id"]):
             row |= {"solved": bool(row["solved"])}

@@ -130,11 +130,9 @@ def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
         return ClusterPool(cluster)
     if workers == 0:
         return SerialPool()
-    if hasattr(os, "sched_getaffinity"):  # counts only cores that this process may use
-        cores = len(os.sched_getaffinity(0))
-    else:
-        cores = os.cpu_count() or 1
-    return LocalPool(min(workers or cores, total))
+    # This counts only cores that this process may use, where the system can tell.
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return LocalPool(min(workers or cores or 1, total))
 
 
 def _refuse_local_plugins(sweep: Sweep) -> None:

@@ -216,8 +216,7 @@ def points(table: SweepFile, source: str) -> list[Point]:
     Raises:
         InputError: If nothing varies, a key varies twice, or there are too many points.
     """
-    keys = varied_keys(table)
-    _refuse_clashes(table, keys, source)
+    _refuse_clashes(table, varied_keys(table), source)
     axes = {key: _axis_values(values) for key, values in table.grid.items()}
     for key, values in axes.items():
         _refuse_repeats(key, values, source)

@@ -48,8 +48,7 @@ class DesignFigure:
 
     def value(self, outcomes: Sequence[Outcome]) -> float:
         """Return the figure of one design from its outcomes on all tasks; NaN if undefined."""
-        column = self.column or self.key
-        values = np.array([outcome.get(column) for outcome in outcomes], float)
+        values = np.array([outcome.get(self.column or self.key) for outcome in outcomes], float)
         if self.reduction == "part":
             return float(np.mean(values))
         if self.reduction == "largest":

@@ -265,8 +265,7 @@ def worst_command(comparison: Comparison, row: Row) -> str | None:
     """Return the command line that replays only a row's worst machine; None if it has none."""
     if row.worst is None:
         return None
-    alone = replace(comparison, rows=(row,), chosen=(row.worst,))
-    return command(alone)
+    return command(replace(comparison, rows=(row,), chosen=(row.worst,)))
 
 
 def _settings(comparison: Comparison) -> dict[str, Any] | None:

@@ -175,8 +175,7 @@ def _refusal(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
     """
 
     def gain(each: Row) -> float:
-        gains = (row.E_median_deg - each.E_median_deg, row.end_median_deg - each.end_median_deg)
-        return max(gains)
+        return max(row.E_median_deg - each.E_median_deg, row.end_median_deg - each.end_median_deg)
 
     refused = [each for each in rows if not (each.solved or each.feedback) and each.plan]
     nearer = [r for r in refused if plain_label(r.label) != r.label and gain(r) > threshold_deg]

@@ -168,8 +168,7 @@ class Row(PlanFigures):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row as JSON-ready data without curves; undefined numbers are None."""
-        first = ("label", "method", "solved", "why")
-        data = {key: getattr(self, key) for key in first}
+        data = {key: getattr(self, key) for key in ("label", "method", "solved", "why")}
         data |= {key: value for key, value in vars(self).items() if key not in KEPT_IN_FILES}
         data["peak_u_rad_s"] = data.pop("peak_u")
         data["status"] = self.status

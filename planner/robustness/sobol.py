@@ -77,7 +77,6 @@ def machine_indices(
         base: Number of base samples, a power of 2; (effects + 2) · base machines are simulated.
         seed: Seed of the samples and of the bootstrap.
     """
-    varying = {k: machine.effects[k] for k in names if machine.effects[k].varies}
 
     def evaluate(places: Mapping[str, Array]) -> Array:
         count = next(iter(places.values())).shape[1]
@@ -88,7 +87,7 @@ def machine_indices(
         numbers = np.arange(count)
         return errors(machine, Draws(numbers, values, draw_start(machine, joints, numbers, seed)))
 
-    sizes = {name: EFFECTS[name].count(joints) for name in varying}
+    sizes = {k: EFFECTS[k].count(joints) for k in names if machine.effects[k].varies}
     return indices(sizes, evaluate, base, seed)
 
 

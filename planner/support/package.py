@@ -92,8 +92,7 @@ def how_to_install(extra: str) -> str:
 def _checkout() -> str | None:
     """Return the version in this project's pyproject.toml beside the package, or None."""
     try:
-        text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-        project = tomllib.loads(text)["project"]
+        project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
         return str(project["version"]) if project["name"] == NAME else None
     except (OSError, ValueError, KeyError):
         return None

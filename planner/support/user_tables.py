@@ -196,8 +196,7 @@ def _home_table(model: type[BaseModel], path: Path) -> str:
 
 def _fields(model: Any) -> dict[str, Any]:
     """Return a table's fields by their keys in files (the alias, if a field has one)."""
-    fields = getattr(model, "model_fields", {})
-    return {f.alias or name: f for name, f in fields.items()}
+    return {f.alias or name: f for name, f in getattr(model, "model_fields", {}).items()}
 
 
 def _keys_at(model: type[BaseModel], path: Path) -> list[str]:

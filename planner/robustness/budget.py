@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.machine.closed_loop import Controller, Feedback
-from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
+from planner.machine.machine import Draws, Machine, machine_for, sample_numbers
 from planner.machine.replay import SETTLE_S, feedback_of
 from planner.machine.simulate import simulate
 from planner.plan.plan import Plan, refuse_inexecutable
@@ -25,8 +25,7 @@ from planner.robustness.sobol import (
     check,
     machine_indices,
     switch_indices,
-    switch_off,
-    switches_per_sample,
+    switched_errors,
 )
 from planner.support.arrays import Array, jsonable
 from planner.support.package import import_function, provenance
@@ -289,21 +288,12 @@ class _BudgetRun:
             count if any(q.varies for name, q in effects.items() if name not in off) else 1
             for off in changes
         ]
-        groups: dict[frozenset[str], list[int]] = {}
-        for k, off in enumerate(changes):
-            shared = frozenset(name for name in off if not switches_per_sample(name))
-            groups.setdefault(shared, []).append(k)
-        out: list[Array] = [np.empty(0)] * len(changes)
-        for shared, members in groups.items():
-            there = self.machine.without(*sorted(shared))
-            numbers = np.concatenate([samples[: sizes[k]] for k in members])
-            draws = draw(there, self.plan.problem.system.size - 1, numbers, self.seed)
-            where = np.repeat(members, [sizes[k] for k in members])
-            flags = {name: np.array([name in changes[k] for k in where]) for name in effects}
-            errors = self._given(there, switch_off(draws, flags))
-            for k in members:
-                out[k] = np.broadcast_to(errors[where == k], count)
-        return out
+        where = np.repeat(range(len(changes)), sizes)
+        numbers = np.concatenate([samples[:size] for size in sizes])
+        off = {name: np.array([name in changes[k] for k in where.tolist()]) for name in effects}
+        joints = self.plan.problem.system.size - 1
+        errors = switched_errors(self.machine, off, numbers, joints, self._given, self.seed)
+        return [np.broadcast_to(errors[where == k], count) for k in range(len(changes))]
 
     def _given(self, machine: Machine, draws: Draws) -> Array:
         run = simulate(

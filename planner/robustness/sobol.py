@@ -99,12 +99,8 @@ def switch_indices(
 
     def evaluate(places: Mapping[str, Array]) -> Array:
         off = {name: place[0] < 0.5 for name, place in places.items()}
-        out = np.empty(len(next(iter(off.values()))))
-        for shared, rows in _patterns(off):
-            reduced = nominal.without(*shared)
-            draws = draw(reduced, joints, np.arange(len(rows)), seed)
-            out[rows] = errors(reduced, switch_off(draws, {k: f[rows] for k, f in off.items()}))
-        return out
+        numbers = np.arange(len(next(iter(off.values()))))
+        return switched_errors(nominal, off, numbers, joints, errors, seed)
 
     return indices(dict.fromkeys(names, 1), evaluate, base, seed)
 
@@ -161,6 +157,32 @@ def indices(
     return {name: Index(*map(float, row)) for name, row in zip(sizes, rows, strict=True)}
 
 
+def switched_errors(
+    machine: Machine,
+    off: Mapping[str, Array],
+    numbers: NDArray[np.int64],
+    joints: int,
+    errors: Errors,
+    seed: int,
+) -> Array:
+    """Return E of samples of a machine, (S,), each with its own effects switched off.
+
+    Args:
+        machine: The distribution of machines.
+        off: Whether each effect is off, (S,), by its name.
+        numbers: Numbers of the samples, (S,).
+        joints: Number of coordinates without the first, N−1.
+        errors: Simulates single machines; see `Errors`.
+        seed: Seed of the samples.
+    """
+    out = np.empty(len(numbers))
+    for shared, rows in _patterns(off):
+        reduced = machine.without(*shared)
+        draws = draw(reduced, joints, numbers[rows], seed)
+        out[rows] = errors(reduced, switch_off(draws, {k: f[rows] for k, f in off.items()}))
+    return out
+
+
 def _patterns(off: Mapping[str, Array]) -> list[tuple[list[str], NDArray[np.int64]]]:
     """Group samples that share a simulation; return each group's effects off and its samples."""
     shared = [name for name in off if not switches_per_sample(name)]
@@ -191,11 +213,8 @@ def switch_off(draws: Draws, off: Mapping[str, Array]) -> Draws:
     values = {}
     for name, drawn in draws.values.items():
         effect = EFFECTS[name]
-        neutral = (
-            INFINITY_FACTOR * np.maximum(drawn, 1.0)
-            if np.isinf(effect.off_value)
-            else effect.off_value
-        )
+        endless = np.isinf(effect.off_value)
+        neutral = INFINITY_FACTOR * np.maximum(drawn, 1.0) if endless else effect.off_value
         flags = off.get(name) if switches_per_sample(name) else None
         values[name] = drawn if flags is None else np.where(flags, neutral, drawn)
     return replace(draws, values=values)

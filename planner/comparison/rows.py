@@ -38,12 +38,9 @@ def _statistic(name: str) -> Any:
 
 def _interval(name: str) -> Any:
     one = STATISTICS[f"E_{name}_deg"]
-    ends = (
-        (f"{one.title} {end}", f"E_{name}_{key}_deg")
-        for end, key in (("from", "low"), ("to", "high"))
-    )
     return figure(
-        *(Heading(title, "deg", key=key) for title, key in ends),
+        Heading(f"{one.title} from", "deg", key=f"E_{name}_low_deg"),
+        Heading(f"{one.title} to", "deg", key=f"E_{name}_high_deg"),
         replay=lambda run: percentile_interval(run.index_E_deg, one.percent),
         files=True,
         sweep=False,
@@ -146,15 +143,12 @@ class Row(PlanFigures):
     @property
     def remark(self) -> str:
         """Why the plan is refused; for a verified plan what the user should know, or empty."""
-        leaves = (
-            "leaves the chart, as this method may"
-            if self.solved and self.domain_ok is False
-            else ""
-        )
-        beyond = ""
+        words = [self.why] if self.why else []
+        if self.solved and self.domain_ok is False:
+            words.append("leaves the chart, as this method may")
         if self.solved and self.beyond_limits > 0:
-            beyond = f"{number(self.beyond_limits)} % of machines break a limit"
-        return "; ".join(filter(None, [self.why, leaves, beyond]))
+            words.append(f"{number(self.beyond_limits)} % of machines break a limit")
+        return "; ".join(words)
 
     @property
     def status(self) -> str | None:

@@ -25,7 +25,7 @@ from planner.cli.output import Rows, facts, finish, job, manner, number, numbers
 from planner.errors import NoPlanError
 from planner.problem.feasibility import End, why_too_short
 from planner.problem.settings import changed_settings, problem_words
-from planner.support.tables import Column, terminal_table
+from planner.support.tables import Column, constant_text, terminal_table
 from planner.systems.triangular_system import TriangularSystem
 
 
@@ -108,18 +108,12 @@ def _findings(analysis: Analysis) -> Rows:
 
 def _system(system: TriangularSystem) -> str:
     constants = [
-        f"{key} = {_constant(value)}"
+        f"{key} = {constant_text(value)}"
         for key, value in system.to_dict().items()
         if key not in ("kind", "link_lengths")
     ]
     rule = getattr(system, "k_g_rule", None)
     return ", ".join([system.kind, *constants]) + (f" ({rule})" if rule else "")
-
-
-def _constant(value: Any) -> str:
-    if isinstance(value, list):
-        return f"[{', '.join(_constant(v) for v in value)}]"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _end(system: TriangularSystem, end: End) -> Rows:

@@ -265,6 +265,13 @@ def error_words(error: BaseException) -> str:
         return type(error).__name__
 
 
+def constant_text(value: object, brackets: str = "[]") -> str:
+    """Format a constant of a system with six digits; lists have the two `brackets`."""
+    if isinstance(value, list):
+        return brackets[0] + ", ".join(constant_text(v, brackets) for v in value) + brackets[1]
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
 def shorten(text: str, longest: int = 60) -> str:
     """Shorten text to `longest` characters."""
     return text if len(text) <= longest else text[: longest - 3] + "..."

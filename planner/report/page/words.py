@@ -14,7 +14,7 @@ from planner.plan.measures import effort_unit
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Part
 from planner.report.figures.style import colour_numbers, readable_name, to_display
-from planner.support.tables import number
+from planner.support.tables import constant_text, number
 from planner.systems.triangular_system import Coordinate
 
 
@@ -128,18 +128,9 @@ def _interval(ends: tuple[float, float]) -> str:
 
 
 def _constants(problem: Problem) -> str:
-    data = problem.system.to_dict()
-    parts = [str(data.pop("kind"))]
-    for key, value in data.items():
-        if key != "link_lengths":
-            parts.append(f"{key} = {_plain(value)}")
-    return ", ".join(parts)
-
-
-def _plain(value: object) -> str:
-    if isinstance(value, list):
-        return "(" + ", ".join(_plain(v) for v in value) + ")"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    data = {k: v for k, v in problem.system.to_dict().items() if k not in ("kind", "link_lengths")}
+    constants = (f"{key} = {constant_text(value, '()')}" for key, value in data.items())
+    return ", ".join([problem.system.kind, *constants])
 
 
 def _arm_goal(problem: Problem) -> str:

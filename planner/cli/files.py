@@ -82,9 +82,8 @@ def export(
     if miss:
         off = ", ".join(f"{each} {number(value)}" for each, value in miss.items())
         words += f" and hold each row until the next: on an ideal machine the end is off by {off}"
-    words += (
-        "".join(f"; {each}" for each in motion.reservations).replace("{", "{{").replace("}", "}}")
-    )
+    reservations = "".join(f"; {each}" for each in motion.reservations)
+    words += reservations.replace("{", "{{").replace("}", "}}")
     return finish(data, where="written to {}" + words)
 
 

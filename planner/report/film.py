@@ -247,8 +247,7 @@ def find_ffmpeg() -> str:
     Raises:
         InputError: If ffmpeg is missing.
     """
-    program = shutil.which("ffmpeg")
-    if program is not None:
+    if program := shutil.which("ffmpeg"):
         return program
     try:
         from imageio_ffmpeg import get_ffmpeg_exe

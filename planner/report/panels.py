@@ -542,5 +542,4 @@ def to_screen_digits(values: Array) -> list[Any]:
     scale = 10.0 ** (SCREEN_DIGITS - 1 - np.floor(np.log10(np.where(visible, size, 1.0))))
     short = (np.round(np.where(visible, values, 0.0) * scale) / scale).astype(object)
     short[~finite] = None
-    out: list[Any] = short.tolist()
-    return out
+    return list(short.tolist())

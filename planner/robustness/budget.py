@@ -20,13 +20,7 @@ from planner.machine.replay import SETTLE_S, feedback_of
 from planner.machine.simulate import simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS, effect_words
-from planner.robustness.sobol import (
-    Index,
-    check,
-    machine_indices,
-    switch_indices,
-    switched_errors,
-)
+from planner.robustness.sobol import Index, check, machine_indices, switch_indices, switched_errors
 from planner.support.arrays import Array, jsonable
 from planner.support.package import import_function, provenance
 from planner.support.progress import Tell, expect_listener

@@ -71,8 +71,7 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
 
 def write_json(path: str | Path, data: Mapping[str, Any]) -> Path:
     """Write JSON-ready data as one JSON object, in the same way as `write_text`."""
-    text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False)
-    return write_text(path, text + "\n")
+    return write_text(path, json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
 
 def write_figure(path: str | Path, figure: Any) -> Path:

@@ -18,7 +18,7 @@ import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from queue import SimpleQueue
-from typing import Any, Protocol
+from typing import Protocol
 
 from planner.errors import InputError
 from planner.support.package import ROOT, how_to_install
@@ -183,8 +183,7 @@ class _WorkerProcess:
         except (OSError, ValueError):
             answer = ""
         if answer.endswith("\n"):
-            row: Row = json.loads(answer)
-            return row
+            return dict(json.loads(answer))
         self.end()
         return None
 
@@ -263,7 +262,12 @@ class ClusterPool:
 
     def __init__(self, address: str) -> None:
         _refuse_junk(address)
-        distributed = _distributed()
+        try:
+            import distributed
+        except ImportError:
+            raise InputError(
+                f"--cluster needs Dask; install it with: {how_to_install('cluster')}"
+            ) from None
         # We report a lost connection in one message; silence the pages that Dask logs about it.
         for part in ("client", "core", "utils"):
             logging.getLogger(f"distributed.{part}").setLevel(logging.CRITICAL)
@@ -355,13 +359,3 @@ def _refuse_junk(address: str) -> None:
 def _probe_worker() -> bool:
     """Return True on a worker that has this package; any other worker cannot load this function."""
     return True
-
-
-def _distributed() -> Any:
-    try:
-        import distributed
-    except ImportError:
-        raise InputError(
-            f"--cluster needs Dask; install it with: {how_to_install('cluster')}"
-        ) from None
-    return distributed

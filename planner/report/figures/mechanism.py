@@ -426,8 +426,6 @@ def _write_notes(pen: _Drawing, plan: MechanismLayout) -> None:
     lines = [
         (r"Why cos$\theta$", INK_COLOUR, "bold"),
         *((text, INK_COLOUR, "normal") for text in COSINE_NOTE.split("\n")),
-    ]
-    lines += [
         ("", INK_COLOUR, "normal"),
         ("orange: the drive of motor 1, transmitted from disk to disk", CHAIN_COLOUR, "bold"),
         ("green: the branch to the next joint, through a belt", BRANCH_COLOUR, "bold"),

@@ -149,10 +149,8 @@ def indices(
         return dict.fromkeys(sizes, NO_INDEX)
     if len(sizes) == 1:  # a single effect explains all variance
         return dict.fromkeys(sizes, Index(1.0, 0.0, 1.0, 0.0))
-    bootstrap_seed = seed + 1  # SALib treats seed 0 as no seed
-    result = analyze(
-        problem, output, calc_second_order=False, conf_level=CONFIDENCE, seed=bootstrap_seed
-    )
+    # SALib treats seed 0 as no seed.
+    result = analyze(problem, output, calc_second_order=False, conf_level=CONFIDENCE, seed=seed + 1)
     rows = zip(*(result[key] for key in ("S1", "S1_conf", "ST", "ST_conf")), strict=True)
     return {name: Index(*map(float, row)) for name, row in zip(sizes, rows, strict=True)}
 

@@ -76,9 +76,7 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
         write_json(place / "comparison.json", data)
         write_text(place / "replays.json", json.dumps(replay_data(comparison)) + "\n")
         _copy_problem(comparison, place)
-        (place / "figures").mkdir()
-        for name, figure in comparison.figures().items():
-            save_figure(figure, place / "figures" / name)
+        _write_figures(comparison, place)
         if report:
             write_report(place)
     return Path(path)
@@ -131,6 +129,12 @@ def _write_plans(comparison: Comparison, place: Path) -> list[str | None]:
 
 def _file_name(label: str) -> str:
     return re.sub(r"[^\w.=+-]+", "-", label).strip("-")
+
+
+def _write_figures(comparison: Comparison, place: Path) -> None:
+    (place / "figures").mkdir()
+    for name, figure in comparison.figures().items():
+        save_figure(figure, place / "figures" / name)
 
 
 def save_figure(figure: Figure, stem: Path) -> None:

@@ -251,13 +251,7 @@ class CompiledMotion:
         draws, start: See `StepwiseMotion`.
     """
 
-    def __init__(
-        self,
-        system: Manipulator,
-        fidelity: str,
-        draws: Draws,
-        start: Array,
-    ) -> None:
+    def __init__(self, system: Manipulator, fidelity: str, draws: Draws, start: Array) -> None:
         kernel = library()
         assert kernel is not None, "ask `library` first"
         self._advance, self._count, n = kernel.planner_advance, draws.count, len(start) - 1

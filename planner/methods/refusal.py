@@ -19,13 +19,7 @@ from planner.problem.problem import Problem
 from planner.problem.reach import Reach
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.support import progress
-from planner.support.deadline import (
-    TimeUpError,
-    remaining,
-    time_advice,
-    time_limit,
-    time_share,
-)
+from planner.support.deadline import TimeUpError, remaining, time_advice, time_limit, time_share
 from planner.support.files import toml
 from planner.verification.verify import verify
 

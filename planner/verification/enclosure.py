@@ -207,11 +207,7 @@ def _rates(
 
 
 def _growth(
-    system: TriangularSystem,
-    cells: Cells,
-    q: dict[int, Ball],
-    u: list[Ball],
-    block: list[int],
+    system: TriangularSystem, cells: Cells, q: dict[int, Ball], u: list[Ball], block: list[int]
 ) -> tuple[Array, Array]:
     """Bound the Jacobian ∂q̇/∂q of a block of coordinates over each cell.
 
@@ -316,12 +312,7 @@ def _jacobian(system: TriangularSystem) -> tuple[Expression, Array, Array, Point
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     matrix: Any = ca.jacobian(ca.vertcat(*system.rates_expr(q, u)), q)
     row, column = (np.array(x, dtype=int) for x in matrix.sparsity().get_triplet())
-    return (
-        Expression([q, u], matrix.nz[:]),
-        row,
-        column,
-        Pointwise("jacobian", [q, u], matrix),
-    )
+    return Expression([q, u], matrix.nz[:]), row, column, Pointwise("jacobian", [q, u], matrix)
 
 
 def _reference(

@@ -353,10 +353,7 @@ def _motion_findings(
     if not compensated:
         read = (
             ("plan's u(t) against the verification's series", motion.unresolved_input),
-            (
-                "requirements' values against the verification's series",
-                motion.unresolved_values,
-            ),
+            ("requirements' values against the verification's series", motion.unresolved_values),
         )
         for label, (amount, when) in read:
             part = Part(label, "", -np.inf, 0.0, 1.0)

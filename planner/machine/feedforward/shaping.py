@@ -21,11 +21,7 @@ import numpy as np
 
 from planner.machine.feedback.course import DEFAULT_TICK_S, turn_angles
 from planner.machine.feedback.means import gearhead_play, input_limit, shift_of
-from planner.machine.feedforward.legs import (
-    MOST_AWAYS_DEG,
-    legs_of,
-    start_shares,
-)
+from planner.machine.feedforward.legs import MOST_AWAYS_DEG, legs_of, start_shares
 from planner.machine.machine import Machine
 from planner.plan.clock import Clock
 from planner.plan.plan import Plan

@@ -69,11 +69,7 @@ class BestFit:
 
 
 def fit(
-    models: Sequence[LogModel],
-    parameters: Parameters,
-    starts: int,
-    seed: int,
-    tell: Tell,
+    models: Sequence[LogModel], parameters: Parameters, starts: int, seed: int, tell: Tell
 ) -> BestFit:
     """Return the best fit of the parameters to the logs among searches from several starts.
 

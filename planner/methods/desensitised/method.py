@@ -21,11 +21,7 @@ import numpy as np
 from planner.errors import InfeasibleError, InputError, NotConvergedError, Violation
 from planner.methods.collocation.best import Candidate, Exactness
 from planner.methods.collocation.guesses import Excursion, Seed, sign_of
-from planner.methods.collocation.method import (
-    chosen_goal,
-    plan_collocation,
-    refuse_start,
-)
+from planner.methods.collocation.method import chosen_goal, plan_collocation, refuse_start
 from planner.methods.collocation.pipeline import input_kind
 from planner.methods.collocation.refine import polish
 from planner.methods.collocation.solvers import Settings

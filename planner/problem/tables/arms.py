@@ -272,8 +272,7 @@ class BallGearTable(Table):
     joints: Joints = Field(description=f"Number of joints n, at most {MOST_JOINTS}.")
     K: list[Ratio] = Field(description=f"K2 ... Kn, n-1 numbers, at most {MOST_RATIO:g}.")
     k_g: Positive = Field(
-        1.0,
-        description="Turns of the last ball per turn of motor 1; u1 is the speed of the motor.",
+        1.0, description="Turns of the last ball per turn of motor 1; u1 is the speed of the motor."
     )
     link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
 

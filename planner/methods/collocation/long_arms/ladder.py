@@ -30,20 +30,10 @@ from planner.methods.collocation.long_arms.bridges import (
     close_gaps,
     ends_of,
 )
-from planner.methods.collocation.long_arms.exact_motion import (
-    chain_of,
-    follow,
-    has_only_limits,
-)
+from planner.methods.collocation.long_arms.exact_motion import chain_of, follow, has_only_limits
 from planner.methods.collocation.path import path_task, search, solve_timing
 from planner.methods.collocation.solvers import LADDER_ITERATIONS, strategy
-from planner.methods.collocation.task import (
-    ACCEPTED_RESIDUAL,
-    Solution,
-    Task,
-    stretch_to,
-    task,
-)
+from planner.methods.collocation.task import ACCEPTED_RESIDUAL, Solution, Task, stretch_to, task
 from planner.methods.collocation.transcription.bounds import InputDemands
 from planner.methods.collocation.transcription.form import Form
 from planner.methods.collocation.transcription.unknowns import Iterate

@@ -195,11 +195,7 @@ def _rates(system: MovingSystem, coordinates: tuple[int, ...], units: Units) -> 
 
 
 def _motion(
-    system: MovingSystem,
-    form: Form,
-    x: _Symbols,
-    rates: dict[int, list[Any]],
-    rows: _RowList,
+    system: MovingSystem, form: Form, x: _Symbols, rates: dict[int, list[Any]], rows: _RowList
 ) -> Any:
     """Add the rows that link an interval to the next; return the state at the right edge."""
     weights, end = ca.DM(form.scheme.quadrature), np.ones(1)

@@ -55,6 +55,7 @@ class DiskChain:
         q: Coordinates at the start, (N, S).
 
     Attributes:
+        q: Coordinates (φₙ₋₁, θ₁ … θₙ), shape (N, S), rad.
         slipping: Number of the contact in gross slip, (S,), see `contacts.contact_name`; −1 if
             none.
     """
@@ -73,16 +74,11 @@ class DiskChain:
         self._joints = [Play.gearhead(draws, 1, q[1].copy())]
         self._joints += [Play.passive(draws, i, theta) for i, theta in enumerate(q[2:].copy())]
         self._cosines = np.cos(q[1:-1])
-        self._state = q.copy()
+        self.q = q.copy()
         self._weights = weights(draws, len(self._joints))
         self._load()
         for joint in self._joints:
             joint.settle()
-
-    @property
-    def q(self) -> Array:
-        """Coordinates (φₙ₋₁, θ₁ … θₙ), shape (N, S), rad."""
-        return self._state
 
     @property
     def axes(self) -> Array:
@@ -110,7 +106,7 @@ class DiskChain:
         for j, k in enumerate(self._k):
             c = self._turn(j, ways, h)
             if j == last:
-                self._state[0] += self._k_g * to_end(disk, h)
+                self.q[0] += self._k_g * to_end(disk, h)
             disk = disk * c
             gain = k
             if passed is not None:
@@ -119,14 +115,13 @@ class DiskChain:
             driven = disk * c
             driven *= c
             ways = [gain * way for way in integrals(driven, h)]
-        self._state[last + 2] = self._joints[last + 1].move(ways[-1], h)
+        self.q[last + 2] = self._joints[last + 1].move(ways[-1], h)
 
     def _load(self) -> None:
         """Apply the torques of gravity at the present angles to the joints."""
         if self._weights is not None:
-            for joint, load in zip(
-                self._joints, gravity_torques(self._weights, self._state[1:]), strict=True
-            ):
+            loads = gravity_torques(self._weights, self.q[1:])
+            for joint, load in zip(self._joints, loads, strict=True):
                 joint.apply_load(load)
 
     def _geared_speed(self, speed: Array, travel: Array, h: float) -> Array:
@@ -178,7 +173,7 @@ class DiskChain:
         np.cos(joint.move(ways[0], part), out=c[1])
         if len(ways) > 1:
             np.cos(joint.move(ways[1] - ways[0], part), out=c[2])
-        self._state[i + 1] = joint.theta
+        self.q[i + 1] = joint.theta
         self._cosines[i] = c[-1]
         return c
 
@@ -219,9 +214,9 @@ class Play:
         start: Value = 0.0,
         share: Value = np.nan,
     ) -> None:
-        self._half_gap, self._stiffness, self._coulomb, self._viscous = (
-            np.broadcast_to(value, theta.shape) for value in (half_gap, stiffness, coulomb, viscous)
-        )
+        given = (half_gap, stiffness, coulomb, viscous)
+        full = (np.broadcast_to(value, theta.shape) for value in given)
+        self._half_gap, self._stiffness, self._coulomb, self._viscous = full
         self._soft = bool(np.all(np.isfinite(self._stiffness)))
         self._rest = self._half_gap + self._coulomb / self._stiffness
         self._least, self._most = -self._rest, self._rest
@@ -243,9 +238,8 @@ class Play:
 
     def settle(self) -> None:
         """Place the axis so that the joint rests at its present angle under its load."""
-        self.axis = self.theta + rest_at(
-            self._share, self._start * self._half_gap, self._least, self._most
-        )
+        middle = self._start * self._half_gap
+        self.axis = self.theta + rest_at(self._share, middle, self._least, self._most)
 
     @classmethod
     def gearhead(cls, draws: Draws, motor: int, angle: Array) -> Play:
@@ -325,9 +319,8 @@ class Play:
 
     def _touching(self, ahead: Array, turning: Array) -> Array:
         overrun = self._load * turning > self._coulomb  # gravity holds it on the other side
-        return np.asarray(
-            ((ahead >= self._half_gap - TOUCH_TOLERANCE_RAD) | overrun) & (turning != 0)
-        )
+        touching = (ahead >= self._half_gap - TOUCH_TOLERANCE_RAD) | overrun
+        return np.asarray(touching & (turning != 0))
 
 
 def rest_range(

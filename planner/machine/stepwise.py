@@ -217,29 +217,20 @@ class DynamicChain:
         q: Coordinates at the start, (N, S); everything is at rest then.
 
     Attributes:
+        q: Coordinates (φₙ₋₁, θ₁ … θₙ), shape (N, S), rad.
+        slipping: Number of the contact in gross slip, (S,), or −1; see `contacts.contact_name`.
+        motor_rates: Motor speeds at the output of their gearheads, (2, S), rad/s.
         limited_s: Time so far that each motor spent at its torque limit, (2, S), s.
     """
 
     def __init__(self, system: Manipulator, draws: Draws, q: Array) -> None:
         self._march = march = begin_march(system, draws, q)
         self._place, self._y, self._last = march.place, march.y, np.inf
+        # Views of the state, which the march changes in place.
+        self.q, self.slipping = self._y[self._place.q], march.slipping[0]
+        self.motor_rates = self._y[self._place.bodies.motors]
         self._shape = (2, draws.count)
         self.limited_s = np.zeros(self._shape)
-
-    @property
-    def q(self) -> Array:
-        """Coordinates (φₙ₋₁, θ₁ … θₙ), shape (N, S), rad."""
-        return self._y[self._place.q]
-
-    @property
-    def slipping(self) -> Array:
-        """Number of the contact in gross slip, (S,), or −1; see `contacts.contact_name`."""
-        return np.asarray(self._march.slipping[0])
-
-    @property
-    def motor_rates(self) -> Array:
-        """Motor speeds at the output of their gearheads, (2, S), rad/s."""
-        return self._y[self._place.bodies.motors]
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance the manipulators by one time step.

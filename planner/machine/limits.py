@@ -69,11 +69,8 @@ class MachineLimit:
 def breakable_limits(problem: Problem) -> list[Requirement]:
     """Return the requirements that a machine may break: those on the coordinates along the path,
     except the margin of z₂, a quantity of the methods only."""
-    return [
-        each
-        for each in problem.requirements
-        if each.reads == {"q"} and not each.final and not isinstance(each, Z2Margin)
-    ]
+    on_q = [each for each in problem.requirements if each.reads == {"q"}]
+    return [each for each in on_q if not isinstance(each, Z2Margin)]
 
 
 def bounds(requirement: Requirement) -> tuple[Array, Array]:
@@ -139,18 +136,9 @@ def machine_limits(
             continue
         worst = int(np.argmin(distances))
         value = high - distances[worst] if np.isfinite(high) else low + distances[worst]
-        out.append(
-            MachineLimit(
-                requirement,
-                part,
-                int(np.sum(distances < 0)),
-                len(distances),
-                float(value),
-                int(numbers[worst]),
-                float(times[worst, k]),
-                float(np.percentile(planned[k] - distances, KEPT_PERCENT)),
-            )
-        )
+        broken, sweep = np.sum(distances < 0), np.percentile(planned[k] - distances, KEPT_PERCENT)
+        found = float(value), int(numbers[worst]), float(times[worst, k]), float(sweep)
+        out.append(MachineLimit(requirement, part, int(broken), len(distances), *found))
     return tuple(out)
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.requirements.requirement import MotionPoint
@@ -93,7 +94,8 @@ def goal_reach(problem: Problem) -> Reach | None:
     errors = _tip_errors(problem, theta)
     size = np.max(np.abs(errors), axis=1, initial=0.0)
     solved, arm = size < TIP_TOLERANCE, _arm(problem)
-    allowed = solved & _keeps_requirements(problem, theta)  # type: ignore[operator, unused-ignore]
+    q = np.column_stack([np.zeros(len(theta)), theta])
+    allowed = solved & keeps_requirements(problem, q)
     branches = _nearest_by_branch(problem, theta[allowed])
     best = theta[solved][0] if np.any(solved) else _closest_angles(problem, theta)
     reach = float(np.sum(arm.link_lengths))
@@ -123,9 +125,8 @@ def _goal_angles(problem: Problem) -> Array:
     theta[0, free] = np.clip(problem.start[1:][free], -most, most)
     left = np.arange(START_POINTS)
     for _ in range(MOST_STEPS):
-        left = left[
-            np.max(np.abs(_tip_errors(problem, theta[left])), axis=1, initial=0.0) >= TIP_TOLERANCE
-        ]
+        missed = np.max(np.abs(_tip_errors(problem, theta[left])), axis=1, initial=0.0)
+        left = left[missed >= TIP_TOLERANCE]
         if not len(left):
             break
         theta[np.ix_(left, free)] = _improved_angles(problem, theta[left], free, most)
@@ -173,11 +174,10 @@ def _tip_slopes(problem: Problem, theta: Array) -> Array:
     return np.stack([every[name] for name in problem.tip.quantities], axis=1)
 
 
-def _keeps_requirements(problem: Problem, theta: Array) -> Array:
-    """Return whether configurations (S, n) satisfy the requirements that depend on q only, shape
+def keeps_requirements(problem: Problem, q: Array) -> NDArray[np.bool_]:
+    """Return whether configurations (S, N) satisfy the requirements that depend on q only, shape
     (S,)."""
-    q = np.column_stack([np.zeros(len(theta)), theta])
-    points, out = MotionPoint.of(problem.system, q), np.ones(len(theta), dtype=bool)
+    points, out = MotionPoint.of(problem.system, q), np.ones(len(q), dtype=bool)
     for requirement in problem.requirements:
         if requirement.reads == {"q"}:
             low, high, scale = requirement.bounds

@@ -29,7 +29,7 @@ from planner.machine.feedback.run_up import REST_S
 from planner.machine.machine import Machine, draw_start
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
-from planner.problem.requirements.requirement import MotionPoint
+from planner.problem.reach import keeps_requirements
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator, chain_inertia
@@ -232,10 +232,9 @@ def _gentle_s(system: Manipulator, machine: Machine, swing: Array) -> Array:
     """
     if machine.fidelity != "dynamic":
         return np.zeros(swing.shape)
-    inertia, length, moment = (
-        np.broadcast_to(machine.mean(name, system.n), system.n)[:, None]
-        for name in ("link_inertia_kgm2", "link_length_m", "link_moment_kgm")
-    )
+    names = ("link_inertia_kgm2", "link_length_m", "link_moment_kgm")
+    means = (np.broadcast_to(machine.mean(name, system.n), system.n)[:, None] for name in names)
+    inertia, length, moment = means
     straight = chain_inertia(inertia, length, moment, np.zeros((system.n, 1)))[..., 0]
     carried = np.cumsum(straight.sum(axis=1)[::-1])[::-1][1:]
     twist = carried / machine.mean("shaft_stiffness_nm_per_rad", system.n)
@@ -245,14 +244,7 @@ def _gentle_s(system: Manipulator, machine: Machine, swing: Array) -> Array:
 def _reachable(problem: Problem, q: Array, start: float) -> Array:
     """Return whether joint 1 can move from the start to each q (M, N) and keep all requirements,
     (M,)."""
-    kept = np.ones(len(q), dtype=bool)
-    for requirement in problem.requirements:
-        if requirement.reads == {"q"} and not requirement.final:
-            values = requirement.values(MotionPoint.of(problem.system, q))
-            for part, value in zip(requirement.parts, values, strict=True):
-                slack = 1e-9 * part.scale
-                kept &= (value >= part.low - slack) & (value <= part.high + slack)
-    away = q[:, 1] - start
+    kept, away = keeps_requirements(problem, q), q[:, 1] - start
     blocked = [np.min(np.abs(away[~kept & (away * s > 0)]), initial=np.inf) for s in (-1.0, 1.0)]
     return np.asarray(np.abs(away) < np.where(away < 0, blocked[0], blocked[1]))
 

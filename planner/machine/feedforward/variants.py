@@ -67,10 +67,8 @@ class Variants:
 
     def __init__(self, plan: Plan, machine: Machine, shape: CommandShape) -> None:
         self._plan, self._machine, self.shape = plan, machine.nominal(), shape
-        self._coarse = replace(
-            self._machine.with_(velocity_resolution_rad_s=False),
-            step_s=max(machine.step_s, shape.tick / 2),
-        )
+        coarse = self._machine.with_(velocity_resolution_rad_s=False)
+        self._coarse = replace(coarse, step_s=max(machine.step_s, shape.tick / 2))
         clock = shape.clock
         self._begin, self._end = clock.lead_s, clock.t[-1] - stopping_s(plan, machine)
         if any(np.any(leg.angles) for leg in shape.legs if leg.place_s == plan.duration):
@@ -134,18 +132,15 @@ class Variants:
             pins.append((q[:, there] - place)[:, ~np.isnan(place)])
         margins = [np.empty((count, 0))]
         for requirement in problem.requirements:
-            if requirement.reads == {"q"} and not requirement.final:
+            if requirement.reads == {"q"}:
                 values = requirement.values(MotionPoint.of(problem.system, q))
                 for part, value in zip(requirement.parts, values, strict=True):
                     if np.isfinite(part.low):
                         margins.append((value - part.low) / part.scale - SAFE)
                     if np.isfinite(part.high):
                         margins.append((part.high - value) / part.scale - SAFE)
-        return Runs(
-            np.rad2deg(errors.reshape(count, -1)),
-            np.rad2deg(np.concatenate(pins, axis=1)),
-            np.concatenate(margins, axis=1),
-        )
+        missed, margin = (np.concatenate(each, axis=1) for each in (pins, margins))
+        return Runs(np.rad2deg(errors.reshape(count, -1)), np.rad2deg(missed), margin)
 
     @cached_property
     def _goal(self) -> Array:
@@ -167,8 +162,5 @@ class Variants:
         k = np.arange(2 * (m - 1))
         probes[1 + k // 2, k % 2, k] += probe
         runs, step = self.run(probes), np.rad2deg(probe)
-        return Runs(
-            (runs.errors - now.errors) / step,
-            (runs.pins - now.pins) / step,
-            (runs.margins - now.margins) / step,
-        )
+        pairs = (runs.errors, now.errors), (runs.pins, now.pins), (runs.margins, now.margins)
+        return Runs(*((probed - usual) / step for probed, usual in pairs))

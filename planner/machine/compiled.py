@@ -79,15 +79,10 @@ Size = tuple[int, int]
 """Size of an array: (a, b) means a + b m numbers, for m passive joints."""
 
 MACHINE, MOTORS, PASSIVE, JOINTS = (1, 0), (2, 0), (0, 1), (1, 1)
+_OWNERS = {"machine": MACHINE, "motor": MOTORS, "passive": PASSIVE, "joint": JOINTS}
 
 MACHINE_NUMBERS: dict[str, Size] = {
-    **{
-        name: {"machine": MACHINE, "motor": MOTORS, "passive": PASSIVE, "joint": JOINTS}[
-            effect.owner
-        ]
-        for name, effect in EFFECTS.items()
-        if not effect.dynamic_only
-    },
+    **{name: _OWNERS[each.owner] for name, each in EFFECTS.items() if not each.dynamic_only},
     **dict.fromkeys(("gain", "gearhead_half"), MOTORS),
     **dict.fromkeys(("k", "half_gap", "rest"), PASSIVE),
     "weights": JOINTS,
@@ -134,34 +129,17 @@ DYNAMIC_NUMBERS: dict[str, Size] = {
 MOST_PASSIVE = 16
 """Largest number of passive joints in `dynamic.c`."""
 
-VERSION = zlib.crc32(
-    repr(
-        (
-            COUNTS,
-            ARRAYS,
-            STRIDES,
-            MACHINE_NUMBERS,
-            STATE_NUMBERS,
-            DYNAMIC_NUMBERS,
-            MASSES,
-            ROWS,
-            LIMITED_LAWS,
-            PLAY_LAWS,
-            MOST_PASSIVE,
-        )
-    ).encode()
-)
+_TABLES = (COUNTS, ARRAYS, STRIDES, MACHINE_NUMBERS, STATE_NUMBERS, DYNAMIC_NUMBERS, MASSES, ROWS)
+VERSION = zlib.crc32(repr((*_TABLES, LIMITED_LAWS, PLAY_LAWS, MOST_PASSIVE)).encode())
 """Checksum of the data layout. A kernel with another checksum is refused with a warning."""
 
 
 def places(table: dict[str, Size], m: int) -> dict[str, slice]:
     """Return where each part of a table lies in an array that holds all of its parts in order, for
     m passive joints."""
-    ends = accumulate(a + b * m for a, b in table.values())
-    return {
-        name: slice(end - a - b * m, end)
-        for (name, (a, b)), end in zip(table.items(), ends, strict=True)
-    }
+    sizes = [a + b * m for a, b in table.values()]
+    ends = zip(table, sizes, accumulate(sizes), strict=True)
+    return {name: slice(end - size, end) for name, size, end in ends}
 
 
 class _KernelModel(ctypes.Structure):
@@ -223,11 +201,8 @@ def open_library(path: Path) -> Any | None:
     layout, source = (function() for function in versions)
     if layout != VERSION or source != source_checksum(source):
         return None
-    kernel.planner_advance.argtypes = [
-        ctypes.POINTER(_KernelModel),
-        ctypes.POINTER(_KernelCommands),
-        *[ctypes.c_int64] * 4,
-    ]
+    pointers = ctypes.POINTER(_KernelModel), ctypes.POINTER(_KernelCommands)
+    kernel.planner_advance.argtypes = [*pointers, *[ctypes.c_int64] * 4]
     return kernel
 
 
@@ -258,9 +233,8 @@ class CompiledMotion:
         parameters = _parameters(system, draws)
         self._places = places(STATE_NUMBERS, n - 1)
         self._state = state = _state(system, draws, start)
-        self.deviation, self.saturated_s, self.slip = (
-            state[:, self._places[name]] for name in ("gap", "saturated", "slip")
-        )
+        read = (state[:, self._places[name]] for name in ("gap", "saturated", "slip"))
+        self.deviation, self.saturated_s, self.slip = read
         self._arrays = {  # kept alive while the kernel points into them
             "parameters": np.concatenate([*parameters.values()]).T.copy(),
             "state": self._state,
@@ -337,12 +311,9 @@ def _parameters(system: Manipulator, draws: Draws) -> dict[str, Array]:
         "rest": half_gap + draws["coulomb_friction_nm"] / draws["shaft_stiffness_nm_per_rad"],
         "weights": np.zeros((m + 1, 1)) if weighed is None else weighed,
     }
-    return {
-        name: np.broadcast_to(
-            derived[name] if name in derived else draws[name], (a + b * m, draws.count)
-        )
-        for name, (a, b) in MACHINE_NUMBERS.items()
-    }
+    given = {name: derived[name] if name in derived else draws[name] for name in MACHINE_NUMBERS}
+    sizes = {name: a + b * m for name, (a, b) in MACHINE_NUMBERS.items()}
+    return {name: np.broadcast_to(x, (sizes[name], draws.count)) for name, x in given.items()}
 
 
 def _flags(draws: Draws, parameters: dict[str, Array]) -> dict[str, int]:

@@ -40,31 +40,27 @@ def gearhead_play(system: TriangularSystem, machine: Machine) -> Array:
     return np.deg2rad(np.broadcast_to(machine.mean("gearhead_backlash_deg"), 2))
 
 
+LOST_MOTION = ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
+"""Effects that a joint's lost motion depends on."""
+
+
 def lost_motion(system: TriangularSystem, machine: Machine) -> Array:
     """Return the mean lost motion of each passive joint, (N−2,), rad: the angle by which its axis
     leads the joint, in either direction."""
     if not isinstance(system, Manipulator):
         return np.zeros(system.size - 2)
-    play, friction, stiffness = (
-        machine.mean(name, system.n)
-        for name in ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
-    )
+    play, friction, stiffness = (machine.mean(name, system.n) for name in LOST_MOTION)
     return np.array(np.broadcast_to(np.deg2rad(play) / 2 + friction / stiffness, system.n - 1))
 
 
 def lost_spread(machine: Machine, joints: int) -> Array:
     """Return the standard deviation of the lost motion of joints to first order, rad: one for all
     joints or one each."""
-    names = ("backlash_deg", "coulomb_friction_nm", "shaft_stiffness_nm_per_rad")
-    _, friction, stiffness = (machine.mean(name, joints) for name in names)
-    play, rough, soft = (machine.spread(name, joints) for name in names)
-    return np.asarray(
-        np.sqrt(
-            (np.deg2rad(play) / 2) ** 2
-            + (rough / stiffness) ** 2
-            + (friction / stiffness * soft / stiffness) ** 2
-        )
-    )
+    _, friction, stiffness = (machine.mean(name, joints) for name in LOST_MOTION)
+    play, rough, soft = (machine.spread(name, joints) for name in LOST_MOTION)
+    of_play, of_friction = (np.deg2rad(play) / 2) ** 2, (rough / stiffness) ** 2
+    of_shaft = (friction / stiffness * soft / stiffness) ** 2
+    return np.asarray(np.sqrt(of_play + of_friction + of_shaft))
 
 
 def mean_passing(system: TriangularSystem, machine: Machine, q: Array) -> Array:

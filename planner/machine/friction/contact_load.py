@@ -163,14 +163,10 @@ def _loads(system: Manipulator, draws: Draws, q: Array, rates: Array) -> tuple[A
     torques = np.broadcast_to(torques, (system.n - 1, len(q), draws.count))
     cosines = np.cos(q[:, 1:-1]).T[..., None]
     driven = rates[:, :1] != 0  # no contact slides sideways at rest; `DiskChain` then moves nothing
-    loads, _, most = chain_loads(
-        cosines,
-        gear_constants(system, draws),
-        torques,
-        (lateral_friction(draws) * driven)[None],
-        friction_capacity(draws),
-    )
-    first = Grip(cosines[0], (lateral_friction(draws) * driven), friction_capacity(draws))
+    lateral, capacity = lateral_friction(draws) * driven, friction_capacity(draws)
+    k = gear_constants(system, draws)
+    loads, _, most = chain_loads(cosines, k, torques, lateral[None], capacity)
+    first = Grip(cosines[0], lateral, capacity)
     motor = np.abs(first.driver_torque(loads[0, 0])).max(axis=0)
     loads = np.abs(loads)
     return loads.max(axis=(0, 1, 2)), (loads / most).max(axis=(0, 1, 2)), motor

@@ -141,9 +141,7 @@ def chain_loads(
         For P₁, P₂ and P₃ of each stage, (3, n−1, …, S): loads at the driven rim, N m; fractions of
         V cosθ that are transmitted; loads at which gross slip begins, N m.
     """
-    loads, parts, most = (
-        np.empty((3, *np.broadcast_shapes(torques.shape, cosines.shape))) for _ in range(3)
-    )
+    loads, parts, most = np.empty((3, 3, *np.broadcast_shapes(torques.shape, cosines.shape)))
     later = later_steady = np.zeros(1)
     for j in range(len(torques) - 1, -1, -1):
         grip = Grip(cosines[j], lateral[0], capacity[0])

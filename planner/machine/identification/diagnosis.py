@@ -147,9 +147,8 @@ def _misfit(log: Log, system: Manipulator) -> Array:
     for k, angle in enumerate(commands):
         passed[k] = now = np.minimum(np.maximum(now, angle - half), angle + half)
     left = np.min(np.std(log.theta[:, None] - passed, axis=0), axis=0)
-    small = np.maximum(np.ptp(commands, axis=0), np.ptp(log.theta, axis=0)) < np.deg2rad(
-        LEAST_SWING_DEG
-    )
+    widest = np.maximum(np.ptp(commands, axis=0), np.ptp(log.theta, axis=0))
+    small = widest < np.deg2rad(LEAST_SWING_DEG)
     return np.asarray(np.where(small, 0.0, left / np.maximum(swing, 1e-12)))
 
 
@@ -186,10 +185,8 @@ def _mistakes(log: Log) -> Iterator[tuple[str, Log]]:
             + (f" (or K{i + 1} is given so many times too small)" if i else ""),
             replace(log, theta=log.theta * smaller),
         )
-    orders = [
-        tuple(j if k == i else i if k == j else k for k in joints)
-        for i, j in combinations(joints, 2)
-    ]
+    pairs = combinations(joints, 2)
+    orders = [tuple(j if k == i else i if k == j else k for k in joints) for i, j in pairs]
     if len(joints) <= MAX_JOINTS:
         orders = list(permutations(joints))[1:]
     for order in orders:

@@ -92,9 +92,9 @@ def fit(
         z = problem.with_settled_offsets(z)
         problem.count, problem.heard = 0, partial(_share, tell, start, starts)
         solution = least_squares(
-            problem.residuals,
+            lambda z: problem.evaluate(z)[0],
             z,
-            problem.slopes,
+            lambda z: problem.evaluate(z)[1],
             bounds=(problem.low, problem.high),
             loss="soft_l1",
             f_scale=SOFT_FROM,
@@ -107,12 +107,10 @@ def fit(
             best = solution
     assert best is not None
     x, offsets = problem.split(best.x)
-    gaps = [
-        m.angles(x[None], o[None])[0] - m.log.theta for m, o in zip(models, offsets, strict=True)
-    ]
-    residual = [
-        np.sqrt(np.mean(g[m.known :] ** 2, axis=0)) for m, g in zip(models, gaps, strict=True)
-    ]
+    residual = []
+    for model, offset in zip(models, offsets, strict=True):
+        gap = model.angles(x[None], offset[None])[0] - model.log.theta
+        residual.append(np.sqrt(np.mean(gap[model.known :] ** 2, axis=0)))
     spread = problem.bootstrap(best.x, random)
     return BestFit(x, spread, np.array(residual))
 
@@ -168,15 +166,7 @@ class _LeastSquares:
         offsets = [model.settled_offsets(x[None])[0] for model in self._models]
         return np.concatenate([x, np.ravel(offsets) / OFFSET_RAD])
 
-    def residuals(self, z: Array) -> Array:
-        """Return the residuals of the readings, then of the priors of z."""
-        return self._evaluate(z)[0]
-
-    def slopes(self, z: Array) -> Array:
-        """Return the derivatives of `residuals` by z."""
-        return self._evaluate(z)[1]
-
-    def _evaluate(self, z: Array) -> tuple[Array, Array]:
+    def evaluate(self, z: Array) -> tuple[Array, Array]:
         """Return the residuals at z and their derivatives by z, from one simulation of each log."""
         if self._kept is None or not np.array_equal(self._kept[0], z):
             self.count += 1
@@ -191,11 +181,9 @@ class _LeastSquares:
                 rows[:, columns] = derivatives
                 residuals.append(values)
                 slopes.append(rows)
-            self._kept = (
-                z.copy(),
-                np.concatenate([*residuals, z]),
-                np.concatenate([*slopes, np.eye(self.size)]),
-            )
+            priors = np.eye(self.size)
+            both = np.concatenate([*residuals, z]), np.concatenate([*slopes, priors])
+            self._kept = (z.copy(), *both)
         return self._kept[1], self._kept[2]
 
     def _of_log(
@@ -221,7 +209,7 @@ class _LeastSquares:
     def normal_equations(self, z: Array) -> tuple[int, Array, Array]:
         """Return the number of blocks of data, the Hessian of the cost, and its gradient by block
         at z."""
-        residuals, slopes = self._evaluate(z)
+        residuals, slopes = self.evaluate(z)
         data = len(residuals) - self.size
         per_block = max(1, round(BLOCK_S * INDEPENDENT_HZ * 2)) * self._joints
         block = np.arange(data) // per_block

@@ -136,9 +136,8 @@ class Identification:
         rows = [each.parameter for each in self.estimates if each.parameter.merged]
         names = (row.name.rstrip("0123456789 ").removesuffix(" joint") for row in rows)
         kinds = (name.removesuffix(" of") for name in names)
-        return tuple(
-            dict.fromkeys(f"{k}: {row.merged}" for k, row in zip(kinds, rows, strict=True))
-        )
+        texts = (f"{kind}: {row.merged}" for kind, row in zip(kinds, rows, strict=True))
+        return tuple(dict.fromkeys(texts))
 
     @property
     def untold(self) -> tuple[str, ...]:
@@ -193,9 +192,8 @@ class Identification:
 
     def plot(self) -> Figure:
         """Plot each run's residuals, those of the preset, and the uncertainty of each number."""
-        figure: Figure = import_function("planner.report.figures.recorded.identification_figure")(
-            self
-        )
+        draw = import_function("planner.report.figures.recorded.identification_figure")
+        figure: Figure = draw(self)
         return figure
 
     def to_dict(self) -> dict[str, Any]:
@@ -232,10 +230,8 @@ class Identification:
         off = [k for k, v in self.machine.to_dict().items() if v is False]
         base = Machine.from_table({"preset": self.machine.preset}).effects
         settings |= {name: False for name in off if name in base}
-        return (
-            "\n".join([*head, "[machine]", *(f"{k} = {toml(v)}" for k, v in settings.items())])
-            + "\n"
-        )
+        rows = [f"{key} = {toml(value)}" for key, value in settings.items()]
+        return "\n".join([*head, "[machine]", *rows]) + "\n"
 
     def save(self, path: str | Path) -> Path:
         """Write the identified machine's `[machine]` table; `planner.load_machine` reads it back.
@@ -369,14 +365,9 @@ def _estimates(parameters: Parameters, result: BestFit) -> Iterator[Estimate]:
     values = parameters.values(result.x)
     for k, row in enumerate(parameters.rows):
         edges = result.x[k] - parameters.low[k], parameters.high[k] - result.x[k]
-        yield Estimate(
-            row,
-            row.value / row.scale,
-            float(values[k]) / row.scale,
-            float(result.spread[k]) * row.prior / row.scale,
-            1.0 - min(1.0, float(result.spread[k])),
-            min(edges) < EDGE_SHARE,
-        )
+        left = float(result.spread[k])  # of the prior
+        found = float(values[k]) / row.scale, left * row.prior / row.scale, 1.0 - min(1.0, left)
+        yield Estimate(row, row.value / row.scale, *found, min(edges) < EDGE_SHARE)
 
 
 EDGE_SHARE = 1e-3
@@ -412,9 +403,8 @@ def find_warnings(
                     f" from t = {log.t[first]:.4g} s on, which may explain its residual: is its"
                     " encoder dead?"
                 )
-    if still := [
-        i for i in range(1, logs[0].theta.shape[1]) if not any(_turns(x, i) for x in logs)
-    ]:
+    passive = range(1, logs[0].theta.shape[1])
+    if still := [i for i in passive if not any(_turns(x, i) for x in logs)]:
         names = ", ".join(f"joint {i + 1}" for i in still)
         yield (
             f"{names} never reverses in these runs, so the lost motion cannot be determined: record"

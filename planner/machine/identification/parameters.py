@@ -173,15 +173,13 @@ class Parameters:
     def _each(self, effect: str) -> Array:
         """Return the values of an effect in the preset, one for each motor or joint that has its
         own, (c,)."""
-        return np.array(
-            np.broadcast_to(self._base[effect][:, 0], EFFECTS[effect].count(self.system.n))
-        )
+        count = EFFECTS[effect].count(self.system.n)
+        return np.array(np.broadcast_to(self._base[effect][:, 0], count))
 
     def _rows(self) -> Iterator[FitParameter]:
         effects, numbers = self._machine.effects, range(2, self.system.n + 1)
-        spreads = np.maximum(
-            lost_spread(self._machine, self.system.n), 0.1 * self._lost + 0.1 * DEG
-        )
+        least = 0.1 * self._lost + 0.1 * DEG
+        spreads = np.maximum(lost_spread(self._machine, self.system.n), least)
         for j, w, spread in zip(numbers, self._lost, spreads, strict=True):
             words, prior = (f"w{j}", f"lost motion of joint {j}", "deg"), PRIOR_SPREADS * spread
             merged = "" if self._has_inertia else "backlash, friction and stiffness"
@@ -189,9 +187,8 @@ class Parameters:
         if self._has_friction:
             yield from self._parts_of_lost_motion()
         if {"viscous_friction_nms_per_rad", "shaft_stiffness_nm_per_rad"} <= effects.keys():
-            lags = self._each("viscous_friction_nms_per_rad") / self._each(
-                "shaft_stiffness_nm_per_rad"
-            )
+            stiffness = self._each("shaft_stiffness_nm_per_rad")
+            lags = self._each("viscous_friction_nms_per_rad") / stiffness
             for j, lag in zip(numbers, lags, strict=True):
                 words, prior = (f"lag{j}", f"lag of joint {j}", "ms"), PRIOR_SPREADS * 0.3 * lag
                 merged = "viscous friction and stiffness"
@@ -253,9 +250,8 @@ class Parameters:
         if self._has_inertia:
             share = np.stack([values[f"twist{j}"] for j in numbers])
         if self._has_friction:
-            friction = out["coulomb_friction_nm"] = np.stack(
-                [values[f"friction{j}"] for j in numbers]
-            )
+            each = [values[f"friction{j}"] for j in numbers]
+            friction = out["coulomb_friction_nm"] = np.stack(each)
         out["backlash_deg"] = np.rad2deg(2 * (1 - share) * lost)
         stiffness = self._each("shaft_stiffness_nm_per_rad")[:, None]
         if np.any(share > 0):

@@ -344,9 +344,8 @@ class StageLaws:
         limited, play = self.relative(v)
         ahead = self.ahead + self.h * play
         wound = ahead - np.minimum(np.maximum(ahead, -self.half_gap), self.half_gap)
-        limited_torque = np.minimum(
-            np.maximum(self.offset + self.slope * limited, -self.limit), self.limit
-        )
+        asked = self.offset + self.slope * limited
+        limited_torque = np.minimum(np.maximum(asked, -self.limit), self.limit)
         return limited_torque, self.stiff * wound
 
     def _pieces(self, v: Array, before: Array) -> Array:
@@ -355,9 +354,8 @@ class StageLaws:
         limited, play = self.relative(v)
         value = np.concatenate([self.offset + self.slope * limited, self.ahead + self.h * play])
         edge = np.concatenate([self.limit, self.half_gap])
-        room = np.concatenate(
-            [np.full_like(self.limit, EDGE_NM), np.full_like(self.ahead, EDGE_RAD)]
-        )
+        rooms = np.full_like(self.limit, EDGE_NM), np.full_like(self.ahead, EDGE_RAD)
+        room = np.concatenate(rooms)
         inside = np.abs(value) <= edge + room
         holds = np.where(before == 0, inside, before * value >= edge - room)
         new = np.where(inside, 0.0, np.sign(value))
@@ -458,9 +456,8 @@ class StageLaws:
         inertial = np.sum(way * (self.drag * v - self.push), axis=0)
         coupled = np.einsum("jks,ks->js", self.coupling, v[self.rows.links])
         inertial += np.sum(way[self.rows.links] * coupled, axis=0)
-        return np.asarray(
-            inertial + np.sum(limited * limited_torque, axis=0) + np.sum(play * pressed, axis=0)
-        )
+        inertial = inertial + np.sum(limited * limited_torque, axis=0)
+        return np.asarray(inertial + np.sum(play * pressed, axis=0))
 
 
 def _reflected_load(c: Array, s: Array, drag: Array, push: Array) -> tuple[Array, Array]:

@@ -279,13 +279,9 @@ def subdivide(times: Array, step: float, low: float = -np.inf, high: float = np.
     gaps = np.diff(times)
     counts = np.maximum(1, np.ceil(gaps / step - 1e-9)).astype(int)
     sizes = gaps / counts
-    first, last = (
-        np.clip(edge, 0, counts).astype(int)
-        for edge in (
-            np.floor((low - times[:-1]) / sizes - 1e-9),
-            np.ceil((high - times[:-1]) / sizes + 1e-9),
-        )
-    )
+    begin = np.floor((low - times[:-1]) / sizes - 1e-9)
+    end = np.ceil((high - times[:-1]) / sizes + 1e-9)
+    first, last = (np.clip(edge, 0, counts).astype(int) for edge in (begin, end))
     number = np.maximum(last - first, 0)
     inner = np.arange(number.sum()) - np.repeat(np.cumsum(number) - number - first, number)
     starts, sizes = np.repeat(times[:-1], number), np.repeat(sizes, number)

@@ -200,10 +200,8 @@ class Machine:
     def to_dict(self) -> dict[str, Any]:
         """Return the machine's `[machine]` table with every effect in it, so that the table does
         not depend on presets."""
-        settings = {
-            name: self.effects[name].to_setting() if name in self.effects else False
-            for name in EFFECTS
-        }
+        on = self.effects
+        settings = {name: on[name].to_setting() if name in on else False for name in EFFECTS}
         return {
             "preset": self.preset,
             "step_s": self.step_s,
@@ -362,12 +360,8 @@ def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
     if isinstance(samples, int) and samples > MOST_MACHINES:
         raise InputError(f"samples = {samples}: at most {MOST_MACHINES} machines")
     numbers = np.arange(samples) if isinstance(samples, int | np.integer) else np.asarray(samples)
-    if (
-        numbers.ndim != 1
-        or numbers.size == 0
-        or numbers.dtype.kind not in "iu"
-        or numbers.min() < 0
-    ):
+    whole = numbers.ndim == 1 and numbers.size > 0 and numbers.dtype.kind in "iu"
+    if not whole or numbers.min() < 0:
         raise InputError(
             f"samples = {samples}: give a number of samples (at least 1), or a list of sample"
             " numbers from 0"
@@ -429,9 +423,8 @@ def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int) -> Ar
     """Return the random numbers (count, S), uniform in 0 … 1, of the samples `numbers` (S,) from
     the stream of an effect."""
     sequence = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),))
-    bits = np.random.PCG64(
-        sequence
-    )  # as in `numpy.random.default_rng`; each number advances it by one step
+    # As in `numpy.random.default_rng`; each number advances it by one step.
+    bits = np.random.PCG64(sequence)
     generator, passed, runs = np.random.Generator(bits), 0, []
     unique, place = np.unique(numbers, return_inverse=True)
     for run in np.split(unique, np.flatnonzero(np.diff(unique) > 1) + 1):
@@ -522,13 +515,8 @@ PROTOTYPE: Mapping[str, Any] = MappingProxyType(
     }
 )
 
-_PRESET_LISTS = {
-    tuple(numbers)
-    for setting in PROTOTYPE.values()
-    if isinstance(setting, Mapping)
-    for numbers in setting.values()
-    if isinstance(numbers, list)
-}
+_DRAWN = [setting for setting in PROTOTYPE.values() if isinstance(setting, Mapping)]
+_PRESET_LISTS = {tuple(n) for each in _DRAWN for n in each.values() if isinstance(n, list)}
 
 
 def fit_to_joints(name: str, numbers: Sequence[float], joints: int) -> Sequence[float]:

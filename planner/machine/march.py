@@ -154,9 +154,8 @@ class March:
         second = data.k * c * c * kept * kept
         second *= np.maximum(1.0 - drag[2] * lost[1] / grip.cosine, 0.0)
         speed = data.k * disk * parts[0] * (data.k[0] * grip.cosine) * grip.cosine
-        slip = np.concatenate(
-            [disk / data.disk * lost[0], speed * (grip.cosine * lost[1] + parts[1] * lost[2])]
-        )
+        of_axes = speed * (grip.cosine * lost[1] + parts[1] * lost[2])
+        slip = np.concatenate([disk / data.disk * lost[0], of_axes])
         room = np.minimum(data.capacity, (data.capacity - drag[2]) / grip.cosine)
         limit = np.concatenate([data.capacity * data.disk, room / data.k[0]])
         slid = np.zeros((len(c) + 1, c.shape[1]))
@@ -188,12 +187,10 @@ class March:
         new[place.q.start] = y[place.q.start] + h * self.k_g * v[rows.drivers[-1]]
         new[place.q][1:] = y[place.q][1:] + h * v[rows.links]
         wound = (new[place.twist] - y[place.twist]) / h
-        lost = np.sum(limited_torque[2:] * limited[2:], axis=0) + np.sum(
-            data.damping * wound**2, axis=0
-        )
-        lost += np.sum(data.viscous * v[rows.passive] ** 2, axis=0) + LEAST_DRAG * np.sum(
-            v**2, axis=0
-        )
+        lost = np.sum(limited_torque[2:] * limited[2:], axis=0)
+        lost += np.sum(data.damping * wound**2, axis=0)
+        dragged = np.sum(data.viscous * v[rows.passive] ** 2, axis=0)
+        lost += dragged + LEAST_DRAG * np.sum(v**2, axis=0)
         work = np.sum(limited_torque[:2] * v[rows.motors], axis=0)
         return _StageEnd(new, pieces, np.stack([work, lost]))
 
@@ -268,6 +265,5 @@ def _settle(data: Masses, place: StateRows, y: Array, shares: Array) -> None:
     loads, _, _ = chain_loads(c, data.k, shafts, np.zeros((1, 1)), data.capacity)  # nothing slides
     hold(slice(0, 1), -loads[0, :1] * np.abs(c[:1]), np.zeros((1, y.shape[1])))
     held_back = data.integral > 0
-    y[place.behind] = np.where(
-        held_back, y[place.torque][:2] / np.where(held_back, data.integral, 1.0), 0.0
-    )
+    integral = np.where(held_back, data.integral, 1.0)
+    y[place.behind] = np.where(held_back, y[place.torque][:2] / integral, 0.0)

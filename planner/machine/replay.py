@@ -104,9 +104,8 @@ class Replay(Recording):
         times, shape = self.t[self.t <= self.plan.duration], (1, self.margin.shape[1])
         planned, when = np.full(shape, np.inf), np.zeros(shape)
         lower_margins(planned, when, self.plan.problem, self.plan.q(times)[None], times)
-        return machine_limits(
-            self.plan.problem, planned[0], self.margin, self.margin_s, self.numbers
-        )
+        margins = planned[0], self.margin, self.margin_s
+        return machine_limits(self.plan.problem, *margins, self.numbers)
 
     @property
     def limit_share(self) -> float:

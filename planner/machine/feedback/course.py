@@ -88,9 +88,8 @@ class Course:
         if self._run_up is None:
             return out
         when = t - self.start
-        before = np.stack(
-            [np.interp(when, self._run_up.t, column) for column in self._run_up.q.T], axis=-1
-        )
+        columns = [np.interp(when, self._run_up.t, column) for column in self._run_up.q.T]
+        before = np.stack(columns, axis=-1)
         return np.where((when < 0)[..., None], before, out)
 
     def commanded_angles(self, t: Array) -> Array:

@@ -222,11 +222,10 @@ class History:
         end = self._first + len(self._values)
         position = np.clip(times / self._tick, self._first, end)
         whole = np.minimum(np.floor(position + 1e-9).astype(int), end - 1)
-        out = [
-            self._travel[k - self._first][i]
-            + (x - k) * self._tick * self._values[k - self._first][i]
-            for i, (k, x) in enumerate(zip(whole, position, strict=True))
-        ]
+        out = []
+        for i, (k, x) in enumerate(zip(whole, position, strict=True)):
+            place = k - self._first
+            out.append(self._travel[place][i] + (x - k) * self._tick * self._values[place][i])
         return np.stack(out)
 
 

@@ -153,9 +153,8 @@ class TrackingProgramme:
             Z, Y = law.F[i] @ Z + law.G[i] @ M, law.F[i] @ Y + law.G[i] @ T
             C = ref.rows[i]
             kinds[2].append((C @ Z[:size], C @ Y[:size], ref.floor[i], ref.ceiling[i]))
-        M, T, low, high = (
-            np.concatenate([rows[column] for kind in kinds for rows in kind]) for column in range(4)
-        )
+        every = [rows for kind in kinds for rows in kind]
+        M, T, low, high = (np.concatenate(column) for column in zip(*every, strict=True))
         return ControlStep(M, T, low, high, T[: self._driven])
 
     def _solve(self, step: ControlStep, values: Array, guess: Array) -> tuple[Array | None, bool]:
@@ -168,10 +167,8 @@ class TrackingProgramme:
         first = self._inner(step.driven, low[:d], high[:d], guess)
         if first.c is not None:
             reached = step.T[d:] @ first.c
-            if np.all(
-                (reached >= low[d:] - STATE_TOLERANCE_RAD)
-                & (reached <= high[d:] + STATE_TOLERANCE_RAD)
-            ):
+            slack = STATE_TOLERANCE_RAD
+            if np.all((reached >= low[d:] - slack) & (reached <= high[d:] + slack)):
                 return first.c, False
             guess = first.c
         result = self._whole(step.T, low, high, guess)

@@ -156,6 +156,7 @@ def reference(
     rests = (s[1:] <= course.start) & np.all(feed[:, :, 0] == 0, axis=1)
     high[rests, 0], low[rests, 0] = RESTING_SHARE * limit[0], -RESTING_SHARE * limit[0]
     rows, floor, ceiling = _state_limits(problem, q[1:], s[1:] >= course.start)
+    last = np.ceil((course.end - timing.shift - timing.begin) / tick - 1e-6)
     return Reference(
         timing=timing,
         limit=limit,
@@ -167,9 +168,7 @@ def reference(
         q=q,
         joints=joints,
         feed=feed,
-        last_ticks=np.ceil((course.end - timing.shift - timing.begin) / tick - 1e-6).astype(
-            np.int64
-        ),
+        last_ticks=last.astype(np.int64),
         first_inputs=first,
         A=A,
         B_before=before,
@@ -210,14 +209,11 @@ def _pushes(forecast: Forecast, q: Array, travel: Array, lost: Array) -> tuple[A
     for i in range(place.shape[1]):
         moving = np.flatnonzero(pushed[:, i])
         last = moving[-1] if len(moving) else -1
-        way[: last + 1, i] = np.sign(pushed[moving, i])[
-            np.searchsorted(moving, np.arange(last + 1))
-        ]
+        following = np.searchsorted(moving, np.arange(last + 1))
+        way[: last + 1, i] = np.sign(pushed[moving, i])[following]
         way[last + 1 :, i] = way[last, i] if last >= 0 else 1.0
         off = lost[i, 0] - way[-1, i] * place[last + 1 :, i]
-        if (
-            last >= 0 and np.max(off) > LEFT_JOINT_RAD
-        ):  # it leaves its joint and never pushes it again
+        if last >= 0 and np.max(off) > LEFT_JOINT_RAD:  # it leaves its joint for good
             way[last + 1 :, i] *= -1
             push[-1, i] = np.max(off) - 2 * lost[i, 0]
         for k in range(len(change) - 1, -1, -1):
@@ -234,9 +230,8 @@ def _derivatives(system: TriangularSystem) -> Pointwise:
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     f = ca.vertcat(*system.rates_expr(q, u))
     diagonal = ca.diag(f)[:, 2:]
-    return Pointwise(
-        "deviation", [q, u], ca.horzcat(ca.jacobian(f, q), ca.jacobian(f, u), diagonal)
-    )
+    slopes = ca.horzcat(ca.jacobian(f, q), ca.jacobian(f, u), diagonal)
+    return Pointwise("deviation", [q, u], slopes)
 
 
 def _model(

@@ -124,9 +124,8 @@ class TrackerControl:
         self._answer = design.programme.empty_decision(count)
         self._forecast = design.forecast
         start = np.repeat(ref.start[:, None], count, axis=1)
-        self._estimate = StateEstimate(
-            start, design.resolution, design.lost_motion, design.variance
-        )
+        known = design.resolution, design.lost_motion, design.variance
+        self._estimate = StateEstimate(start, *known)
 
     def __call__(self, t: float, measured: Array) -> Array:
         """Return the commands of the ticks from t to the next reading, (M, 2, S), rad/s.
@@ -139,9 +138,8 @@ class TrackerControl:
         now, estimate = k * clock.period - clock.shift, self._estimate
         if k:
             before = now - clock.period
-            estimate.take_forecast(
-                self._forecast(estimate, before, now, self._history, self._passing)
-            )
+            pose = self._forecast(estimate, before, now, self._history, self._passing)
+            estimate.take_forecast(pose)
             self._history.forget(float(np.min(before)))
         estimate.read(measured)
         if k < len(self._ref.feed):
@@ -184,9 +182,8 @@ class TrackerControl:
         off, way = pose.q - ref.q[k][:, None], ref.way[k][:, None]
         more, then = ref.push[k][:, None], ref.next_push[k][:, None]
         stays = way * (pose.q[2:] - ref.joints[k][:, None]) - np.maximum(more, 0)
-        pushed = (
-            way * (pose.axis[1:] - ref.q[k][2:, None]) - state.lost_motion[1:] + np.minimum(more, 0)
-        )
+        axes = way * (pose.axis[1:] - ref.q[k][2:, None])
+        pushed = axes - state.lost_motion[1:] + np.minimum(more, 0)
         off[2:] = way * np.maximum(stays, pushed)
         lost = state.lost_motion[1:] - ref.lost_motion - np.minimum(then, 0) / 2
         lost = np.minimum(lost, np.maximum(then, 0) / 2)
@@ -205,9 +202,8 @@ class TrackerControl:
         side = np.stack([pose.side, pose.axis[0] - pose.q[1]])
         way = np.sign(commands.sum(axis=0))
         gap = np.where(way == 0, 0.0, half - way * side)
-        feed = self._ref.feed[k : k + min(CROSSING_PERIODS, self._design.programme.horizon)].mean(
-            axis=1
-        )
+        periods = min(CROSSING_PERIODS, self._design.programme.horizon)
+        feed = self._ref.feed[k : k + periods].mean(axis=1)
         soon = feed[:, :, None] + self._answer.corrections[: len(feed)]
         worth = way * clock.period * soon.sum(axis=0) > PLAY_SPREAD_SHARE * 2 * half
         added = np.where(worth, way * gap / clock.period, 0.0)

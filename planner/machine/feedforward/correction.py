@@ -117,9 +117,8 @@ class Correction:
         largest = max(float(size.max()), 1e-9)
         norm = largest * float(np.mean((size / largest) ** power)) ** (1 / power)
         rough = RIDGE * float(np.linalg.norm(np.rad2deg(np.diff(values, axis=0))))
-        missed = float(
-            np.linalg.norm(np.maximum(np.abs(runs.pins) - np.rad2deg(PIN_SLACK_RAD), 0.0))
-        )
+        off = np.maximum(np.abs(runs.pins) - np.rad2deg(PIN_SLACK_RAD), 0.0)
+        missed = float(np.linalg.norm(off))
         violation = float(np.max(np.maximum(-runs.margins, 0.0), initial=0.0))
         return float(np.hypot(norm, rough)) + PIN_PRICES[power] * missed + 100.0 * violation
 

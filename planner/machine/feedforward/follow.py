@@ -123,9 +123,8 @@ def plan_with_commands(
     )
     machine = Machine.from_table(compensation.machine)
     prediction = predict(out, machine, progress=lambda *_: deadline.check_stopped())
-    return replace(
-        out, trajectory=commands.trajectory(system, prediction.q_at(commands.t))
-    ), prediction
+    moved = commands.trajectory(system, prediction.q_at(commands.t))
+    return replace(out, trajectory=moved), prediction
 
 
 RANKED_MACHINES = 100

@@ -91,9 +91,8 @@ class CommandShape:
         self.legs = legs = legs_of(plan, system, machine, options, tick, most_away)
         holds = [(leg.place_s, leg.seconds(tick)) for leg in legs]
         self.clock = Clock.with_holds(plan.duration, holds)
-        self.t: Array = tick * np.arange(
-            1 + int(np.ceil(self.clock.t[-1] / tick - 1e-9)), dtype=np.float64
-        )
+        ticks = int(np.ceil(self.clock.t[-1] / tick - 1e-9))
+        self.t: Array = tick * np.arange(1 + ticks, dtype=np.float64)
         self.t[-1] = self.clock.t[-1]
         self.limit = input_limit(plan, machine)
         self._rate = plan.problem.limits.input_rate

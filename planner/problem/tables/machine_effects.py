@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, GetCoreSchemaHandler, model_validator
@@ -138,6 +139,9 @@ class Effect:
                 raise ValueError(f"must be <= {self.high:g}{unit}")
 
 
+_unlimited = partial(Effect, off_value=math.inf, positive=True)
+"""An effect that is off at infinity."""
+
 _OWNER_WORDS = {
     "machine": "the machine",
     "motor": "2 motors",
@@ -224,15 +228,13 @@ class MachineTable(Table):
     input_bias_rad_s: Annotated[Setting, Effect("rad/s", "motor", low=-math.inf)] = Field(
         None, description="Added to each motor's speed while a plan runs, rad/s."
     )
-    velocity_limit_rad_s: Annotated[
-        Setting, Effect("rad/s", "motor", off_value=math.inf, positive=True)
-    ] = Field(None, description="Largest motor speed, rad/s.")
-    acceleration_limit_rad_s2: Annotated[
-        Setting, Effect("rad/s^2", "motor", off_value=math.inf, positive=True)
-    ] = Field(None, description="Largest motor acceleration, rad/s^2.")
-    servo_bandwidth_rad_s: Annotated[
-        Setting, Effect("rad/s", "motor", off_value=math.inf, positive=True)
-    ] = Field(
+    velocity_limit_rad_s: Annotated[Setting, _unlimited("rad/s", "motor")] = Field(
+        None, description="Largest motor speed, rad/s."
+    )
+    acceleration_limit_rad_s2: Annotated[Setting, _unlimited("rad/s^2", "motor")] = Field(
+        None, description="Largest motor acceleration, rad/s^2."
+    )
+    servo_bandwidth_rad_s: Annotated[Setting, _unlimited("rad/s", "motor")] = Field(
         None,
         description="Velocity loop: corner frequency of a first-order lag, or natural frequency"
         " when servo_damping is given, rad/s.",
@@ -246,21 +248,17 @@ class MachineTable(Table):
         " (dynamic).",
     )
     servo_gain_nms_per_rad: Annotated[
-        Setting, Effect("N m s/rad", "motor", off_value=math.inf, positive=True, dynamic_only=True)
+        Setting, _unlimited("N m s/rad", "motor", dynamic_only=True)
     ] = Field(
         None,
         description="Velocity loop: torque for each rad/s of lag behind the drive's own"
         " reference, at the gearhead's output, N m s/rad (dynamic); off: rigid.",
     )
-    servo_integral_time_s: Annotated[
-        Setting, Effect("s", "motor", off_value=math.inf, positive=True, dynamic_only=True)
-    ] = Field(
+    servo_integral_time_s: Annotated[Setting, _unlimited("s", "motor", dynamic_only=True)] = Field(
         None,
         description="Velocity loop: integral time in seconds (dynamic); off: no integral action.",
     )
-    torque_limit_nm: Annotated[
-        Setting, Effect("N m", "motor", off_value=math.inf, positive=True, dynamic_only=True)
-    ] = Field(
+    torque_limit_nm: Annotated[Setting, _unlimited("N m", "motor", dynamic_only=True)] = Field(
         None, description="Largest torque of each motor at its gearhead's output, N m (dynamic)."
     )
 
@@ -276,9 +274,7 @@ class MachineTable(Table):
         " contact slides sideways when its joint turns, which loads the driver and loses rate under"
         " load; 1 for plain disks, less for rollers. Acts together with friction_capacity_nm.",
     )
-    friction_capacity_nm: Annotated[
-        Setting, Effect("N m", "machine", off_value=math.inf, positive=True)
-    ] = Field(
+    friction_capacity_nm: Annotated[Setting, _unlimited("N m", "machine")] = Field(
         None,
         description="Largest torque a contact transmits, mu N r of disk B, N m; if more is needed,"
         " the driven part stands still (gross slip).",
@@ -309,9 +305,9 @@ class MachineTable(Table):
         description="Inertia of the gears and pulleys that drive joints 2 ... n, on the motor"
         " side of the backlash, at the joint, kg m^2 (dynamic).",
     )
-    shaft_stiffness_nm_per_rad: Annotated[
-        Setting, Effect("N m/rad", "passive", off_value=math.inf, positive=True)
-    ] = Field(None, description="Torsional stiffness of the shaft into joints 2 ... n, N m/rad.")
+    shaft_stiffness_nm_per_rad: Annotated[Setting, _unlimited("N m/rad", "passive")] = Field(
+        None, description="Torsional stiffness of the shaft into joints 2 ... n, N m/rad."
+    )
     shaft_damping_nms_per_rad: Annotated[
         Setting, Effect("N m s/rad", "passive", dynamic_only=True)
     ] = Field(None, description="Damping of the twist of those shafts, N m s/rad (dynamic).")
@@ -375,10 +371,6 @@ class MachineTable(Table):
         return None
 
 
-EFFECTS: dict[str, Effect] = {
-    name: meta
-    for name, field in MachineTable.model_fields.items()
-    for meta in field.metadata
-    if isinstance(meta, Effect)
-}
+_META = [(name, meta) for name, f in MachineTable.model_fields.items() for meta in f.metadata]
+EFFECTS: dict[str, Effect] = {name: meta for name, meta in _META if isinstance(meta, Effect)}
 """All effects of a machine by key, in the order of the signal path."""

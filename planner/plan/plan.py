@@ -31,18 +31,8 @@ if TYPE_CHECKING:
 FORMAT = "planner-plan"
 VERSION = 1
 
-COPIED = (
-    "method",
-    "options",
-    "status",
-    "objective",
-    "objective_name",
-    "solve_time_s",
-    "build_time_s",
-    "iterations",
-    "verified",
-    "notes",
-)
+COPIED = ("method", "options", "status", "objective", "objective_name", "solve_time_s",
+          "build_time_s", "iterations", "verified", "notes")  # fmt: skip
 """Attributes of a plan that its file stores under the same names."""
 
 COMPENSATED = "compensated"

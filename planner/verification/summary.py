@@ -129,32 +129,13 @@ def _largest(errors: Array) -> float:
 OF_EVERY_PLAN = {n: one for n, one in figures(PlanFigures).items() if not one.executable}
 """Figures that every plan has, even one that cannot be executed, by name."""
 
-_OF_PLAN = (
-    "method",
-    "status",
-    "verified",
-    "objective",
-    "objective_name",
-    "solve_time_s",
-    "build_time_s",
-    "iterations",
-)
+_OF_PLAN = ("method", "status", "verified", "objective", "objective_name", "solve_time_s",
+            "build_time_s", "iterations")  # fmt: skip
 
 SUMMARY_KEYS = (
-    *_OF_PLAN,
-    *OF_EVERY_PLAN,
-    "direction",
-    "terminal_error",
-    "peak_u_rad_s",
-    "executable",
-    "z2_max",
-    "singular_times_s",
-    "reason",
-    "violations",
-    "advice",
-    "certificate",
-    "notes",
-)
+    *_OF_PLAN, *OF_EVERY_PLAN, "direction", "terminal_error", "peak_u_rad_s", "executable",
+    "z2_max", "singular_times_s", "reason", "violations", "advice", "certificate", "notes",
+)  # fmt: skip
 """Every key of a summary, in order. For systems whose path coordinate is a length, `travel_rad`
 and the first of `peak_u_rad_s` are in metres and metres per second. In a summary
 `terminal_error_deg` is a list with one error per angle."""

@@ -108,8 +108,6 @@ class Clock:
     @property
     def holds(self) -> tuple[tuple[float, float], ...]:
         """Start and end of each hold during the plan, in the machine's time, s."""
-        return tuple(
-            (a, b)
-            for (a, b), (before, after) in zip(pairwise(self.t), pairwise(self.s), strict=True)
-            if after - before < (b - a) / 2 and 0 < after < self.seconds
-        )
+        steps = zip(pairwise(self.t), pairwise(self.s), strict=True)
+        held = [((a, b), s) for (a, b), (before, s) in steps if s - before < (b - a) / 2]
+        return tuple(times for times, s in held if 0 < s < self.seconds)

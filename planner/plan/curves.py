@@ -40,9 +40,8 @@ class Cells:
         """Return the pieces divided near the given times, at multiples of the fraction `finest`."""
         piece = np.clip(np.searchsorted(breaks, times, side="right") - 1, 0, len(breaks) - 2)
         share = np.round((times - breaks[piece]) / np.diff(breaks)[piece] / finest) * finest
-        begins = np.array(
-            [*zip(piece, share, strict=True), *((k, 0.0) for k in range(len(breaks)))]
-        )
+        edges = ((k, 0.0) for k in range(len(breaks)))
+        begins = np.array([*zip(piece, share, strict=True), *edges])
         whole = np.unique(begins[(begins[:, 1] >= 0) & (begins[:, 1] < 1)], axis=0)
         piece, low = whole[:-1, 0].astype(int), whole[:-1, 1]
         size = np.where(whole[1:, 0] > piece, 1.0, whole[1:, 1]) - low

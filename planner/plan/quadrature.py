@@ -295,12 +295,10 @@ def _read_and_control(
         for function in values:
             read_values, between = function(reading.q, reading.u), function(q, u)
             gap = np.abs(between - apply(resampling(POINTS, count), read_values))
-            hidden = np.maximum(
-                hidden, np.max(gap / np.maximum(np.max(np.abs(read_values)), 1.0), axis=-1)
-            )
-        split = (np.max(np.maximum(distances, hidden), axis=0) > INPUT_TOLERANCE) & (
-            cells.size > 0.25**MOST_SPLITS
-        )
+            share = np.max(gap / np.maximum(np.max(np.abs(read_values)), 1.0), axis=-1)
+            hidden = np.maximum(hidden, share)
+        rough = np.max(np.maximum(distances, hidden), axis=0) > INPUT_TOLERANCE
+        split = rough & (cells.size > 0.25**MOST_SPLITS)
         if not np.any(split) or len(cells.piece) > MOST_CELLS:
             break
         start = cells.split(np.where(split, 4, 1))[0]
@@ -329,9 +327,8 @@ def _integrate_reading(
     error = np.max(np.abs(again - between)) + np.max(tail)
     gaps = [np.max(np.abs(a - b), axis=-1) for a, b in ((reading.q, q), (control.q, between))]
     gap = _worst(cells, gaps[int(np.argmax([np.max(g) for g in gaps]))])
-    return IntegratedMotion(
-        cells, q, u, float(error), gap, control.unresolved_input, control.unresolved_values
-    )
+    unresolved = control.unresolved_input, control.unresolved_values
+    return IntegratedMotion(cells, q, u, float(error), gap, *unresolved)
 
 
 def _integral(start: Array, width: Array, rates: Array) -> Array:
@@ -429,9 +426,8 @@ def jumps(values: Array) -> NDArray[np.bool_]:
     """Return whether functions (16, C, F) jump between cells, by over `JUMP_TOLERANCE` of their
     size."""
     size = np.maximum(np.max(np.abs(values), axis=(0, 1)), 1e-12)
-    return np.asarray(
-        np.any(np.abs(values[0, 1:] - values[-1, :-1]) > JUMP_TOLERANCE * size, axis=0)
-    )
+    gaps = np.abs(values[0, 1:] - values[-1, :-1])
+    return np.asarray(np.any(gaps > JUMP_TOLERANCE * size, axis=0))
 
 
 def slopes(cells: Cells, values: Array) -> Array:

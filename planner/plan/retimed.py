@@ -92,9 +92,8 @@ class RetimedTrajectory(Trajectory):
         them from the length.
         """
         path, length, clock, stations = self.path, self.length, self.clock, self.stations
-        (begin, end), (first, last) = (
-            (float(c[0, 0]), float(c[-1, -1])) for c in (length.c, clock.c)
-        )
+        both = ((float(c[0, 0]), float(c[-1, -1])) for c in (length.c, clock.c))
+        (begin, end), (first, last) = both
         slack = LENGTH_TOLERANCE * (end - begin)
         after = np.clip(np.searchsorted(stations, length.x), 1, len(stations) - 1)
         away = np.minimum(*(np.abs(stations[k] - length.x) for k in (after, after - 1)))

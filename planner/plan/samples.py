@@ -226,9 +226,8 @@ def _from_mat(path: Path) -> Samples:
     from scipy.io.matlab import MatReadError
 
     try:
-        data: dict[str, Any] = loadmat(
-            io.BytesIO(read_bytes(path, SAMPLES_BYTES)), simplify_cells=True
-        )
+        content = io.BytesIO(read_bytes(path, SAMPLES_BYTES))
+        data: dict[str, Any] = loadmat(content, simplify_cells=True)
     except (MatReadError, zlib.error) as error:
         raise ValueError(error) from None
     arrays = [np.asarray(data[name], dtype=float) for name in ARRAYS]
@@ -254,11 +253,8 @@ def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> pandas.DataFrame:
         InputError: If pandas is not installed, or as for `sample`.
     """
     samples = sample(plan, rate_hz)
-    frame = (
-        import_library("pandas")
-        .DataFrame(samples.table, columns=list(samples.columns))
-        .set_index("t_s")
-    )
+    pandas = import_library("pandas")
+    frame = pandas.DataFrame(samples.table, columns=list(samples.columns)).set_index("t_s")
     frame.attrs = plan_facts(plan)
     return frame
 

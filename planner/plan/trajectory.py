@@ -198,10 +198,8 @@ class ChainedTrajectory(Trajectory):
 
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
         """Return q and u by inverse chart and feedback transformation; NaN outside the domain."""
-        z, v = (
-            self.z_curve.piece_values(piece, fraction),
-            self.v_curve.piece_values(piece, fraction),
-        )
+        z = self.z_curve.piece_values(piece, fraction)
+        v = self.v_curve.piece_values(piece, fraction)
         return chained_form(self.system).both(z, v, self.branch)
 
     def slowed(self, factor: float) -> ChainedTrajectory:
@@ -288,9 +286,8 @@ class StateTrajectory(Trajectory):
 
     def piece_values(self, piece: Pieces, fraction: Array) -> tuple[Array, Array]:
         """Return q and u from their polynomials, with the shapes of `Trajectory.piece_values`."""
-        return self.q_curve.piece_values(piece, fraction), self.u_curve.piece_values(
-            piece, fraction
-        )
+        q = self.q_curve.piece_values(piece, fraction)
+        return q, self.u_curve.piece_values(piece, fraction)
 
     def slowed(self, factor: float) -> StateTrajectory:
         """Return the same path with a motion that takes `factor` times as long."""

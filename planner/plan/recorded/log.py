@@ -184,12 +184,9 @@ class Log:
         middle = (q[:-1] + q[1:]) / 2
         turned = system.rates(middle, self.u[:-1])[:, 0] * np.diff(self.t)
         q[1:, 0] = np.cumsum(turned)
-        commands = self.u[:-1]
-        trajectory = StateTrajectory(
-            system,
-            Bernstein(np.stack([q[:-1], q[1:]]), self.t),
-            Bernstein(commands[None].copy(), self.t),
-        )
+        q_curve = Bernstein(np.stack([q[:-1], q[1:]]), self.t)
+        u_curve = Bernstein(self.u[None, :-1].copy(), self.t)
+        trajectory = StateTrajectory(system, q_curve, u_curve)
         return Plan(problem, RECORDED, {}, trajectory, status=RECORDED)
 
     def save(self, path: str | Path) -> Path:
@@ -239,16 +236,14 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
     """
     names = columns or {}
     expect(Mapping, names, 'columns maps names to those of the file: {"theta1_rad": "pos[0]"}')
-    table = (
-        read_bag(path, names)
-        if is_bag(path)
-        else read_table(
-            path,
-            "a log is CSV",
-            lambda cell: parse_name(cell) is not None or cell.strip() in names.values(),
-            may_be_cut=True,
-        )
-    )
+
+    def known(cell: str) -> bool:
+        return parse_name(cell) is not None or cell.strip() in names.values()
+
+    if is_bag(path):
+        table = read_bag(path, names)
+    else:
+        table = read_table(path, "a log is CSV", known, may_be_cut=True)
     places = find_columns(table, names)
     if not LEAST_ROWS <= len(table.rows) <= MAX_ROWS:
         raise InputError(

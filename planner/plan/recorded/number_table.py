@@ -194,12 +194,9 @@ def read_table(
     units = above[head + 1] if head + 1 < first else []
     units = units if 2 * len(units) > len(names) else []
     units += [""] * (len(names) - len(units))  # columns at the end may have none
-    cells = [
-        (number, _split(each, separator))
-        for number, each in lines[max(first, head + 1) :]
-        if not _COMMENT.match(each)
-    ]
-    cells = [(number, row) for number, row in cells if any(map(str.strip, row))]
+    below = [(k, each) for k, each in lines[max(first, head + 1) :] if not _COMMENT.match(each)]
+    rows = ((k, _split(each, separator)) for k, each in below)
+    cells = [(number, row) for number, row in rows if any(map(str.strip, row))]
     if cells and may_be_cut and text[-1] not in "\r\n":
         number, _ = cells.pop()
         warnings.warn(

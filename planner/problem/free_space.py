@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,10 +52,7 @@ def clearance(problem: Problem, theta: Array) -> Array:
     at angles `theta` (…, n)."""
     points = problem.system.arm_points(theta)  # type: ignore[attr-defined]
     every = (disc.clearances(points).min(axis=-1) - disc.clearance for disc in problem.obstacles)
-    least = next(every)
-    for one in every:
-        least = np.minimum(least, one)
-    return np.asarray(least)
+    return np.asarray(reduce(np.minimum, every))
 
 
 @lru_cache(maxsize=8)

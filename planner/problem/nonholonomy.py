@@ -106,10 +106,8 @@ def paper_recursion(system: Manipulator, q: ArrayLike) -> PaperRecursion:
     sines, cosines = np.abs(np.sin(point[1:-1])), np.abs(np.cos(point[1:-1]))
     flat = {i for i, c in enumerate(cosines, start=1) if c < SINGULAR}
     straight = {i for i, s in enumerate(sines, start=1) if s < SINGULAR}
-    return PaperRecursion(
-        printed=_family(system, point, _printed_step, flat),
-        corrected=_family(system, point, _corrected_step, flat | straight),
-    )
+    printed = _family(system, point, _printed_step, flat)
+    return PaperRecursion(printed, _family(system, point, _corrected_step, flat | straight))
 
 
 def _printed_step(k: float, last: bool, angle: Any, Y: Any, Z: Any) -> tuple[Any, Any]:

@@ -63,10 +63,8 @@ class TipGoal(Requirement):
     def parts(self) -> tuple[Part, ...]:
         """One part per quantity of the tip, with equal lower and upper limits."""
         kinds = {"x": ("m", self.reach), "y": ("m", self.reach), "angle": ("rad", 1.0)}
-        return tuple(
-            Part(f"goal tip {name}", kinds[name][0], value, value, kinds[name][1])
-            for name, value in zip(self.quantities, self.targets, strict=True)
-        )
+        pairs = zip(self.quantities, self.targets, strict=True)
+        return tuple(Part(f"goal tip {k}", kinds[k][0], v, v, kinds[k][1]) for k, v in pairs)
 
     @property
     def place(self) -> Array | None:

@@ -256,10 +256,9 @@ class Requirement(Demand):
         if not self.smooth and any(part.high < np.inf for part in self.parts):
             return "is not smooth and has an upper limit; give its negative a lower limit"
         places = ca.DM(np.linspace(0.1, 0.4, system.size)), ca.DM([0.3, 0.2]), ca.DM([0.1, 0.5])
-        whole, rebuilt = (
-            [float(row) for row in each.rows(MotionPoint(system, *places))]
-            for each in (self, self.template.with_row_fields(self.row_field_values))
-        )
+        both = self, self.template.with_row_fields(self.row_field_values)
+        here = MotionPoint(system, *places)
+        whole, rebuilt = ([float(row) for row in each.rows(here)] for each in both)
         if not len(whole) == len(self.parts) == len(self.template.parts):
             return (
                 f"has {len(self.parts)} parts and {len(whole)} rows; their numbers must be equal"
@@ -269,9 +268,8 @@ class Requirement(Demand):
             return "has rows that read a float that `row_fields` does not list"
         many = [np.broadcast_to(np.asarray(x).ravel(), (2, 3, x.numel())) for x in places]
         values = [np.asarray(value) for value in self.values(MotionPoint.of(system, *many))]
-        if [value.shape for value in values] != [(2, 3)] * len(self.parts) or any(
-            value.dtype.kind not in "fiu" for value in values
-        ):
+        real = all(value.dtype.kind in "fiu" for value in values)
+        if not real or [value.shape for value in values] != [(2, 3)] * len(self.parts):
             return f"has {len(self.parts)} parts, but its values are not one real array for each"
         return None
 

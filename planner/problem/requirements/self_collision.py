@@ -159,9 +159,8 @@ class SelfCollision(Requirement):
         pair of links that each part belongs to, (R, 2)."""
         parts, pairs = list(self.joint_link_pairs), self.link_pairs
         ends = [[parts.index(end) for end in _joints_of_pair(pair)] for pair in pairs]
-        first_and_last = [
-            [pairs.index(near[0]), pairs.index(near[-1])] for near in self.joint_link_pairs.values()
-        ]
+        near = self.joint_link_pairs.values()
+        first_and_last = [[pairs.index(each[0]), pairs.index(each[-1])] for each in near]
         return np.array(ends), np.array(first_and_last)
 
     def contradiction_text(self, name: str, v: Violation) -> str:

@@ -30,6 +30,8 @@ from planner.support.user_tables import Pair, Positive, Table
 from planner.systems.ball_gear import BallGear
 from planner.systems.manipulator import Gear, Manipulator
 
+_JointLimit = Annotated[float, Field(gt=0, lt=90)]
+
 
 class ArmLimits(BaseLimits):
     """Limits every plan must keep at all times; each may be left out."""
@@ -43,9 +45,7 @@ class ArmLimits(BaseLimits):
         " at both ends unless the method's rest is false. Closed-form plans may begin with speed.",
         examples=[[5.0, 5.0]],
     )
-    joint_deg: (
-        Annotated[float, Field(gt=0, lt=90)] | list[Annotated[float, Field(gt=0, lt=90)]] | None
-    ) = Field(
+    joint_deg: _JointLimit | list[_JointLimit] | None = Field(
         None, description="Largest |theta| in degrees, below 90: one number, or one per joint."
     )
 

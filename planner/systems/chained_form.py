@@ -40,9 +40,8 @@ class ChainedForm:
         self._links = {i: Pointwise(f"link{i}", [q], ca.vertcat(*ac)) for i, ac in links.items()}
         feedback = ca.vertcat(system.drive_expr(q), gradient[0, 1], drift)
         self._feedback = Pointwise("feedback", [q], feedback)
-        self._state, self._inputs, self._state_and_inputs = _compile_functions(
-            system, links, q, feedback
-        )
+        functions = _compile_functions(system, links, q, feedback)
+        self._state, self._inputs, self._state_and_inputs = functions
 
     def __repr__(self) -> str:
         return f"ChainedForm({self.system!r})"

@@ -104,6 +104,5 @@ def linearise(system: TriangularSystem) -> Linearisation:
     initial = {name: np.zeros(system.size) for name in names}
     for i, c in enumerate(system.coordinates):
         initial[f"start {c.name}"][i] = 1.0
-    return Linearisation(
-        q, u, t, f, ca.jacobian(f, q), dict(zip(names, columns, strict=True)), initial
-    )
+    forcing = dict(zip(names, columns, strict=True))
+    return Linearisation(q, u, t, f, ca.jacobian(f, q), forcing, initial)

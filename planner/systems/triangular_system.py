@@ -337,19 +337,15 @@ class TangentSystem(TriangularSystem):
     def chart_margins_expr(self, q: Any, branch: Array) -> list[Any]:
         """Return the margins ±cos²qᵢ of `chart_margins` as CasADi expressions."""
         cosines = [ca.cos(q[i] - _centre(branch)[i]) for i in range(1, self.size - 1)]
-        signs = np.where(branch[1:-1] == 0, -1.0, 1.0)
-        return [
-            c * ca.fabs(c) if sign > 0 else -c * c for c, sign in zip(cosines, signs, strict=True)
-        ]
+        pairs = zip(cosines, branch[1:-1] == 0, strict=True)
+        return [-c * c if is_edge else c * ca.fabs(c) for c, is_edge in pairs]
 
     @property
     def margin_labels(self) -> tuple[tuple[int, str], ...]:
         """Array index of the coordinate and meaning of each margin, ordered as `chart_margins`."""
         names = [c.name for c in self.coordinates]
-        return tuple(
-            (i, f"cos^2({names[i]}): distance from {names[i]} = 90 deg")
-            for i in range(1, self.size - 1)
-        )
+        pairs = enumerate(names[1:-1], start=1)
+        return tuple((i, f"cos^2({name}): distance from {name} = 90 deg") for i, name in pairs)
 
 
 def _centre(branch: Array) -> Array:

@@ -63,10 +63,8 @@ class UserMap:
     def _parse(self, key: str, names: Sequence[Coordinate], x: Any) -> list[Any]:
         symbols = {c.name: x[i] for i, c in enumerate(names)}
         where = f"{self.name}: user.{key}"
-        return [
-            ca.SX(parse_expression(text, symbols, f"{where}[{k}]"))
-            for k, text in enumerate(self.texts[key])
-        ]
+        texts = enumerate(self.texts[key])
+        return [ca.SX(parse_expression(text, symbols, f"{where}[{k}]")) for k, text in texts]
 
     def _check_shared(self) -> None:
         """Check that a name of both a user and a system coordinate means the same quantity."""

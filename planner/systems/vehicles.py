@@ -90,13 +90,8 @@ class _Train(TangentSystem):
     def coordinates(self) -> tuple[Coordinate, ...]:
         """The coordinates x, steering, hitch1 … hitchn, heading and y, in m and rad."""
         hitches = (Coordinate(f"hitch{k}", "rad") for k in range(1, self.n + 1))
-        return (
-            Coordinate("x", "m"),
-            Coordinate("steering", "rad"),
-            *hitches,
-            Coordinate("heading", "rad"),
-            Coordinate("y", "m"),
-        )
+        front = Coordinate("x", "m"), Coordinate("steering", "rad")
+        return *front, *hitches, Coordinate("heading", "rad"), Coordinate("y", "m")
 
     @property
     def limited(self) -> tuple[int, ...]:
@@ -120,14 +115,12 @@ class _Train(TangentSystem):
 
     def rates_expr(self, q: Any, u: Any) -> list[Any]:
         """Return the rates q̇ as CasADi expressions, finite except at the steering angle 90°."""
-        c = [ca.cos(q[k + 1]) for k in range(1, self.n + 1)]
-        pulled = [
-            prod(c[: k - 1]) * ca.sin(q[k + 1]) / self._lengths[k] * u[0]
-            for k in range(1, self.n + 1)
-        ]
+        trailers = range(1, self.n + 1)
+        c = [ca.cos(q[k + 1]) for k in trailers]
+        pulled = [prod(c[: k - 1]) * ca.sin(q[k + 1]) / self._lengths[k] * u[0] for k in trailers]
         turn = [ca.tan(q[1]) / self.wheelbase_m * u[0], *pulled]
         last, heading = prod(c) * u[0], q[self.n + 2]
-        hitches = [turn[k - 1] - turn[k] for k in range(1, self.n + 1)]
+        hitches = [turn[k - 1] - turn[k] for k in trailers]
         return [ca.cos(heading) * last, u[1], *hitches, turn[-1], ca.sin(heading) * last]
 
     # -- numeric form --------------------------------------------------------------------------

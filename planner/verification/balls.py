@@ -365,9 +365,8 @@ def polynomial_balls(c: Array, r: Array) -> list[Ball]:
     if width > 1:
         slope[..., SEGMENT:] = c[..., 1:2]
     radius[..., :SEGMENT] = slip[..., None]
-    radius[..., SEGMENT:] = (size[..., 2:] @ most[2:] + r[..., None] * most[-1]) * (
-        1 + 64 * ROUNDING_UNIT
-    )
+    rest = size[..., 2:] @ most[2:] + r[..., None] * most[-1]
+    radius[..., SEGMENT:] = rest * (1 + 64 * ROUNDING_UNIT)
     return [Ball(*parts) for parts in zip(centre, slope, radius, strict=True)]
 
 
@@ -391,9 +390,8 @@ def models(balls: Sequence[Ball], cells: int) -> list[Model]:
     v, line = c[:, :, :SEGMENT], r[:, :, SEGMENT]
     left_over = np.fmin.reduce(r[:, :, SEGMENT + 1 :] * REMAINDER_FACTOR, axis=2)
     wrong = LEBESGUE_BOUND * np.max(r[:, :, :SEGMENT], axis=2)
-    rest = (
-        left_over + wrong + 28 * ROUNDING_UNIT * COEFFICIENT_SUM_BOUND * np.max(np.abs(v), axis=2)
-    )
+    rounding = 28 * ROUNDING_UNIT * COEFFICIENT_SUM_BOUND * np.max(np.abs(v), axis=2)
+    rest = left_over + wrong + rounding
     out = v @ interpolation().T
     rough = ~(rest <= line)
     out[rough] = 0.0

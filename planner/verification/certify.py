@@ -191,13 +191,10 @@ def _(requirement: Requirement, evidence: Evidence) -> Iterable[Proof]:
         return _open_claims(requirement, "there is no proof for this kind of requirement")
     motion, margins_of = evidence.motion_for(reads), dict[str, MarginAt]()
     if requirement.is_direct:
-        models = (
-            motion.enclosure.states
-            if "q" in reads
-            else motion.inputs
-            if "u" in reads
-            else motion.rates
-        )
+        if "q" in reads:
+            models = motion.enclosure.states
+        else:
+            models = motion.inputs if "u" in reads else motion.rates
         values = [models[part.index] for part in requirement.parts]
     else:
         try:
@@ -328,9 +325,8 @@ def _(chart: ChartDomain, evidence: Evidence) -> Iterable[Proof]:
     except UnboundedError as error:
         return _open_claims(chart, f"there is no bound for {error}", required)
     (part,) = chart.parts
-    margins: list[Margin] = [
-        (1.0, value, -part.low) for value in evidence.path.enclosure.models(*balls)
-    ]
+    values = evidence.path.enclosure.models(*balls)
+    margins: list[Margin] = [(1.0, value, -part.low) for value in values]
     return [Obligation(part, margins, evidence.path, -np.finfo(float).tiny, required)]
 
 
@@ -373,10 +369,8 @@ def _(most: LongestDuration, evidence: Evidence) -> Iterable[Proof]:
 
 @prove.register
 def _(disc: Obstacle, evidence: Evidence) -> Iterable[Proof]:
-    centre = [Ball.constant(x) for x in disc.centre]
-    return _clearance_claims(
-        evidence, centre, list(range(disc.links)), disc.parts, disc.radius + disc.clearance
-    )
+    centre, links = [Ball.constant(x) for x in disc.centre], list(range(disc.links))
+    return _clearance_claims(evidence, centre, links, disc.parts, disc.thickness)
 
 
 @prove.register
@@ -395,9 +389,8 @@ def _(requirement: SelfCollision, evidence: Evidence) -> Iterable[Proof]:
 def _clearance_claims(
     evidence: Evidence, centre: list[Ball], links: list[int], parts: tuple[Part, ...], radius: float
 ) -> Iterable[Proof]:
-    bounds = clearances(
-        evidence.plan.problem.system, evidence.path.enclosure, centre, links, radius
-    )
+    system, motion = evidence.plan.problem.system, evidence.path.enclosure
+    bounds = clearances(system, motion, centre, links, radius)
     for part, bound in zip(parts, bounds, strict=True):
         slack = LIMIT_TOLERANCE * part.scale
         yield evidence.path.claim(part, slack, bound.guaranteed, bound.attained, bound.time_s)

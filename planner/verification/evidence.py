@@ -147,17 +147,15 @@ class Evidence:
         """Enclosed inputs of a retimed plan, as functions of the plan's time."""
         assert self.path.retimed is not None
         source = source_of(self.path.retimed)
-        return EnclosedMotion(
-            resolve(source), source, frozenset({"u", "du"}), why=STANDSTILL_REASON
-        )
+        reads = frozenset({"u", "du"})
+        return EnclosedMotion(resolve(source), source, reads, why=STANDSTILL_REASON)
 
     @cached_property
     def _motion_over_time(self) -> EnclosedMotion:
         """Enclosed inputs and coordinates of a retimed plan, as functions of the plan's time."""
         plan, inputs = self.plan, self._inputs_over_time
-        enclosure = enclose(
-            plan.trajectory, inputs.enclosure.cells, inputs.enclosure.u, plan.problem.start
-        )
+        cells, u = inputs.enclosure.cells, inputs.enclosure.u
+        enclosure = enclose(plan.trajectory, cells, u, plan.problem.start)
         return replace(inputs, enclosure=enclosure, reads=frozenset({"q", "u", "du"}))
 
 

@@ -216,6 +216,5 @@ def _cell_coefficients(curve: Bernstein, cells: Cells, order: int) -> tuple[Arra
         c = part(c, cells.low[:, None], (cells.low + cells.size)[:, None])
     matrix = from_bernstein(degree + 1)
     steps = degree + 4 + (0 if whole else 8 * degree)
-    return c.transpose(2, 1, 0) @ matrix.T, steps * np.sum(
-        np.abs(matrix)
-    ) * ROUNDING_UNIT * size + slips * ROUNDING_FACTOR
+    grown = steps * np.sum(np.abs(matrix)) * ROUNDING_UNIT * size
+    return c.transpose(2, 1, 0) @ matrix.T, grown + slips * ROUNDING_FACTOR

@@ -182,10 +182,8 @@ def slopes(width: int, order: int) -> Array:
 COEFFICIENT_SUM_BOUND = float(np.sum(np.abs(interpolation()))) * (1 + 1e-12)
 """Largest ratio of an interpolant's sum of |coefficients| to its greatest value at the nodes."""
 
-LEBESGUE_BOUND = (
-    float(np.sum(1 / np.tan(np.pi / (4 * POINTS) * (2 * np.arange(POINTS) + 1)))) / POINTS
-)
-LEBESGUE_BOUND *= 1 + 1e-12
+_ANGLES = np.pi / (4 * POINTS) * (2 * np.arange(POINTS) + 1)
+LEBESGUE_BOUND = float(np.sum(1 / np.tan(_ANGLES))) / POINTS * (1 + 1e-12)
 """An interpolant is at most this times the greatest value at the nodes (Lebesgue's constant)."""
 
 INTEGRAL_BOUND = float(np.max(np.sum(np.abs(integration()), axis=1))) * (1 + 1e-12)

@@ -71,14 +71,11 @@ def clearances(
     lengths = system.link_lengths  # type: ignore[attr-defined]
     values = motion.models(*(balls[3 * link + k] for link in links for k in range(3)))
     for k, link in enumerate(links):
-        square, cells = _squared_distance(
-            values[3 * k : 3 * k + 3], float(lengths[link]), motion.cells
-        )
+        of_link, length = values[3 * k : 3 * k + 3], float(lengths[link])
+        square, cells = _squared_distance(of_link, length, motion.cells)
         (bounds,) = least_values([(1.0, square, 0.0)], cells, np.array([radius**2]))
-        low, high = (
-            float(np.sqrt(max(x, 0.0)) - radius) if np.isfinite(x) else x
-            for x in (bounds.guaranteed, bounds.attained)
-        )
+        both = bounds.guaranteed, bounds.attained
+        low, high = (float(np.sqrt(max(x, 0.0)) - radius) if np.isfinite(x) else x for x in both)
         yield LeastValue(low, high, bounds.time_s)
 
 
@@ -151,11 +148,8 @@ def lower_model(square: Model, along: Model, twice: Model, length: float) -> Mod
     slope = np.divide(at_high - at_low, high - low, out=np.zeros_like(low), where=high > low)
     slope = np.where(behind | beside, 0.0, np.where(beyond, 2 * length, slope))
     level = np.where(behind | beside, 0.0, np.where(beyond, length**2, at_low - slope * low))
-    doubt = (
-        16
-        * ROUNDING_UNIT
-        * (np.abs(slope * low) + np.abs(level) + np.abs(at_low) + np.abs(at_high))
-    )
+    size = np.abs(slope * low) + np.abs(level) + np.abs(at_low) + np.abs(at_high)
+    doubt = 16 * ROUNDING_UNIT * size
     straight = along.scaled(slope) + Model(level[:, None], doubt)
     return square + straight + twice.scaled(np.where(beside, -1.0, 0.0))
 

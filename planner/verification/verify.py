@@ -170,26 +170,16 @@ def examine(
 
     def row_values(q: Array, u: Array) -> Array:
         point = MotionPoint.of(problem.system, q, u, np.zeros_like(u))
-        return np.stack(
-            [
-                value / part.scale
-                for requirement in to_resolve
-                for part, value in zip(requirement.parts, requirement.values(point), strict=True)
-            ],
-            axis=-1,
-        )
+        pairs = ((each.parts, each.values(point)) for each in to_resolve)
+        columns = [v / part.scale for both in pairs for part, v in zip(*both, strict=True)]
+        return np.stack(columns, axis=-1)
 
     with np.errstate(all="ignore"):  # NaN never passes
         resolved = (row_values,) if to_resolve else ()
         if plan.compensation is None:
-            motion = integrate(
-                plan.trajectory,
-                problem.start,
-                INTEGRATION_TOLERANCE,
-                *resolved,
-                system=problem.system,
-                cells=None if times is None else Cells.between(plan.t, times, FINEST_SHARE),
-            )
+            cells = None if times is None else Cells.between(plan.t, times, FINEST_SHARE)
+            needed = plan.trajectory, problem.start, INTEGRATION_TOLERANCE, *resolved
+            motion = integrate(*needed, system=problem.system, cells=cells)
             end, tolerance = motion.q[-1, -1], GOAL_TOLERANCE
         else:
             motion, end, machine_error = _motion_on_machine(plan)
@@ -211,10 +201,8 @@ def examine(
         ]
         if plan.compensation is not None:
             findings += _claimed_findings(plan, machine_error)
-        violations = sorted(
-            (v for f in findings if (v := f.violation())),
-            key=lambda v: np.nan_to_num(-v.scaled, nan=-np.inf),
-        )
+        broken = (v for f in findings if (v := f.violation()))
+        violations = sorted(broken, key=lambda v: np.nan_to_num(-v.scaled, nan=-np.inf))
         if problem.system.has_user_coordinates:
             reached, target = problem.system.user(end), problem.user_goal
             error = np.asarray(reached - np.where(np.isnan(target), reached, target))
@@ -385,11 +373,8 @@ def _limit_findings(
         return []
     system, cells = plan.problem.system, motion.cells
     point = MotionPoint.of(system, motion.q, motion.u, slopes(cells, motion.u))
-    wanted = [
-        (requirement, part, value)
-        for requirement in smooth
-        for part, value in zip(requirement.parts, requirement.values(point), strict=True)
-    ]
+    rows = ((each, zip(each.parts, each.values(point), strict=True)) for each in smooth)
+    wanted = [(each, part, value) for each, pairs in rows for part, value in pairs]
     columns = np.stack([side for *_, value in wanted for side in (value, -value)], axis=-1)
     values, times = (a.reshape(-1, 2).tolist() for a in greatest(cells, columns))
     jumping, out = jumps(motion.u), []

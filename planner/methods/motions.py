@@ -254,11 +254,8 @@ def _motion(
         VerificationError: If the motion breaks a limit or touches something.
     """
     third = system.rates(q, u) * np.diff(t, append=t[-1] + KNOT_S)[:, None] / 3
-    trajectory = StateTrajectory(
-        system,
-        Bernstein(np.stack([q[:-1], q[:-1] + third[:-1], q[1:] - third[1:], q[1:]]), t),
-        Bernstein(np.stack([u[:-1], u[1:]]), t),
-    )
+    q_curve = Bernstein(np.stack([q[:-1], q[:-1] + third[:-1], q[1:] - third[1:], q[1:]]), t)
+    trajectory = StateTrajectory(system, q_curve, Bernstein(np.stack([u[:-1], u[1:]]), t))
     goal = {"theta_deg": np.rad2deg(q[-1, 1:]).tolist(), "travel": "free", "duration": t[-1]}
     towards_no_goal: dict[str, Any] = {
         "limits.z2_margin": None,

@@ -86,11 +86,8 @@ def duration_changes(problem: Problem) -> list[Change]:
     """
     free = travel_changes(problem)
     timed = any(point.time_s is not None for point in problem.waypoints)
-    if (
-        problem.duration is None
-        or timed
-        or not any(requirement.speed_power for requirement in problem.requirements)
-    ):
+    limited = any(requirement.speed_power for requirement in problem.requirements)
+    if problem.duration is None or timed or not limited:
         return free
     duration = Change({"goal.duration": "free"})
     return [duration, *free, *(Change({**duration.keys, **each.keys}) for each in free)]

@@ -41,12 +41,8 @@ def plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
     if np.any(away > SAME_PLACE):  # NaN for a coordinate that the goal leaves free
         return None
     free, seconds = problem.duration is None, problem.duration or SHORTEST_S
-    breaks = np.array([0.0, seconds])
-    still = StateTrajectory(
-        problem.system,
-        Bernstein(problem.start[None, None], breaks),
-        Bernstein(np.zeros((1, 1, 2)), breaks),
-    )
+    values, breaks = (problem.start[None, None], np.zeros((1, 1, 2))), np.array([0.0, seconds])
+    still = StateTrajectory(problem.system, *(Bernstein(each, breaks) for each in values))
     plan = Plan(
         problem=problem,
         method=method,

@@ -94,10 +94,8 @@ def _savings(task: Task, solution: Solution) -> Array:
     the uneven part counts.
     """
     iterate, widths = solution.iterate, task.mesh.widths * solution.iterate.duration
-    (left, right), (effort, smooth) = (
-        iterate.input_ends(),
-        task.objective.weights[1:5].reshape(2, 2),
-    )
+    left, right = iterate.input_ends()
+    effort, smooth = task.objective.weights[1:5].reshape(2, 2)
     if len(widths) < 4 or solution.objective <= 0:
         return np.zeros(len(widths))
     narrow = np.minimum(widths[1:], widths[:-1])[:, None]

@@ -196,14 +196,8 @@ class _Ipopt:
         self._call = _nlpsol(nlp, "ipopt", functions, options, watched=True)
 
     def __call__(self, start: Array, data: Bounds) -> SolverAnswer:
-        answer = self._call(
-            x0=start,
-            p=data.parameters,
-            lbx=data.lower,
-            ubx=data.upper,
-            lbg=data.row_lower,
-            ubg=data.row_upper,
-        )
+        sides = {"lbx": data.lower, "ubx": data.upper, "lbg": data.row_lower, "ubg": data.row_upper}
+        answer = self._call(x0=start, p=data.parameters, **sides)
         stats = self._call.stats()
         vector = np.asarray(answer["x"], dtype=float).ravel()
         status = stats["return_status"]
@@ -349,14 +343,9 @@ def _nlpsol(
     in time (`NlpCall`). Otherwise call it through `call_within`; never both, which aborts at exit.
     """
     program = nlp.program
-    known: dict[str, Any] = {
-        "nlp_f": program.f,
-        "nlp_g": program.g,
-        "nlp_jac_g": program.jacobian,
-        **functions,
-    }
+    known = {"nlp_f": program.f, "nlp_g": program.g, "nlp_jac_g": program.jacobian}
     common: dict[str, Any] = {
-        "cache": known,
+        "cache": known | functions,
         "calc_lam_p": False,
         "print_time": False,
         "show_eval_warnings": False,

@@ -155,9 +155,8 @@ def _best_path(
 ) -> BestTravel:
     programme = Programme(options.objective, "osqp" if options.solver == "osqp" else "active set")
     ends = np.stack([problem.start, np.where(np.isnan(problem.goal), problem.start, problem.goal)])
-    least_margin = min(
-        options.edge, float(np.min(problem.system.chart_margins(ends, problem.branch))) / 2
-    )
+    margins = problem.system.chart_margins(ends, problem.branch)
+    least_margin = min(options.edge, float(np.min(margins)) / 2)
 
     def solve(
         travel: float, rows: Touch, ceiling: float
@@ -185,10 +184,8 @@ def _path(problem: Problem, frame: Frame, y: Array) -> ChainedTrajectory:
     degree = len(rest[-1]) - 1
     z = np.stack([elevate(c, degree) for c in (z1, *rest)], axis=-1)
     v = np.stack([np.full_like(omega, frame.travel), omega], axis=-1) / duration
-    times = breaks * duration
-    return ChainedTrajectory(
-        problem.system, Bernstein(z, times), Bernstein(v, times), problem.branch
-    )
+    z_curve, v_curve = (Bernstein(c, breaks * duration) for c in (z, v))
+    return ChainedTrajectory(problem.system, z_curve, v_curve, problem.branch)
 
 
 def _time_path(problem: Problem, path: ChainedTrajectory, asked: Rest) -> tuple[Trajectory, str]:

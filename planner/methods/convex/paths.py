@@ -114,10 +114,8 @@ class Frame:
     def least(self) -> Array:
         """Coefficients x₀, shape (m,), with the least ∫ω² that meet the end conditions."""
         ones = np.ones(1)
-        ends = [
-            (self.goal[i] - self._drift(i, ones)[0]) / self.travel ** (i - 1)
-            for i in range(1, len(self.start))
-        ]
+        each = range(1, len(self.start))
+        ends = [(self.goal[i] - self._drift(i, ones)[0]) / self.travel ** (i - 1) for i in each]
         q1, r, _ = self._basis
         return np.asarray(q1 @ np.linalg.solve(r.T, np.array(ends)))
 

@@ -84,9 +84,8 @@ def plan_desensitised(
         NotConvergedError: If no motion is found.
     """
     began = time.perf_counter()
-    with time_limit(
-        None, has_answer=lambda: False
-    ) as span:  # the plan of least effort alone is not an answer
+    # The plan of least effort alone is not an answer.
+    with time_limit(None, has_answer=lambda: False) as span:
         if near is not None:
             refuse_start(problem, near)
         job = desensitised_task(problem.within_reach(), options)
@@ -124,15 +123,9 @@ def plan_desensitised(
 def desensitised_task(problem: Problem, options: DesensitisedOptions) -> Task:
     """Return the collocation task for a system augmented by the response to its errors."""
     spread = spreads(problem.system, options)
-    model = Augmented(
-        problem.system,
-        tuple(spread.items()),
-        options.passive,
-        options.terminal,
-        options.path,
-        options.backoff,
-        metered=options.effort_limit is not None,
-    )
+    factors = options.passive, options.terminal, options.path, options.backoff
+    metered = options.effort_limit is not None
+    model = Augmented(problem.system, tuple(spread.items()), *factors, metered)
     form = Form(
         intervals=options.intervals,
         scheme_kind="legendre",
@@ -274,10 +267,8 @@ def excursion_guess(job: Task, easy: Trajectory, seed: Seed) -> Iterate:
     if seed is not EASY_PLAN:
         u[:, 1] = easy.q(easy.duration)[1] - easy.q(0.0)[1]
     fine = np.linspace(0.0, 1.0, 2001)
-    swing = np.stack(
-        [np.interp(s, fine, np.gradient(part(fine), fine)) for part in (seed.path, seed.driven)],
-        axis=-1,
-    )
+    slopes = [np.gradient(part(fine), fine) for part in (seed.path, seed.driven)]
+    swing = np.stack([np.interp(s, fine, slope) for slope in slopes], axis=-1)
     drive = easy.system.drive(easy.q(s * easy.duration))
     swing[:, 0] /= np.where(np.abs(drive) < SLOWEST_DRIVE, SLOWEST_DRIVE, drive)
     limit = job.problem.limits.input
@@ -363,15 +354,12 @@ def _violations(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
     assert model is not None
     out = list(verify(plan).violations)
     if spent > job.demands.effort:
-        out.append(
-            Violation("effort", None, spent, job.demands.effort, "", spent / job.demands.effort)
-        )
+        share = spent / job.demands.effort
+        out.append(Violation("effort", None, spent, job.demands.effort, "", share))
     if not model.backoff:
         return out
     x = ca.SX.sym("x", model.size)
-    for requirement in problem.requirements:
-        if not backs_off(requirement):
-            continue
+    for requirement in filter(backs_off, problem.requirements):
         for part, value, q in _functions(requirement, problem.system):
             reach = ca.Function("reach", [x], [ca.vertcat(*model.sides(q, value, [x]))])
             below, above = np.asarray(reach(nodes.T))

@@ -215,16 +215,11 @@ def chain_programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any
     by_q, by_u = one.slopes.map(count)(q, u)
     jacobian = _jacobian(size, count, by_q, by_u)
     hessian = _hessian(size, count, scale, curved)
-    names = ["x", "p"]
+    names, every = ["x", "p"], [w, near, scale, dual]
+    every_name = [*names, "lam_f", "lam_g"]
     derivatives = {
         "jac_g": ca.Function("nlp_jac_g", [w, near], [g, jacobian], names, ["g", "jac_g_x"]),
-        "hess_lag": ca.Function(
-            "nlp_hess_l",
-            [w, near, scale, dual],
-            [hessian],
-            [*names, "lam_f", "lam_g"],
-            ["hess_gamma_x_x"],
-        ),
+        "hess_lag": ca.Function("nlp_hess_l", every, [hessian], every_name, ["hess_gamma_x_x"]),
     }
     return {"x": w, "p": near, "f": f, "g": g}, {**_QUIET, **derivatives}
 
@@ -233,9 +228,8 @@ def _jacobian(size: int, count: int, by_q: Any, by_u: Any) -> Any:
     """Return the Jacobian of the gaps: in piece k's rows its negative slopes, and 1 at q_(k+1)."""
     blocks = ca.vertcat(ca.reshape(by_q, size * size, count), ca.reshape(by_u, size * 2, count))
     entries = ca.vertcat(ca.vec(-blocks), ca.MX(ca.DM.ones(size * count)))
-    k, column, row = np.meshgrid(
-        np.arange(count), np.arange(size + 2), np.arange(size), indexing="ij"
-    )
+    sizes = count, size + 2, size
+    k, column, row = np.meshgrid(*map(np.arange, sizes), indexing="ij")
     rows, columns = (size * k + row).ravel(), ((size + 2) * k + column).ravel()
     following = (size + 2) * (np.arange(size * count) // size + 1) + np.arange(size * count) % size
     rows = np.concatenate([rows, np.arange(size * count)])

@@ -88,10 +88,8 @@ def time_arm_path(job: Task, chain: PieceChain) -> tuple[Task, Solution] | None:
 
 def _solve_timing(job: Task, path: Iterate) -> Solution:
     """Solve the timing of a path; a last iterate that is a motion also counts as a solution."""
-    settings = job.settings
-    patient = replace(
-        settings, max_iterations=max(settings.max_iterations, LADDER_ITERATIONS["timing"])
-    )
+    most = max(job.settings.max_iterations, LADDER_ITERATIONS["timing"])
+    patient = replace(job.settings, max_iterations=most)
     last = solve_timing(replace(job, settings=patient), path)
     if last.ok or last.residual > ACCEPTED_RESIDUAL:
         return last

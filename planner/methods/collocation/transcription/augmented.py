@@ -78,9 +78,8 @@ class Augmented:
         out = []
         for x in places:
             here, slope = both(x[: self.system.size])
-            spread = ca.sqrt(
-                ca.sumsqr(slope @ self._formulas.response.function(x)) + VARIANCE_ROUNDING**2
-            )
+            variance = ca.sumsqr(slope @ self._formulas.response.function(x))
+            spread = ca.sqrt(variance + VARIANCE_ROUNDING**2)
             out += [here - self.backoff * spread, here + self.backoff * spread]
         return out
 

@@ -63,11 +63,9 @@ class Bounds:
     @property
     def pattern(self) -> bytes:
         """Bytes that encode which bounds are finite or equal, the same for problems of one kind."""
-        pairs = ((self.lower, self.upper), (self.row_lower, self.row_upper))
-        kinds = [
-            (low == high) + 2 * np.isfinite(low) + 4 * np.isfinite(high) for low, high in pairs
-        ]
-        return np.concatenate(kinds).astype(np.uint8).tobytes()
+        low, high = np.append(self.lower, self.row_lower), np.append(self.upper, self.row_upper)
+        kinds = (low == high) + 2 * np.isfinite(low) + 4 * np.isfinite(high)
+        return np.asarray(kinds, dtype=np.uint8).tobytes()
 
 
 def bounds(
@@ -126,9 +124,8 @@ def bounds(
         unit = units.time_s ** speeds[r]
         row_lower[:, where] = (low[r] + amounts) * unit
         row_upper[:, where] = (high[r] - amounts) * unit
-    numbers: list[float] = []
-    for requirement in (*requirements, *problem.final):
-        numbers += requirement.row_field_values
+    every = (*requirements, *problem.final)
+    numbers = [number for requirement in every for number in requirement.row_field_values]
     duration = [] if problem.duration is None else [problem.duration / units.time_s]
     weights = units.weights(objective.weights)
     parameters = np.concatenate([weights, numbers, duration, mesh.widths])

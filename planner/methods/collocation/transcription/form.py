@@ -253,10 +253,8 @@ def through(intervals: int, fractions: Sequence[float]) -> Mesh:
     """Return a mesh of about K nearly even intervals, with marked edges at increasing fractions."""
     knots = np.array([0.0, *fractions, 1.0])
     counts = np.maximum(1, np.round(intervals * np.diff(knots)).astype(int))
-    parts = [
-        np.linspace(a, b, n, endpoint=False)
-        for a, b, n in zip(knots[:-1], knots[1:], counts, strict=True)
-    ]
+    spans = zip(knots[:-1], knots[1:], counts, strict=True)
+    parts = [np.linspace(a, b, n, endpoint=False) for a, b, n in spans]
     marks = np.cumsum(counts)[:-1]
     return Mesh(np.append(np.concatenate(parts), 1.0), tuple(int(k) for k in marks))
 

@@ -239,17 +239,11 @@ def _limit_rows(
             places = LIMITED_PLACES if "u" in blank.reads and form.input == "linear" else [0.0]
         elif blank.reads != {"q"}:
             places = sorted({*places, 1.0})  # inputs may jump at the next edge
-        rows_at = [
-            requirement.rows(
-                MotionPoint(
-                    system,
-                    state.get(tau, x.X)[: system.size],
-                    units * x.input_at(tau),
-                    units / seconds * ((x.u_right - x.u_left) / x.seconds),
-                )
-            )
-            for tau in places
-        ]
+        rows_at = []
+        for tau in places:
+            q, u = state.get(tau, x.X)[: system.size], units * x.input_at(tau)
+            du = units / seconds * ((x.u_right - x.u_left) / x.seconds)
+            rows_at.append(requirement.rows(MotionPoint(system, q, u, du)))
         for k in range(len(blank.parts)):
             parts = [seconds**blank.speed_power * values[k] for values in rows_at]
             rows.add("kept", part, np.array(places), parts)

@@ -190,9 +190,7 @@ def _runner(system: MovingSystem, intervals: int, through: bool) -> Call:
 @lru_cache(maxsize=32)
 def _interval(system: MovingSystem) -> Any:
     """Build the CasADi function that simulates one interval and returns its end and all samples."""
-    q, seconds, a, b = (
-        ca.SX.sym(name, size) for name, size in zip("qsab", (system.size, 1, 2, 2), strict=True)
-    )
+    q, seconds, a, b = map(ca.SX.sym, "qsab", (system.size, 1, 2, 2))
     h, samples = seconds / STEPS, [q]
     for k in range(STEPS):
         u = [a + (2 * k + j) / (2 * STEPS) * (b - a) for j in range(3)]

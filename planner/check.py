@@ -232,11 +232,8 @@ def find_remedy(
 
     nearer = reach_changes(problem, reach) if reach else []
     able = sorted(names, key=lambda name: name != "collocation")  # the most general method first
-    changes = [
-        replace(change, method=name)
-        for change in (*nearer, *duration_changes(problem), *path_changes(problem))
-        for name in able
-    ]
+    every = (*nearer, *duration_changes(problem), *path_changes(problem))
+    changes = [replace(change, method=name) for change in every for name in able]
     result = try_changes(changes, attempt, say)
     if result.change is None or result.plan is None:
         return None

@@ -87,9 +87,8 @@ def compensate_plan(
         if meets_before_start(compensated, check.violations):
             where += f" in the preparation, the first {compensated.lead_s:.3g} s, before the plan"
             where += " starts"
-        attempt = _try_settings(
-            plan, machine, options, compensated, check, time.perf_counter() - began
-        )
+        seconds = time.perf_counter() - began
+        attempt = _try_settings(plan, machine, options, compensated, check, seconds)
         raise refusal(compensated, check, where, "; or ".join([*attempt, *changes]))
     ways = "; or ".join(changes)
     errors = compensated.notes["compensation"]

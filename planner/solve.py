@@ -128,10 +128,8 @@ def solve_and_check(
             with suppress(NoPlanError):
                 factor = duration / short.duration
                 return judge_slowed(short, factor, problem=changed, status="solved")
-        overrides = {} if change.defaults else options
-        return judge_plan(
-            _plan_by_method(changed, entry, merged_options(changed, entry, overrides), None)
-        )[0]
+        given = merged_options(changed, entry, {} if change.defaults else options)
+        return judge_plan(_plan_by_method(changed, entry, given, None))[0]
 
     limit_s = getattr(merged, "time_limit_s", None) or time_limit_s
     with time_limit(limit_s), progress_listener(progress):

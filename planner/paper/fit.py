@@ -185,10 +185,8 @@ def identify(plan: Plan, fit: Fit) -> tuple[DataSet, ...]:
     machine = nominal_machine(points[0], fidelity="dynamic")
     usual = move(plan, machine, points)
     words = (central_differences(statement_values(plan, points)) / TOLERANCES[:, None])[~BOUNDS]
-    every = [
-        _curves(_run(plan, f, usual, machine, points), ENCODER_DEG, TACHO_PERCENT)
-        for f in DURATION_RATIOS
-    ]
+    runs = (_run(plan, ratio, usual, machine, points) for ratio in DURATION_RATIOS)
+    every = [_curves(run, ENCODER_DEG, TACHO_PERCENT) for run in runs]
     return (
         _data("the paper's words", words),
         _data("the paper's curves in Figs 9 and 10", _curves(usual, READ_DEG, READ_PERCENT)),

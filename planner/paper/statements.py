@@ -121,10 +121,8 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
     joints = plan.problem.system.size - 1
     base = draw(machine, joints, np.arange(len(points)), 0)
     rows = [settings(p) for p in points]
-    changed = {
-        name: np.broadcast_to(np.array([row[name] for row in rows]).T, base[name].shape)
-        for name in rows[0]
-    }
+    given = {name: np.array([row[name] for row in rows]).T for name in rows[0]}
+    changed = {name: np.broadcast_to(x, base[name].shape) for name, x in given.items()}
     draws = replace(base, values={**base.values, **changed})
     run = simulate(plan, machine, draws, settle_s=SETTLE_S, record_s=STEP_S)
     u = np.where((run.t < plan.duration)[:, None], plan.trajectory.u(run.t), 0.0)
@@ -145,10 +143,8 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
 
 def values(x: Array) -> dict[str, float]:
     """Convert standardised parameters x (P,) to values: 0 is a range's centre, ±2 are its ends."""
-    return {
-        r.key: r.centre * float(np.exp(r.width * xi))
-        for r, xi in zip(FITTED_PARAMETERS, x, strict=True)
-    }
+    pairs = zip(FITTED_PARAMETERS, x, strict=True)
+    return {r.key: r.centre * float(np.exp(r.width * xi)) for r, xi in pairs}
 
 
 def settings(parameters: Mapping[str, float]) -> dict[str, float | list[float]]:

@@ -41,8 +41,9 @@ def plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
     if np.any(away > SAME_PLACE):  # NaN for a coordinate that the goal leaves free
         return None
     free, seconds = problem.duration is None, problem.duration or SHORTEST_S
-    values, breaks = (problem.start[None, None], np.zeros((1, 1, 2))), np.array([0.0, seconds])
-    still = StateTrajectory(problem.system, *(Bernstein(each, breaks) for each in values))
+    breaks = np.array([0.0, seconds])
+    q_curve = Bernstein(problem.start[None, None], breaks)
+    still = StateTrajectory(problem.system, q_curve, Bernstein(np.zeros((1, 1, 2)), breaks))
     plan = Plan(
         problem=problem,
         method=method,

@@ -215,11 +215,11 @@ def chain_programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any
     by_q, by_u = one.slopes.map(count)(q, u)
     jacobian = _jacobian(size, count, by_q, by_u)
     hessian = _hessian(size, count, scale, curved)
-    names, every = ["x", "p"], [w, near, scale, dual]
-    every_name = [*names, "lam_f", "lam_g"]
+    names, given = ["x", "p"], [w, near, scale, dual]
+    given_names = [*names, "lam_f", "lam_g"]
     derivatives = {
         "jac_g": ca.Function("nlp_jac_g", [w, near], [g, jacobian], names, ["g", "jac_g_x"]),
-        "hess_lag": ca.Function("nlp_hess_l", every, [hessian], every_name, ["hess_gamma_x_x"]),
+        "hess_lag": ca.Function("nlp_hess_l", given, [hessian], given_names, ["hess_gamma_x_x"]),
     }
     return {"x": w, "p": near, "f": f, "g": g}, {**_QUIET, **derivatives}
 

@@ -122,7 +122,6 @@ class TrackerControl:
         self._k = 0
         self._history = History(clock.tick, ref.first_inputs, count)
         self._answer = design.programme.empty_decision(count)
-        self._forecast = design.forecast
         start = np.repeat(ref.start[:, None], count, axis=1)
         known = design.resolution, design.lost_motion, design.variance
         self._estimate = StateEstimate(start, *known)
@@ -138,7 +137,7 @@ class TrackerControl:
         now, estimate = k * clock.period - clock.shift, self._estimate
         if k:
             before = now - clock.period
-            pose = self._forecast(estimate, before, now, self._history, self._passing)
+            pose = self._design.forecast(estimate, before, now, self._history, self._passing)
             estimate.take_forecast(pose)
             self._history.forget(float(np.min(before)))
         estimate.read(measured)
@@ -159,7 +158,7 @@ class TrackerControl:
         """Compute the commands of period k and add them to the history."""
         clock, ref = self._clock, self._ref
         until = np.full(2, k * clock.period + clock.wait)
-        pose = self._forecast(self._estimate, now, until, self._history, self._passing)
+        pose = self._design.forecast(self._estimate, now, until, self._history, self._passing)
         w, state = self._answer.corrections[0], self._state(k, pose)
         self._answer = self._design.programme(k, state, self._answer)
         self.fallbacks += self._answer.fallback

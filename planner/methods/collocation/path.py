@@ -9,6 +9,7 @@ motion that is feasible after stretching its time.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -103,11 +104,13 @@ def search(
     seeds: Sequence[Seed],
     enough: int,
     simple: bool = False,
+    longest: float = math.inf,
 ) -> Iterator[PathSearch]:
     """Solve the task's path problem from one seed after the other until enough have converged.
 
     With `simple`, a single path whose drive never reverses is enough, and so is a path that is
-    found repeatedly. The search also ends if the first two thirds of the seeds are infeasible. A
+    found repeatedly, or `ALIKE` paths that all need more than `longest` intervals (see
+    `path_intervals`). The search also ends if the first two thirds of the seeds are infeasible. A
     path whose links pass through a disc between two nodes may become clear when it is timed, but
     counts only half. If the seeds lead to different paths and the search is `simple`, random loops
     about the shortest path follow.
@@ -127,6 +130,9 @@ def search(
         if simple and solution.ok:
             one_way = is_sure(job.problem) and never_reverses(solution.iterate)
             if (one_way and count >= sides(job.problem)) or _repeats_shortest(state.solved):
+                return
+            shortest = state.distinct[0].solution.iterate
+            if len(state.solved) >= ALIKE and path_intervals(free, shortest) > longest:
                 return
         if state.clear >= enough or len(state.solved) >= 2 * enough:
             break

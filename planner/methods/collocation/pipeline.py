@@ -40,7 +40,7 @@ from planner.methods.collocation.guesses import (
     sides,
 )
 from planner.methods.collocation.long_arms.exact_motion import exact_motion
-from planner.methods.collocation.long_arms.ladder import find_arm_path, time_arm_path
+from planner.methods.collocation.long_arms.ladder import find_arm_path, has_ladder, time_arm_path
 from planner.methods.collocation.path import (
     SeedPath,
     is_sure,
@@ -50,7 +50,7 @@ from planner.methods.collocation.path import (
     solve_timing,
 )
 from planner.methods.collocation.refine import polish
-from planner.methods.collocation.route_paths import LEAST_TIME_RATIO, RoutePaths
+from planner.methods.collocation.route_paths import LADDER_INTERVALS, LEAST_TIME_RATIO, RoutePaths
 from planner.methods.collocation.solvers import Settings
 from planner.methods.collocation.task import Solution, Task, stretch_to, task
 from planner.methods.collocation.transcription.bounds import InputDemands
@@ -251,16 +251,18 @@ class Pipeline:
             return self.paths[k]
         problem, options = self.routes[k], self.options
         enough = options.starts if options.start in ("auto", "wander") else 1
-        if why_too_short(problem):
-            enough = 1  # only the fastest motion is asked for, and shorter paths are seldom faster
+        quick = why_too_short(problem) is not None  # any motion will do, to name its duration
+        enough = 1 if quick else enough
         enough = -(-enough // len(self.routes)) if problem.free else enough
         guesses = seeds(options.start, options.attempts // part, sides(problem))
         simple = self._free and not problem.divided
-        for result in search(job, guesses, enough, simple):
+        ladder = self._free and has_ladder(job)
+        most = LADDER_INTERVALS["soon" if quick else "best"] if ladder else math.inf
+        for result in search(job, guesses, enough, simple, most):
             if result.latest:
                 yield Candidate(*result.latest, result.log[-1]["start"], "guesses", k, final=False)
         mesh_given = bool(job.mesh.marks) or options.intervals != "auto"
-        self.paths[k] = RoutePaths.of(job, result, mesh_given)
+        self.paths[k] = RoutePaths.of(job, result, mesh_given, most)
         return self.paths[k]
 
     def _leg_motion(self, k: int, job: Task) -> Candidate | None:

@@ -67,13 +67,14 @@ def test_branches_of_a_goal_share_the_starts_and_a_proven_refusal_needs_one(
 ) -> None:
     asked: list[int] = []
 
-    def nothing(job: Any, guesses: Any, enough: int, simple: bool) -> Any:
+    def nothing(job: Any, guesses: Any, enough: int, *_: Any) -> Any:
         asked.append(enough)
         yield PathSearch()
 
     monkeypatch.setattr(pipeline, "search", nothing)
     monkeypatch.setattr(pipeline, "why_too_short", lambda _: proof)
     monkeypatch.setattr(pipeline.RoutePaths, "of", lambda *_: None)
+    monkeypatch.setattr(pipeline, "has_ladder", lambda _: False)
     goal: Any = SimpleNamespace(free=(2,), divided=False, system=None)
     job: Any = SimpleNamespace(mesh=SimpleNamespace(marks=()))
     search = Pipeline([goal] * branches, CollocationOptions(starts=7, attempts=9), Best(1e-6))

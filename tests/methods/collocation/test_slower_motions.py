@@ -130,6 +130,26 @@ def test_long_paths_that_cannot_be_refined_are_given_up_soon(
     assert len(found.distinct) > most == len(tries)
 
 
+@pytest.mark.parametrize(("most", "tried"), [(80, False), (220, True)])
+def test_a_path_that_the_ladder_replaces_is_not_refined(
+    job: Task, found: Any, monkeypatch: pytest.MonkeyPatch, most: int, tried: bool
+) -> None:
+    tries: list[Any] = []
+    monkeypatch.setattr(route_paths, "path_intervals", lambda *_: 100)
+    monkeypatch.setattr(route_paths, "refine_path", lambda *path: tries.append(path))
+    route_paths.RoutePaths.of(job, found, False, most)
+    assert bool(tries) == tried
+
+
+def test_a_search_ends_after_five_paths_that_the_ladder_replaces() -> None:
+    problem = planner.Problem.manipulator(
+        [20, -30, 30, -20], [-30, 20, -10, 30], duration=None, joint_deg=40
+    )
+    job = collocation_task(problem, OPTIONS, 40)
+    *_, found = search(job, seeds("auto", 16), 9, simple=True, longest=40)
+    assert len(found.solved) == 5
+
+
 def test_by_its_clock_an_input_of_a_path_is_at_its_limit_all_the_time(
     job: Task, found: Any
 ) -> None:

@@ -59,14 +59,19 @@ MOST_SOLVED_INTERVALS = 300
 """Largest number of intervals of a path that is optimised."""
 
 
+def has_ladder(job: Task) -> bool:
+    """Return whether `find_arm_path` serves a task: it is of an arm of at least three joints, and
+    has only limits on joints and inputs (see `has_only_limits`)."""
+    system = job.problem.system
+    return isinstance(system, Manipulator) and system.n >= 3 and has_only_limits(job)
+
+
 def find_arm_path(job: Task) -> tuple[PieceChain, int] | None:
     """Find a path by way of shorter arms; return the path and the shortest arm's number of joints.
 
-    The result is None unless the system is an arm of at least three joints, the task has only
-    limits on joints and inputs (see `has_only_limits`), and a path is found.
+    The result is None if no path is found, or if `has_ladder` is False.
     """
-    system = job.problem.system
-    if not isinstance(system, Manipulator) or system.n < 3 or not has_only_limits(job):
+    if not has_ladder(job):
         return None
     progress.tell("looking for a path by way of shorter arms")
     return lift_shorter_path(job)

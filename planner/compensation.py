@@ -228,7 +228,7 @@ def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> t
 
 
 def _ends_trials(plan: Plan, check: Check) -> bool:
-    """Return whether to stop trying: the plan works, was cut short, or fails before its start."""
+    """Return whether to stop: success, out of time, or all violations precede the original plan."""
     from planner.machine.feedforward.advice import meets_before_start
 
     if "ended_early" in plan.notes:

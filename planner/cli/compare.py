@@ -205,7 +205,7 @@ def _say_results(
 
 
 def _sets(changes: list[str] | None) -> list[str]:
-    """Return the words of a command line that repeat the options `--set` of these changes."""
+    """Return the words `--set KEY=VALUE …` that repeat these changes on a command line."""
     return [word for change in changes or [] for word in ("--set", change)]
 
 

@@ -52,7 +52,7 @@ class Screen:
         """Set controls by name, without planning; the value None switches a control off.
 
         Returns:
-            Whether the set of controls has changed.
+            Whether the screen now has other controls than before.
 
         Raises:
             InputError: If there is no such control.

@@ -461,10 +461,10 @@ class StageLaws:
 
 
 def _reflected_load(c: Array, s: Array, drag: Array, push: Array) -> tuple[Array, Array]:
-    """Return the load of a body and all bodies behind it on the body before it, for a law c + s w.
+    """Return a, N m, and b, N m s/rad, of the load a + b v that a body puts on its driver.
 
-    Returns:
-        a and b, N m and N m s/rad, of the load a + b times the driving speed without slip.
+    The torque between the two is c + s w, where w = v − body's speed, and v is the driver's speed
+    times the gear ratio. With all bodies behind it, the body obeys drag · speed = push + torque.
     """
     share = 1.0 / (drag + s)
     return (c * drag - s * push) * share, s * drag * share

@@ -63,7 +63,7 @@ class ForeignKeeps:
     keeps: Keeps
 
     def __call__(self, problem: Problem, demand: Demand, part: Part) -> Keeping:
-        """Return "kept", "judged" or "never" for one part of a demand.
+        """Return the answer "kept", "judged" or "never" (see `keeping`) for one part of a demand.
 
         Raises:
             MethodError: If the function fails or its answer is none of these.

@@ -153,7 +153,7 @@ def _family(system: Manipulator, point: Array, step: Step, zero: set[int]) -> Fa
 
 
 def _remaining_field(first: Array, point: Array, i: int) -> Array:
-    """Return (0, yᵢ₊₁): the disk and the joints from i+2 on in Y₁, divided by cosθ₁ … cosθᵢ."""
+    """Return (0, yᵢ₊₁): φ and θᵢ₊₂ … θₙ of the field Y₁, divided by cosθ₁ … cosθᵢ (φ: to n − 2)."""
     n = len(point) - 1
     out = np.zeros(n + 1)
     passed = np.prod(np.cos(point[1 : i + 1]))

@@ -71,8 +71,8 @@ class Problem:
         start: q(0), shape (N,), in radians (and metres), whatever the file's unit.
         goal: q(T), shape (N,), in the same units; NaN for the path coordinate, which `travel`
             gives, and for joints that the goal leaves free.
-        user_goal: The goal in user coordinates, shape (N,), NaN if free; equal to `goal` if the
-            user coordinates are the triangular ones.
+        user_goal: The goal in user coordinates, those of the problem file, shape (N,), NaN if free;
+            equal to `goal` if these are q.
         travel: q₁(T) − q₁(0); None if free.
         duration: Duration, s; None if free.
         duration_max: Longest duration of the whole run, including the motions that compensation

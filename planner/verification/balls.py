@@ -380,9 +380,9 @@ def _chebyshev_bounds(width: int) -> Array:
 def models(balls: Sequence[Ball], cells: int) -> list[Model]:
     """Convert balls to models: the interpolant at the points, with a bound of its remainder.
 
-    Where the line c + b τ of the segment has the smaller radius, it replaces the interpolant.
-    Errors of the values grow at most by Lebesgue's constant. A sum of 16 products whose factors
-    have errors of 4 units has an error below 28 units of the sum of their sizes.
+    On cells where the line c + b τ has the smaller bound r, it replaces the interpolant. The radii
+    at the points count times Lebesgue's constant. Rounding adds less than 28 units times the sum of
+    the sizes of 16 products, whose factors have errors of 4 units.
     """
     c, b, r = np.empty((3, len(balls), cells, len(RADIUS_COLUMN)))
     for i, ball in enumerate(balls):

@@ -107,7 +107,7 @@ def enclose_trajectory(
 def _path(trajectory: Trajectory) -> Trajectory:
     """Return the path of a retimed trajectory, and any other trajectory unchanged.
 
-    The path gets a further break at each break of the trajectory's length.
+    The path's curves are also divided at the breaks of the function `trajectory.length`.
     """
     if type(trajectory) is not RetimedTrajectory:
         return trajectory

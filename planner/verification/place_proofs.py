@@ -189,7 +189,7 @@ def nearest_time(
     coordinates = [(states[i], float(point.user[i])) for i in fixed]
 
     def distances(cell: Index, x: Array) -> Array:
-        """Return upper bounds of the distance at places x (R, M) in [−1, 1] of cells (R,)."""
+        """Return upper bounds of the distance to `point` at places x (R, M) in cells (R,)."""
         values = [
             chebval(x, p.c[cell].T[..., None], tensor=False) - value for p, value in coordinates
         ]

@@ -43,8 +43,8 @@ PRICE_DEG_S = 0.05
 joint 1 by 0.03 degrees per second (one standard deviation)."""
 
 LEAST_TURN_RAD = 0.02
-"""Least angle of turning back that counts as a reversal of the drive, rad: less moves a joint by at
-most one degree, a fifth of the lost motion."""
+"""Least angle by which the drive turns back in a reversal that counts, rad. A smaller one moves a
+joint by at most one degree, a fifth of the lost motion."""
 
 MOST_AWAYS_DEG, AWAY_SHARE = (2.0, 6.0), 0.2
 """Largest distance of the passive joints, when a leg begins, from their position at the reversal,

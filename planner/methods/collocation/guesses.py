@@ -151,7 +151,7 @@ def _states(
 
 
 def sides(problem: Problem) -> int:
-    """Return on how many sides of θ₁ = 0 a motion may begin: 2 if start and goal lie on both."""
+    """Return how many mirrored guesses to try: 2 for an arm whose θ₁ changes sign, else 1."""
     if not _has_mirror(problem):
         return 1
     return 2 if problem.start[1] * problem.likely.goal[1] < 0 else 1

@@ -182,7 +182,7 @@ def _ranges(travels: Array, good: Array, inside: Callable[[Array], Array]) -> Ra
 
 
 _OFFSETS = np.geomspace(0.01, 4.0, 26)
-"""Offsets to scan with both signs, as fractions of the largest travel tried without a window."""
+"""Offsets to scan with both signs, as multiples of `_open_window`."""
 
 
 def given_reach(ends: Ends, options: LegOptions, name: str) -> float | None:

@@ -160,7 +160,7 @@ class _PointFamily:
         self.times = self._best_times()
 
     def read(self, x: Array) -> tuple[Array, tuple[Point, ...]]:
-        """Convert free numbers x (…, d) to reaches (…) and constraint points."""
+        """Split free numbers x (…, d) into travels (or offsets), (…), and constraint points."""
         values = np.moveaxis(x, -1, 0)
         if self.given is None:
             reach, values = values[0], values[1:]

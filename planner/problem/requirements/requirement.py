@@ -206,7 +206,7 @@ class Requirement(Demand):
         return f"{v.label} at the {name} is {value}{unit}, allowed {limit}{unit}; {change}"
 
     def values_out_of_reach(self, system: TriangularSystem) -> Sequence[float] | None:
-        """Return the least possible values if no motion can violate the requirement; else None."""
+        """Return lower bounds of `values` if no motion can violate the requirement; else None."""
         return None
 
     @property

@@ -61,7 +61,7 @@ class Iterate:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Positions of the unknowns in the solver's vector.
+    """Positions of the unknowns in the solver's vector; the module's text explains the letters.
 
     Attributes:
         intervals: Number K of intervals.

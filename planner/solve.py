@@ -173,7 +173,9 @@ def _plan_by_method(problem: Problem, entry: Method, options: Any, warm: Plan | 
         return entry.plan(problem, options)
     if entry.replan is None:
         able = ", ".join(f"'{m.name}'" for m in METHODS.values() if m.replan)
-        raise InputError(f"method '{entry.name}' cannot start from a plan; warm is for {able}")
+        raise InputError(
+            f"method '{entry.name}' cannot start from a plan; omit warm, or use {able}"
+        )
     expect_plan(warm)
     return entry.replan(problem, options, warm.compensates or warm)
 

@@ -81,7 +81,10 @@ def export(
     words = f"; send the motors {sent}" * bool(sent)
     if miss:
         off = ", ".join(f"{each} {number(value)}" for each, value in miss.items())
-        words += f" and hold each row until the next: on an ideal machine the end is off by {off}"
+        words += (
+            f"{' and' if sent else ';'} hold each row until the next: on an ideal machine the end"
+        )
+        words += f" is off by {off}"
     reservations = "".join(f"; {each}" for each in motion.reservations)
     words += reservations.replace("{", "{{").replace("}", "}}")
     return finish(data, where="written to {}" + words)

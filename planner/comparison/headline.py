@@ -109,13 +109,15 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
     other = plain or rival or min((r for r in solved if r is not row), key=_median)
     reason = f"E {_degrees(row.E_median_deg)} in the median instead of"
     reason += f" {_degrees(other.E_median_deg)} ({other.label}),"
-    reason += " but" if row.end_median_deg > other.end_median_deg else ""
+    loses = row.end_median_deg > other.end_median_deg
+    reason += " but" if loses and row.E_median_deg <= other.E_median_deg else ""
     reason += f" {_degrees(row.end_median_deg)} instead of {_degrees(other.end_median_deg)} at the"
     reason += f" end{_fidelity(row, fidelity)}."
     if other is not rival and (costs := _costs(row, other)):
         reason += f" {row.label} takes {costs}."
     if rival is not None:
-        reason += _against(row, rival, rival.label in _worse_than(row, rows, threshold_deg))
+        worse = rival.label in _worse_than(row, rows, threshold_deg)
+        reason += _against(row, rival, worse, threshold_deg)
     tail += f"{_what_decides(solved)}{_follow_up(rows, row)}{refused}"
     return f"Take {row.label}: {reason}{tail}"
 
@@ -131,10 +133,10 @@ def _rival(row: Row, solved: list[Row]) -> Row | None:
     return min(peers, key=_median, default=None)
 
 
-def _against(row: Row, rival: Row, worse: bool) -> str:
+def _against(row: Row, rival: Row, worse: bool, threshold_deg: float) -> str:
     """Return a sentence that compares a plan with its rival: test result and costs.
 
-    `worse` says whether the paired test finds the rival worse.
+    `worse` says whether the paired test finds the rival worse by `threshold_deg` or more.
     """
     name = f"{rival.label} (E {_degrees(rival.E_median_deg)})"
     if _breaks_limits(rival) and not _breaks_limits(row):
@@ -145,7 +147,8 @@ def _against(row: Row, rival: Row, worse: bool) -> str:
         return best + (f" {row.label} takes {costs}." if costs else "")
     costs = _costs(rival, row)
     more = f", which takes {costs}" if costs else ""
-    return f" The paired test cannot tell {row.label} from {name}{more}."
+    least = f"no difference of {threshold_deg:g} deg or more"
+    return f" The paired test finds {least} between {row.label} and {name}{more}."
 
 
 def _fidelity(row: Row, fidelity: str) -> str:

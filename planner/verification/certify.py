@@ -292,7 +292,7 @@ def _rows(system: TriangularSystem, requirement: Requirement | ChartDomain) -> E
     read = {name: ca.SX.sym(name, sizes[name]) for name in sorted(requirement.reads)}
     rows = requirement.rows(MotionPoint(system, **read))
     if not rows:
-        raise UnboundedError(f"the chart margins of system '{system.kind}'")
+        raise UnboundedError(f"the chart margins, for which '{system.kind}' has no formula")
     return Expression(list(read.values()), ca.vertcat(*rows))
 
 

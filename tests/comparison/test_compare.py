@@ -75,7 +75,7 @@ def test_by_default_every_plan_is_compensated_once_it_is_there(
     base = taken.label.replace(" compensated", "")
     assert f"instead of {number(result[base].E_median_deg)} deg ({base})" in words
     assert f". {taken.label} takes " in words
-    assert f"cannot tell {taken.label} from {better.label} (E " in words
+    assert f"0.1 deg or more between {taken.label} and {better.label} (E " in words
     now, was = (
         [r.E_p95_deg for r in result.rows if r.solved and (COMPENSATED.split()[1] in r.label) == it]
         for it in (True, False)

@@ -78,7 +78,7 @@ def test_an_ordinary_goal_leaves_nothing_free(paper: planner.Problem) -> None:
     ("changes", "said"),
     [
         ({"goal.theta_deg": [1, 2, 3]}, "'goal': theta_deg gives every joint and so fixes the tip"),
-        ({"goal.tip_m": None}, "'goal': needs theta_deg, the joint angles; or, for the tip, tip_m"),
+        ({"goal.tip_m": None}, "'goal': needs theta_deg, the joint angles; or a goal of the tip: "),
         ({"goal.tip_m": None, "goal.theta_deg": ["free"] * 3},
          "'goal': leaves every joint free; give an angle in theta_deg, or tip_m"),
         ({"goal.theta_deg": [1, 2, "free"]},

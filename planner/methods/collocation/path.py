@@ -131,8 +131,8 @@ def search(
             one_way = is_sure(job.problem) and never_reverses(solution.iterate)
             if (one_way and count >= sides(job.problem)) or _repeats_shortest(state.solved):
                 return
-            shortest = state.distinct[0].solution.iterate
-            if len(state.solved) >= ALIKE and path_intervals(free, shortest) > longest:
+            least = path_intervals(free, state.distinct[0].solution.iterate)
+            if len(state.solved) >= ALIKE and least > longest:
                 return
         if state.clear >= enough or len(state.solved) >= 2 * enough:
             break

@@ -125,7 +125,9 @@ class JointGoal(GoalTable):
     def _check_completeness(self) -> JointGoal:
         tip = [k for k in ("tip_m", "tip_angle_deg") if getattr(self, k) is not None]
         if self.theta_deg is None and not tip:
-            raise ValueError("needs theta_deg, the joint angles; or, for the tip, tip_m")
+            raise ValueError(
+                "needs theta_deg, the joint angles; or a goal of the tip: tip_m, tip_angle_deg"
+            )
         if self.theta_deg is None:
             return self
         free, named = sum(a == "free" for a in self.theta_deg), " and ".join(tip)

@@ -18,7 +18,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 
 MEASURE = """
-import json, time, warnings
+import contextlib, json, statistics, sys, time, warnings
+sys.path.insert(0, "tests/benchmarks")
+import numpy
+from stress_problems import SPREAD, arm
 warnings.simplefilter("ignore")
 import planner
 problem = planner.load_problem("problems/paper.toml")
@@ -49,6 +52,19 @@ for words, one, count in (
     ("replay: 100 machines with inertia", dynamic, 100),
 ):
     out[words] = seconds(lambda: planner.replay(motion, one, count, record_s=None), 2)
+
+def pair(number, duration):
+    rng = numpy.random.default_rng((77, 4, 40, number))
+    places = numpy.round(rng.uniform(-40 * SPREAD, 40 * SPREAD, (2, 4)), 3).tolist()
+    tables = arm("manipulator", 4, *places, 40.0)
+    tables["goal"]["duration"] = duration
+    method, posed = planner.METHODS["collocation"], planner.Problem.from_dict(tables)
+    with contextlib.suppress(planner.NoPlanError):
+        method.plan(posed, method.options())
+
+for words, duration in (("the fastest plan", "free"), ("1 s is refused", 1.0)):
+    times = [seconds(lambda: pair(number, duration), 1) for number in range(6)]
+    out[f"four joints within 40 degrees, {words}"] = statistics.median(times)
 print(json.dumps(out))
 """
 
@@ -98,7 +114,8 @@ def main() -> None:
     text = f"""# Beside an earlier version
 
 Commit {commit(given.older)} before, {commit(ROOT)} now; least of {given.rounds} rounds in turns.
-Plans are those of problems/paper.toml, without verification.
+Plans are those of problems/paper.toml, without verification; four joints: the median of six random
+pairs.
 
 {chr(10).join(rows)}
 

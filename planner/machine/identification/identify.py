@@ -338,16 +338,12 @@ def identify(
 def _refuse_twice(logs: Sequence[Log]) -> None:
     for first, second in combinations(logs, 2):
         rows = min(len(first.t), len(second.t))
-        if any(_are_alike(first.theta[part], second.theta[part]) for part in _ends_of(rows)):
+        ends = slice(rows), slice(-rows, None)  # a copy may lack the run's end or its start
+        if any(_are_alike(first.theta[part], second.theta[part]) for part in ends):
             raise InputError(
                 f"{first.source} and {second.source} are the same run; give each run once, since"
                 " the last run tests the fit of the others"
             )
-
-
-def _ends_of(rows: int) -> tuple[slice, slice]:
-    """Return the first and the last so many rows: a copy of a run may lack its end or its start."""
-    return slice(rows), slice(-rows, None)
 
 
 def _are_alike(a: Array, b: Array) -> bool:

@@ -131,8 +131,9 @@ def search(
             one_way = is_sure(job.problem) and never_reverses(solution.iterate)
             if (one_way and count >= sides(job.problem)) or _repeats_shortest(state.solved):
                 return
-            least = path_intervals(free, state.distinct[0].solution.iterate)
-            if len(state.solved) >= ALIKE and least > longest:
+            best = state.distinct[0]
+            many = len(state.solved) >= ALIKE
+            if many and path_intervals(free, best.solution.iterate) > longest:
                 return
         if state.clear >= enough or len(state.solved) >= 2 * enough:
             break

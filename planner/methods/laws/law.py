@@ -22,6 +22,7 @@ from planner.methods.refusal import BY_COLLOCATION
 from planner.plan.measures import EFFORT, effort, slowing_factor
 from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
+from planner.problem.feasibility import format_value
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import LawOptions
 from planner.support.arrays import Array
@@ -226,12 +227,8 @@ def refuse_zero_drive(problem: Problem, name: str, trajectory: ChainedTrajectory
     drive = system.drive(q)
     zero = drive * np.sign(drive[0]) <= 1e-12 * np.max(np.abs(drive))
     if np.any(zero):  # false for NaN
-        place = ", ".join(
-            f"{c.name} = {np.rad2deg(x):.4g} deg"
-            if c.unit == "rad"
-            else f"{c.name} = {x:.4g} {c.unit}"
-            for c, x in zip(system.coordinates, q[np.argmax(zero)], strict=True)
-        )
+        pairs = zip(system.coordinates, q[np.argmax(zero)], strict=True)
+        place = ", ".join(f"{c.name} = {format_value(x, c.unit)}" for c, x in pairs)
         raise SingularError(
             f"{problem.source}: the {name} plan passes a place where the system's drive is zero"
             f" ({place}), so that {system.inputs[0].name} would have to be infinite",

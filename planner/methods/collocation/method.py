@@ -6,7 +6,6 @@ guess, and answers with the best motion if time is up before the search has ende
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -17,7 +16,7 @@ import numpy as np
 from planner.errors import InputError, NoPlanError, TimeLimitError, Violation
 from planner.methods.collocation.best import Best, Candidate, Exactness
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.discs.thin_discs import searchable
+from planner.methods.collocation.discs.thin_discs import thicknesses
 from planner.methods.collocation.guesses import routes
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
@@ -41,6 +40,9 @@ from planner.systems.manipulator import Manipulator
 
 CUT_SHORT = "ended the search; this is the best motion found so far"
 
+THICK_SHARE = 0.5
+"""Largest share of the remaining time for a search with thickened discs, which may find nothing."""
+
 
 def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
     """Plan the motion of least effort or time among motions that keep every limit.
@@ -51,6 +53,9 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
     time is up before the search has ended, the best motion so far is refined: the plan's status is
     "time_limit", or "interrupted" after Ctrl-C, and `notes["ended_early"]` says why.
 
+    Among thin discs motions are searched with thickened discs; the best is then solved again with
+    thinner and thinner discs. So the objective does not grow when a single disc shrinks.
+
     Raises:
         InputError: If the options contradict each other or the problem.
         TimeLimitError: If time is up before a motion is found.
@@ -58,16 +63,36 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
             shortest duration found.
         NotConvergedError: If no motion is found, or every motion found takes longer.
     """
-    thick = searchable(problem)
-    with deadline.time_limit(options.time_limit_s):
-        if thick is not problem:  # of which a refusal proves nothing
-            with suppress(NoPlanError), deadline.time_share():
-                return replace(_plan_from(thick, options, None), problem=problem)
+    plans = list[Plan]()
+    with progress.progress_listener(None), deadline.time_limit(options.time_limit_s):
+        for each, is_searched in thicknesses(problem):
+            for plan in [plans[0], None] if plans else [None]:
+                with suppress(NoPlanError, TimeUpError), deadline.time_share(THICK_SHARE):
+                    if plan is not None:
+                        plans += _shrink(plan, each, options)
+                    elif is_searched:
+                        plans.append(_plan_from(each, options, None))
+            plans = [plan for plan in plans if plan.status == "solved"]
+            plans.sort(key=lambda plan: plan.objective)
+        if plans:
+            return replace(plans[0], problem=problem)
         return _plan_from(problem, options, None)
 
 
+def _shrink(plan: Plan, problem: Problem, options: CollocationOptions) -> Iterator[Plan]:
+    """Yield the optimum near a plan of the problem with thicker discs, unless none is found."""
+    origin = {key: plan.notes[key] for key in ("stage", "start", "tried")}
+    for motion in _near_motions(problem.within_reach(), options, plan):
+        if motion.solution.ok:
+            done = polish(motion, options.accuracy, options.refinements)
+            if done.exactness >= Exactness.ACCEPTED:
+                done = replace(done, start=plan.notes["start"])
+                yield _plan(problem, done, origin, options)
+
+
 def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None) -> Plan:
-    began, reached = time.perf_counter(), problem.within_reach()
+    """Plan for discs as they are, from first guesses or from the plan `warm`."""
+    reached = problem.within_reach()
     ways = routes(reached)
     if not ways:
         raise no_goal(problem)
@@ -83,13 +108,12 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
     def rank(motion: Candidate) -> tuple[int, float]:
         if options.criterion == "objective":
             return motion.rank
-        error = MEASURES[options.criterion](_plan(problem, motion, {}, options, began))
+        error = MEASURES[options.criterion](_plan(problem, motion, {}, options))
         errors.append({"start": motion.start, "E_p95_deg": error})
         return motion.exactness, -error
 
     with (
         deadline.time_limit(options.time_limit_s),
-        progress.progress_listener(None),
         deadline.time_limit(None, has_answer=best.holds) as span,
     ):
         try:
@@ -103,7 +127,7 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
         notes = {"stage": candidate.stage, "tried": search.log}
         if errors:
             notes["criterion"] = errors
-        plan = _plan(problem, candidate, notes, options, began)
+        plan = _plan(problem, candidate, notes, options)
         return mark_cut_short(plan, span, CUT_SHORT) if span.was_reached else plan
 
 
@@ -140,12 +164,11 @@ def _plan(
     candidate: Candidate,
     notes: dict[str, Any],
     options: CollocationOptions,
-    began: float,
 ) -> Plan:
-    """Make the plan of a refined candidate; `began` is the time at which the search began."""
+    """Make the plan of a refined candidate."""
     job, solution, search = candidate.task, candidate.solution, progress.current_progress()
     assert search is not None
-    wall, trajectory = time.perf_counter() - began, job.curve(solution.iterate)
+    trajectory = job.curve(solution.iterate)
     value, name = solution.objective, job.objective.name
     if job.objective.edge:  # whose mean the transcription takes only over its own points
         value = objective_of(trajectory, name) or value
@@ -156,7 +179,7 @@ def _plan(
         trajectory=trajectory,
         objective=value,
         objective_name=name,
-        solve_time_s=wall - job.build_time_s,
+        solve_time_s=search.seconds - job.build_time_s,
         build_time_s=job.build_time_s,
         iterations=search.iterations,
         notes={
@@ -196,7 +219,8 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
         TimeLimitError, InfeasibleError, NotConvergedError: As for `plan_collocation`.
     """
     refuse_start(problem, warm)
-    return _plan_from(problem, options, warm)
+    with progress.progress_listener(None):
+        return _plan_from(problem, options, warm)
 
 
 def refuse_start(problem: Problem, warm: Plan) -> None:

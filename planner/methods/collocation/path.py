@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from planner.methods.collocation.between_nodes import clears, inspect
-from planner.methods.collocation.discs.thin_discs import thicknesses
 from planner.methods.collocation.guesses import Seed, guess, sides, wander
 from planner.methods.collocation.solvers import strategy
 from planner.methods.collocation.task import (
@@ -113,29 +112,29 @@ def search(
     `path_intervals`). The search also ends if the first two thirds of the seeds are infeasible. A
     path whose links pass through a disc between two nodes may become clear when it is timed, but
     counts only half. If the seeds lead to different paths and the search is `simple`, random loops
-    about the shortest path follow.
+    about the shortest path follow, even if that was found repeatedly.
 
     Yields:
         The search so far, always the same object, before the first seed and after each guess.
     """
-    widths, state = [path_task(each) for each in _thicknesses(job)], PathSearch()
-    free = widths[-1]
+    free, state = path_task(job), PathSearch()
     yield state
     for count, seed in enumerate(seeds, 1):
-        solution = _try(job, widths, state, seed)
+        solution = _try(job, free, state, seed)
         yield state
         hopeless = 3 * count >= 2 * len(seeds)
         if hopeless and all(entry["status"] == INFEASIBLE for entry in state.log):
             return
         if simple and solution.ok:
             one_way = is_sure(job.problem) and never_reverses(solution.iterate)
-            if (one_way and count >= sides(job.problem)) or _repeats_shortest(state.solved):
+            if one_way and count >= sides(job.problem):
                 return
             best = state.distinct[0]
             many = len(state.solved) >= ALIKE
             if many and path_intervals(free, best.solution.iterate) > longest:
                 return
-        if state.clear >= enough or len(state.solved) >= 2 * enough:
+        is_repeated = simple and solution.ok and _repeats_shortest(state.solved)
+        if is_repeated or state.clear >= enough or len(state.solved) >= 2 * enough:
             break
     if not simple or len(state.solved) < LEAST_PATHS:
         return
@@ -143,7 +142,7 @@ def search(
     while failures < MOST_FAILURES:
         best, loop = state.distinct[0], next(loops)
         seed = replace(loop, name=f"{best.seed.removesuffix(SUFFIX)}{SUFFIX}")
-        _try(job, widths, state, seed, free.curve(best.solution.iterate))
+        _try(job, free, state, seed, free.curve(best.solution.iterate))
         shortest = state.distinct[0]  # the only one of these to keep, so that others are timed too
         state.solved = first if shortest in first else [*first, shortest]
         failures = failures + 1 if same_path(shortest.solution.objective, best) else 0
@@ -157,7 +156,7 @@ def is_sure(problem: Problem) -> bool:
 
 def _try(
     job: Task,
-    widths: list[Task],
+    free: Task,
     state: PathSearch,
     seed: Seed,
     about: StateTrajectory | None = None,
@@ -166,14 +165,13 @@ def _try(
 
     Args:
         job: The task.
-        widths: Path problems of the task with thickened discs, from thick to thin, then unchanged.
+        free: The path problem of the task.
         state: The search, which is updated.
         seed: The first guess.
         about: The motion to which the seed is added; by default a straight line.
     """
-    free = widths[-1]
     progress.tell(f"searching a path from the first guess '{seed.name}'")
-    solution = _shrink(widths, guess(free.problem, free.nlp, free.mesh, seed, about))
+    solution = free.solve(guess(free.problem, free.nlp, free.mesh, seed, about))
     effort = solution.objective if solution.ok else None
     entry = {"start": seed.name, "status": solution.status, "path_effort": effort}
     state.log.append({**entry, "iterations": solution.iterations})
@@ -192,32 +190,6 @@ def _try(
             motion = stretch_to(transfer(free, solution.iterate, job), duration)
             state.latest = job, job.judge(motion)
     return solution
-
-
-def _thicknesses(job: Task) -> list[Task]:
-    """Return the task with thickened discs, from thick to thin, then the task itself."""
-    *thick, _ = thicknesses(job.problem)
-    return [*(job.for_problem(each, job.objective) for each in thick), job]
-
-
-def _shrink(tasks: list[Task], start: Iterate) -> Solution:
-    """Solve with the thickest discs, then from each path with the next thinner discs.
-
-    If links would pass over a thinner disc, the previous path is kept.
-    """
-    *thick, last = tasks
-    clear, near = None, False
-    for each in thick:
-        solution = each.solve(start, near=near)
-        if solution.ok:
-            start, near = solution.iterate, True
-        if not (solution.ok and clears(each, solution)):
-            break
-        clear = solution.iterate
-    solution = last.solve(start, near=near)
-    if clear is None or (solution.ok and clears(last, solution)):
-        return solution
-    return last.judge(clear)
 
 
 def path_task(job: Task) -> Task:

@@ -42,6 +42,10 @@ ACCEPTED_RESIDUAL = 1e-7
 FEASIBLE_RESIDUAL = 1e-5
 """Largest residual of a solver's last iterate at which the next solver starts from this iterate."""
 
+STRAYED = 0.01
+"""Share by which a solution may cost more than a near start, because of a finer mesh or tighter
+limits. Fatrop, which takes long steps, sometimes finds another optimum that costs far more."""
+
 
 @dataclass(frozen=True, eq=False)
 class Solution:
@@ -101,12 +105,14 @@ class Task:
     def solve(self, start: Iterate, near: bool = False) -> Solution:
         """Solve the task from a start; `near` says that the start is close to the answer.
 
-        If the first solver fails, the next solver allowed is tried.
+        If the first solver fails, the next solver allowed is tried; so it is if the first strays
+        from a near start to a motion that costs more by the share `STRAYED`.
         """
         nlp, data, settings = self.nlp, self.bounds, replace(self.settings, near=near)
-        iterations, solution = 0, None
+        iterations, solution, best = 0, None, None
+        most = (1 + STRAYED) * self.judge(start).objective if near else np.inf
         for name in names(nlp, settings):
-            if solution is not None and solution.residual <= FEASIBLE_RESIDUAL:
+            if solution and not solution.ok and solution.residual <= FEASIBLE_RESIDUAL:
                 start, settings = solution.iterate, replace(settings, near=True)
             deadline.check()
             progress.count_solve()
@@ -116,11 +122,13 @@ class Task:
             answer = replace(answer, vector=answer.vector.clip(data.lower, data.upper))
             iterations += answer.iterations
             solution = replace(_check(nlp, data, answer, ACCEPTED_RESIDUAL), iterations=iterations)
-            if solution.ok:
+            if best is None or not best.ok or (solution.ok and solution.objective < best.objective):
+                best = solution
+            if solution.ok and solution.objective <= most:
                 break
-        assert solution is not None
-        progress.count_iterations(solution.iterations)
-        return solution
+        assert best is not None
+        progress.count_iterations(iterations)
+        return replace(best, iterations=iterations)
 
     def solve_near(self, start: Iterate) -> Solution:
         """Solve the task from a start near the answer; if that fails, as from any other start."""

@@ -171,13 +171,32 @@ def test_a_way_between_discs_keeps_clear_of_them() -> None:
 
 
 def test_discs_are_thick_at_first_and_then_as_they_are() -> None:
-    thin = with_radius(0.003)
-    radii = [problem.obstacles[0].radius for problem in thicknesses(thin)]
-    assert radii == pytest.approx([0.075, 0.01875, 0.0046875, 0.003])
-    assert [*thicknesses(POST)] == [POST]
+    def radii(radius: float) -> list[float]:
+        return [each.obstacles[0].radius for each, _ in thicknesses(with_radius(radius))]
+
+    assert radii(0.02) == pytest.approx([0.075, 0.0375, 0.02])
+    assert radii(0.003)[-2:] == pytest.approx([0.0046875, 0.003])
+    assert radii(1e-9)[-1] == pytest.approx(0.0012, rel=0.03)
+    searched = [is_searched for _, is_searched in thicknesses(with_radius(1e-9))]
+    assert searched == [True, False, False, False, True, False, False]
+    assert not thicknesses(POST)
     near = near_start(10.0).changed({"obstacles": [{"centre_m": [2.9, 0.06], "radius_m": 0.002}]})
     start = near.system.arm_points(near.start[1:])  # type: ignore[attr-defined]
-    assert all(p.obstacles[0].clearances(start).min() > 0 for p in thicknesses(near))
+    assert all(p.obstacles[0].clearances(start).min() > 0 for p, _ in thicknesses(near))
+
+
+def test_discs_do_not_grow_together() -> None:
+    discs = [{"centre_m": [2.2, y], "radius_m": 0.001} for y in (1.7, 1.8)]
+    problem = POST.changed({"obstacles": discs})
+    assert max(each.obstacles[0].radius for each, _ in thicknesses(problem)) < 0.05
+
+
+def test_the_effort_never_grows_when_a_post_shrinks() -> None:
+    """Between 5 and 3 mm it once grew from 0.674 to 0.746."""
+    efforts = [
+        planner.solve(with_radius(r), attempts=4).objective for r in (0.06, 0.008, 0.005, 0.003)
+    ]
+    assert all(thin <= thick * (1 + 1e-4) for thick, thin in pairwise(efforts))
 
 
 @pytest.mark.parametrize("radius", [0.3, 0.01, 0.001])

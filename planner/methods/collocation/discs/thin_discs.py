@@ -1,14 +1,15 @@
 """Keep links from passing over thin discs between two nodes of the mesh.
 
-Paths are first found with thickened discs, which then shrink: a path that clears a thick disc
-also clears a thin disc at the same place. If a path would pass over a thinner disc, the previous
-path is kept. A motion that clears all discs is solved again with discs that grow in each interval
-up to a share of their distance from the links, so that the answer is on the same side.
+Motions are first searched with thickened discs and then solved with thinner ones: a motion that
+clears a thick disc also clears a thin disc at the same place. A motion that clears all discs is
+solved again with discs that grow in each interval up to a share of their distance from the links,
+so that the answer is on the same side.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -21,12 +22,13 @@ from planner.problem.requirements.places import Obstacle
 from planner.support.arrays import Array
 from planner.systems.triangular_system import PlanarArm
 
-LEAST_THICKNESS = 0.025
-"""Least radius of a disc, including its clearance, as a fraction of the arm's length. The tip moves
-as far between two nodes of a search's mesh in a motion of about three radians."""
+THICKNESSES = 0.025 / 2.0 ** np.arange(7)
+"""Radii of thickened discs, with their clearance, as fractions of the arm's length. The tip moves
+as far as the first between two nodes of a search's mesh in a motion of about three radians. Links
+are sure not to pass unseen over a disc of the last, whose detour costs a tenth of a percent."""
 
-SHRINKING = 4.0
-"""Factor by which the radii of thickened discs are divided at each step."""
+SEARCH_EVERY = 4
+"""Motions are searched with the first of every so many thicknesses."""
 
 KEPT = 0.5
 """Fraction of the distance between links and discs that a motion keeps when it is solved again."""
@@ -35,31 +37,28 @@ NEAREST_SHARE = 0.9
 """Fraction of the links' distance, at start, goal and waypoints, by which a disc may thicken."""
 
 
-LEAST_SEARCHED = 3e-4
-"""Radius of the thinnest discs with which a search is sure not to pass over one, in lengths of the
-arm. A detour of this size costs a tenth of a percent at most."""
+def thicknesses(problem: Problem) -> list[tuple[Problem, bool]]:
+    """Return the problem with thickened discs, from thick to thin, and the problem itself.
 
-
-def searchable(problem: Problem) -> Problem:
-    """Return the problem with discs of at least the radius `LEAST_SEARCHED`, as far as start, goal
-    and waypoints allow; whoever clears them clears thinner ones. The problem itself if none is
-    thinner."""
+    Each comes with whether motions are searched in it. The discs' radii are `THICKNESSES`, as far
+    as discs are thinner and as they do not grow together. The problem itself is left out if its
+    discs are too thin to be seen, and the list is empty if no disc is thickened.
+    """
     if not problem.obstacles or not isinstance(problem.system, PlanarArm):
-        return problem
-    least = LEAST_SEARCHED * float(np.sum(problem.system.link_lengths))
-    thin = any(disc.radius + disc.clearance < least for disc in problem.obstacles)
-    return _thicken(problem, least) if thin else problem
+        return []
+    thinnest = min(disc.thickness for disc in problem.obstacles) / problem.obstacles[0].reach
+    out = []
+    for k, thickness in enumerate(THICKNESSES[thinnest < THICKNESSES]):
+        thick = _thicken(problem, float(thickness) * problem.obstacles[0].reach)
+        if _contacts(thick) == _contacts(problem):
+            out.append((thick, k % SEARCH_EVERY == 0))
+    return [*out, (problem, False)] if thinnest >= THICKNESSES[-1] and out else out
 
 
-def thicknesses(problem: Problem) -> Iterator[Problem]:
-    """Yield the problem with thickened discs, from thick to thin, then the problem itself."""
-    if problem.obstacles and isinstance(problem.system, PlanarArm):
-        thickness = LEAST_THICKNESS * float(np.sum(problem.system.link_lengths))
-        thinnest = min(disc.radius + disc.clearance for disc in problem.obstacles)
-        while thickness > thinnest:
-            yield _thicken(problem, thickness)
-            thickness /= SHRINKING
-    yield problem
+def _contacts(problem: Problem) -> int:
+    """Return the number of pairs of discs that overlap, their clearances included."""
+    pairs = itertools.combinations(problem.obstacles, 2)
+    return sum(math.dist(a.centre, b.centre) <= a.thickness + b.thickness for a, b in pairs)
 
 
 def _thicken(problem: Problem, thickness: float) -> Problem:
@@ -71,7 +70,7 @@ def _thicken(problem: Problem, thickness: float) -> Problem:
     discs = []
     for disc in problem.obstacles:
         room = NEAREST_SHARE * (float(disc.clearances(points).min()) - disc.clearance)
-        more = min(thickness - disc.radius - disc.clearance, room)
+        more = min(thickness - disc.thickness, room)
         discs.append(replace(disc, radius=disc.radius + max(0.0, more)))
     return replace(problem, obstacles=tuple(discs))
 
@@ -99,7 +98,7 @@ def growth(task: Task, start: Iterate) -> Array:
         amounts = np.zeros((len(curves), len(required.parts)))
         if isinstance(required, Obstacle) and isinstance(system, PlanarArm):
             room = required.clearances(system.arm_points(curves[..., 1:])).min(axis=1)
-            most = LEAST_THICKNESS * float(np.sum(system.link_lengths))
+            most = THICKNESSES[0] * required.reach
             room = np.clip(KEPT * (room - required.clearance), 0.0, most)
             amounts = room + room**2 / (2 * required.thickness)
         out.append(amounts)

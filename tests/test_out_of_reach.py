@@ -13,7 +13,7 @@ from planner.problem.tables.arms import MOST_JOINTS
 from planner.problem.tables.method_options import MOST_POINTS
 from planner.problem.tables.problem_file import MOST_WAYPOINTS
 
-FAR = [{"centre_m": [100.0 + k, 100.0], "radius_m": 0.1} for k in range(30)]
+FAR = [{"centre_m": [10.0 + k / 10, 10.0], "radius_m": 0.1} for k in range(30)]
 
 
 def test_discs_that_no_link_can_touch_are_no_part_of_the_programme(paper: planner.Problem) -> None:

@@ -198,7 +198,9 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
     violations = verify(shown).violations
     if not violations and not any(key.startswith("method.") for key in tries.change.keys):
         return tries.plan  # a plan with other options does not answer the request
-    error.advise(f"{changed_words(shown, violations) or tries.change} (tried)")
+    words, change = changed_words(shown, violations), str(tries.change)
+    wider = f" with {change}" if words and change.startswith("limits.") else ""
+    error.advise(f"{words or change} (tried{wider})")
     if tries.change.without:
         error.blame(tries.change.without, replace(shown, status=error.status), violations)
     return None

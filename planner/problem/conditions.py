@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -247,9 +248,14 @@ LOOKS_LIKE_RADIANS_DEG = 1.6
 """Number below which angles that should be in degrees are probably in radians: joints stay below 90
 degrees, 1.57 rad, and motions within 1.6 degrees are rare."""
 
+LOOKS_LIKE_MILLIMETRES = 10.0
+"""Distance of an obstacle, in lengths of the arm, from which on a wrong unit is suspected."""
 
-def likely_slip(system: TriangularSystem, start: Array, goal: Array) -> str:
-    """Describe valid values of start and goal that are probably a mistake; empty if none are."""
+
+def likely_slip(
+    system: TriangularSystem, start: Array, goal: Array, obstacles: Sequence[Obstacle]
+) -> str:
+    """Describe valid values that are probably a mistake; empty if none are."""
     angular = [i for i in system.limited if system.coordinates[i].unit == "rad"]
     angles = np.abs([start[angular], goal[angular]])
     if 0 < np.rad2deg(np.max(angles, initial=0)) < LOOKS_LIKE_RADIANS_DEG:  # false if NaN (free)
@@ -257,4 +263,10 @@ def likely_slip(system: TriangularSystem, start: Array, goal: Array) -> str:
             f"all angles of start and goal are below {LOOKS_LIKE_RADIANS_DEG} degrees; if they are"
             " meant in radians, write them in degrees"
         )
+    for disc in obstacles:
+        if math.hypot(disc.x, disc.y) > LOOKS_LIKE_MILLIMETRES * disc.reach + disc.thickness:
+            return (
+                f"obstacle {disc.number} at ({disc.x:g}, {disc.y:g}) m has no effect: the arm"
+                f" reaches {disc.reach:g} m; if it is meant in millimetres, write it in metres"
+            )
     return ""

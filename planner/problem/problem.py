@@ -116,8 +116,8 @@ class Problem:
     def from_dict(cls, data: Mapping[str, Any], source: str = "problem") -> Problem:
         """Build a problem from the tables of a problem file.
 
-        A `planner.InputWarning` is given if angles look like radians, or if compensation is on and
-        ignores one of the limits.
+        A `planner.InputWarning` is given if angles look like radians, if an obstacle is out of
+        reach, or if compensation is on and ignores one of the limits.
 
         Raises:
             InputError: If a key, value or combination is wrong; the message names it.
@@ -167,7 +167,7 @@ class Problem:
                 f"{source}: goal.duration = {problem.duration:g} s is more than goal.duration_max ="
                 f" {most:g} s"
             )
-        if doubt := likely_slip(system, problem.start, problem.goal):
+        if doubt := likely_slip(system, problem.start, problem.goal, obstacles):
             warnings.warn(f"{source}: {doubt}", InputWarning, stacklevel=2)
         unknown = [r for r in problem.registered_limits if r.reads != {"q"}]
         if problem.compensation.on and unknown:

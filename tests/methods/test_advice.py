@@ -46,8 +46,13 @@ def test_the_first_change_that_works_is_named_with_what_the_plan_breaks(
     assert asked == CHANGES[:3]
     assert error.reason == "none; without limit 2 there is a plan, which breaks:"
     assert [v.label for v in error.violations] == ["joint theta1"]
-    assert error.advice == "wider limits: theta1 at least 38.72 deg (tried)"
-    assert str(error).endswith("Try: wider limits: theta1 at least 38.72 deg (tried)")
+    assert (
+        error.advice
+        == "wider limits: theta1 at least 38.72 deg (tried with limits.joint_deg = 82.0)"
+    )
+    assert str(error).endswith(
+        "Try: wider limits: theta1 at least 38.72 deg (tried with limits.joint_deg = 82.0)"
+    )
     assert error.plan is not None
     assert not error.plan.verified
 
@@ -146,7 +151,7 @@ def test_every_change_of_a_problem_is_one(paper: Problem) -> None:
         {
             "goal.travel": 0.8,
             "limits": {"z2_margin": 0.01, "joint_deg": 60, "input_rad_s": 0.5},
-            "obstacles": [{"centre_m": [100.0, 0.0], "radius_m": 0.1}],
+            "obstacles": [{"centre_m": [10.0, 0.0], "radius_m": 0.1}],
             "waypoints": [{"theta_deg": ["free", 10.0, "free"]}],
         }
     )

@@ -39,6 +39,11 @@ def test_small_angles_on_one_side_or_none_at_all_are_no_mistake(
         planner.Problem.manipulator((start * joints)[:joints], (goal * joints)[:joints])
 
 
+def test_an_obstacle_in_millimetres_is_told() -> None:
+    with pytest.warns(planner.InputWarning, match=r"obstacle 1 at \(2200, 1750\) m has no effect"):
+        PAPER.changed({"obstacles": [{"centre_m": [2200, 1750], "radius_m": 300}]})
+
+
 def test_it_is_said_once() -> None:
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("default")

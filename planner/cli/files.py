@@ -11,7 +11,7 @@ import typer
 from planner.cli.arguments import PlanPath, out_option
 from planner.cli.output import finish, job, number
 from planner.plan.plan import Plan
-from planner.plan.samples import RATE_HZ, held_miss
+from planner.plan.samples import RATE_HZ, held_miss, sample
 from planner.report.export import FORMATS, Real, find_format, fitting, refuse_target
 from planner.report.export import export as write
 from planner.report.figures.style import to_display, unit_of
@@ -81,10 +81,9 @@ def export(
     words = f"; send the motors {sent}" * bool(sent)
     if miss:
         off = ", ".join(f"{each} {number(value)}" for each, value in miss.items())
-        words += (
-            f"{' and' if sent else ';'} hold each row until the next: on an ideal machine the end"
-        )
-        words += f" is off by {off}"
+        step = 1e3 * float(sample(motion, rate).t[1])  # the rate is adapted to the duration
+        words += f"{' and' if sent else ';'} hold each row until the next, {step:.4g} ms:"
+        words += f" on an ideal machine the end is off by {off}"
     reservations = "".join(f"; {each}" for each in motion.reservations)
     words += reservations.replace("{", "{{").replace("}", "}}")
     return finish(data, where="written to {}" + words)

@@ -103,6 +103,7 @@ def sweep(
     each = f", {outcome.elapsed_s / outcome.ran:.3g} s a case" if outcome.ran else ""
     rows = [
         ("database", outcome.db),
+        *([("picture", str(figure))] if figure is not None else []),
         ("cases", f"{outcome.cases}" + (f"  ({same} more are identical)" if same else "")),
         ("were there", str(outcome.kept)),
         ("ran", f"{outcome.ran} in {outcome.elapsed_s:.3g} s{each}"),

@@ -103,7 +103,8 @@ class Comparison:
     @cached_property
     def headline(self) -> str:
         """Sentences that say which plan to take, why, and what this plan costs."""
-        return headline(self.rows, self.threshold_deg, self.machine.fidelity)
+        words = headline(self.rows, self.threshold_deg, self.machine.fidelity)
+        return words if self.complete else f"Interrupted: only the finished rows count. {words}"
 
     @cached_property
     def recommended(self) -> Row | None:

@@ -114,12 +114,10 @@ def errors(outcome: ScreenOutcome) -> Replay | None:
     if plan is None or not plan.executable or not state.samples:
         return None
     record = max(2 * RECORD_S, plan.duration / 200)
-
-    def check_time(*_: int) -> None:
-        deadline.check()
-
     with time_limit(state.time_limit_s), suppress(TimeUpError):
-        return replay(plan, None, state.samples, 0, record_s=record, progress=check_time)
+        return replay(
+            plan, None, state.samples, 0, record_s=record, progress=lambda *_: deadline.check()
+        )
     return None
 
 

@@ -171,7 +171,7 @@ def test_export_command(run: Callable, tmp_path: Path) -> None:
     assert 1e-4 < max(map(abs, miss.values())) < 0.1
     assert len(planner.load_samples(written).t) == 51
     sent = run("export", plan, "--out", written).err
-    told = "; send the motors u1_rad_s and u2_rad_s and hold each row until the next: on an"
+    told = "; send the motors u1_rad_s and u2_rad_s and hold each row until the next, 10 ms: on an"
     assert f"written to {written}{told} ideal machine the end is off by phi2_deg" in sent
     slow = tmp_path / "slow.json"
     assert run("plan", PAPER, "--out", slow, "-q").status == 0

@@ -23,7 +23,6 @@ from planner.problem.tables.problem_file import (
     PerInput,
     ProblemFile,
     bound,
-    bound_deg,
 )
 from planner.support.arrays import Array
 from planner.support.user_tables import Pair, Positive, Table
@@ -243,7 +242,7 @@ class ArmFile(ProblemFile):
 
     def joint_limits(self) -> Array:
         """Return the largest |q|, shape (n+1,), radians; infinite without a limit."""
-        return np.array([np.inf, *bound_deg(self.limits.joint_deg, self.system.joints)])
+        return np.array([np.inf, *np.deg2rad(bound(self.limits.joint_deg, self.system.joints))])
 
     def waypoint_states(self) -> list[Array]:
         """Return q of each waypoint, shape (n+1,), radians, NaN if free."""

@@ -79,11 +79,6 @@ def bound(value: float | Sequence[float] | None, size: int) -> Array:
     return np.broadcast_to(np.asarray(np.inf if value is None else value, dtype=float), size)
 
 
-def bound_deg(value: float | Sequence[float] | None, size: int) -> Array:
-    """Return limits in degrees as an array (size,) in radians, infinite without a limit."""
-    return np.deg2rad(bound(value, size))
-
-
 class BaseLimits(Table):
     """Common base of the `[limits]` tables of all kinds of systems."""
 

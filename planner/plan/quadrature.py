@@ -446,5 +446,5 @@ def slopes(cells: Cells, values: Array) -> Array:
 
 
 def _hidden_height(count: int) -> float:
-    """Return how far a maximum may exceed the nearest of `count` samples if |d²/dθ²| ≤ 1."""
+    """Return how far f(θ) on 0 ≤ θ ≤ π may rise above `count` even samples if |f''(θ)| ≤ 1."""
     return (np.pi / (count - 1)) ** 2 / 8

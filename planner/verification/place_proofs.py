@@ -138,9 +138,17 @@ def _squared_distance(values: list[Model], length: float, cells: Cells) -> tuple
 
 
 def lower_model(square: Model, along: Model, twice: Model, length: float) -> Model:
-    """Return the model of |P − C|² + m(a), with m replaced by its chord on cells across two ranges.
+    """Return a model from below of the squared distance of a link from a disc's centre C.
 
-    `square`, `along` and `twice` are models of |P − C|², a and a²; `length` is l.
+    The squared distance is |P − C|² + m(a), with the joint P, a = (P − C)·e, and the least value m
+    of 2at + t² over the link, 0 ≤ t ≤ l. The formula of m depends on the range of a; on cells that
+    reach into two ranges, m is replaced by its chord.
+
+    Args:
+        square: Model of |P − C|².
+        along: Model of a.
+        twice: Model of a².
+        length: Length l of the link.
     """
     low, high = np.clip(along.low, -1e6, 1e6), np.clip(along.high, -1e6, 1e6)
     behind, beyond, beside = low >= 0, high <= -length, (high <= 0) & (low >= -length)

@@ -11,7 +11,6 @@ import numpy as np
 
 from planner.methods.collocation.best import Candidate, Exactness
 from planner.methods.collocation.between_nodes import INTERPOLANT, SAVING, Inspection, inspect
-from planner.methods.collocation.discs.thin_discs import keep_side
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
     exact_motion,
@@ -102,7 +101,7 @@ def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Insp
         progress.tell("refining the mesh")
         finer = _add_build_time(now.task, now.task.on_mesh(_finer_mesh(now, accuracy)))
         start = transfer(now.task, now.solution.iterate, finer)
-        solution = keep_side(finer, start, finer.solve(start, near=True))
+        solution = finer.solve(start, near=True)
         if not solution.ok:
             return
         before, now = now.solution.objective, inspect(finer, solution)
@@ -131,7 +130,7 @@ def _tighter_motions(now: Inspection) -> Iterator[tuple[int, Inspection]]:
             more = np.maximum(excess, share * np.max(excess, axis=0))
             tighter = replace(now.task, inset=now.task.inset + more)
         start = now.solution.iterate
-        solution = keep_side(tighter, start, tighter.solve_near(start))
+        solution = tighter.solve_near(start)
         now = inspect(tighter, solution) if solution.ok else replace(now, task=tighter)
         yield rounds, now
         if not solution.ok:

@@ -323,7 +323,8 @@ def _swing_travels(problem: Problem) -> Iterator[Array]:
 
 
 def _swings(travels: Array, given: float | None) -> tuple[Array, Array]:
-    """Return pairs (C, 2) of travel and amplitude to scan, and first steps (C, 2) from each."""
+    """Return candidates (C, 2) for travel and amplitude, and the first step (C, 2) of a search from
+    each."""
     sizes = _SIZES * np.where(travels == 0, 1.0, np.abs(travels))[:, None]
     amplitudes = np.concatenate([-sizes, sizes], axis=1)
     if given is not None:

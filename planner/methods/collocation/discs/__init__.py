@@ -1,1 +1,1 @@
-"""Paths among discs: `thin_discs` keeps links from passing over discs, `legs` finds a way."""
+"""Motions among discs: `thin_discs` thickens thin discs, `legs` finds a motion leg by leg."""

@@ -16,15 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.methods.collocation.between_nodes import clears, inspect
-from planner.methods.collocation.discs.thin_discs import growth
+from planner.methods.collocation.discs.thin_discs import THICKNESSES
 from planner.methods.collocation.guesses import Seed
 from planner.methods.collocation.path import needed_duration, path_task, search
 from planner.methods.collocation.task import Solution, Task, stretch_to, transfer
 from planner.methods.collocation.transcription.form import Mesh, fastest
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.free_space import find_way
+from planner.problem.requirements.places import Obstacle
 from planner.support import progress
 from planner.support.arrays import Array
+from planner.systems.triangular_system import PlanarArm
+
+KEPT = 0.5
+"""Fraction of the distance between links and discs that a motion keeps when it is solved again."""
 
 WAYS, MOST_WAYS, LEG_SEEDS = 8, 4, 6
 """Number of ways to find; number of the shortest ways to try until one leads to a motion; largest
@@ -121,7 +126,7 @@ def _solve_clear(job: Task, start: Iterate) -> tuple[Task, Solution] | None:
     job = replace(job, settings=replace(job.settings, max_iterations=most))
     best: tuple[Task, Solution] | None = None
     for _ in range(ROUNDS):
-        solution = replace(job, inset=growth(job, start)).solve(start, near=True)
+        solution = replace(job, inset=_growth(job, start)).solve(start, near=True)
         if not solution.ok:
             break
         if clears(job, solution):
@@ -142,3 +147,20 @@ def _halve(mesh: Mesh, passed: NDArray[np.bool_]) -> Mesh:
     """Return the mesh with the intervals that `passed` (K,) marks, and their neighbours, halved."""
     near = np.convolve(passed, np.ones(3), mode="same") > 0
     return _mesh(np.repeat(mesh.widths / (1 + near), 1 + near))
+
+
+def _growth(task: Task, start: Iterate) -> Array:
+    """Return by how much discs may grow in each interval, (K, R), in the unit of the discs' rows.
+
+    A disc grows by at most the fraction `KEPT` of its distance from the links.
+    """
+    system, curves, out = task.problem.system, task.motion_apart(start), []
+    for required in task.requirements:
+        amounts = np.zeros((len(curves), len(required.parts)))
+        if isinstance(required, Obstacle) and isinstance(system, PlanarArm):
+            room = required.clearances(system.arm_points(curves[..., 1:])).min(axis=1)
+            most = THICKNESSES[0] * required.reach
+            room = np.clip(KEPT * (room - required.clearance), 0.0, most)
+            amounts = room + room**2 / (2 * required.thickness)
+        out.append(amounts)
+    return np.concatenate(out, axis=1)

@@ -297,11 +297,12 @@ def _cost(system: TriangularSystem, form: Form, x: _Symbols, points: list[Any]) 
 
 @dataclass(frozen=True)
 class Order:
-    """The order in which the collocation values of coordinates are computed.
+    """The order in which the collocation values of coordinates are computed from the inputs.
 
     Attributes:
         sequence: All coordinates; the rate of each depends only on earlier and lifted coordinates.
-        lifted: Coordinates whose collocation values are unknowns, increasing.
+        lifted: Coordinates whose collocation values are unknowns of the programme, since they
+            cannot be computed from earlier ones; in increasing order.
     """
 
     sequence: tuple[int, ...]
@@ -309,7 +310,7 @@ class Order:
 
 
 def order(system: MovingSystem) -> Order:
-    """Choose the order in which to compute a system's coordinates, and few coordinates to lift."""
+    """Choose the order in which to compute a system's coordinates, with few unknowns (`lifted`)."""
     needs = _dependencies(system)
     sequence: list[int] = []
     lifted: set[int] = set()

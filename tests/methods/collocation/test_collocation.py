@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -286,9 +287,8 @@ def test_obstacle_is_named_with_a_change_that_was_tried(paper: Problem) -> None:
     worst = caught.value.violations[0]
     assert worst.label.startswith("joint theta")
     assert worst.value > worst.limit == pytest.approx(np.deg2rad(10.5))
-    assert "wider limits" in (caught.value.advice or "")
-    wide = [float(word) for word in caught.value.advice.split() if word[0].isdigit()]  # type: ignore[union-attr]
-    changed = {**narrow, "limits": {"input_rad_s": 0.5, "joint_deg": max(wide)}}
+    wide = re.findall(r"at least ([\d.]+) deg", caught.value.advice or "")
+    changed = {**narrow, "limits": {"input_rad_s": 0.5, "joint_deg": max(map(float, wide))}}
     assert verify(plan(paper, changed)).ok
 
 

@@ -32,6 +32,7 @@ from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.methods.ranking import MEASURES
 from planner.plan.measures import objective_of
 from planner.plan.plan import Plan, mark_cut_short
+from planner.problem.feasibility import why_too_short
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions
 from planner.support import deadline, progress
@@ -65,7 +66,8 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
     """
     plans = list[Plan]()
     with progress.progress_listener(None), deadline.time_limit(options.time_limit_s):
-        for each, is_searched in thicknesses(problem):
+        possible = why_too_short(problem) is None
+        for each, is_searched in thicknesses(problem) if possible else []:
             for plan in [plans[0], None] if plans else [None]:
                 with suppress(NoPlanError, TimeUpError), deadline.time_share(THICK_SHARE):
                     if plan is not None:

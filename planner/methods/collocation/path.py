@@ -42,7 +42,7 @@ from planner.support.arrays import Array
 INFEASIBLE = "Infeasible_Problem_Detected"
 
 ALIKE, REPEATS, LEAST_PATHS = 5, 3, 9
-"""Numbers of paths that end a search: `ALIKE` paths if all are the same, by when the straight line,
+"""Numbers of paths after which no seed follows: `ALIKE` paths if all are the same, by when the straight line,
 and each first direction with each side, have been tried; else `REPEATS` times the shortest path
 among at least `LEAST_PATHS`, by when each direction and side has been tried twice."""
 
@@ -107,12 +107,12 @@ def search(
 ) -> Iterator[PathSearch]:
     """Solve the task's path problem from one seed after the other until enough have converged.
 
-    With `simple`, a single path whose drive never reverses is enough, and so is a path that is
-    found repeatedly, or `ALIKE` paths that all need more than `longest` intervals (see
-    `path_intervals`). The search also ends if the first two thirds of the seeds are infeasible. A
-    path whose links pass through a disc between two nodes may become clear when it is timed, but
-    counts only half. If the seeds lead to different paths and the search is `simple`, random loops
-    about the shortest path follow, even if that was found repeatedly.
+    With `simple`, the search ends with the first path whose drive never reverses, or with `ALIKE`
+    paths that all need more than `longest` intervals (see `path_intervals`); and no seed follows a
+    path that is found repeatedly. The search also ends if the first two thirds of the seeds are
+    infeasible. A path whose links pass through a disc between two nodes may become clear when it is
+    timed, but counts only half. If the seeds lead to different paths and the search is `simple`,
+    random loops about the shortest path follow.
 
     Yields:
         The search so far, always the same object, before the first seed and after each guess.

@@ -42,9 +42,9 @@ from planner.support.arrays import Array
 INFEASIBLE = "Infeasible_Problem_Detected"
 
 ALIKE, REPEATS, LEAST_PATHS = 5, 3, 9
-"""Numbers of paths after which no seed follows: `ALIKE` paths if all are the same, by when the straight line,
-and each first direction with each side, have been tried; else `REPEATS` times the shortest path
-among at least `LEAST_PATHS`, by when each direction and side has been tried twice."""
+"""Numbers of paths after which no seed follows: `ALIKE` paths if all are the same, by when the
+straight line, and each first direction with each side, have been tried; else `REPEATS` times the
+shortest path among at least `LEAST_PATHS`, by when each direction and side has been tried twice."""
 
 SUFFIX, MOST_FAILURES = ", moved", 16
 """If the seeds lead to different paths, random loops about the shortest path are tried, whose names

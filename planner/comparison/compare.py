@@ -31,7 +31,7 @@ from planner.machine.replay import replay as run_replay
 from planner.methods.registry import ALL, METHODS, find_method, merged_options
 from planner.methods.spec import Spec, parse_specs
 from planner.plan.plan import COMPENSATED, Plan
-from planner.problem.feasibility import refuse_too_short
+from planner.problem.feasibility import why_too_short
 from planner.problem.problem import Problem, expect_problem
 from planner.solve import solve_and_check
 from planner.support.deadline import TimeUpError, time_limit
@@ -40,7 +40,7 @@ from planner.support.statistics import LEAST_DIFFERENCE_DEG
 from planner.verification.verify import Check, verify
 
 KEPT_MOTIONS = 1000
-"""Maximum number of machines per row whose motions are kept: enough for the band in a figure."""
+"""Maximum number of machines whose motions are stored per plan: enough for a figure's 90 % band."""
 
 
 def compare(
@@ -102,7 +102,12 @@ def compare(
     complete = False
     try:
         for k, spec in enumerate(requests):
-            run.add(spec, partial(_report_share, progress, k, len(requests), spec.label))
+
+            def tell(doing: str, share: float, k: int = k, label: str = spec.label) -> None:
+                if progress is not None:
+                    progress(f"{doing} {label}", (k + share) / len(requests))
+
+            run.add(spec, tell)
         complete = True
     except KeyboardInterrupt:
         if not run.rows:
@@ -115,7 +120,7 @@ def compare(
 
 @dataclass
 class _ComparisonRun:
-    """A comparison that runs, with the rows so far; after Ctrl-C the last may lack its replay."""
+    """A running comparison and its rows so far; after Ctrl-C the last row may lack its replay."""
 
     problem: Problem
     machine: Machine
@@ -127,7 +132,10 @@ class _ComparisonRun:
     rows: list[Row] = field(default_factory=list)
 
     def add(self, spec: Spec, part: Tell) -> None:
-        """Plan by one method, replay the plan, and append one row, or two with feedback."""
+        """Plan by one method, replay the plan, and append one row, or two with feedback.
+
+        `part` is called with each step and its share of this method's work.
+        """
         part("planning", 0.0)
         plain = self._plain(spec) if spec.compensated else None
         if self.methods is None and spec.compensated and plain is None:
@@ -143,7 +151,7 @@ class _ComparisonRun:
         part("done", 1.0)
 
     def _plain(self, spec: Spec) -> Row | None:
-        """Return the finished row of the verified plan that `spec` compensates, or None."""
+        """Return the finished row of the plan that `spec` compensates; None if it is not solved."""
         label = plain_label(spec.label)
         return next((row for row in self.rows if row.label == label and row.solved), None)
 
@@ -157,7 +165,7 @@ class _ComparisonRun:
             return Row(spec.label, spec.method, False, why)
 
     def _feedback_row(self, row: Row, replay: Callable[[Row], Row]) -> Row:
-        """Return a plan's row with feedback, or a row with the reason if feedback cannot follow."""
+        """Return the row of a plan with feedback; if feedback cannot follow it, with the reason."""
         assert row.plan is not None
         label, hindered = row.label + FEEDBACK, hindrance(row.plan, self.machine)
         try:
@@ -222,13 +230,6 @@ def default_methods(problem: Problem) -> list[str]:
     return out + [re.sub(r"^\w+", rf"\g<0> {COMPENSATED}", label) for label in out[1:]]
 
 
-def _report_share(
-    progress: Tell | None, k: int, count: int, label: str, doing: str, share: float
-) -> None:
-    if progress is not None:
-        progress(f"{doing} {label}", (k + share) / count)
-
-
 def plan_row(
     problem: Problem,
     spec: Spec,
@@ -276,15 +277,17 @@ def plan_row(
         why, advice = _reason(problem, error), error.advice or ""
         motion = _whole_plan(error) or _plan_too_short(problem, spec)
         if motion is None:
-            row = Row(spec.label, spec.method, False, why)
-            return replace(row, took_s=took, advice=advice)
+            return Row(spec.label, spec.method, False, why, took_s=took, advice=advice)
         plan, check = replace(motion[0], status=error.status, verified=False), motion[1]
     row = Row.from_plan(spec.label, spec.method, plan, check, why)
     return replace(row, took_s=took, advice=advice)
 
 
 def _whole_plan(error: NoPlanError) -> tuple[Plan, Check] | None:
-    """Return the plan of a refusal if it is a complete motion, not a solver's last iterate."""
+    """Return a refused plan that is a complete motion, and its verification.
+
+    Return None if there is no plan, or only the last iterate of a solver.
+    """
     whole = isinstance(error, SingularError | VerificationError | InfeasibleError) or error.blamed
     if error.plan is None or not whole:
         return None
@@ -297,21 +300,18 @@ def _whole_plan(error: NoPlanError) -> tuple[Plan, Check] | None:
 
 
 STUDY_LIMIT_S = 5.0
-"""Longest time for planning, only for study, a motion that is already refused, in seconds."""
+"""Time limit, in seconds, for planning a motion that is already refused and only for study."""
 
 
 def _plan_too_short(problem: Problem, spec: Spec) -> tuple[Plan, Check] | None:
-    """Return a plan for study if `solve` called no method, because the duration is too short.
+    """Plan a problem for which `solve` called no method, because its duration is too short.
 
-    Return None if the duration is not proven too short, or planning fails or takes too long.
+    The plan is only for study. Return it with its verification; None if the duration is not proven
+    too short, or if planning fails or takes too long.
     """
     method = find_method(spec.method)
-    try:
-        if not method.finds_time:
-            refuse_too_short(problem)
+    if method.finds_time or why_too_short(problem) is None:
         return None
-    except NoPlanError:
-        pass
     with time_limit(STUDY_LIMIT_S), suppress(NoPlanError, TimeUpError):
         plan = method.plan(problem, merged_options(problem, method, dict(spec.options)))
         return plan, verify(plan)

@@ -171,14 +171,10 @@ class Comparison:
         return f"{table}<p><small>{escape(_caption(self))}</small></p>"
 
     def _remarks(self) -> list[str]:
-        """Return why plans are refused and what would help, and remarks about verified plans."""
-        return [
-            f"{row.label}: {row.remark}. Try: {self.advice[row.label]}"
-            if row.label in self.advice
-            else f"{row.label}: {row.remark}."
-            for row in self.rows
-            if row.remark
-        ]
+        """Return a line for each row with a remark, followed by the advice for a refused plan."""
+        tries = {label: f" Try: {advice}" for label, advice in self.advice.items()}
+        lines = ((row.label, row.remark) for row in self.rows if row.remark)
+        return [f"{label}: {remark}.{tries.get(label, '')}" for label, remark in lines]
 
     def _advised_columns(self) -> list[Column[Row]]:
         """Return the table's columns, with the advice of each row below its verdict."""
@@ -263,7 +259,10 @@ def command(comparison: Comparison, out: str | None = None, *, report: bool = Fa
 
 
 def worst_command(comparison: Comparison, row: Row) -> str | None:
-    """Return the command line that replays only a row's worst machine; None if it has none."""
+    """Return the command line that replays a row's plan on its worst machine alone.
+
+    Return None if the row has no replay with angles, or no command gives the problem.
+    """
     if row.worst is None:
         return None
     return command(replace(comparison, rows=(row,), chosen=(row.worst,)))
@@ -279,9 +278,7 @@ def _settings(comparison: Comparison) -> dict[str, Any] | None:
     if settings is None:
         return None
     usual = Machine.from_table(problem.machine).to_dict()
-    table = machine.to_dict()
-    changed = {f"machine.{key}": table[key] for key in table if table[key] != usual[key]}
-    return {**settings, **changed}
+    return settings | {f"machine.{k}": v for k, v in machine.to_dict().items() if v != usual[k]}
 
 
 def _worst_machines(comparison: Comparison) -> list[str]:
@@ -304,19 +301,14 @@ def comparison_csv(comparison: Comparison) -> str:
     return csv_table([*columns, *intervals(comparison.problem.system)], comparison.rows)
 
 
-def _kind(comparison: Comparison) -> str:
-    """Return in words where the machines come from and, for an arm with disks, how they start."""
-    if not compensable(comparison.problem.system):
-        return comparison.machine.origin
-    return f"{comparison.machine.origin}, {comparison.machine.start_words}"
-
-
 def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
+    machines = comparison.machine.origin
+    if compensable(comparison.problem.system):
+        machines += f", {comparison.machine.start_words}"
     took = "" if terminal else " took: planning and verification;"
     return (
         "time: whole duration, with preparation and holds; effort: integral of u1^2 + u2^2 dt;"
-        f" {ERROR_WORDS}; {PERCENTILE_WORDS} over {comparison.samples} machines"
-        f" ({_kind(comparison)}), seed"
+        f" {ERROR_WORDS}; {PERCENTILE_WORDS} over {comparison.samples} machines ({machines}), seed"
         f" {comparison.seed}, the same machines for every plan;{took} refused plans that can be"
         " executed are replayed for study."
         + (FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "")

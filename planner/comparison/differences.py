@@ -25,10 +25,6 @@ def _signed_number(value: float) -> str:
     return f"{value:+.3g}" if np.isfinite(value) else "-"
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
-
-
 def _p_value(p: float) -> str:
     return "<1e-6" if p < 1e-6 else f"{p:.2g}"
 
@@ -46,7 +42,10 @@ Pair = tuple[Difference, Difference]
 
 
 def _figures(k: int, prefix: str, word: str) -> Iterator[Column[Pair]]:
-    """Yield the columns of the k-th difference of a pair (0: E, 1: error at the end)."""
+    """Yield the columns of the k-th difference of a pair (0: E, 1: error at the end).
+
+    Their keys in CSV begin with `prefix`; `word` is the title of the difference itself.
+    """
 
     def column(
         title: str, value: Callable[[Difference], Any], shown: Any, name: str, left: bool = False
@@ -57,7 +56,9 @@ def _figures(k: int, prefix: str, word: str) -> Iterator[Column[Pair]]:
     yield column(f"{word} (deg)", lambda d: d.median_deg, _signed_number, "median_deg")
     yield column("from", lambda d: d.interval_deg[0], _signed_number, "interval_low_deg")
     yield column("to", lambda d: d.interval_deg[1], _signed_number, "interval_high_deg")
-    yield column("better on", lambda d: d.first_better, _percent, "first_better")
+    yield column(
+        "better on", lambda d: d.first_better, lambda x: f"{100 * x:.0f} %", "first_better"
+    )
     yield column("p_value", lambda d: d.p_value, None, "p_value")
     yield column("p (Holm)", lambda d: d.p_corrected, _p_value, "p_corrected")
     yield column("verdict", _verdict, str, "", left=True)
@@ -144,7 +145,7 @@ significant too, but those below {comparison.threshold_deg:g} degrees are too sm
 
 
 def csv_machines(comparison: Comparison) -> str:
-    """Return as CSV E and the error at the end of every plan on every machine, full precision."""
+    """Return E and the error at the end of every plan on every machine as CSV, full precision."""
     lines = ["plan,machine,E_deg,end_deg"]
     for row in comparison.rows:
         if row.machine_errors_deg is None:

@@ -74,7 +74,7 @@ def _breaks_limits(row: Row) -> bool:
 
 
 def _worse_than(row: Row, rows: Sequence[Row], threshold_deg: float) -> set[str]:
-    """Return labels of plans that paired tests find worse than the row's, in E or at the end."""
+    """Return labels of plans that paired tests find worse than a row's plan, in E or at the end."""
     out = set()
     for d in (*compare_pairs(rows, "E", threshold_deg), *compare_pairs(rows, "end", threshold_deg)):
         if row.label in (d.first, d.second) and d.is_clear:

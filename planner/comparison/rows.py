@@ -172,7 +172,7 @@ class Row(PlanFigures):
 
 
 def machine_figures(run: Replay, *, sweep: bool = False) -> dict[str, Any]:
-    """Return a row's figures from replays, by name; if `sweep`, only figures that sweeps store."""
+    """Return a row's numbers from replays, by name; if `sweep`, only numbers that sweeps store."""
     known = figures(Row).items()
     return {n: f.replay(run) for n, f in known if f.replay and (f.sweep or not sweep)}
 

@@ -105,13 +105,13 @@ def round_digits(value: float, digits: int = 6) -> float:
 
 
 def log_range(value: float, factor: float = 10.0) -> tuple[float, float]:
-    """Return the low and high end of a logarithmic slider around a positive value, in one digit."""
+    """Return the ends of a logarithmic slider around a value, rounded outwards to one digit."""
     low, high = (10.0 ** np.floor(np.log10(v)) for v in (value / factor, value * factor))
     return float(low), float(np.ceil(value * factor / high) * high)
 
 
 def travel_range(problem: Problem) -> tuple[float, float, float]:
-    """Return the smallest and the largest travel of the travel slider, and a travel between."""
+    """Return the smallest and the largest travel of the travel slider, and one in the middle."""
     window = travel_window(problem)
     travel = problem.travel
     if window is not None and not window.empty and np.isfinite(window.high):

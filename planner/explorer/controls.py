@@ -29,7 +29,7 @@ from planner.methods.registry import METHODS
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import parse_file
-from planner.problem.tables.machine_effects import EFFECTS, Effect, MachineTable, StartState
+from planner.problem.tables.machine_effects import EFFECTS, MachineTable, StartState
 from planner.problem.tables.method_options import NO_SLIDER, Slider
 
 GOAL_TITLE = "Goal"
@@ -167,8 +167,14 @@ def _compensation(state: State) -> Control:
 
 
 def _effect(name: str, first: Machine, now: Machine, setting: Any) -> Control:
-    """Return the control of a machine effect; `setting` is its value in the first
-    problem, `first` that problem's machine, and `now` the machine shown."""
+    """Return the control of a machine effect.
+
+    Args:
+        name: The effect.
+        first: The machine of the initial problem.
+        now: The machine on the screen.
+        setting: The effect's value in the file of the initial problem.
+    """
     usual = (first if name in first.effects else now).effects[name].to_setting()
     is_on = name in now.effects
     whole = now.effects[name].to_setting() if is_on else usual
@@ -176,33 +182,24 @@ def _effect(name: str, first: Machine, now: Machine, setting: Any) -> Control:
     part: tuple[str, ...] = ()
     if isinstance(usual, dict):  # with a mean of zero only the spread matters
         part = ("spread",) if usual["value"] == 0 else ("value",)
-    number = usual[part[0]] if part else usual
-    label, help_text = _label(name, part), MachineTable.model_fields[name].description or ""
-    key = f"machine.{name}"
+    number, is_spread = usual[part[0]] if part else usual, part == ("spread",)
+    words, unit = key_words(name)
+    per = " under load" if unit == "1/(N m)" else ""  # the same word exists without load
+    label = f"{words}{per}{' (spread)' if is_spread else ''}"
+    key, help_text = f"machine.{name}", MachineTable.model_fields[name].description or ""
     if isinstance(number, list):
         return Control(
             MACHINE_TITLE, label, "choice", key, whole, shown="on" if is_on else "off",
             choices=["on", "off"], writes=[setting, False], help=help_text,
         )  # fmt: skip
     position = whole[part[0]] if part else whole
-    low, high = _effect_range(effect, float(number), spread=part == ("spread",))
+    low = 0.1 * number if effect.positive and not is_spread else 0.0
+    high = 3 * number if is_spread else min(3 * number, effect.high)
     return Control(
-        MACHINE_TITLE, label, "slider", key, whole, part, position, low, high,
+        MACHINE_TITLE, label, "slider", key, whole, part, position,
+        round_digits(low, 3), round_digits(high, 3),
         unit=effect.unit, on=is_on, off=False, off_word="off", help=help_text,
     )  # fmt: skip
-
-
-def _label(name: str, part: tuple[str, ...]) -> str:
-    words, unit = key_words(name)
-    per = " under load" if unit == "1/(N m)" else ""  # the same word exists without load
-    return f"{words}{per}{' (spread)' if part == ('spread',) else ''}"
-
-
-def _effect_range(effect: Effect, usual: float, *, spread: bool) -> tuple[float, float]:
-    """Return the ends of an effect's slider: from (nearly) zero to three times the usual value."""
-    low = 0.1 * usual if effect.positive and not spread else 0.0
-    high = 3 * usual
-    return round_digits(low, 3), round_digits(high if spread else min(high, effect.high), 3)
 
 
 LIMITS_TITLE = "Limits"
@@ -228,10 +225,13 @@ def limit_controls(state: State, problem: Problem) -> list[Control]:
             off = {"on": whole is not None, "off": None, "off_word": "none"}
             controls.append(_slider(label, key, whole, (), position, _first(start), **about, **off))
             continue
-        names = _coordinate_names(problem, name, len(whole))
+        limited = problem.system.coordinates[1:]
+        if name.startswith("input") and len(whole) == 2:
+            limited = problem.system.inputs
         for k, value in enumerate(whole):
             usual = start[k] if isinstance(start, list) and len(start) == len(whole) else value
-            controls.append(_slider(f"{label} {names[k]}", key, whole, (k,), value, usual, **about))
+            words = f"{label} {limited[k].name}"
+            controls.append(_slider(words, key, whole, (k,), value, usual, **about))
     return controls
 
 
@@ -243,12 +243,6 @@ def _slider(
     else:
         ends, log = log_range(usual), True
     return Control(LIMITS_TITLE, label, "slider", key, whole, part, shown, *ends, log=log, **rest)
-
-
-def _coordinate_names(problem: Problem, name: str, count: int) -> list[str]:
-    if name.startswith("input") and count == 2:
-        return [i.name for i in problem.system.inputs]
-    return [c.name for c in problem.system.coordinates[1 : count + 1]]
 
 
 def _first(value: Any) -> float:

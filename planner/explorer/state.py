@@ -114,11 +114,8 @@ class State:
 
     def changes_from_base(self) -> dict[str, Any]:
         """Return the keys, with values, in which the problem differs from the initial problem."""
-        return {
-            key: value
-            for key, value in self._method_changes().items()
-            if value_at(self._data, key) != value
-        }
+        changes = self._method_changes().items()
+        return {key: value for key, value in changes if value_at(self._data, key) != value}
 
     def _method_changes(self) -> dict[str, Any]:
         """Return the changed keys and values, without options of methods that are not chosen."""

@@ -196,9 +196,8 @@ def identify(
       planner compare arm.toml --machine my-machine.toml
     """
     task = read_problem(problem, None)
-    for path in (figure, out):
-        if path is not None:
-            refuse_unwritable(path)
+    for path in filter(None, (figure, out)):
+        refuse_unwritable(path)
     machine: Machine | str = preset or "prototype"
     if Path(str(machine)).suffix == ".toml":
         machine = load_machine(str(machine))

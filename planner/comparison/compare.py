@@ -292,8 +292,7 @@ def _whole_plan(error: NoPlanError) -> tuple[Plan, Check] | None:
     if error.plan is None or not whole:
         return None
     plan: Plan = error.plan
-    check = error.check if isinstance(error, VerificationError) else None
-    check = check or verify(plan)
+    check = (error.check if isinstance(error, VerificationError) else None) or verify(plan)
     # The plan of an InfeasibleError may not even reach the goal.
     misses_goal = any(v.label.startswith(("goal", "integration")) for v in check.violations)
     return None if misses_goal and isinstance(error, InfeasibleError) else (plan, check)

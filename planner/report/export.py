@@ -358,7 +358,10 @@ def time_slopes(plan: Plan, function: Callable[[Array], Array], t: Array) -> Arr
 
 
 def moving_inputs(plan: Plan, time: float) -> list[str]:
-    """Return words on each input that is not zero, or undefined (NaN), at a time."""
+    """Return a text such as "|u1| = 0.5 rad/s" for each input that is not zero at a time.
+
+    An undefined input (NaN) counts as not zero.
+    """
     u, peaks = np.abs(plan.u(time)), np.maximum(peak_inputs(plan.trajectory), 1e-12)
     return [
         f"|{each.name}| = {u[i]:.4g} {each.unit}"

@@ -98,9 +98,8 @@ def animate(
         )
     times = np.minimum(np.arange(count) * speed / fps, longest)
     frames = _frames(drawn, times, progress)
-    hold = round(LAST_FRAME_S * fps)
-    content = gif(frames, fps, hold) if suffix == ".gif" else mp4(frames, fps, hold)
-    return write_bytes(path, content)
+    write = gif if suffix == ".gif" else mp4
+    return write_bytes(path, write(frames, fps, round(LAST_FRAME_S * fps)))
 
 
 def check_film(path: str | Path, fps: int, speed: float) -> str:

@@ -229,11 +229,8 @@ def save_sensitivity(
         InputError: If the folder cannot be written or holds something else; nothing is left behind.
     """
     with folder(path) as place:
-        data = {
-            **(extra or {}),
-            **responses.to_dict(spread),
-            "machine": None if machine is None else machine.to_dict(),
-        }
+        data = {**(extra or {}), **responses.to_dict(spread)}
+        data["machine"] = None if machine is None else machine.to_dict()
         write_json(place / "sensitivity.json", jsonable(data))
         write_text(place / "matrix.csv", _csv(responses))
         responses.plan.save(place / "plan.json")

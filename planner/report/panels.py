@@ -323,11 +323,10 @@ def input_panels(drawn: DrawnPlans) -> list[TimePanel]:
             for k in [int(np.argmax(np.abs(u)))]
             if not low <= u[k] <= high
         ]
-        limits = [-limit, limit] if np.isfinite(limit) else []
         series = [Series(one.number, one.u[:, i]) for one in drawn]
         panels.append(TimePanel(
             "inputs", coordinate.name, coordinate.unit, series,
-            limits=limits, view=(low, high), notes=notes,
+            limits=[-limit, limit] if np.isfinite(limit) else [], view=(low, high), notes=notes,
         ))  # fmt: skip
     return panels
 
@@ -399,9 +398,9 @@ MAP_MARGIN_DEG, NO_EDGE_DEG = 6.0, 1e4
 
 
 def _chart_range(problem: Problem, i: int) -> tuple[float, float] | None:
-    """Return the range (low, high), degrees, in which coordinate i alone stays in the chart.
+    """Return the range (low, high), degrees, that coordinate i can have inside the chart.
 
-    The result is None if the start lies on an edge of the chart.
+    The other coordinates are those of the start. None if the start lies on an edge of the chart.
     """
     system, steps = problem.system, np.arange(0.0, 180.25, 0.5)
     branch = system.branch(problem.start)

@@ -51,20 +51,13 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
         problem = Problem.from_dict(data["problem"], data["source"])
         errors = _machine_errors(place / "machines.csv")
         rows = [_row(row, place, problem, errors.get(row["label"])) for row in data["rows"]]
-        whys = (row["why"] for row in data["rows"])
-        fallen = [row.why for row, why in zip(rows, whys, strict=True) if row.why != why]
+        pairs = zip(rows, data["rows"], strict=True)
+        fallen = [row.why for row, saved in pairs if row.why != saved["why"]]
         if fallen and strict:
             raise InputError("\n".join(f"{folder}: {why}" for why in fallen))
-        return Comparison(
-            problem=problem,
-            rows=tuple(rows),
-            machine=replace(
-                Machine.from_table(data["machine"]), source=line(data.get("machine_file") or "")
-            ),
-            samples=data["samples"],
-            seed=data["seed"],
-            complete=data["complete"],
-        )
+        source, machine = line(data.get("machine_file") or ""), Machine.from_table(data["machine"])
+        numbers = {key: data[key] for key in ("samples", "seed", "complete")}
+        return Comparison(problem, tuple(rows), replace(machine, source=source), **numbers)
     except (KeyError, TypeError, AttributeError) as error:
         raise InputError(
             f"{place / 'comparison.json'} is damaged: {error!r}; compare again"

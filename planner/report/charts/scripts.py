@@ -20,10 +20,12 @@ def script(room: str, names: Sequence[str]) -> str:
 
 
 def stylesheet(room: str, name: str) -> str:
-    """Return the charts' style sheet and the file `name` of `room`, in the plans' colours."""
-    text = Template(source(CHARTS, STYLE) + source(room, name))
+    """Return the charts' style sheet and the style sheet `name` of the package `room` as one text.
+
+    It defines the plans' colours on light and on dark.
+    """
     each = range(len(PALETTE))
-    return text.substitute(
+    return Template(source(CHARTS, STYLE) + source(room, name)).substitute(
         classes=" ".join(f".charts .plan-{k} {{ color: var(--plan-{k}); }}" for k in each),
         light=" ".join(f"--plan-{k}: {PALETTE[k][1]};" for k in each),
         dark=" ".join(f"--plan-{k}: {PALETTE[k][2]};" for k in each),

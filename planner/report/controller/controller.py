@@ -75,8 +75,7 @@ def controller_files(plan: Plan, machine: Machine | None, real: str) -> dict[str
     machine = machine_for(plan.problem.machine, machine)
     follower = Tracker(plan.problem.feedback)
     design = follower.design(plan, machine)
-    files = {name: source(PACKAGE, name) for name in SOURCES}
-    return files | {
+    return {name: source(PACKAGE, name) for name in SOURCES} | {
         "sizes.h": _sizes(design, real),
         "tables.h": _tables(design, plan.problem.system, real),
         "recording.h": _recording(plan, machine, follower, real),
@@ -201,7 +200,8 @@ def _recording(plan: Plan, machine: Machine, follower: Tracker, real: str) -> st
 
 
 LOST_EVERY = 23
-"""Readings from one loss to the next; lost are alternately the last joint's and all readings."""
+"""Number of periods from one lost reading to the next; alternately the last joint's reading or the
+readings of all coordinates are lost."""
 
 
 def _lose(k: int, measured: Array) -> Array:

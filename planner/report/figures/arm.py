@@ -59,8 +59,7 @@ def plot_arm(plans: Plans, *, axes: Any = None, poses: int = 12) -> tuple[Figure
     scale = ScalarMappable(Normalize(0, max(c.plan.duration for c in drawn)), COLOUR_MAP)
     for curve, ax in zip(drawn, axes.flat, strict=True):
         _draw(ax, curve, scale, poses)
-    arm = hasattr(problem.system, "arm_points")
-    what = "The arm and the path of its tip" if arm else "Path"
+    what = "The arm and the path of its tip" if hasattr(problem.system, "arm_points") else "Path"
     heading(figure, f"{what}, time as colour: {problem.name}", ours=ours)
     figure.colorbar(scale, ax=list(axes.flat), label="time (s)", shrink=0.8)
     return figure, axes

@@ -231,11 +231,8 @@ def _bars(ax: Any, study: DesignStudy, figure: DesignFigure) -> None:
     values = [_value(study, figure, row) for row in study.rows]
     most = max((v for v, _ in values if np.isfinite(v)), default=1.0)
     for k, (row, (value, text)) in enumerate(zip(study.rows, values, strict=True)):
-        colour = COLOURS[0]
-        if row is study.recommended:
-            colour = TAKEN_COLOUR
-        elif not row.design.values:
-            colour = PRESENT_COLOUR
+        colour = COLOURS[0] if row.design.values else PRESENT_COLOUR
+        colour = TAKEN_COLOUR if row is study.recommended else colour
         if row.design.refused:
             ax.text(0, k, " cannot be built", va="center", fontsize=7, color=OTHER_COLOUR)
         elif np.isfinite(value):

@@ -205,25 +205,21 @@ class _Drawing:
     """Pen that draws parts into axes; each part has a name (gid) for tests and scripts."""
 
     def __init__(self, ax: Any) -> None:
-        self.ax = ax
+        from matplotlib import patches  # slow to import
+
+        self.ax, self.patches = ax, patches
 
     def box(
         self, centre: Any, width: float, height: float, gid: str, colour: str, **look: Any
     ) -> None:
-        from matplotlib.patches import Rectangle
-
         corner = centre[0] - width / 2, centre[1] - height / 2
-        self._add(Rectangle(corner, width, height), gid, facecolor=colour, **look)
+        self._add(self.patches.Rectangle(corner, width, height), gid, facecolor=colour, **look)
 
     def polygon(self, points: Array, gid: str, colour: str) -> None:
-        from matplotlib.patches import Polygon
-
-        self._add(Polygon(points), gid, facecolor=colour, zorder=4)
+        self._add(self.patches.Polygon(points), gid, facecolor=colour, zorder=4)
 
     def circle(self, centre: Array, radius: float, gid: str, **look: Any) -> None:
-        from matplotlib.patches import Circle
-
-        self._add(Circle((centre[0], centre[1]), radius), gid, **look)
+        self._add(self.patches.Circle((centre[0], centre[1]), radius), gid, **look)
 
     def _add(self, patch: Any, gid: str, **look: Any) -> None:
         patch.set(**({"edgecolor": INK_COLOUR, "linewidth": 0.8, "zorder": 3, "gid": gid} | look))
@@ -261,7 +257,7 @@ AXIS_DASHES = (0, (8, 3, 1, 3))
 
 
 def _bands(pen: _Drawing, plan: MechanismLayout) -> None:
-    """Shade the region between each two joints, where one link carries all parts."""
+    """Shade each region between two successive joints, where one link carries all parts."""
     low = plan.link - 0.75
     for k, (a, b) in enumerate(pairwise([plan.left, *plan.joints.tolist(), plan.right])):
         middle, height = ((a + b) / 2, (plan.top + low) / 2), plan.top - low
@@ -370,8 +366,6 @@ def _link(pen: _Drawing, plan: MechanismLayout, i: int) -> None:
 
 def _top_view(pen: _Drawing, plan: MechanismLayout) -> None:
     """Draw contact P₁ of joint 1 from above, to the same scale, with the joint bent."""
-    from matplotlib.patches import Arc
-
     gear, here = plan.gears[0], plan.contact
     cos, sin = np.cos(BEND_ANGLE), np.sin(BEND_ANGLE)
     along, tangent = np.array([[cos, sin], [-sin, cos]])
@@ -384,7 +378,8 @@ def _top_view(pen: _Drawing, plan: MechanismLayout) -> None:
     pen.box(here, THICKNESS, 2 * gear.r1, "B1 from above", CHAIN_COLOUR, alpha=0.6)
     pen.line(here, far, AXIS_DASHES)
     pen.line(here, here + np.array([1.5, 0.0]), ":")
-    pen.ax.add_patch(Arc((here[0], here[1]), 2, 2, theta1=0, theta2=np.rad2deg(BEND_ANGLE)))
+    arc = pen.patches.Arc((here[0], here[1]), 2, 2, theta1=0, theta2=np.rad2deg(BEND_ANGLE))
+    pen.ax.add_patch(arc)
     half = np.array([np.cos(BEND_ANGLE / 2), np.sin(BEND_ANGLE / 2)])
     pen.write(here + 1.12 * half, r"$\theta_1$", ha="center")
     speed = {"arrowstyle": "-|>", "linewidth": 2.2}

@@ -129,8 +129,7 @@ def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, A
     for row in rows:
         _draw_row(ax, row, colour[row.spec])
     _join(ax, rows, colour)
-    unit = effort_unit(comparison.problem.system)
-    ax.set_xlabel(f"effort: integral of u1^2 + u2^2 dt ({unit})")
+    ax.set_xlabel(f"effort: integral of u1^2 + u2^2 dt ({effort_unit(comparison.problem.system)})")
     ax.set_ylabel("error index E (deg), median to 95 %")
     _scale(ax.xaxis, needs_log_axis([row.effort for row in rows]))
     _scale(ax.yaxis, needs_log_axis([row.E_median_deg for row in rows]))
@@ -172,16 +171,12 @@ def _draw_row(ax: Any, row: Row, colour: str) -> None:
 
 
 def _join(ax: Any, rows: list[Row], colour: dict[str, str]) -> None:
-    free = {row.spec: row for row in rows if not row.feedback}
+    """Draw an arrow from each plan without feedback to the same plan with feedback."""
+    without = {row.spec: (row.effort, row.E_median_deg) for row in rows if not row.feedback}
     for row in rows:
-        if row.feedback and row.spec in free:
-            before = free[row.spec]
-            ax.annotate(
-                "",
-                (row.effort, row.E_median_deg),
-                (before.effort, before.E_median_deg),
-                arrowprops={"arrowstyle": "->", "color": colour[row.spec], "linestyle": ":"},
-            )
+        if row.feedback and row.spec in without:
+            look = {"arrowstyle": "->", "color": colour[row.spec], "linestyle": ":"}
+            ax.annotate("", (row.effort, row.E_median_deg), without[row.spec], arrowprops=look)
 
 
 def plot_errors(
@@ -217,8 +212,7 @@ def plot_errors(
     ax.set_xlabel("error index E (deg): largest joint error during the motion, eq. (29)")
     _scale(ax.xaxis, needs_log_axis(error_range(list(arrays.values()))))
     ax.set_ylabel("share of machines")
-    count = max(len(e) for e in arrays.values())
-    ax.set_title(f"Error on {count} emulated machines", fontsize=11)
+    ax.set_title(f"Error on {max(map(len, arrays.values()))} emulated machines", fontsize=11)
     legend(figure, ax, ax.get_legend_handles_labels()[0], ours=ours, abreast=1)
     return figure, ax
 
@@ -227,8 +221,7 @@ def _distribution(ax: Any, label: str, error: Array, colour: str, refused: bool)
     share = np.arange(1, len(error) + 1) / len(error)
     median, high = np.percentile(error, [50, 95])
     text = f"{label}{REFUSED_SUFFIX * refused}: median {median:.3g}, 95 % {high:.3g} deg"
-    closed = label.endswith(FEEDBACK)
-    style, fill = (":", "white") if closed else ("--" if refused else "-", colour)
+    style, fill = (":", "white") if label.endswith(FEEDBACK) else ("--" if refused else "-", colour)
     ax.step(error, share, style, where="post", color=colour, linewidth=1.8, label=text)
     ax.plot([median, high], [0.5, 0.95], "o", color=colour, markerfacecolor=fill, markersize=5)
 

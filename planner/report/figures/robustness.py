@@ -31,7 +31,6 @@ from planner.robustness.sensitivities import Sensitivities
 from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity
 from planner.robustness.sobol import Index
 from planner.robustness.trade_off import TradeOff
-from planner.robustness.trade_off_points import TradeOffPoint
 from planner.support.arrays import Array
 from planner.support.tables import number
 
@@ -104,8 +103,7 @@ def plot_machine_sensitivity(
     values = np.stack([e.contribution for e in loud], axis=0)
     figure, ax, ours = _heat_map(values, labels, [*map(symbol, found.angles)], axes, tall=True)
     nominal = ", ".join(f"{e:.2g}" for e in found.nominal_error_deg)
-    text = f"{found.plan.method} on the machine; nominal errors {nominal} deg"
-    heading(figure, text, ours=ours)
+    heading(figure, f"{found.plan.method} on the machine; nominal errors {nominal} deg", ours=ours)
     return figure, ax
 
 
@@ -221,15 +219,14 @@ def _sums(ax: Any, result: Sensitivities) -> None:
     from matplotlib.patches import Patch  # slow to import
 
     labels, spread = list(result.plans), result.spread
-    places, colour = np.arange(len(labels)), colours(labels)
+    places, colour = np.arange(len(labels)), list(colours(labels).values())
     rows = (
         ("total", [each.total_deg(spread) for each in result.plans.values()], -0.2, PALE),
         ("passive block", list(result.passive_block_deg.values()), 0.2, 1.0),
     )
     handles = []
     for name, values, offset, alpha in rows:
-        colour_list = [colour[label] for label in labels]
-        bars = ax.barh(places + offset, values, height=0.36, color=colour_list, alpha=alpha)
+        bars = ax.barh(places + offset, values, height=0.36, color=colour, alpha=alpha)
         ax.bar_label(bars, fmt="%.3f", fontsize=8, padding=2)
         handles.append(Patch(color=LIMIT_COLOUR, alpha=alpha, label=name))
     floor = max(each.floor_deg(spread) for each in result.plans.values())
@@ -269,18 +266,15 @@ def plot_budget(budget: Budget, *, axes: Any = None) -> tuple[Figure, Any]:
     """
     expect(Budget, budget, "planner.error_budget(plan) makes one")
     costs, places = budget.costs, np.arange(len(budget.costs))
-    size = (5.2, 0.3 * len(costs) + 1.2)
-    figure, axes, ours = grid(1, 2, axes, size=size, share=("none", "all"))
+    figure, axes, ours = grid(1, 2, axes, size=(5.2, 0.3 * len(costs) + 1.2), share=("none", "all"))
     left, right = axes[0]
     _bars(left, places - 0.2, [c.saves_deg for c in costs], _reach(costs, "saves"), 0, "saves")
     _bars(left, places + 0.2, [c.alone_deg for c in costs], _reach(costs, "alone"), 1, "alone")
     left.set_xlabel("error index E (deg)")
-    for k, kind in enumerate(("between", "switch")):
+    for k, (kind, label) in enumerate((("between", "between machines"), ("switch", "on or off"))):
         indices = [getattr(c, kind) or Index(np.nan, np.nan, np.nan, np.nan) for c in costs]
-        half = np.array([i.total_half for i in indices])
-        label = "between machines" if kind == "between" else "on or off"
-        values = [i.total for i in indices]
-        _bars(right, places + (k - 0.5) * 0.4, values, np.stack([half, half]), 2 + k, label)
+        values, half = [i.total for i in indices], [i.total_half for i in indices]
+        _bars(right, places + (k - 0.5) * 0.4, values, half, 2 + k, label)
     right.set_xlabel("total Sobol index: share of the variance of E")
     right.set_xlim(left=min(0.0, right.get_xlim()[0]), right=min(1.2, right.get_xlim()[1]))
     left.set_yticks(places, [effect_words(c.name) for c in costs])
@@ -298,7 +292,10 @@ def _bars(ax: Any, places: Any, values: Any, reach: Any, colour: int, label: str
 
 
 def _reach(costs: tuple[Cost, ...], kind: str) -> Any:
-    """Return how far intervals reach below and above costs, (2, effects), deg; 0 if unknown."""
+    """Return the lengths of error bars below and above each cost, shape (2, effects), degrees.
+
+    `kind` is "saves" or "alone". A length is 0 if the interval is unknown.
+    """
     middle = np.array([getattr(c, f"{kind}_deg") for c in costs])
     ends = np.array([getattr(c, f"{kind}_interval_deg") for c in costs]).reshape(-1, 2)
     return np.nan_to_num(np.maximum([middle - ends[:, 0], ends[:, 1] - middle], 0.0))
@@ -345,7 +342,7 @@ def knee_sentence(curve: TradeOff) -> str:
     """Return a sentence (without full stop) on gain and cost of a trade-off curve's knee."""
     first, knee = curve.points[0], curve.knee
     unit = {"effort": f" {effort_unit(curve.problem.system)}", "duration": " s", "peak": ""}
-    cost = f"{curve.kind} {number(_cost(curve, knee))}{unit[curve.kind]}"
+    cost = f"{curve.kind} {number(curve.cost[curve.knee_index])}{unit[curve.kind]}"
     if knee is first:
         return f"the first point, {cost}, is the knee: a higher cost gains little"
     what, before, after = "a total", first.total_deg, knee.total_deg
@@ -417,7 +414,7 @@ def _paths(ax: Any, curve: TradeOff) -> None:
     for colour, k in zip(COLOURS, chosen, strict=False):
         point = curve.points[k]
         q = point.plan.q(np.linspace(0, point.plan.duration, 800))
-        label = f"{curve.kind} {_cost(curve, point):.3g}, {reversals(point.reversals)}"
+        label = f"{curve.kind} {curve.cost[k]:.3g}, {reversals(point.reversals)}"
         ax.plot(np.rad2deg(q[:, 0] - q[0, 0]), np.rad2deg(q[:, 1]), color=colour, label=label)
     ax.set_xlabel(f"travel of {symbol(system.coordinates[0].name)} (deg)")
     ax.set_ylabel(f"{symbol(system.coordinates[1].name)} (deg)")
@@ -431,7 +428,3 @@ def reversals(count: int) -> str:
 
 def _cost_label(curve: TradeOff) -> str:
     return AXIS_LABELS[curve.kind].format(unit=effort_unit(curve.problem.system))
-
-
-def _cost(curve: TradeOff, point: TradeOffPoint) -> float:
-    return point.effort if curve.kind == "effort" else point.limit

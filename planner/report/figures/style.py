@@ -125,7 +125,7 @@ class Curve:
 
 
 def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
-    """Return plans with labels and colours, which do not depend on which plans are left out.
+    """Return the plans with labels and colours; leaving out a plan changes no other's colour.
 
     Args:
         plans: One plan, several, or several by label.
@@ -147,12 +147,10 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
     drawn_curves = [
         Curve(label, plan, colour[label], label in covered)
         for label, plan in plans.items()
-        if plan is not None
+        if plan is not None and (plan.executable or not executable)
     ]
-    drawn_curves = [c for c in drawn_curves if c.plan.executable or not executable]
     if not drawn_curves:
-        kind = "executable plan" if executable else "plan"
-        raise InputError(f"there is no {kind} to draw")
+        raise InputError(f"there is no {'executable ' * executable}plan to draw")
     return drawn_curves
 
 

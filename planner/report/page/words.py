@@ -25,9 +25,8 @@ def colour_places(comparison: Comparison) -> dict[str, int]:
 
 def question(problem: Problem) -> str:
     """Return the question that the comparison answers, as one sentence of HTML."""
-    arm = hasattr(problem.system, "arm_points")
     duration = "a free duration" if problem.duration is None else f"{problem.duration:g} s"
-    if arm:
+    if hasattr(problem.system, "arm_points"):
         what = f"the arm from θ = {_angles(problem.start[1:])} to {_arm_goal(problem)}"
     else:
         start = _places(problem, problem.system.user(problem.start))
@@ -97,8 +96,7 @@ def task_facts(comparison: Comparison) -> list[tuple[str, str]]:
         out.append(("Distance of links from each other", f"at least {apart.clearance:g} m"))
     others = (*problem.kind_limits, *problem.registered_limits)
     out += [_limit_fact(part) for each in others if each is not apart for part in each.parts]
-    machine = comparison.machine
-    name = machine.source or machine.preset
+    name = comparison.machine.source or comparison.machine.preset
     machines = f"{comparison.samples} drawn from “{name}”"
     return [*out, ("Machines", machines), ("Seed", str(comparison.seed))]
 
@@ -147,7 +145,10 @@ def _angles(radians: Sequence[float] | np.ndarray) -> str:
 
 
 def _places(problem: Problem, w: np.ndarray) -> str:
-    """Return user coordinates w in words; the travel gives a path coordinate that is NaN."""
+    """Return user coordinates w in words; free coordinates, which are NaN, are left out.
+
+    The exception is the path coordinate of a problem with a travel, which determines its value.
+    """
     parts, no_travel = [], problem.travel is None or problem.system.has_user_coordinates
     for c, value in zip(problem.system.user_coordinates, w, strict=True):
         if not np.isfinite(value):

@@ -136,11 +136,10 @@ class Analysis:
         if self.has_plan:
             kinds = [_kind(o) for o in self.outcomes if o["verified"]]
             return f"There is a plan: {'; '.join(kinds)}."
+        text = "No plan was found; this alone does not show that none exists."
         if proof := self._proof:
             text = f"{proof[0].upper()}{proof[1:]}."
-        else:
-            text = "No plan was found; this alone does not show that none exists."
-        if self.ended_early and not self.proven_impossible:
+        elif self.ended_early:
             text += f" ({self.ended_early[0].upper()}{self.ended_early[1:]}.)"
         return text if self.remedy is None else f"{text} Change {self.remedy}."
 
@@ -188,9 +187,8 @@ def check(
         InputError: If a method is unknown, `problem` is not a `Problem`, `progress` is no function
             or `time_limit_s` is not a number above zero.
     """
-    expect_listener(progress)
+    say = expect_listener(progress)
     expect_problem(problem)
-    say = progress or (lambda _: None)
     unrefined = [name for name, method in METHODS.items() if method.refines is None]
     names = unrefined if methods is None else [find_method(m).name for m in methods]
     window, reach = travel_window(problem), goal_reach(problem)
@@ -201,8 +199,7 @@ def check(
             say(f"trying {name}")
             with time_share(1 / (len(names) - k + 1), words):
                 outcomes.append(_outcome(problem, name))
-        has_plan = any(o["verified"] for o in outcomes)
-        if not has_plan:
+        if not any(o["verified"] for o in outcomes):
             remedy = find_remedy(problem, names, say, reach)
     say("checking the plain polynomial")
     singular = any(o["method"] == "polynomial" and o["status"] == "singular" for o in outcomes)
@@ -283,7 +280,10 @@ def _reversal(
 def _plain_polynomial(
     problem: Problem, window: TravelWindow | None
 ) -> tuple[float, DomainReport] | None:
-    """Return travel and domain report of the polynomial without points if singular, else None."""
+    """Return travel and domain report of the polynomial plan without constraint points.
+
+    Return None if this plan is not singular, or if no travel is known for it.
+    """
     travel = problem.travel
     if travel is None and window is not None and not window.empty and np.isfinite(window.high):
         travel = float(window.low + window.high) / 2
@@ -306,14 +306,13 @@ def _kind(outcome: dict[str, Any]) -> str:
 def _window_dict(problem: Problem, window: TravelWindow | None) -> dict[str, Any] | None:
     if window is None:
         return None
-    inside = None if problem.travel is None else problem.travel in window
     return {
         "low_rad": window.low,
         "high_rad": window.high,
         "exact": window.exact,
         "empty_because": window.reason or None,
         "travel_rad": problem.travel,
-        "travel_inside": inside,
+        "travel_inside": None if problem.travel is None else problem.travel in window,
     }
 
 

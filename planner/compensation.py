@@ -65,6 +65,7 @@ def compensate_plan(
         NO_COMPENSATION,
         compensation_changes,
         meets_before_start,
+        settings_to_try,
     )
     from planner.machine.machine import machine_for
 
@@ -88,8 +89,9 @@ def compensate_plan(
             where += f" in the preparation, the first {compensated.lead_s:.3g} s, before the plan"
             where += " starts"
         seconds = time.perf_counter() - began
-        attempt = _try_settings(plan, machine, options, compensated, check, seconds)
-        raise refusal(compensated, check, where, "; or ".join([*attempt, *changes]))
+        tries = [Change(keys) for keys in settings_to_try(compensated, check.violations)]
+        tried = _try_settings(plan, machine, options, tries, seconds)
+        raise refusal(compensated, check, where, "; or ".join([*tried, *changes]))
     ways = "; or ".join(changes)
     errors = compensated.notes["compensation"]
     if errors["E_deg"] != 0 and not errors["E_deg"] < errors["plain_E_deg"]:
@@ -104,19 +106,13 @@ def compensate_plan(
 
 
 def _try_settings(
-    plan: Plan,
-    machine: Machine,
-    options: CompensationTable,
-    refused: Plan,
-    check: Check,
-    seconds: float,
+    plan: Plan, machine: Machine, options: CompensationTable, tries: list[Change], seconds: float
 ) -> list[str]:
-    """Try other settings for a plan whose preparation breaks a requirement.
+    """Compensate a plan with other settings, after a refusal that took a number of `seconds`.
 
     Return in words each setting that works, with its remaining error, and each that was not tried
     for lack of time. The trials may take a few times as long as the refused attempt.
     """
-    from planner.machine.feedforward.advice import settings_to_try
 
     def attempt(change: Change) -> Plan:
         tables: dict[str, dict[str, Any]] = {"machine": {}, "compensation": {}}
@@ -129,14 +125,14 @@ def _try_settings(
 
     out = []
     with time_limit(max(LEAST_S, MOST_TIMES_REFUSAL * seconds), "the time for trying changes"):
-        for change in map(Change, settings_to_try(refused, check.violations)):
-            tries = try_changes([change], attempt, lambda doing: tell(f"no plan; {doing}"))
+        for change in tries:
+            trial = try_changes([change], attempt, lambda doing: tell(f"no plan; {doing}"))
             words = "home the arm first; " if "machine.start_state" in change.keys else ""
-            if tries.plan is not None:
-                errors = tries.plan.notes["compensation"]
+            if trial.plan is not None:
+                errors = trial.plan.notes["compensation"]
                 words += f"tried: path error {errors['E_deg']:.2g} deg, uncompensated"
                 out.append(f"{change} ({words} {errors['plain_E_deg']:.2g} deg)")
-            elif tries.left:
+            elif trial.left:
                 out.append(f"{change} ({words}not tried for lack of time)")
     return out
 
@@ -228,7 +224,11 @@ def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> t
 
 
 def _ends_trials(plan: Plan, check: Check) -> bool:
-    """Return whether to stop: success, out of time, or all violations precede the original plan."""
+    """Return whether no slower plan is to be tried after this compensated plan.
+
+    That is so if the plan succeeds, if time is up, or if it breaks requirements only in the
+    preparation, before the original plan starts.
+    """
     from planner.machine.feedforward.advice import meets_before_start
 
     if "ended_early" in plan.notes:

@@ -110,7 +110,7 @@ SLOWED_TIME_OBJECTIVE = (
 
 
 def _excess_factor(problem: Problem, certificate: Certificate) -> float:
-    """Return the factor on the duration (≥ 1) that brings peaks between samples within limits."""
+    """Return the factor (≥ 1) to slow a motion by, so that it keeps limits between samples too."""
     factor = 1.0
     for requirement in problem.requirements:
         for part in requirement.parts if requirement.speed_power else ():
@@ -127,9 +127,7 @@ def _refuse_unlimited(problem: Problem, moving: InputMask, rest: bool) -> None:
             f"{problem.source}: input {problem.system.inputs[i].name} moves and has no"
             " limit, so there is no fastest timing; give a limit for it"
         )
-    if np.any(np.isfinite(limits.input_rate)):
-        return
-    if rest:
+    if rest and not np.any(np.isfinite(limits.input_rate)):
         raise InputError(
             f"{problem.source}: rest at the ends needs limits on the inputs' rates; without them"
             " the inputs may jump to their limits"

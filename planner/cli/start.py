@@ -143,13 +143,13 @@ def schema(
         raise InputError(f"no schema of '{of}'; {allowed_hint(of, SCHEMAS)}")
     # Imported here because `planner new` does not need them.
     from planner.plan.plan_file import plan_schema
-    from planner.sweep.design.design_file import design_schema
-    from planner.sweep.sweep_file import sweep_schema
+    from planner.sweep.design.design_file import DesignFile
+    from planner.sweep.sweep_file import SweepFile
 
     makers: dict[str, Callable[[], dict[str, Any]]] = {
         "problem": json_schema,
-        "sweep": sweep_schema,
-        "design": design_schema,
+        "sweep": SweepFile.model_json_schema,
+        "design": DesignFile.model_json_schema,
         "plan": lambda: plan_schema(json_schema()),
     }
     print_json(makers[of]())

@@ -17,6 +17,7 @@ import numpy as np
 
 from planner.machine.machine import Machine
 from planner.machine.replay import Replay, replay
+from planner.paper.cases import paper_problem
 from planner.paper.fit import (
     DURATION_RATIOS,
     ENCODER_DEG,
@@ -38,7 +39,6 @@ from planner.paper.statements import (
     PaperReplays,
     Parameter,
     Statement,
-    calibration_plan,
     move,
     nominal_machine,
     settings,
@@ -46,6 +46,7 @@ from planner.paper.statements import (
 from planner.plan.plan import Plan
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.report.figures.style import COLOURS, GRID_STYLE
+from planner.solve import solve
 from planner.support.files import folder
 from planner.support.package import provenance
 from planner.support.progress import Tell, expect_listener
@@ -66,7 +67,8 @@ class Calibration:
     """The result of `calibrate`.
 
     Attributes:
-        plan: The plan that represents the paper's experiment.
+        plan: The plan that represents the paper's experiment: the polynomial plan of the paper's
+            example, at the travel of least peak input.
         fit: The most probable parameters.
         sideways: Fits by ratio of sideways to driving friction.
         data: How well the paper's words, the paper's curves and better records determine the
@@ -93,24 +95,22 @@ class Calibration:
             {"text": s.text, "target": s.target, "bound": s.bound, "unit": s.unit, "found": value}
             for s, value in zip(STATEMENTS, self.fit.values.tolist(), strict=True)
         ]
-        identified = [
-            {
-                "data": d.name,
-                "rank": d.rank,
-                "singular_values": d.singular.tolist(),
-                "left": dict(zip(self.fit.parameters, d.remaining.tolist(), strict=True)),
-            }
-            for d in self.data
-        ]
-        sideways = [
-            {"lateral_friction": ratio, "distance": each.distance, "preset": each.parameters}
-            for ratio, each in self.sideways.items()
-        ]
         return {
             "preset": self.settings,
             "statements": statements,
-            "lateral_friction": sideways,
-            "identified": identified,
+            "lateral_friction": [
+                {"lateral_friction": ratio, "distance": each.distance, "preset": each.parameters}
+                for ratio, each in self.sideways.items()
+            ],
+            "identified": [
+                {
+                    "data": d.name,
+                    "rank": d.rank,
+                    "singular_values": d.singular.tolist(),
+                    "left": dict(zip(self.fit.parameters, d.remaining.tolist(), strict=True)),
+                }
+                for d in self.data
+            ],
         }
 
 
@@ -131,10 +131,9 @@ def calibrate(progress: Tell | None = None, seed: int = 0) -> Calibration:
         progress: Function that is called with the current step and the finished share, 0 … 1.
         seed: Seed of the machines with spreads.
     """
-    expect_listener(progress)
-    say = progress or (lambda what, share: None)
+    say = expect_listener(progress)
     say("planning the paper's motion", 0.0)
-    plan = calibration_plan()
+    plan = solve(paper_problem(), "polynomial")
     say("fitting", 0.05)
     result = fit(plan)
     usual = Machine.prototype().nominal().to_dict()["lateral_friction"]
@@ -256,22 +255,14 @@ equal friction theta2 would exceed 5 degrees.
 
 def _fidelities(motions: Mapping[str, PaperReplays], replays: Mapping[str, Replay]) -> str:
     machines = len(next(iter(replays.values())).numbers)
+    medians = {name: np.median(each.largest_error_deg, axis=0) for name, each in replays.items()}
+    motors = {name: motion.statements[0, 2:4] for name, motion in motions.items()}
     columns: list[Column[str]] = [
         Column("fidelity", "", str, left=True),
-        Column("largest errors", "deg", lambda f: _slashed(motions[f].largest[0]), left=True),
-        Column("at the end", "deg", lambda f: _slashed(motions[f].error[0, -1]), left=True),
-        Column(
-            f"median largest of {machines} machines",
-            "deg",
-            lambda f: _slashed(np.median(replays[f].largest_error_deg, axis=0)),
-            left=True,
-        ),
-        Column(
-            "motor deviation",
-            "% of peak, rms",
-            lambda f: _slashed(motions[f].statements[0, 2:4]),
-            left=True,
-        ),
+        Column("largest errors", "deg", lambda f: motions[f].largest[0], _slashed, left=True),
+        Column("at the end", "deg", lambda f: motions[f].error[0, -1], _slashed, left=True),
+        Column(f"median largest of {machines} machines", "deg", medians.get, _slashed, left=True),
+        Column("motor deviation", "% of peak, rms", motors.get, _slashed, left=True),
     ]
     still, moving = (motions[name].error[0] for name in ("quasi-static", "dynamic"))
     apart = np.max(np.abs(still - moving), axis=0)
@@ -333,12 +324,7 @@ def _identification(data: Sequence[DataSet]) -> str:
         Column("data", "", lambda d: d.name, left=True),
         Column("numbers", "", lambda d: d.count, left=True),
         Column("identified directions", "", lambda d: f"{d.rank} of {len(d.remaining)}", left=True),
-        Column(
-            "largest singular values",
-            "",
-            lambda d: ", ".join(f"{s:.3g}" for s in d.singular[:8]),
-            left=True,
-        ),
+        Column("largest singular values", "", _largest_values, left=True),
         Column("parameters not identified", "> 0.9", _open_parameters, left=True),
     ]
     table = markdown_table(columns, data) + "\n"
@@ -360,6 +346,10 @@ def _identification(data: Sequence[DataSet]) -> str:
         " identified. The sideways friction, which is given in the fit, is not identifiable either:"
         " see the table above.\n"
     )
+
+
+def _largest_values(data: DataSet) -> str:
+    return ", ".join(f"{s:.3g}" for s in data.singular[:8])
 
 
 def _open_parameters(data: DataSet) -> Markup:

@@ -61,12 +61,13 @@ class PaperNumber:
 def findings(cases: Cases) -> list[PaperNumber]:
     """Return all findings on the paper's numbers and claims, in the order of the paper."""
     return [
-        *_contacts(),
+        _contacts(),
         *_controllability(),
         *_boundary(),
         *_law(cases),
         *_domain(cases),
-        *_machine(cases),
+        _machine(cases),
+        _drive_torque(cases.valid),
         _sensitivity(cases),
     ]
 
@@ -85,23 +86,20 @@ def turned_ratio(degrees: Array, lateral: float, share: float = 0.0) -> Array:
     return np.asarray(parts[:, 0].prod(axis=0) * cosines[0] ** 3)
 
 
-def _contacts() -> list[PaperNumber]:
+def _contacts() -> PaperNumber:
     small, steep = turned_ratio(np.array([10.0, 30.0]), 1.0)
     rollers = turned_ratio(np.array([10.0, 30.0]), 0.1, 0.1)
-    return [
-        PaperNumber(
-            "(6)",
-            "a joint behind three contacts turns as cos^3(theta), with friction disks",
-            "a turned contact slides sideways and loads the contact before it. Plain disks, which"
-            " have the same friction sideways, give cos(3 theta) at any contact force, even without"
-            f" load: {small:.3f} instead of {np.cos(np.deg2rad(10)) ** 3:.3f}"
-            f" at 10 deg, {abs(steep):.3f} at 30 deg. (6) needs contacts with little friction"
-            " sideways, such as rollers: with a tenth of the friction, loaded to a tenth of their"
-            f" capacity, {rollers[0]:.3f} at 10 deg, {rollers[1]:.3f} at 30 deg instead of"
-            f" {np.cos(np.deg2rad(30)) ** 3:.3f}",
-            "does not hold",
-        )
-    ]
+    return PaperNumber(
+        "(6)",
+        "a joint behind three contacts turns as cos^3(theta), with friction disks",
+        "a turned contact slides sideways and loads the contact before it. Plain disks, which have"
+        " the same friction sideways, give cos(3 theta) at any contact force, even without load:"
+        f" {small:.3f} instead of {np.cos(np.deg2rad(10)) ** 3:.3f} at 10 deg, {abs(steep):.3f} at"
+        " 30 deg. (6) needs contacts with little friction sideways, such as rollers: with a tenth"
+        f" of the friction, loaded to a tenth of their capacity, {rollers[0]:.3f} at 10 deg,"
+        f" {rollers[1]:.3f} at 30 deg instead of {np.cos(np.deg2rad(30)) ** 3:.3f}",
+        "does not hold",
+    )
 
 
 def _angles(*degrees: float) -> np.ndarray:
@@ -181,7 +179,7 @@ def _law(cases: Cases) -> list[PaperNumber]:
 
 def _domain(cases: Cases) -> list[PaperNumber]:
     crossings = " and ".join(f"{t:.3f}" for t in cases.free.domain.z2_crossings_s)
-    exits, needed = _times(cases.point.domain.exits_s), 1 - cases.point.domain.margin
+    exits = " to ".join(f"{t:.3f}" for t in cases.point.domain.exits_s)
     return [
         PaperNumber(
             "Fig. 4",
@@ -199,7 +197,7 @@ def _domain(cases: Cases) -> list[PaperNumber]:
             "Fig. 5",
             "and so avoids the singularities",
             f"at pi/4, an inferred travel: from {exits} s there is no real theta1: cos^2(theta1)"
-            f" would have to reach {needed:.2f}",
+            f" would have to reach {1 - cases.point.domain.margin:.2f}",
             "does not hold",
         ),
         PaperNumber(
@@ -221,18 +219,15 @@ def _domain(cases: Cases) -> list[PaperNumber]:
     ]
 
 
-def _machine(cases: Cases) -> list[PaperNumber]:
+def _machine(cases: Cases) -> PaperNumber:
     error = np.median(cases.replay.largest_error_deg, axis=0)
-    return [
-        PaperNumber(
-            "Fig. 9",
-            "5 deg error of theta3",
-            f"median {error[2]:.1f} deg on our emulated prototype, which was calibrated to it"
-            f" (planner calibrate); theta2, not reported in the paper: {error[1]:.1f} deg",
-            "calibrated",
-        ),
-        _drive_torque(cases.valid),
-    ]
+    return PaperNumber(
+        "Fig. 9",
+        "5 deg error of theta3",
+        f"median {error[2]:.1f} deg on our emulated prototype, which was calibrated to it (planner"
+        f" calibrate); theta2, not reported in the paper: {error[1]:.1f} deg",
+        "calibrated",
+    )
 
 
 def _sensitivity(cases: Cases) -> PaperNumber:
@@ -273,10 +268,6 @@ def _drive_torque(plan: Plan) -> PaperNumber:
         f" with plain disks {slips[3]:.2f}: at 1 the joints behind it stop",
         "calibrated",
     )
-
-
-def _times(values: tuple[float, ...]) -> str:
-    return " to ".join(f"{v:.3f}" for v in values) if len(values) == 2 else str(values)
 
 
 Points = list[list[float]] | Literal["auto"]

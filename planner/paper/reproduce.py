@@ -56,8 +56,7 @@ def reproduce(
     Raises:
         InputError: If the folder cannot be written.
     """
-    expect_listener(progress)
-    say = progress or (lambda what, share: None)
+    say = expect_listener(progress)
     with folder(path) as place:
         say("planning and replaying", 0.0)
         plans = cases(samples, seed)
@@ -123,9 +122,8 @@ def _finding(cases: Cases) -> Figure:
     low, high = z2_band(cases.point, t)
     ax.fill_between(t, low, high, color="#DCEAF5", label="a real $\\theta_1$ exists")
     ax.plot(t, low, color="#5B8DB8", linewidth=1, label="$-g(z_3)$")
-    outside = z2 < low
     ax.plot(t, z2, color="black", linewidth=1.6, label="$z_2$ of the paper's Fig. 5")
-    no_angle = np.where(outside, z2, np.nan)
+    no_angle = np.where(z2 < low, z2, np.nan)
     ax.plot(t, no_angle, color="#B00020", linewidth=2.6, label="no real $\\theta_1$")
     ax.plot(*POINT, "o", color="black", markersize=6, label="constraint point")
     ax.axhline(0, color="grey", linewidth=0.8)
@@ -283,10 +281,9 @@ def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
     parts = [_HEAD.format(provenance=provenance(command)), "## Numbers and claims\n"]
     parts.append(markdown_table(FINDING_COLUMNS, findings) + "\n")
     parts.append("\n## Misprints\n")
-    heads = ("where", "printed", "corrected")
     columns = [
         Column(head, "", itemgetter(k), _escape_separators, left=True)
-        for k, head in enumerate(heads)
+        for k, head in enumerate(("where", "printed", "corrected"))
     ]
     parts.append(markdown_table(columns, MISPRINTS) + "\n")
     parts.append("\n## Figures\n")

@@ -18,9 +18,7 @@ import numpy as np
 from planner.machine.friction.contact_load import largest_load
 from planner.machine.machine import Machine, draw
 from planner.machine.simulate import simulate
-from planner.paper.cases import paper_problem
 from planner.plan.plan import Plan
-from planner.solve import solve
 from planner.support.arrays import Array
 from planner.systems.manipulator import Manipulator
 
@@ -78,11 +76,6 @@ STATEMENTS = (
 )
 
 
-def calibration_plan() -> Plan:
-    """Return the polynomial plan of the paper's example, at the travel of least peak input."""
-    return solve(paper_problem(), "polynomial")
-
-
 @dataclass(frozen=True, eq=False)
 class PaperReplays:
     """Replays of one plan on S single machines.
@@ -118,8 +111,9 @@ def nominal_machine(values: Mapping[str, float], **changes: object) -> Machine:
 
 def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) -> PaperReplays:
     """Replay a plan on S machines, one per parameter set in `points`, otherwise like `machine`."""
-    joints = plan.problem.system.size - 1
-    base = draw(machine, joints, np.arange(len(points)), 0)
+    system = plan.problem.system
+    assert isinstance(system, Manipulator)
+    base = draw(machine, system.size - 1, np.arange(len(points)), 0)
     rows = [settings(p) for p in points]
     given = {name: np.array([row[name] for row in rows]).T for name in rows[0]}
     changed = {name: np.broadcast_to(x, base[name].shape) for name, x in given.items()}
@@ -128,8 +122,6 @@ def move(plan: Plan, machine: Machine, points: Sequence[Mapping[str, float]]) ->
     u = np.where((run.t < plan.duration)[:, None], plan.trajectory.u(run.t), 0.0)
     peak = np.max(np.abs(u), axis=0) / 100
     q = plan.trajectory.q(plan.t)
-    system = plan.problem.system
-    assert isinstance(system, Manipulator)
     load = largest_load(system, draws, q, system.rates(q, plan.trajectory.u(plan.t)))
     return PaperReplays(
         t=run.t,

@@ -112,11 +112,10 @@ class Budget:
         return f"Budget({self.plan.method} plan, E {self.E_deg:.3g} deg in the median{saved})"
 
     def __getitem__(self, name: str) -> Cost:
-        for cost in self.costs:
-            if cost.name == name:
-                return cost
-        names = ", ".join(cost.name for cost in self.costs)
-        raise InputError(f"no effect '{name}' in this budget; there are: {names}")
+        by_name = {cost.name: cost for cost in self.costs}
+        if name not in by_name:
+            raise InputError(f"no effect '{name}' in this budget; there are: {', '.join(by_name)}")
+        return by_name[name]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the budget as JSON-ready data; undefined numbers are None."""
@@ -175,12 +174,12 @@ def error_budget(
     distribution = machine_for(plan.problem.machine, machine)
     count = len(sample_numbers(samples))
     check(base)
-    expect_listener(progress)
+    tell = expect_listener(progress)
     if all(c.unit != "rad" for c in plan.problem.system.coordinates[1:]):
         raise InputError("the error index E is defined for angles, and this system has none")
     if not distribution.effects:
         raise InputError("this machine has no effects, so there is no error to attribute")
-    tell, closing = progress or (lambda doing, share: None), feedback_of(plan, feedback)
+    closing = feedback_of(plan, feedback)
     known = None if closing is None else _InformedFeedback(closing, distribution)
     return _BudgetRun(plan, distribution, count, seed, base, known, tell).budget()
 
@@ -214,12 +213,10 @@ class _BudgetRun:
         self.tell("finding effects without influence", 0.0)
         effects, static = self.machine.effects, self.machine.fidelity == "quasi-static"
         every = [k for k, e in EFFECTS.items() if k in effects and not (static and e.dynamic_only)]
-        none, whole, alone, without = self._one_by_one(every, min(self.samples, SCREENING_MACHINES))
-        active = [
-            k for k in every if np.max(np.abs([alone[k] - none, without[k] - whole])) >= IDLE_DEG
-        ]
+        none, whole, alone, off = self._one_by_one(every, min(self.samples, SCREENING_MACHINES))
+        active = [k for k in every if np.max(np.abs([alone[k] - none, off[k] - whole])) >= IDLE_DEG]
         self.tell("effects alone and off", 0.1)
-        none, whole, alone, without = self._one_by_one(active, self.samples)
+        none, whole, alone, off = self._one_by_one(active, self.samples)
         rest = (active, self.plan.problem.system.size - 1, self._given, self.base, self.seed)
         self.tell("Sobol indices between machines", 0.4)
         between = machine_indices(self.machine, *rest)
@@ -231,8 +228,8 @@ class _BudgetRun:
                 name=k,
                 alone_deg=float(np.median(alone[k])),
                 alone_interval_deg=_interval(alone[k]),
-                saves_deg=float(np.median(whole - without[k])),
-                saves_interval_deg=_interval(whole - without[k]),
+                saves_deg=float(np.median(whole - off[k])),
+                saves_interval_deg=_interval(whole - off[k]),
                 between=between.get(k),
                 switch=switch[k],
             )
@@ -256,7 +253,10 @@ class _BudgetRun:
     def _one_by_one(
         self, effects: Sequence[str], count: int
     ) -> tuple[Array, Array, dict[str, Array], dict[str, Array]]:
-        """Return E (S,) without effects, with all effects, with each alone, with all but each."""
+        """Return the error E of `count` machines, (S,), degrees, with four choices of effects.
+
+        The choices: none; all; by effect, each alone; by effect, all but this one.
+        """
         names = frozenset(self.machine.effects)
         changes = [names, frozenset[str](), *(names - {k} for k in effects)]
         changes += [frozenset({k}) for k in effects]
@@ -265,7 +265,10 @@ class _BudgetRun:
         return none, whole, alone, dict(zip(effects, rest[len(effects) :], strict=True))
 
     def _variants(self, changes: Sequence[frozenset[str]], count: int) -> list[Array]:
-        """Return E of the first `count` machines, (S,), for each set of effects to switch off."""
+        """Return the error E of the first `count` machines, (S,), degrees, for each of `changes`.
+
+        A change is the set of effects to switch off.
+        """
         blocks = [
             self._block(changes, np.arange(k, min(k + BLOCK_MACHINES, count)))
             for k in range(0, count, BLOCK_MACHINES)
@@ -273,9 +276,10 @@ class _BudgetRun:
         return [np.concatenate(each) for each in zip(*blocks, strict=True)]
 
     def _block(self, changes: Sequence[frozenset[str]], samples: NDArray[np.int64]) -> list[Array]:
-        """Return E of the machines `samples`, (S,), for each set of effects to switch off.
+        """Return the error E of the machines `samples`, (S,), degrees, for each of `changes`.
 
-        Sets share a simulation if possible; a set that leaves all machines equal is simulated once.
+        A change is the set of effects to switch off. Changes share a simulation if possible; one
+        that leaves all machines equal is simulated on one machine only.
         """
         effects, count = self.machine.effects, len(samples)
         sizes = [
@@ -406,6 +410,5 @@ def total(budget: Budget) -> str:
 
 
 def _idle_text(budget: Budget) -> str:
-    if not budget.idle:
-        return ""
-    return f"Switched on, but without influence here: {', '.join(budget.idle)}."
+    names = ", ".join(budget.idle)
+    return f"Switched on, but without influence here: {names}." if names else ""

@@ -181,11 +181,7 @@ def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> Mac
     refuse_inexecutable(plan)
     distribution = machine_for(plan.problem.machine, machine)
     system = plan.problem.system
-    steps = [
-        step
-        for name, effect in EFFECTS.items()
-        for step in _steps(distribution, system, name, effect)
-    ]
+    steps = [step for k, e in EFFECTS.items() for step in _steps(distribution, system, k, e)]
     stepped = {entry.effect for entry, _ in steps}
     omitted = {k: "off, so it has no value to vary" for k in EFFECTS if k not in stepped}
     t, nominal, pairs = _motions(plan, distribution, steps)

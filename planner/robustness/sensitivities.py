@@ -151,12 +151,12 @@ def worth(before: float, after: float, price: float, cost: str = "effort") -> st
         cost: Name of the cost.
     """
     worth_it = after * price < before
-    less = f"the total falls by {100 * (1 - after / before):.0f} %"
-    less += (
-        f" ({_degrees(before)} to {_degrees(after)} deg) for {number(price, 2)} times the {cost}"
+    return (
+        f"{'worth it' if worth_it else 'not worth it'}, the total falls by"
+        f" {100 * (1 - after / before):.0f} % ({_degrees(before)} to {_degrees(after)} deg) for"
+        f" {number(price, 2)} times the {cost}, a {'larger' if worth_it else 'smaller'} factor than"
+        " the cost"
     )
-    why = "a larger factor than the cost" if worth_it else "a smaller factor than the cost"
-    return f"{'worth it' if worth_it else 'not worth it'}, {less}, {why}"
 
 
 def next_step(problem: Problem, *methods: str) -> str:
@@ -171,10 +171,8 @@ def next_step(problem: Problem, *methods: str) -> str:
     if compensable(problem.system):
         words = "Next, compensate: on arms this reduces errors more than any path"
         names = dict.fromkeys(re.sub(r"^\w+", rf"\g<0> {COMPENSATED}", k) for k in names)
-    command = shlex.join(
-        ["planner", "compare", *problem_words(problem), "--methods", ",".join(names)]
-    )
-    return f"{words}: {command}"
+    command = ["planner", "compare", *problem_words(problem), "--methods", ",".join(names)]
+    return f"{words}: {shlex.join(command)}"
 
 
 MEANINGS = (

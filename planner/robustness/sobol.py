@@ -182,7 +182,11 @@ def switched_errors(
 
 
 def _patterns(off: Mapping[str, Array]) -> list[tuple[list[str], NDArray[np.int64]]]:
-    """Group samples that share a simulation; return each group's effects off and its samples."""
+    """Group the samples that can share a simulation.
+
+    Return for each group the effects that are off in its whole simulation, and the indices of its
+    samples. `off` says for each effect on which samples it is off, (S,).
+    """
     shared = [name for name in off if not switches_per_sample(name)]
     count = len(next(iter(off.values())))
     flags = np.stack([off[name] for name in shared]) if shared else np.zeros((1, count), dtype=bool)

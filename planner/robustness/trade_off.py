@@ -70,9 +70,7 @@ class TradeOff:
     @property
     def cost(self) -> Array:
         """Cost of each point, shape (m,): effort, seconds, or share of the input limits."""
-        if self.kind == "effort":
-            return np.array([p.effort for p in self.points])
-        return np.array([p.limit for p in self.points])
+        return np.array([p.effort if self.kind == "effort" else p.limit for p in self.points])
 
     @property
     def response_deg(self) -> Array:
@@ -184,13 +182,12 @@ def trade_off(
         "samples": samples,
         "seed": seed,
     }
-    expect_listener(progress)
+    tell = expect_listener(progress)
     store = PointStore(folder, request)
-    tell = progress or (lambda _, __: None)
     if len(store.points) < points or any(p.swept < 2 for p in store.points.values()):
         tell("finding the ends of the curve", 0.0)
         _sweep(problem, design, axis(problem, design, kind, points), store, tell)
-    _replay(store, problem, design, distribution, (samples, seed), tell)
+    _replay(store, distribution, errors_machine(problem, design), (samples, seed), tell)
     descending = _keep_descending([store.points[k] for k in sorted(store.points)])
     return TradeOff(problem, kind, descending, design, distribution, store.path)
 
@@ -245,14 +242,17 @@ def _best_point(points: list[TradeOffPoint | None]) -> TradeOffPoint | None:
 
 
 def _replay(
-    store: PointStore,
-    problem: Problem,
-    options: DesensitisedOptions,
-    machine: Machine,
-    machines: tuple[int, int],
-    tell: Tell,
+    store: PointStore, machine: Machine, alone: Machine, machines: tuple[int, int], tell: Tell
 ) -> None:
-    alone = errors_machine(problem, options)
+    """Replay each stored plan that lacks replays, plain and compensated, and store the errors.
+
+    Args:
+        store: The points of the curve.
+        machine: The problem's machine.
+        alone: A machine that has only the design errors.
+        machines: Number of random machines, and their seed.
+        tell: Called with the current step and the finished share.
+    """
     for j, k in enumerate(sorted(store.points)):
         point = store.points[k]
         share = 0.8 + 0.2 * j / len(store.points)

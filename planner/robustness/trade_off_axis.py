@@ -123,15 +123,9 @@ def _peaks(
             f"{problem.source}: goal.duration = {problem.duration:g} s does not allow lower peaks:"
             f" the fastest motion takes {quickest.duration:.4g} s; give more time"
         )
-    start = with_input_limits(problem, lowest * base)
-    return Axis("peak", np.geomspace(lowest, 1.0, points), base, _slow_down(quickest, start))
-
-
-def _slow_down(plan: Plan, problem: Problem) -> Plan:
-    """Return a plan slowed to the problem's duration, as an initial guess."""
-    assert problem.duration is not None
-    factor = problem.duration / plan.duration
-    return replace(plan, problem=problem, trajectory=plan.trajectory.slowed(factor))
+    slow = quickest.trajectory.slowed(problem.duration / quickest.duration)
+    guess = replace(quickest, problem=with_input_limits(problem, lowest * base), trajectory=slow)
+    return Axis("peak", np.geomspace(lowest, 1.0, points), base, guess)
 
 
 def with_input_limits(problem: Problem, inputs: Array) -> Problem:

@@ -82,11 +82,6 @@ def solved_point(
         NoPlanError: If there is no plan, or it fails its verification.
     """
     plan, _ = judge_plan(plan_desensitised(problem, options, near))
-    return point_of(plan, options, limit)
-
-
-def point_of(plan: Plan, options: DesensitisedOptions, limit: float) -> TradeOffPoint:
-    """Return the point of a curve with a verified plan, computing the plan's figures."""
     spread = spreads(plan.problem.system, options)
     responses = sensitivity(plan)
     passive, total = responses.passive_block_deg(spread), responses.total_deg(spread)
@@ -125,13 +120,12 @@ no plan to a shifted goal that lies farther away."""
 def compensated_errors(plan: Plan, machine: Machine, samples: int, seed: int) -> dict[str, Any]:
     """Return `replay_errors` of the plan compensated for the machine, or {"refused": why}."""
     options = plan.problem.compensation.model_copy(update={"on": True})
-    limit, refused = plan.options.get("effort_limit"), {"refused": ""}
-    for eased in (1.0,) if limit is None else (1.0, AIMING_FACTOR):
-        settings = (
-            plan.options if limit is None else {**plan.options, "effort_limit": eased * limit}
-        )
+    limit, settings, refused = plan.options.get("effort_limit"), [plan.options], {"refused": ""}
+    if limit is not None:
+        settings.append({**plan.options, "effort_limit": AIMING_FACTOR * limit})
+    for each in settings:
         try:
-            informed, _ = compensate_plan(replace(plan, options=settings), machine, options)
+            informed, _ = compensate_plan(replace(plan, options=each), machine, options)
         except (InputError, NoPlanError) as error:  # not compensable, or no plan ends at the goal
             refused = {"refused": str(error).splitlines()[0]}
         else:
@@ -196,10 +190,7 @@ class PointStore:
             "version": VERSION,
             "key": self.key,
             **self.request,
-            "points": {
-                f"{place:02d}": jsonable(self.points[place].to_dict())
-                for place in sorted(self.points)
-            },
+            "points": {f"{k:02d}": jsonable(p.to_dict()) for k, p in sorted(self.points.items())},
         }
         write_text(self.path / INDEX, json.dumps(data, indent=1, allow_nan=False) + "\n")
 

@@ -166,7 +166,10 @@ def remaining() -> float:
 
 
 def _first_to_end(waiting: bool = False) -> Span | None:
-    """Return the open block that ends first; `waiting` counts blocks with a false condition too."""
+    """Return the open block whose limit ends first; None outside of all blocks.
+
+    Blocks whose condition is false count only if `waiting` is true.
+    """
     counted = (s for s in _spans() if waiting or s.condition is None or s.condition())
     return min(counted, key=lambda span: span.left, default=None)
 
@@ -191,9 +194,8 @@ def check_stopped() -> None:
         KeyboardInterrupt: As for `handle_signals`.
     """
     handle_signals()
-    for span in _spans():
-        if span.verification_ended:
-            raise time_up()
+    if any(span.verification_ended for span in _spans()):
+        raise time_up()
 
 
 def time_up() -> TimeUpError:
@@ -266,7 +268,7 @@ def check_seconds(seconds: float) -> float:
 
 
 def _search(context: Context | None = None) -> Span | None:
-    """Return the outermost search of a context, whose answer counts; None without a search."""
+    """Return the outermost block of a context that is a search; None without such a block."""
     searches = [span for span in _spans(context) if span.has_answer is not None]
     return searches[-1] if searches else None
 

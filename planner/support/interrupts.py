@@ -16,9 +16,7 @@ from functools import cache, partial
 from types import FrameType
 from typing import Any, TextIO, cast
 
-SIGNALS = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-)
+SIGNALS = tuple(getattr(signal, s) for s in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, s))
 """Signals that end a command: Ctrl-C, `kill` and batch systems, a closed terminal."""
 
 
@@ -101,6 +99,10 @@ def _note(number: int, frame: FrameType | None) -> None:
     _waiting.append(number)
 
 
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
+
 def handle_signals() -> None:
     """Handle the signals that `hold_signals` holds back; every check of the time limit does so.
 
@@ -108,7 +110,7 @@ def handle_signals() -> None:
         KeyboardInterrupt: If Ctrl-C was pressed.
         Terminated: If the command line received SIGTERM or SIGHUP.
     """
-    if threading.current_thread() is not threading.main_thread():  # gets no signals
+    if not _in_main_thread():  # other threads get no signals
         return
     waiting = sorted(_waiting, key=lambda number: number == signal.SIGINT)
     _waiting.clear()
@@ -127,10 +129,8 @@ def hold_signals() -> Iterator[None]:
     Raises:
         KeyboardInterrupt: As for `handle_signals`.
     """
-    handlers = {number: signal.getsignal(number) for number in SIGNALS}
+    handlers = {n: signal.getsignal(n) for n in SIGNALS} if _in_main_thread() else {}
     mine = {n: each for n, each in handlers.items() if callable(each) and each is not _note}
-    if threading.current_thread() is not threading.main_thread():
-        mine = {}
     try:
         for number in mine:
             _handlers[number] = mine[number]
@@ -155,10 +155,8 @@ def hear_signals(last: bool = False) -> Iterator[None]:
             so that nothing disturbs the interpreter's shutdown.
     """
     signal_listener.begin()
-    before = {number: signal.getsignal(number) for number in SIGNALS}
-    mine = [number for number in SIGNALS if before[number] not in (signal.SIG_IGN, None)]
-    if threading.current_thread() is not threading.main_thread():
-        mine = []
+    before = {n: signal.getsignal(n) for n in SIGNALS} if _in_main_thread() else {}
+    mine = [n for n, handler in before.items() if handler not in (signal.SIG_IGN, None)]
     for number in mine:
         signal.signal(number, signal_listener)
     otherwise = sys.unraisablehook
@@ -207,7 +205,10 @@ def osqp_result(solver: Any) -> Any:
 
 @cache
 def _osqp_interrupt_query() -> Callable[[], int]:
-    """Return OSQP's function that tells whether Ctrl-C came in the last solve; else `lambda: 0`."""
+    """Return OSQP's function that tells whether Ctrl-C came in the last solve (1) or not (0).
+
+    If OSQP lacks this function, return one that always says no.
+    """
     try:
         from osqp import ext_builtin
 
@@ -224,7 +225,7 @@ def _pass_on_interrupt() -> None:
         signal.raise_signal(signal.SIGINT)
     else:
         signal.pthread_kill(main, signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread():
+    if not _in_main_thread():
         time.sleep(HANDOVER_S)
 
 
@@ -232,7 +233,7 @@ def _pass_on_interrupt() -> None:
 def mute_lines(*words: str) -> Iterator[None]:
     """Hide lines with any of the words from standard output; in the main thread only."""
     target = sys.stdout
-    if threading.current_thread() is not threading.main_thread() or target is None:
+    if not _in_main_thread() or target is None:
         yield
         return
     sieve = _LineFilter(target, words)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from typing import Any
 
 from planner.errors import InputError
 from planner.support.tables import shorten
@@ -48,14 +49,17 @@ Tell = Callable[[str, float], None]
 """Callback that receives the current step of a job and its finished share, from 0 to 1."""
 
 
-def expect_listener(progress: object) -> None:
-    """Refuse an argument `progress` that cannot be called; call it before long work.
+def expect_listener(progress: Any) -> Callable[..., None]:
+    """Return an argument `progress`, or a function that does nothing if it is None.
+
+    Call this before long work.
 
     Raises:
         InputError: If `progress` is neither a function nor None.
     """
     if progress is not None and not callable(progress):
         raise InputError(f"progress = {shorten(repr(progress))}: give a function, such as print")
+    return progress or (lambda *_: None)
 
 
 class _Run:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Any, TypeVar
 
 import casadi as ca
@@ -34,14 +35,13 @@ def call_within(seconds: float, call: Callable[[], Value]) -> Value | None:
         TimeUpError: If a time limit ends first; the call then runs on, unheard, in its thread.
         Exception: Any exception of the call.
     """
-    out: list[Value] = []
-    errors: list[BaseException] = []
+    answer: Future[Value] = Future()
 
     def run() -> None:
         try:
-            out.append(call())
+            answer.set_result(call())
         except BaseException as error:
-            errors.append(error)
+            answer.set_exception(error)
 
     caller = threading.Thread(target=run, daemon=True)
     began = time.process_time()
@@ -50,9 +50,7 @@ def call_within(seconds: float, call: Callable[[], Value]) -> Value | None:
         caller.join(min(CLOCK_INTERVAL_S, deadline.remaining()))
         if caller.is_alive():
             deadline.check()
-    if errors:
-        raise errors[0]
-    return out[0] if out else None
+    return answer.result() if answer.done() else None
 
 
 class NlpCall:

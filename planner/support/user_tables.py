@@ -112,7 +112,7 @@ def _closest_match(word: str, allowed: Sequence[str]) -> str | None:
 
 
 def _path(data: Any, error: Any) -> Path:
-    """Return the keys that lead to an error, without the tags that Pydantic adds for unions."""
+    """Return the keys that lead to an error in `data`, without Pydantic's own tags of unions."""
     out: list[Any] = []
     *parents, last = error["loc"] or (None,)
     for part in parents:
@@ -150,9 +150,8 @@ def _line(model: type[BaseModel], path: Path, group: Sequence[Any]) -> str:
             former = getattr(_table_at(model, path[:-1]), "former", {}).get(path[-1])
             if former:
                 return f"'{where}' = {value}: {former}"
-            hint = _home_table(model, path) or allowed_hint(
-                str(path[-1]), _keys_at(model, path[:-1])
-            )
+            keys = _keys_at(model, path[:-1])
+            hint = _home_table(model, path) or allowed_hint(str(path[-1]), keys)
             return f"unknown key '{where}' (value {value}); {hint}"
         case "missing":
             return f"missing key '{where}'"
@@ -174,15 +173,15 @@ def _phrase(error: Any) -> str:
 
 
 def _dot(parts: Sequence[Any]) -> str:
-    out = ""
-    for part in parts:
-        out += f"[{part}]" if isinstance(part, int) else f".{shorten(str(part))}"
-    return out.lstrip(".")
+    names = (f"[{p}]" if isinstance(p, int) else f".{shorten(str(p))}" for p in parts)
+    return "".join(names).lstrip(".")
 
 
 def _home_table(model: type[BaseModel], path: Path) -> str:
-    """Return a hint for an unknown key: the tables that have a key of this name, or q if it is a
-    coordinate in a table with q; "" if no table has one."""
+    """Return a hint that names the tables with a key like the unknown key at `path`, or "".
+
+    If the unknown key is a coordinate in the table of a waypoint, the hint names the waypoint's q.
+    """
     homes = [
         name
         for name, table in _fields(model).items()
@@ -214,10 +213,7 @@ def _table_at(model: type[BaseModel], path: Path) -> Any:
 
 
 def _table_in(annotation: Any) -> Any:
+    """Return the first class of a table in a type, as in `Table | None`; None without one."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    for option in get_args(annotation):
-        table = _table_in(option)
-        if table is not None:
-            return table
-    return None
+    return next(filter(None, map(_table_in, get_args(annotation))), None)

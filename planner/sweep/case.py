@@ -135,7 +135,7 @@ def case_at(sweep: Sweep, position: int) -> Case:
 
 
 def _description(request: Request, spec: Spec) -> str:
-    """Return a text of all that a case's result depends on, or of an invalid case's request."""
+    """Return everything that a case's result depends on as JSON; if it is invalid, its request."""
     samples, seed = request["samples"], request["seed"]
     try:
         file = parse_file(request["tables"], "")
@@ -143,9 +143,8 @@ def _description(request: Request, spec: Spec) -> str:
         settings = getattr(file.method, spec.method).model_dump(exclude_unset=True)
         options = parse(entry.options, {**settings, **spec.options}, "").model_dump(mode="json")
     except InputError:
-        return canonical_json(
-            {k: v for k, v in request.items() if k not in ("source", "keep_plan")}
-        )
+        asked = {k: v for k, v in request.items() if k not in ("source", "keep_plan")}
+        return canonical_json(asked)
     compensated = file.compensation.on
     own_keys = {"title", "method", "machine"} | (set() if compensated else {"compensation"})
     problem = file.model_dump(mode="json", by_alias=True, exclude=own_keys)

@@ -76,13 +76,8 @@ class Sweep:
             InputError: If a key or value is wrong, nothing varies, or a varied key does not exist,
                 has an impossible value, or affects no case.
         """
-        tables = dict(data)
-        problem = tables.get("problem")
-        if isinstance(problem, Problem):
-            tables["problem"] = problem.to_dict()
-        table = parse(SweepFile, _flatten_blocks(plain(tables)), source)
-        known = problem if isinstance(problem, Problem) else None
-        base = base_problem(table.problem, table.changes, source, known)
+        table = parse(SweepFile, _flatten_blocks(plain_tables(data)), source)
+        base = base_problem(data["problem"], table.changes, source)
         methods = parse_specs(base, table.methods)
         sweep_points = points(table, source)
         check_keys(base, table, sweep_points, [m.method for m in methods], source)
@@ -106,34 +101,34 @@ class Sweep:
 def _flatten_blocks(data: dict[str, Any]) -> dict[str, Any]:
     """Return the tables of a sweep file with the problem's nested keys written as dotted keys."""
     out = dict(data)
-    for block in ("set", "grid"):
+    for block in ("set", "grid", "sample"):
         if isinstance(out.get(block), dict):
             out[block] = flatten(out[block])
-    if isinstance(out.get("sample"), dict):
-        settings = {k: v for k, v in out["sample"].items() if not isinstance(v, dict)}
-        keys = {k: v for k, v in out["sample"].items() if isinstance(v, dict)}
-        out["sample"] = {**settings, **flatten(keys)}
     if isinstance(out.get("cases"), list):
         out["cases"] = [flatten(row) if isinstance(row, dict) else row for row in out["cases"]]
     return out
 
 
+def plain_tables(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of a sweep or design file as plain data, also those of a `Problem`."""
+    return {str(k): plain(v.to_dict() if isinstance(v, Problem) else v) for k, v in data.items()}
+
+
 def base_problem(
-    problem: str | dict[str, Any], changes: Mapping[str, Any], source: str, known: Problem | None
+    problem: Problem | str | Mapping[str, Any], changes: Mapping[str, Any], source: str
 ) -> Problem:
-    """Return the problem that a sweep or design file names.
+    """Return the problem that a sweep or design file names, with changes.
 
     Args:
-        problem: A problem file, relative to `source`, or its tables.
+        problem: The problem, its file (relative to `source`), or its tables.
         changes: Dotted keys to change.
         source: The sweep or design file, or a name for messages.
-        known: The problem itself, if the caller has it.
 
     Raises:
         InputError: If the problem file is missing or invalid, or a change is invalid.
     """
-    if known is not None:
-        return known.changed(changes)
+    if isinstance(problem, Problem):
+        return problem.changed(changes)
     if isinstance(problem, str):
         path = os.path.normpath(Path(source).parent / problem)
         if not os.path.exists(path):

@@ -319,9 +319,8 @@ class ClusterPool:
             elif isinstance(error, self._killed):
                 answer.set_result(death_row("every worker that ran the case died"))
             else:
-                answer.set_exception(
-                    InputError(f"{self._failure} ({type(error).__name__}: {error})")
-                )
+                words = f"{self._failure} ({type(error).__name__}: {error})"
+                answer.set_exception(InputError(words))
 
         self._executor.submit(run_case, request).add_done_callback(done)
         return answer

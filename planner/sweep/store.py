@@ -83,8 +83,7 @@ class Store:
             if create:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
             self.db = sqlite3.connect(self.path, timeout=LOCK_WAIT_S, isolation_level=None)
-            file = os.stat(self.path)
-            self._file = (file.st_dev, file.st_ino)
+            self._file = os.stat(self.path)
         if create:
             written_paths.append(self.path)  # an interruption message names this file
         try:
@@ -146,9 +145,8 @@ class Store:
             return sizes[0] <= ONE_PAGE and not sizes[1]
 
     def _has_version(self) -> bool:
-        return bool(
-            self.db.execute("SELECT 1 FROM sqlite_master WHERE name = 'schema_version'").fetchone()
-        )
+        found = self.db.execute("SELECT 1 FROM sqlite_master WHERE name = 'schema_version'")
+        return found.fetchone() is not None
 
     def _refuse_foreign(self) -> None:
         version = None
@@ -208,15 +206,13 @@ class Store:
         Raises:
             InputError: If the path no longer leads to the open file.
         """
-        try:
-            now = os.stat(self.path)
-        except OSError:
-            now = None
-        if now is None or (now.st_dev, now.st_ino) != self._file:
-            raise InputError(
-                f"{self.path} was deleted or replaced while the sweep ran; its results are lost,"
-                " and the same command runs the cases again"
-            )
+        with suppress(OSError):
+            if os.path.samestat(os.stat(self.path), self._file):
+                return
+        raise InputError(
+            f"{self.path} was deleted or replaced while the sweep ran; its results are lost, and"
+            " the same command runs the cases again"
+        )
 
     # -- writing -------------------------------------------------------------------------------
 
@@ -235,9 +231,8 @@ class Store:
                 " ON CONFLICT (digest) DO UPDATE SET started_at = excluded.started_at",
                 (sweep_digest, canonical_json(data), json.dumps(sweep.keys), _now()),
             )
-            (number,) = self.db.execute(
-                "SELECT id FROM sweeps WHERE digest = ?", (sweep_digest,)
-            ).fetchone()
+            found = self.db.execute("SELECT id FROM sweeps WHERE digest = ?", (sweep_digest,))
+            (number,) = found.fetchone()
             # Another version of planner may give the points other keys.
             self.db.execute("DELETE FROM points WHERE sweep = ?", (number,))
             self.db.executemany(
@@ -258,16 +253,20 @@ class Store:
 
     # -- reading -------------------------------------------------------------------------------
 
+    def _select(self, query: str, *values: Any) -> list[Any]:
+        """Return the rows that an SQL query finds; `values` replace its question marks."""
+        with self.explain_errors():
+            return self.db.execute(query, values).fetchall()
+
     def positions(self, sweep: int) -> dict[str, int]:
         """Return the first position of each different case of a sweep, by key, finished or not."""
-        with self.explain_errors():
-            return dict(
-                self.db.execute(
-                    "SELECT key, min(position) AS first FROM points WHERE sweep = ?"
-                    " GROUP BY key ORDER BY first",
-                    (sweep,),
-                )
+        return dict(
+            self._select(
+                "SELECT key, min(position) AS first FROM points WHERE sweep = ?"
+                " GROUP BY key ORDER BY first",
+                sweep,
             )
+        )
 
     def finished_keys(self, retry: Collection[str], plans: bool) -> set[str]:
         """Return the keys of the finished cases.
@@ -277,38 +276,35 @@ class Store:
             plans: Whether solved cases without a saved plan count as unfinished.
         """
         marks = ", ".join("?" * len(retry))
-        with self.explain_errors():
-            rows = self.db.execute(
-                "SELECT key FROM cases WHERE NOT (? AND solved AND plan IS NULL)"
-                f" AND status NOT IN ({marks})",
-                (plans, *retry),
-            )
-            return {key for (key,) in rows}
+        rows = self._select(
+            "SELECT key FROM cases WHERE NOT (? AND solved AND plan IS NULL)"
+            f" AND status NOT IN ({marks})",
+            plans,
+            *retry,
+        )
+        return {key for (key,) in rows}
 
     def statuses(self, sweep: int) -> dict[str, int]:
         """Return the number of different cases of a sweep by status."""
-        with self.explain_errors():
-            return dict(
-                self.db.execute(
-                    "SELECT status, count(*) FROM cases WHERE key IN"
-                    " (SELECT key FROM points WHERE sweep = ?) GROUP BY status ORDER BY status",
-                    (sweep,),
-                )
+        return dict(
+            self._select(
+                "SELECT status, count(*) FROM cases WHERE key IN"
+                " (SELECT key FROM points WHERE sweep = ?) GROUP BY status ORDER BY status",
+                sweep,
             )
+        )
 
     def sweeps(self) -> list[dict[str, Any]]:
         """Return id, description and varied keys of each sweep in the file, by time of start."""
-        with self.explain_errors():
-            rows = self.db.execute(
-                "SELECT id, description, keys FROM sweeps ORDER BY started_at, id"
-            ).fetchall()
         return [
             {
                 "id": i,
                 "description": self._parse(d, "a description", dict),
                 "keys": self._parse(keys, "the keys of a sweep", list),
             }
-            for i, d, keys in rows
+            for i, d, keys in self._select(
+                "SELECT id, description, keys FROM sweeps ORDER BY started_at, id"
+            )
         ]
 
     def rows(self, sweep: int) -> Iterator[dict[str, Any]]:
@@ -342,10 +338,7 @@ class Store:
 
     def plan(self, key: str) -> str | None:
         """Return the text of a saved plan, by the key of its case or a unique beginning of it."""
-        with self.explain_errors():
-            rows = self.db.execute(
-                "SELECT plan FROM cases WHERE substr(key, 1, ?) = ?", (len(key), key)
-            ).fetchall()
+        rows = self._select("SELECT plan FROM cases WHERE substr(key, 1, ?) = ?", len(key), key)
         if len(rows) != 1:
             raise InputError(f"{self.path}: {len(rows) or 'no'} cases have a key '{key}...'")
         return None if rows[0][0] is None else str(rows[0][0])

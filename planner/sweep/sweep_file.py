@@ -197,11 +197,6 @@ def _place_of(key: str) -> str:
     return ""
 
 
-def sweep_schema() -> dict[str, Any]:
-    """Return the JSON Schema of a sweep file with dotted keys, for editors."""
-    return SweepFile.model_json_schema()
-
-
 Point = dict[str, Any]
 """One point of a sweep: dotted keys of the problem, and their values."""
 
@@ -306,7 +301,10 @@ def _sample_points(table: SampleTable) -> list[Point]:
 
 
 def _unit_points(table: SampleTable, size: int) -> Array:
-    """Return a sample's quasi-random or random numbers between 0 and 1, shape (count, size)."""
+    """Return a sample's quasi-random or random numbers between 0 and 1, shape (count, size).
+
+    `size` is the number of keys to draw.
+    """
     rng = np.random.default_rng(table.seed)
     if table.method == "random":
         cube = rng.random((table.count, size))

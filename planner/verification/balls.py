@@ -167,7 +167,7 @@ class Ball:
         return (np.abs(self.b) * RADIUS_COLUMN + self.r) * ROUNDING_FACTOR
 
     def replace_rows(self, rows: Index, fresh: Index, new: Ball) -> Ball:
-        """Return the given rows (cells) of the ball; rows of the mask `fresh` come from `new`."""
+        """Return the ball on the cells `rows`, with those in the mask `fresh` replaced by `new`."""
         out = [x[rows] for x in self]
         for part, other in zip(out, new, strict=True):
             part[fresh] = other
@@ -242,7 +242,11 @@ def choose(mask: Index, one: Triple, other: Triple) -> Triple:
 
 
 def _compose(p: Ball, value: Array, slope: Array, rest: Array) -> Ball:
-    """Return the ball of g(p) from g(c) and g'(c), each wrong by up to 8 units, and the rest."""
+    """Return the ball of a function g of p by the formula at the file's start.
+
+    `value` is g(c), `slope` is g'(c), each wrong by up to 8 units of rounding; `rest` is the bound
+    of g's rest.
+    """
     steep = np.abs(slope)
     rounding = 8 * ROUNDING_UNIT * (np.abs(value) + steep * p.reach)
     return Ball(value, slope * p.b, (steep * p.r + rest + rounding) * ROUNDING_FACTOR)

@@ -243,9 +243,7 @@ def _row_models(
 
     models = models_of(motion.enclosure)
     if np.any(coarse_cells(motion.enclosure, models)):
-        motion = evidence.refine(
-            motion, lambda enclosure: coarse_cells(enclosure, models_of(enclosure))
-        )
+        motion = evidence.refine(motion, lambda each: coarse_cells(each, models_of(each)))
         models = models_of(motion.enclosure)
     return motion, models
 
@@ -257,7 +255,7 @@ MarginAt = Callable[[Array, Array], float]
 def _own_margins(
     requirement: Requirement, system: TriangularSystem, motion: EnclosedMotion, rows: list[Model]
 ) -> dict[str, MarginAt]:
-    """Return the margin functions of parts whose rows only replace their values, by label.
+    """Return a function for the margin of each part whose row only replaces its value, by label.
 
     A row always lies on the same side of the limit as the value that `verify` uses, but may differ
     from it: u²/limit can replace |u|.
@@ -354,16 +352,11 @@ def _(goal: Goal, evidence: Evidence) -> Iterable[Proof]:
 
 
 @prove.register
-def _(duration: Duration, evidence: Evidence) -> Iterable[Proof]:
-    (part,), slack, plan = duration.parts, DURATION_TOLERANCE * duration.seconds, evidence.plan
-    margin = slack - abs(plan.running_s - duration.seconds)
-    return [evidence.path.claim(part, 0.0, margin, margin, np.nan)]
-
-
-@prove.register
-def _(most: LongestDuration, evidence: Evidence) -> Iterable[Proof]:
-    (part,), slack = most.parts, DURATION_TOLERANCE * most.seconds
-    margin = slack + most.seconds - evidence.plan.duration
+def _(limit: Duration | LongestDuration, evidence: Evidence) -> Iterable[Proof]:
+    (part,), slack, plan = limit.parts, DURATION_TOLERANCE * limit.seconds, evidence.plan
+    margin = slack - abs(plan.running_s - limit.seconds)
+    if isinstance(limit, LongestDuration):
+        margin = slack + limit.seconds - plan.duration
     return [evidence.path.claim(part, 0.0, margin, margin, np.nan)]
 
 

@@ -156,14 +156,12 @@ def blocks(system: TriangularSystem) -> list[list[int]]:
 
 # -- coordinates that depend on themselves -----------------------------------------------------
 
+Given = tuple[dict[int, Ball], list[Ball]]
+"""Balls of the coordinates before a block, by index, and balls of the inputs."""
+
 
 def _tube(
-    system: TriangularSystem,
-    block: list[int],
-    cells: Cells,
-    given: tuple[dict[int, Ball], list[Ball]],
-    guess: Array,
-    start: Array,
+    system: TriangularSystem, block: list[int], cells: Cells, given: Given, ref: Array, start: Array
 ) -> tuple[dict[int, Ball], list[Ball]]:
     """Enclose coordinates that depend on each other in a tube about a reference motion.
 
@@ -171,15 +169,15 @@ def _tube(
         system: The system that moves.
         block: Indices of the coordinates, which depend on themselves or on each other.
         cells: The cells.
-        given: Balls of the coordinates before the block, by index, and of the inputs.
-        guess: The reference p at the nodes, shape (C, POINTS, N).
+        given: The enclosed functions on which the block depends.
+        ref: The reference p at the nodes, shape (C, POINTS, N).
         start: q(0), shape (N,).
 
     Returns:
         Balls of the block's coordinates, by index, and balls of their rates at the reference.
     """
     (known, u), width = given, cells.width
-    c = guess.transpose(2, 0, 1)[block] @ interpolation().T
+    c = ref.transpose(2, 0, 1)[block] @ interpolation().T
     p = {i: Model(coefficients, 0 * width) for i, coefficients in zip(block, c, strict=True)}
     core = dict(zip(block, polynomial_balls(c, 0 * c[:, :, 0]), strict=True))
     image_rates = _rates(system, block, cells, known | core, u)
@@ -280,7 +278,7 @@ def _on_ellipses(
     system: TriangularSystem,
     block: list[int],
     cells: Cells,
-    given: tuple[dict[int, Ball], list[Ball]],
+    given: Given,
     p: dict[int, Model],
     core: dict[int, Ball],
     doubt: Array,

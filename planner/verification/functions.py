@@ -121,14 +121,6 @@ def _hyperbolic(sign: float) -> Callable[[Ball], Ball]:
     return lambda p: (f.exponential(p) + f.exponential(-p) * sign) * 0.5
 
 
-def _hyperbolic_tangent(p: Ball) -> Ball:
-    return 1.0 + f.reciprocal(f.exponential(p * 2.0) + 1.0) * -2.0
-
-
-def _arccosine(p: Ball) -> Ball:
-    return (np.pi / 2 + (-f.arcsine(p))).widen(np.array([[ROUNDING_UNIT]]))
-
-
 _CIRCULAR: dict[int, Callable[[Ball, Ball], Ball]] = {
     ca.OP_SIN: lambda s, c: s,
     ca.OP_COS: lambda s, c: c,
@@ -152,11 +144,11 @@ _ARITHMETIC: dict[int, Callable[..., Ball]] = {
     ca.OP_LOG: f.logarithm,
     ca.OP_ATAN: f.arctangent,
     ca.OP_ASIN: f.arcsine,
-    ca.OP_ACOS: _arccosine,
+    ca.OP_ACOS: lambda p: (np.pi / 2 + (-f.arcsine(p))).widen(np.array([[ROUNDING_UNIT]])),
     ca.OP_ATAN2: f.arctangent2,
     ca.OP_SINH: _hyperbolic(-1.0),
     ca.OP_COSH: _hyperbolic(1.0),
-    ca.OP_TANH: _hyperbolic_tangent,
+    ca.OP_TANH: lambda p: 1.0 + f.reciprocal(f.exponential(p * 2.0) + 1.0) * -2.0,
     ca.OP_FABS: f.absolute,
     ca.OP_SIGN: f.signum,
 }
@@ -183,7 +175,10 @@ def balls_on_cells(curve: Bernstein, cells: Cells, order: int = 0) -> list[Ball]
 
 
 def derivative(curve: Bernstein, order: int) -> tuple[Array, Array]:
-    """Return Bernstein coefficients (d+1, P, k) of a derivative, and error bounds (P, k)."""
+    """Return the derivative's Bernstein coefficients, and bounds of their rounding errors.
+
+    The shapes are (degree+1, P, k) and (P, k), for P pieces and k components of the curve.
+    """
     c = curve.c.reshape(*curve.c.shape[:2], -1)
     width, size = np.diff(curve.x)[:, None], np.max(np.abs(c), axis=0)
     for _ in range(order):
@@ -205,7 +200,10 @@ def refine_curve(curve: Bernstein, breaks: Array) -> Bernstein:
 
 
 def _cell_coefficients(curve: Bernstein, cells: Cells, order: int) -> tuple[Array, Array]:
-    """Return Chebyshev coefficients (k, C, d+1) of a derivative, and their total errors (k, C)."""
+    """Return Chebyshev coefficients of a curve's derivative on cells, and their total errors.
+
+    The shapes are (k, C, degree+1) and (k, C), for k components of the curve on C cells.
+    """
     c, slip = derivative(curve, order)
     c, degree = c[:, cells.piece], len(c) - 1
     size, slips = np.max(np.abs(c), axis=0).T, slip.T[:, cells.piece]

@@ -216,9 +216,9 @@ def _law(path: Trajectory) -> tuple[list[Bernstein], Law, Law]:
         return [path.u_curve], lambda u: u, lambda _, du: du
     if type(path) is ChainedTrajectory:
         return [path.z_curve, path.v_curve], *feedback_law(path.system, tuple(path.branch.tolist()))
-    twice = isinstance(path, RetimedTrajectory)
-    words = "a path that is retimed twice" if twice else f"trajectories of kind '{path.kind}'"
-    raise UnboundedError(words)
+    if isinstance(path, RetimedTrajectory):
+        raise UnboundedError("a path that is retimed twice")
+    raise UnboundedError(f"trajectories of kind '{path.kind}'")
 
 
 State = Callable[[list[Ball]], list[Ball]]
@@ -405,7 +405,10 @@ def composite(c: Array, slip: Array, x: Ball) -> list[Ball]:
 
 
 def _clenshaw(c: Array, x: Array) -> Array:
-    """Return Σ cₖ Tₖ(x) by Clenshaw's method, for x (C, E) and coefficients (…, C, width)."""
+    """Return Σ cₖ Tₖ(x) by Clenshaw's method, shape (…, C, E).
+
+    On each of C cells, `c` (…, C, width) has the coefficients, and `x` (C, E) has E places.
+    """
     later = last = np.zeros((*c.shape[:-1], x.shape[-1]))
     twice = 2 * x
     for k in range(c.shape[-1] - 1, 0, -1):

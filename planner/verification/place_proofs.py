@@ -198,9 +198,7 @@ def nearest_time(
 
     def distances(cell: Index, x: Array) -> Array:
         """Return upper bounds of the distance to `point` at places x (R, M) in cells (R,)."""
-        values = [
-            chebval(x, p.c[cell].T[..., None], tensor=False) - value for p, value in coordinates
-        ]
+        values = [chebval(x, p.c[cell].T[..., None], tensor=False) - at for p, at in coordinates]
         doubts = [p.r[cell, None] for p, _ in coordinates]
         return np.asarray(np.max(np.abs(values) + np.array(doubts), axis=0))
 

@@ -7,6 +7,7 @@ subclasses (such as the rows of a comparison): one more field is one more column
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import Field, asdict, dataclass, field, fields
 from typing import Any
 
@@ -153,8 +154,7 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
     """
     check = verify(plan) if check is None else check
     names = [c.name for c in plan.problem.system.user_coordinates]
-    out = dict.fromkeys(SUMMARY_KEYS)
-    out |= {
+    return dict.fromkeys(SUMMARY_KEYS) | {
         **{key: getattr(plan, key) for key in _OF_PLAN},
         **{name: one.plan(plan, check) for name, one in OF_EVERY_PLAN.items() if one.plan},
         "direction": direction(plan),
@@ -168,7 +168,6 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
         "certificate": None if plan.certificate is None else plan.certificate.to_dict(),
         "notes": dict(plan.notes),
     }
-    return out
 
 
 def refusal_summary(error: NoPlanError, method: str) -> dict[str, Any]:
@@ -179,10 +178,8 @@ def refusal_summary(error: NoPlanError, method: str) -> dict[str, Any]:
     """
     out = dict.fromkeys(SUMMARY_KEYS)
     if error.plan is not None:
-        try:
+        with suppress(ArithmeticError, ValueError):  # leave out an iterate with impossible values
             out |= plan_summary(error.plan, getattr(error, "check", None))
-        except (ArithmeticError, ValueError):  # an iterate may have any values; leave it out
-            out = dict.fromkeys(SUMMARY_KEYS)
     violations = [_violation(v) for v in error.violations]
     return out | {
         "method": method,

@@ -106,9 +106,8 @@ class Check:
             Column("margin", "negative: broken", lambda r: r[1], "{:.4g}".format),
             Column("unit", "", lambda r: self.units.get(r[0], ""), left=True),
         ]
-        above = "verified"
-        if not self.ok:
-            above = f"{len(texts)} of {len(self.margins)} requirements broken"
+        broken = f"{len(texts)} of {len(self.margins)} requirements broken"
+        above = "verified" if self.ok else broken
         above += f"; integrated to {self.integration_error:.1g} rad or m"
         return html_table(columns, self.margins.items(), above)
 
@@ -311,33 +310,32 @@ def _angular(plan: Plan) -> list[int]:
 
 def _motion_findings(
     plan: Plan, motion: IntegratedMotion, end: Array, error: Array, tolerance: float
-) -> list[_Finding]:
+) -> Iterator[_Finding]:
     """Check a plan's start, goal, duration and q(t), and the accuracy of the integrated motion."""
-    out = []
     for demand in plan.problem.demands:
         if isinstance(demand, Start):
             (part,), worst = demand.parts, float(np.max(np.abs(plan.q(0.0) - plan.problem.start)))
             part = replace(part, scale=GOAL_TOLERANCE)
-            out.append(_Finding(part, worst, 0.0, 0.0, GOAL_TOLERANCE))
+            yield _Finding(part, worst, 0.0, 0.0, GOAL_TOLERANCE)
         elif isinstance(demand, Goal):
             for part in demand.parts:
                 missed = abs(float(error[part.index]))
-                out.append(_Finding(part, missed, 0.0, plan.duration, tolerance))
+                yield _Finding(part, missed, 0.0, plan.duration, tolerance)
         elif isinstance(demand, Requirement) and demand.final:
             reached = demand.values(MotionPoint.of(plan.problem.system, end))
             for part, value in zip(demand.parts, map(float, reached), strict=True):
                 upper = value - part.high >= part.low - value
                 limit, slack = part.high if upper else part.low, tolerance * part.scale
-                out.append(_Finding(part, value, limit, plan.duration, slack, upper))
+                yield _Finding(part, value, limit, plan.duration, slack, upper)
         elif isinstance(demand, Duration | LongestDuration):
             (part,), longest = demand.parts, isinstance(demand, LongestDuration)
             takes, seconds = plan.duration if longest else plan.running_s, demand.seconds
             upper = longest or takes > seconds
-            out.append(_Finding(part, takes, seconds, None, 1e-9 * seconds, upper))
+            yield _Finding(part, takes, seconds, None, 1e-9 * seconds, upper)
     compensated, (gap, when) = plan.compensation is not None, motion.gap
     other = "the nominal machine's motion" if compensated else "its integrated input"
     part = Part(f"plan's q(t) against {other}", "", -np.inf, 0.0, 1.0)
-    out.append(_Finding(part, gap, 0.0, when, INTERPOLANT_TOLERANCE))
+    yield _Finding(part, gap, 0.0, when, INTERPOLANT_TOLERANCE)
     if not compensated:
         read = (
             ("plan's u(t) against the verification's series", motion.unresolved_input),
@@ -345,12 +343,11 @@ def _motion_findings(
         )
         for label, (amount, when) in read:
             part = Part(label, "", -np.inf, 0.0, 1.0)
-            out.append(_Finding(part, amount, 0.0, when, LIMIT_TOLERANCE))
+            yield _Finding(part, amount, 0.0, when, LIMIT_TOLERANCE)
         limit = INTEGRATION_TOLERANCE
         doubt = "" if motion.error <= limit else " (the motion cannot be trusted)"
         part = Part(f"integration error{doubt}", "", -np.inf, limit, limit)
-        out.append(_Finding(part, motion.error, limit, None, 0.0))
-    return out
+        yield _Finding(part, motion.error, limit, None, 0.0)
 
 
 def _chart_findings(plan: Plan) -> Iterator[_Finding]:
@@ -367,17 +364,17 @@ def _chart_findings(plan: Plan) -> Iterator[_Finding]:
 
 def _limit_findings(
     plan: Plan, motion: IntegratedMotion, smooth: Sequence[Requirement]
-) -> list[_Finding]:
+) -> Iterator[_Finding]:
     """Check smooth requirements at all times, by the extremes of the series of their values."""
     if not smooth:
-        return []
+        return
     system, cells = plan.problem.system, motion.cells
     point = MotionPoint.of(system, motion.q, motion.u, slopes(cells, motion.u))
     rows = ((each, zip(each.parts, each.values(point), strict=True)) for each in smooth)
     wanted = [(each, part, value) for each, pairs in rows for part, value in pairs]
     columns = np.stack([side for *_, value in wanted for side in (value, -value)], axis=-1)
     values, times = (a.reshape(-1, 2).tolist() for a in greatest(cells, columns))
-    jumping, out = jumps(motion.u), []
+    jumping = jumps(motion.u)
     for (each, part, _), (most, minus_least), when in zip(wanted, values, times, strict=True):
         below = part.low + minus_least > most - part.high
         upper = not below or part.low == -part.high  # report symmetric limits by magnitude
@@ -387,16 +384,15 @@ def _limit_findings(
             value = np.inf if upper else -np.inf
         limit = part.high if upper else part.low
         time_s = when[below] if "q" in each.reads else None
-        out.append(_Finding(part, value, limit, time_s, LIMIT_TOLERANCE * part.scale, upper))
-    return out
+        yield _Finding(part, value, limit, time_s, LIMIT_TOLERANCE * part.scale, upper)
 
 
-def _corner_findings(plan: Plan, motion: IntegratedMotion) -> list[_Finding]:
+def _corner_findings(plan: Plan, motion: IntegratedMotion) -> Iterator[_Finding]:
     """Check, at all times, the requirements that are not smooth functions, such as clearances.
 
     A requirement that every motion of the system keeps is taken as kept without a search.
     """
-    system, out = plan.problem.system, []
+    system = plan.problem.system
     for requirement in plan.problem.requirements:
         if requirement.smooth:
             continue
@@ -409,8 +405,7 @@ def _corner_findings(plan: Plan, motion: IntegratedMotion) -> list[_Finding]:
             )
         for part, value, when in zip(parts, values.tolist(), times.tolist(), strict=True):
             slack = LIMIT_TOLERANCE * part.scale
-            out.append(_Finding(part, value, part.low, when, slack, upper=False))
-    return out
+            yield _Finding(part, value, part.low, when, slack, upper=False)
 
 
 def failed_check(plan: Plan, violation: Violation) -> Check:
@@ -452,8 +447,8 @@ def _least_values(
     """Return the least value over all time of each of F functions of q, and its time, both (F,).
 
     `function` maps q (…, N) to values (…, F). The functions have kinks, so dips between samples are
-    narrowed without derivatives, all of them together. A dip is left out if, to give the least
-    value, it had to fall below its sample by more than twice the rise to the higher neighbour.
+    narrowed without derivatives, all of them together. A dip is left out if its value, lowered by
+    twice the rise to its higher neighbour, is still above the least sample.
     """
     grid, q = motion.samples()
     values = function(q)

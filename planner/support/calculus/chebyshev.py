@@ -71,10 +71,8 @@ def to_bernstein(count: int) -> Array:
     """
     out = np.zeros((count, count))
     for n in range(count):
-        weights = np.array(
-            [(-1.0) ** (n - i) * comb(2 * n, 2 * i) / comb(n, i) for i in range(n + 1)]
-        )
-        out[:, n] = elevate(weights, count - 1)
+        weights = [(-1.0) ** (n - i) * comb(2 * n, 2 * i) / comb(n, i) for i in range(n + 1)]
+        out[:, n] = elevate(np.array(weights), count - 1)
     out = out @ to_series(count)
     out[0], out[-1] = np.eye(count)[[0, -1]]  # exact ends, so that pieces are continuous
     return np.asarray(out)
@@ -138,7 +136,7 @@ class Grid:
         return _on_pieces(differentiation(DEGREE + 1), f) / self._width(f)
 
     def tail(self, f: Array) -> Array:
-        """Return the larger magnitude of the last two Chebyshev coefficients, shape (P, …)."""
+        """Return the larger magnitude of each piece's last two Chebyshev coefficients, (P, …)."""
         return np.asarray(np.max(np.abs(_on_pieces(to_series(DEGREE + 1)[-2:], f)), axis=1))
 
     def curve(self, f: Array) -> Bernstein:

@@ -40,8 +40,9 @@ _SECTIONS = 13
 def minimum(function: Function, times: Array) -> tuple[float, float]:
     """Find the least value of `function` and its time.
 
-    A dip between samples is narrowed only if a fall by twice its depth would reach the least
-    sample.
+    Between samples the search covers each dip, a sample that is not above its two neighbours. It
+    leaves out a dip if its value minus twice its depth below the higher neighbour is still above
+    the least sample.
 
     Args:
         function: Vectorised, times (m,) to values (m,); NaN values are ignored.
@@ -70,10 +71,11 @@ def maximum(function: Function, times: Array) -> tuple[float, float]:
 
 
 def zeros(function: Function, times: Array) -> list[float]:
-    """Find the times, to rounding, at which `function` changes sign, on the side where it is ≤ 0.
+    """Find the times at which `function` changes sign, accurate to rounding.
 
-    Dips between two samples of the same sign are narrowed first, so that a short change of sign
-    between samples is not missed. NaN counts as negative.
+    Each time is on the side where the function is ≤ 0; NaN counts as negative. Where neighbouring
+    samples have the same sign but come near zero, the function is searched between them too, so
+    that a short change of sign is not missed.
     """
     values = _nan_negative(function(times))
     extra: list[float] = []
@@ -117,7 +119,10 @@ def _dips(values: Array) -> tuple[NDArray[np.int_], Array]:
 def _narrow_samples(
     function: Function, times: Array, dips: NDArray[np.int_]
 ) -> tuple[Array, Array]:
-    """Return the least value between the two samples beside each dip, and its time."""
+    """Return the least value between the samples before and after each dip, and its time, (M,).
+
+    `dips` are the indices (M,) of local minima of the samples at `times`.
+    """
 
     def together(x: Array) -> Array:
         return function(x.ravel()).reshape(x.shape)

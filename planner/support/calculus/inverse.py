@@ -67,14 +67,13 @@ def inverse(function: WithSlope, value: Array, low: float, high: float, sign: fl
         )
         exists = under_seen & over_seen & ~outside
         x = np.where(at_a & (gap_a > 0), a, np.where(at_b & (gap_b < 0), b, x))
-        at_turn = ~exists & ~outside
-        gap = sign * (function(x)[0] - value)
+        gap = np.abs(function(x)[0] - value)
     return Preimage(
         x=np.where(none, np.nan, x),
         exists=exists,
         short_low=np.where(~none & at_a & (gap_a > 0), gap_a, 0.0),
         short_high=np.where(~none & at_b & (gap_b < 0), -gap_b, 0.0),
-        short_turn=np.where(at_turn, np.abs(gap), 0.0),
+        short_turn=np.where(~exists & ~outside, gap, 0.0),
     )
 
 
@@ -95,7 +94,17 @@ def _search(
     seen: tuple[NDArray[np.bool_], NDArray[np.bool_]],
     active: NDArray[np.bool_],
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Search f(x) = value in a bracket; return x, and whether f ≤ value and f ≥ value were met."""
+    """Search f(x) = value in a bracket; return x, and whether f ≤ value and f ≥ value were met.
+
+    Args:
+        function: f and f'.
+        value: Right-hand sides, shape (M,).
+        sign: Sign of f' on the part of the interval that is searched.
+        bracket: Low and high ends of the search, each (M,).
+        on_stretch: Whether the low and the high end lie on that part.
+        seen: Whether sign·f ≤ sign·value and sign·f ≥ sign·value are known to occur, at the ends.
+        active: Mask of the equations to solve.
+    """
     (low, high), (below, above) = bracket, seen
     turn_is_high = on_stretch[0] & ~on_stretch[1]
     x, last = 0.5 * (low + high), high - low

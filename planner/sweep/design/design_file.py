@@ -18,11 +18,10 @@ from planner.problem.conditions import with_changes
 from planner.problem.problem import Problem
 from planner.problem.tables.arms import GearTable, Joints
 from planner.problem.tables.problem_file import AngleDeg
-from planner.support.arrays import plain
 from planner.support.files import read_toml
 from planner.support.tables import line, number
 from planner.support.user_tables import Positive, Table, allowed_hint, parse
-from planner.sweep.description import base_problem
+from planner.sweep.description import base_problem, plain_tables
 from planner.sweep.design.figures import DesignFigure, default_front, figures_of
 from planner.sweep.design.geometry import Design, design, gear_of, gear_table
 from planner.sweep.sweep_file import Point, Range, SweepFile, Whole, points, varied_keys
@@ -169,11 +168,6 @@ class DesignFile(Table):
     )
 
 
-def design_schema() -> dict[str, Any]:
-    """Return the JSON Schema of a design file, for editors."""
-    return DesignFile.model_json_schema()
-
-
 Task = tuple[list[float], list[float]]
 """One task of a design study: joint angles at the start and at the goal, in degrees."""
 
@@ -262,13 +256,9 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
             a variable has an impossible value, or no design can be built.
     """
     origin = "design" if isinstance(source, Mapping) else str(source)
-    data = dict(source if isinstance(source, Mapping) else read_toml(source, "a design file"))
-    problem = data.get("problem")
-    known = problem if isinstance(problem, Problem) else None
-    if known is not None:
-        data["problem"] = known.to_dict()
-    table = parse(DesignFile, plain(data), origin)
-    base = base_problem(table.problem, table.changes, origin, known)
+    data = source if isinstance(source, Mapping) else read_toml(source, "a design file")
+    table = parse(DesignFile, plain_tables(data), origin)
+    base = base_problem(data["problem"], table.changes, origin)
     system = _check_arm(base, origin)
     specs = parse_specs(base, table.methods)
     if any(spec.compensated for spec in specs):

@@ -244,16 +244,11 @@ def _reason(
     built = [row for row in rows if row.figures]
     solved = f"{choice[f'solved {method}'] * tasks:.0f} of {tasks} tasks by {method}"
     count = f"as {len(candidates)} of {len(built)} designs do"
-    if choice.holds:
-        sentences = [
-            f"Take {choice.design.name}. It solves {solved}, {count} whose contacts do not slip."
-        ]
-    else:
-        sentences = [
-            f"Take {choice.design.name}, with larger contact forces. It solves {solved}, {count};"
-            " all load their contacts beyond capacity."
-        ]
-    sentences += [
+    sentences = [
+        f"Take {choice.design.name}. It solves {solved}, {count} whose contacts do not slip."
+        if choice.holds
+        else f"Take {choice.design.name}, with larger contact forces. It solves {solved}, {count};"
+        " all load their contacts beyond capacity.",
         f"Of these, {_why(front_by)}: {_values(choice, front_by)}.",
         f"Its contacts are loaded to {number(choice[CONTACT_LOAD])} of their capacity on"
         f" {CONTACT_PERCENTILE} % of the machines.",

@@ -54,9 +54,8 @@ def design_study(
         InputError: If the file is wrong, no design can be built, or the folder cannot be used.
         KeyboardInterrupt: If interrupted; finished cases are kept.
     """
-    expect_listener(progress)
+    tell = expect_listener(progress)
     expect_workers(workers, cluster)
-    tell = progress or (lambda _, __: None)
     tell("reading", 0.0)
     study = read_design(design)
     # This refuses an impossible task before anything is planned.

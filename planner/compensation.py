@@ -199,7 +199,7 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
 
 
 def _with_room(fastest: Plan, machine: Machine, options: CompensationTable) -> tuple[Plan, Check]:
-    """Judge a compensated plan; if the plan breaks a requirement or is no better, try slower plans.
+    """Judge a compensated plan; if it breaks a requirement or does not help, try slower plans.
 
     Slower plans have the same path, need a free duration, and last at most `goal.duration_max`.
     """

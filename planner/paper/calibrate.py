@@ -115,7 +115,7 @@ class Calibration:
 
 
 def preset_settings(parameters: Mapping[str, float]) -> dict[str, Any]:
-    """Convert parameters to effects: each a number, or value and spread if machines differ."""
+    """Convert fitted parameters to effects: numbers, or value and spread where machines differ."""
     out: dict[str, Any] = {}
     for name, value in settings(parameters).items():
         share = SPREADS.get(name, 0.0)
@@ -295,7 +295,7 @@ def _parameters(settings: Mapping[str, Any], data: Sequence[DataSet]) -> str:
 
 
 def remaining_share(data: DataSet, parameter: Parameter) -> float:
-    """Return the share of a parameter's range that remains given the data; 1: not identifiable."""
+    """Return the share of a parameter's range that the data leave open; 1: not identifiable."""
     return float(data.remaining[FITTED_PARAMETERS.index(parameter)])
 
 

@@ -318,7 +318,11 @@ def _detour_text(plan: Plan) -> str:
 
 
 def margins_at_paper_point(travels: int = 301) -> Array:
-    """Return the least chart margins through the paper's point at travels from 0.7 to 1 rad."""
+    """Return the margins by which polynomial plans through the paper's point keep in the domain.
+
+    There is one for each of `travels` travels from 0.7 to 1 rad; it is negative if the path leaves
+    the domain.
+    """
     motions = _motions(np.linspace(0.70, 1.00, travels), [Point(*POINT)])
     return score(paper_problem(), motions.curves).margin
 

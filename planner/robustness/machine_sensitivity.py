@@ -79,7 +79,7 @@ class MachineEntry:
 
     @property
     def terminal(self) -> Array:
-        """Response of each angle at the end per unit, shape (n,), degrees."""
+        """Response of each angle at the end per unit of the parameter, shape (n,), degrees."""
         return np.asarray(self.along[-1])
 
     @property
@@ -196,7 +196,7 @@ def machine_sensitivity(plan: Plan, machine: Machine | str | None = None) -> Mac
 
 
 def _steps(machine: Machine, system: TriangularSystem, name: str, effect: Effect) -> Iterator[Step]:
-    """Yield a step for each element of an effect; none if the effect has no value to vary."""
+    """Yield a step for each value of an effect (of a motor or joint) that can be varied."""
     on = machine.effects.get(name)
     if on is None and not (np.isfinite(effect.off_value) and not effect.positive):
         return
@@ -224,7 +224,10 @@ def _element(system: TriangularSystem, effect: Effect, i: int) -> str:
 def _motions(
     plan: Plan, machine: Machine, steps: list[Step]
 ) -> tuple[Array, Array, list[tuple[Array, Array]]]:
-    """Return times (R,), nominal motion (R, N), and each step's motions with high and low value."""
+    """Return recorded times (R,), the nominal motion (R, N), and two motions for each step.
+
+    The two motions, (R, N) each, are those with the high and with the low value.
+    """
     nominal, joints = machine.nominal(), plan.problem.system.size - 1
     record = plan.duration / RECORDS
     together = [step for step in steps if step[0].effect not in GRID_PARAMETERS]

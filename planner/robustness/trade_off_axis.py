@@ -110,7 +110,10 @@ def _quickest(problem: Problem, easy: CollocationOptions) -> Plan:
 def _peaks(
     problem: Problem, options: DesensitisedOptions, easy: CollocationOptions, points: int
 ) -> Axis:
-    """Return the axis of input peaks; for an input without limit, a plan's peak is its base."""
+    """Return the axis of a curve that limits the peaks of the inputs.
+
+    The base of an input is its limit, or without a limit its peak in the plan of `_costly_end`.
+    """
     base = problem.limits.input
     if not np.all(np.isfinite(base)):
         peaks = peak_inputs(_costly_end(problem, options).trajectory)

@@ -365,7 +365,7 @@ def _chart_findings(plan: Plan) -> Iterator[_Finding]:
 def _limit_findings(
     plan: Plan, motion: IntegratedMotion, smooth: Sequence[Requirement]
 ) -> Iterator[_Finding]:
-    """Check smooth requirements at all times, by the extremes of the series of their values."""
+    """Check smooth requirements at all times, by extremes of Chebyshev series of their values."""
     if not smooth:
         return
     system, cells = plan.problem.system, motion.cells

@@ -166,12 +166,11 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
 
     problem, most, why = plan.problem, plan.problem.duration_max, ""
     most = np.inf if most is None else most
-    compensated = follow(plan, machine, options)
-    least = compensated
+    tried = [follow(plan, machine, options)]
     for _ in range(MOST_SHORTER):
-        if compensated.duration <= most:
-            return compensated
-        added = compensated.duration - plan.duration
+        if tried[-1].duration <= most:
+            return tried[-1]
+        added = tried[-1].duration - plan.duration
         seconds = float(f"{most - added:.6g}") - 1e-5
         try:
             plan = _plan_near(problem.changed({"goal.duration": seconds}), plan)
@@ -181,13 +180,12 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
                 reason = reason.rpartition(". ")[0] if reason.endswith(":") else reason  # of a list
                 why = f", and there is no plan of {seconds:.4g} s: {reason}"
             break
-        compensated = follow(plan, machine, options)
-        least = min(least, compensated, key=lambda each: each.duration)
-    if compensated.duration > most and (fastest := _fastest(plan)) is not None:
-        compensated = follow(fastest, machine, options)
-        least = min(least, compensated, key=lambda each: each.duration)
-    if compensated.duration <= most:
-        return compensated
+        tried.append(follow(plan, machine, options))
+    if tried[-1].duration > most and (fastest := _fastest(plan)) is not None:
+        tried.append(follow(fastest, machine, options))
+    if tried[-1].duration <= most:
+        return tried[-1]
+    least = min(tried, key=lambda each: each.duration)
     seconds = least.clock.seconds
     room = (SLOWER[-1] - 1) * seconds if problem.duration is None else 0.0
     raise NoPlanError(

@@ -82,14 +82,13 @@ def retime(
         trajectory = trajectory.slowed(factor)
         timed = problem.changed({"goal.duration": trajectory.duration})
     notes = {"retimed_from_s": plan.duration, **notes, **plan.notes}
+    slowed = "slowed_for_other_limits" in notes
     retimed = replace(
         plan,
         problem=timed,
         trajectory=trajectory,
         objective=trajectory.duration,
-        objective_name=SLOWED_TIME_OBJECTIVE
-        if "slowed_for_other_limits" in notes
-        else LEAST_TIME_OBJECTIVE,
+        objective_name=SLOWED_TIME_OBJECTIVE if slowed else LEAST_TIME_OBJECTIVE,
         notes=notes,
     )
     retimed, check = judge(retimed, None if factor > 1 else certificate)

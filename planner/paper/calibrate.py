@@ -415,8 +415,7 @@ def _motors(ax: Any, plan: Plan, motions: Mapping[str, PaperReplays]) -> None:
             speed = motion.motors[0, :, i] * peak[i]
             curve = {"color": COLOURS[i], "linestyle": DASHES[name], "linewidth": 1.2}
             ax.plot(t, speed, label=f"motor {i + 1}, {name}", **curve)
-    ax.set_xlabel("time (s)")
-    ax.set_ylabel("speed (rad/s)")
+    ax.set(xlabel="time (s)", ylabel="speed (rad/s)")
     ax.legend(fontsize=7, ncols=2)
 
 

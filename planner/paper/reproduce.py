@@ -107,8 +107,7 @@ def _turned_contacts() -> Figure:
             label = words if share == 0 else None
             ratio = turned_ratio(degrees, lateral, share)
             ax.plot(degrees, ratio, style, color=COLOURS[k], linewidth=1.6, label=label)
-    ax.set_xlabel("angle of the contacts (deg)")
-    ax.set_ylabel("speed of the joint over $k_2 u_1$")
+    ax.set(xlabel="angle of the contacts (deg)", ylabel="speed of the joint over $k_2 u_1$")
     ax.legend(title="sideways over driving friction", fontsize=9)
     heading(figure, "Three turned contacts in a row; dotted: at 0.3 of their capacity", ours=True)
     return figure
@@ -127,8 +126,7 @@ def _finding(cases: Cases) -> Figure:
     ax.plot(t, no_angle, color="#B00020", linewidth=2.6, label="no real $\\theta_1$")
     ax.plot(*POINT, "o", color="black", markersize=6, label="constraint point")
     ax.axhline(0, color="grey", linewidth=0.8)
-    ax.set_xlabel("time (s)")
-    ax.set_ylabel("$z_2$")
+    ax.set(xlabel="time (s)", ylabel="$z_2$")
     ax.legend(loc="lower left", fontsize=9)
     heading(
         figure, "z2 stays negative, yet no arm is there (at pi/4, an inferred travel)", ours=True
@@ -144,8 +142,7 @@ def _motors(cases: Cases) -> Figure:
     for i, ax in enumerate(axes[0]):
         ax.plot(run.t, commanded[:, i], "k--", linewidth=1.1, label="command")
         ax.plot(run.t, run.motor_rates[k, :, i], color="#0072B2", linewidth=1.4, label="motor")
-        ax.set_xlabel("time (s)")
-        ax.set_ylabel(f"$u_{i + 1}$ (rad/s)")
+        ax.set(xlabel="time (s)", ylabel=f"$u_{i + 1}$ (rad/s)")
     axes[0, 0].legend(fontsize=9)
     heading(figure, "Motor speeds on the emulated prototype (one machine)", ours=True)
     return figure

@@ -115,12 +115,10 @@ def time_limit(
     Raises:
         InputError: If `seconds` is not a number above zero.
     """
-    now = time.monotonic()
-    if seconds is None:
-        return _open_span(Span(_span.get(), now, math.inf, has_answer=has_answer))
-    seconds = check_seconds(seconds)
-    words = words or f"the time limit of {seconds:g} s"
-    return _open_span(Span(_span.get(), now, now + seconds, words, has_answer))
+    now, end = time.monotonic(), math.inf
+    if seconds is not None:
+        end, words = now + check_seconds(seconds), words or f"the time limit of {seconds:g} s"
+    return _open_span(Span(_span.get(), now, end, words, has_answer))
 
 
 def default_limit(given: float | None) -> AbstractContextManager[Span]:
@@ -233,11 +231,10 @@ def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
     Returns:
         Whether the search was ended; a search without an answer goes on.
     """
-    outermost, now = _search(context), time.monotonic()
+    outermost = _search(context)
     if outermost is None or not holds_answer(context):
         return False
-    allowed = max(LEAST_FINISH_S, FINISH_SHARE * (now - outermost.start))
-    outermost.end_within(allowed)
+    outermost.end_within(max(LEAST_FINISH_S, FINISH_SHARE * (time.monotonic() - outermost.start)))
     outermost.interrupter, outermost.was_reached = by, True
     for span in _spans(context):
         if span is outermost:

@@ -17,7 +17,6 @@ from planner.comparison import rows
 from planner.errors import (
     NO_MEMORY,
     InputError,
-    MethodError,
     NoPlanError,
     SingularError,
     VerificationError,
@@ -246,7 +245,7 @@ def _versions() -> str:
 
 def _refusal(error: NoPlanError) -> Row:
     why = "; ".join([error.reason, *(str(v) for v in error.violations[:3])])
-    trace = error.traceback or None if isinstance(error, MethodError) else None
+    trace = getattr(error, "traceback", None) or None  # only of a `MethodError`
     return {"status": error.status, "why": why, "advice": error.advice, "traceback": trace}
 
 

@@ -49,9 +49,7 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
             f"{path} is marked as a verified plan, but the plan fails the verification:"
             f" {violations}; the file was changed, so plan again"
         )
-    if violations:
-        return replace(plan, status=VerificationError.status, why=violations)
-    return plan
+    return replace(plan, status=VerificationError.status, why=violations) if violations else plan
 
 
 OBJECTIVE_TOLERANCE = 1e-5

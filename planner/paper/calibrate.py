@@ -424,8 +424,7 @@ def _draw_remaining(ax: Any, data: Sequence[DataSet]) -> None:
     ax.imshow(share, cmap="Blues_r", vmin=0, vmax=1, aspect="auto")
     for i, row in enumerate(share):
         for j, part in enumerate(row):
-            dark = part < 0.5
-            ax.text(j, i, f"{part:.2f}", ha="center", va="center", color="w" if dark else "k")
+            ax.text(j, i, f"{part:.2f}", ha="center", va="center", color="w" if part < 0.5 else "k")
     ax.set_yticks(range(len(FITTED_PARAMETERS)), [r.key for r in FITTED_PARAMETERS], fontsize=8)
     ax.set_xticks(range(len(data)), [fill(d.name, 16) for d in data], fontsize=8)
     ax.set_title("share of each range that remains (1: not identifiable)", fontsize=10)

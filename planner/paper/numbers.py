@@ -359,5 +359,4 @@ def scan() -> Scan:
 
 def _motions(travels: Array, points: list[Point]) -> Motion:
     ends = Ends.of(paper_problem())  # the travel of its goal is free
-    legs = [Leg(10.0, travels, 3 + len(points))]
-    return steer(ends.start, ends.goal(travels), legs, points)
+    return steer(ends.start, ends.goal(travels), [Leg(10.0, travels, 3 + len(points))], points)

@@ -253,9 +253,10 @@ class _BudgetRun:
     def _one_by_one(
         self, effects: Sequence[str], count: int
     ) -> tuple[Array, Array, dict[str, Array], dict[str, Array]]:
-        """Return the error E of `count` machines, (S,), degrees, with four choices of effects.
+        """Return four errors E of the first `count` machines, each (S,), degrees.
 
-        The choices: none; all; by effect, each alone; by effect, all but this one.
+        They are E without effects, with all effects, with each effect alone, and with all effects
+        but one; the last two by effect.
         """
         names = frozenset(self.machine.effects)
         changes = [names, frozenset[str](), *(names - {k} for k in effects)]

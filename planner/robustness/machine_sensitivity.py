@@ -239,8 +239,7 @@ def _motions(
         if entry.effect not in values:
             values[entry.effect] = np.full((effect.count(joints), count), effect.off_value)
         values[entry.effect][index, 1 + 2 * place : 3 + 2 * place] = entry.high, entry.low
-    draws = replace(base, values=values)
-    run = simulate(plan, nominal, draws, settle_s=SETTLE_S, record_s=record)
+    run = simulate(plan, nominal, replace(base, values=values), settle_s=SETTLE_S, record_s=record)
 
     def alone(entry: MachineEntry, value: float) -> Array:
         other = nominal.with_(**{entry.effect: value})

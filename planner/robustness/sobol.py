@@ -61,9 +61,6 @@ class Index:
     total_half: float
 
 
-NO_INDEX = Index(0.0, 0.0, 0.0, 0.0)
-
-
 def machine_indices(
     machine: Machine, names: Sequence[str], joints: int, errors: Errors, base: int, seed: int
 ) -> dict[str, Index]:
@@ -146,7 +143,7 @@ def indices(
     columns = {name: places[:, [k for k, o in enumerate(owner) if o == name]].T for name in sizes}
     output = evaluate(columns)
     if np.ptp(output) == 0:
-        return dict.fromkeys(sizes, NO_INDEX)
+        return dict.fromkeys(sizes, Index(0.0, 0.0, 0.0, 0.0))
     if len(sizes) == 1:  # a single effect explains all variance
         return dict.fromkeys(sizes, Index(1.0, 0.0, 1.0, 0.0))
     # SALib treats seed 0 as no seed.

@@ -17,9 +17,7 @@ def jsonable(value: Any) -> Any:
         return [jsonable(item) for item in value]
     if isinstance(value, np.generic):
         value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def plain(value: Any) -> Any:
@@ -35,9 +33,7 @@ def hashable(value: Any) -> Any:
     """Convert dictionaries and lists to hashable values; equal values stay equal."""
     if isinstance(value, Mapping):
         return frozenset((key, hashable(item)) for key, item in value.items())
-    if isinstance(value, list | tuple):
-        return tuple(hashable(item) for item in value)
-    return value
+    return tuple(hashable(item) for item in value) if isinstance(value, list | tuple) else value
 
 
 Array = NDArray[np.float64]

@@ -331,12 +331,10 @@ def toml_value(text: str) -> Any:
     Raises:
         ValueError: If the text is neither a value nor a word.
     """
-    try:
+    with suppress(ValueError):
         table = parse_toml(f"value = {text}")
-    except ValueError:
-        table = {}
-    if table.keys() == {"value"}:
-        return table["value"]
+        if table.keys() == {"value"}:
+            return table["value"]
     if re.fullmatch(r"[A-Za-z_][\w.+-]*", text):
         return text
     raise ValueError("is not a value")

@@ -122,8 +122,7 @@ def count_iterations(iterations: int) -> None:
 
 def current_progress() -> Progress | None:
     """Return the progress of the innermost running search; None outside of a search."""
-    run = _run.get()
-    return None if run is None else run.now
+    return next((run.now for run in _runs()), None)
 
 
 def _notify(doing: str = "", best: str = "") -> None:

@@ -107,8 +107,7 @@ def allowed_hint(word: str, allowed: Sequence[str]) -> str:
 
 
 def _closest_match(word: str, allowed: Sequence[str]) -> str | None:
-    matches = difflib.get_close_matches(word[:100], allowed, n=1, cutoff=0.5)
-    return matches[0] if matches else None
+    return next(iter(difflib.get_close_matches(word[:100], allowed, n=1, cutoff=0.5)), None)
 
 
 def _path(data: Any, error: Any) -> Path:
@@ -166,10 +165,9 @@ def _line(model: type[BaseModel], path: Path, group: Sequence[Any]) -> str:
 
 
 def _phrase(error: Any) -> str:
-    phrase = _PHRASES.get(error["type"])
-    if phrase is None:
-        return str(error["msg"]).replace("Input should be ", "", 1)
-    return phrase.format(**error.get("ctx", {}))
+    if phrase := _PHRASES.get(error["type"]):
+        return phrase.format(**error.get("ctx", {}))
+    return str(error["msg"]).replace("Input should be ", "", 1)
 
 
 def _dot(parts: Sequence[Any]) -> str:

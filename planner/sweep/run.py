@@ -84,7 +84,7 @@ def run_sweep(
             system is registered only in this process.
         KeyboardInterrupt: If interrupted; finished cases are saved.
     """
-    expect_listener(progress)
+    tell = expect_listener(progress)
     expect_workers(workers, cluster)
     if not isinstance(sweep, Sweep):
         sweep = Sweep.from_dict(sweep) if isinstance(sweep, Mapping) else Sweep.load(sweep)
@@ -95,7 +95,7 @@ def run_sweep(
         done = positions.keys() & store.finished_keys(retry, sweep.plans)
         missing = (position for key, position in positions.items() if key not in done)
         waiting = (case_at(sweep, position) for position in missing)
-        run = _SweepRun(store, waiting, len(positions) - len(done), progress)
+        run = _SweepRun(store, waiting, len(positions) - len(done), tell)
         if run.total:
             if workers != 0:
                 _refuse_local_plugins(sweep)
@@ -157,7 +157,7 @@ class _SweepRun:
     store: Store
     waiting: Iterator[Case]
     total: int
-    progress: Tell | None
+    tell: Tell
     done: int = 0
     statuses: Counter[str] = field(default_factory=Counter)
     finished: SimpleQueue[tuple[Case, Future[Row]]] = field(default_factory=SimpleQueue)
@@ -194,8 +194,6 @@ class _SweepRun:
         return 1
 
     def _report(self) -> None:
-        if self.progress is None:
-            return
         counts = ", ".join(f"{n} {status.replace('_', ' ')}" for status, n in self.statuses.items())
         doing = f"{self.done} of {self.total} cases" + (f" ({counts})" if counts else "")
-        self.progress(doing, self.done / self.total)
+        self.tell(doing, self.done / self.total)

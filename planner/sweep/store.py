@@ -145,8 +145,7 @@ class Store:
             return sizes[0] <= ONE_PAGE and not sizes[1]
 
     def _has_version(self) -> bool:
-        found = self.db.execute("SELECT 1 FROM sqlite_master WHERE name = 'schema_version'")
-        return found.fetchone() is not None
+        return bool(self._select("SELECT 1 FROM sqlite_master WHERE name = 'schema_version'"))
 
     def _refuse_foreign(self) -> None:
         version = None
@@ -231,8 +230,7 @@ class Store:
                 " ON CONFLICT (digest) DO UPDATE SET started_at = excluded.started_at",
                 (sweep_digest, canonical_json(data), json.dumps(sweep.keys), _now()),
             )
-            found = self.db.execute("SELECT id FROM sweeps WHERE digest = ?", (sweep_digest,))
-            (number,) = found.fetchone()
+            ((number,),) = self._select("SELECT id FROM sweeps WHERE digest = ?", sweep_digest)
             # Another version of planner may give the points other keys.
             self.db.execute("DELETE FROM points WHERE sweep = ?", (number,))
             self.db.executemany(

@@ -258,8 +258,9 @@ def _compose(p: Ball, value: Array, slope: Array, rest: Array) -> Ball:
 def sine_cosine(p: Ball) -> tuple[Ball, Ball]:
     """Return the balls of sin p and cos p.
 
-    The rest of sin is |sin c| (cosh δ − 1) + |cos c| (sinh δ − δ), and the rest of cos is alike;
-    sinh δ − δ ≤ δ (cosh δ − 1)/3, term by term; cosh δ − 1 = 2 sinh²(δ/2).
+    With c and δ as at the file's start, the rest of sin is |sin c| (cosh δ − 1) + |cos c| (sinh δ −
+    δ); for the rest of cos, exchange sin c and cos c. By comparing terms, sinh δ − δ is at most
+    δ (cosh δ − 1)/3; and cosh δ − 1 = 2 sinh²(δ/2).
     """
     s, c, reach = np.sin(p.c), np.cos(p.c), p.reach
     bow = 2 * np.sinh(reach / 2) ** 2

@@ -272,8 +272,7 @@ def _own_margins(
         if np.any(gap > (SUBSTITUTE_GAP * part.scale + row.r[finite])[:, None]):
 
             def margin_at(q: Array, u: Array, k: int = k, part: Part = part) -> float:
-                point = MotionPoint(system, q, u, np.zeros(2))
-                value = float(requirement.values(point)[k])
+                value = float(requirement.values(MotionPoint(system, q, u, np.zeros(2)))[k])
                 return min(part.high - value, value - part.low)
 
             out[part.label] = margin_at
@@ -406,8 +405,7 @@ def _(point: Waypoint, evidence: Evidence) -> Iterable[Proof]:
     else:
         (when, doubt), nowhere = path_time(evidence.plan.trajectory, time_s), True
     if not np.isfinite(doubt):
-        why = f"the position at t = {time_s:.6g} s is not known"
-        return [undecided_claim(part.label, "", why)]
+        return [undecided_claim(part.label, "", f"the position at t = {time_s:.6g} s is not known")]
     low, high = distance_bounds(motion.cells, states, point, when, doubt)
     best = GOAL_TOLERANCE - low if nowhere else np.nan
     return [evidence.path.claim(part, 0.0, GOAL_TOLERANCE - high, best, when)]

@@ -97,8 +97,7 @@ def enclose(path: Trajectory, cells: Cells, u: list[Ball], start: Array) -> Encl
             q |= {i: integral(f, width, start[i]) for i, f in zip(block, balls, strict=True)}
         else:
             if near is None:
-                guess = path.q(cells.times(nodes()))
-                near = _reference(system, cells, guess, u, start)
+                near = _reference(system, cells, path.q(cells.times(nodes())), u, start)
             tubed, balls = _tube(system, block, cells, (q, u), near, start)
             q |= tubed
         every += balls
@@ -129,9 +128,7 @@ def integral(f: Ball, width: Array, start: float) -> Ball:
 def full_ball(f: Ball, cells: Cells) -> Ball:
     """Return a ball with a row for each cell and all 25 columns; a constant ball is repeated."""
     shape = (len(cells.piece), len(REAL_COLUMNS))
-    if f.c.shape == shape:
-        return f
-    return Ball(*(np.broadcast_to(x, shape) for x in f))
+    return f if f.c.shape == shape else Ball(*(np.broadcast_to(x, shape) for x in f))
 
 
 @lru_cache(maxsize=32)

@@ -230,9 +230,7 @@ def _inverse_of(system: TriangularSystem, branch: tuple[float, ...]) -> State:
     """Return the map from chained coordinates z to q on one branch, as a function on balls."""
     z = ca.SX.sym("z", system.size)
     q = chained_form(system).q_expr(z, ca.DM(branch))
-    if q is not None:
-        return Expression([z], q)
-    return _inverse_by_links(system, branch)
+    return _inverse_by_links(system, branch) if q is None else Expression([z], q)
 
 
 def _inverse_by_links(system: TriangularSystem, branch: tuple[float, ...]) -> State:

@@ -56,8 +56,7 @@ class Model:
     @classmethod
     def truncate(cls, c: Array, r: Array) -> Model:
         """Make a model of c (C, any width); coefficients beyond `POINTS` enlarge remainder r."""
-        tail = np.sum(np.abs(c[:, POINTS:]), axis=1)
-        r = np.asarray((r + tail) * ROUNDING_FACTOR)
+        r = np.asarray((r + np.sum(np.abs(c[:, POINTS:]), axis=1)) * ROUNDING_FACTOR)
         bad = ~np.isfinite(r)
         if np.any(bad):
             c, r = np.where(bad[:, None], 0.0, c), np.where(bad, np.inf, r)
@@ -293,8 +292,7 @@ def _curved_bounds(c: Array) -> tuple[Index, Array, Array, Array]:
     hollow = dd[:, 0] - bend - slips
     hollowed = hollow > 0
     settled = hollowed | (dd[:, 0] + bend + slips < 0) | (np.abs(d[:, 0]) > swing + slip)
-    odd = np.sum(c[:, 1::2], axis=1)
-    theta = np.where(odd > 0, np.pi, 0.0)
+    theta = np.where(np.sum(c[:, 1::2], axis=1) > 0, np.pi, 0.0)
     if np.any(hollowed):
         start = np.arccos(nodes())[np.argmin(c @ evaluation(POINTS).T, axis=1)]
         theta = np.where(hollowed, start, theta)

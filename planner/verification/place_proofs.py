@@ -157,8 +157,7 @@ def lower_model(square: Model, along: Model, twice: Model, length: float) -> Mod
     slope = np.where(behind | beside, 0.0, np.where(beyond, 2 * length, slope))
     level = np.where(behind | beside, 0.0, np.where(beyond, length**2, at_low - slope * low))
     size = np.abs(slope * low) + np.abs(level) + np.abs(at_low) + np.abs(at_high)
-    doubt = 16 * ROUNDING_UNIT * size
-    straight = along.scaled(slope) + Model(level[:, None], doubt)
+    straight = along.scaled(slope) + Model(level[:, None], 16 * ROUNDING_UNIT * size)
     return square + straight + twice.scaled(np.where(beside, -1.0, 0.0))
 
 

@@ -81,7 +81,7 @@ class PlanFigures:
 
     Attributes:
         travel_rad: q₁(T) − q₁(0), rad (metres for vehicles).
-        duration_s: Whole duration, s, including the preparation and the holds of a compensated
+        duration_s: Whole duration, s, including the preparation and the pauses of a compensated
             plan.
         effort: ∫ u₁² + u₂² dt.
         peak_u: Largest |u₁| and |u₂|, shape (2,), in the inputs' units (rad/s).
@@ -180,13 +180,12 @@ def refusal_summary(error: NoPlanError, method: str) -> dict[str, Any]:
     if error.plan is not None:
         with suppress(ArithmeticError, ValueError):  # leave out an iterate with impossible values
             out |= plan_summary(error.plan, getattr(error, "check", None))
-    violations = [_violation(v) for v in error.violations]
     return out | {
         "method": method,
         "status": error.status,
         "verified": False,
         "reason": error.reason,
-        "violations": violations or out["violations"] or [],
+        "violations": [_violation(v) for v in error.violations] or out["violations"] or [],
         "advice": error.advice,
     }
 

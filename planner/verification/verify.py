@@ -319,8 +319,7 @@ def _motion_findings(
             yield _Finding(part, worst, 0.0, 0.0, GOAL_TOLERANCE)
         elif isinstance(demand, Goal):
             for part in demand.parts:
-                missed = abs(float(error[part.index]))
-                yield _Finding(part, missed, 0.0, plan.duration, tolerance)
+                yield _Finding(part, abs(float(error[part.index])), 0.0, plan.duration, tolerance)
         elif isinstance(demand, Requirement) and demand.final:
             reached = demand.values(MotionPoint.of(plan.problem.system, end))
             for part, value in zip(demand.parts, map(float, reached), strict=True):
@@ -404,8 +403,7 @@ def _corner_findings(plan: Plan, motion: IntegratedMotion) -> Iterator[_Finding]
                 lambda q, r=requirement: np.stack(r.values(MotionPoint.of(system, q)), axis=-1),  # type: ignore[misc]
             )
         for part, value, when in zip(parts, values.tolist(), times.tolist(), strict=True):
-            slack = LIMIT_TOLERANCE * part.scale
-            yield _Finding(part, value, part.low, when, slack, upper=False)
+            yield _Finding(part, value, part.low, when, LIMIT_TOLERANCE * part.scale, upper=False)
 
 
 def failed_check(plan: Plan, violation: Violation) -> Check:

@@ -141,8 +141,7 @@ class Grid:
 
     def curve(self, f: Array) -> Bernstein:
         """Return the piecewise polynomial that has the values f at the points of the grid."""
-        c = _on_pieces(to_bernstein(DEGREE + 1), f)
-        return Bernstein(np.swapaxes(c, 0, 1), self.breaks)
+        return Bernstein(np.swapaxes(_on_pieces(to_bernstein(DEGREE + 1), f), 0, 1), self.breaks)
 
     def _width(self, f: Array) -> Array:
         return np.diff(self.breaks).reshape(-1, *[1] * (f.ndim - 1))

@@ -187,7 +187,7 @@ def recommend(
     """Mark the Pareto front, choose a design, and give the reason in sentences.
 
     Candidates can be built, solve as many tasks as any design, and have a value of every figure to
-    trade off. If the contacts of some of these designs hold, only these remain candidates. A
+    trade off. If some of them have contacts that do not slip, only those remain candidates. A
     candidate is on the front if no other is as good in every figure and better in one.
 
     The chosen design is on the front, and has the smallest sum of relative losses, each against the

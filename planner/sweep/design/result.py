@@ -89,7 +89,7 @@ class DesignStudy:
         """The Pareto front: designs that no other beats in the figures to trade off.
 
         Only candidates are compared: designs that can be built, solve as many tasks as any, and
-        have contacts that hold.
+        have contacts that do not slip.
         """
         return tuple(row for row in self.rows if row.on_front)
 
@@ -205,8 +205,7 @@ class DesignStudy:
         """
         place = make_folder(folder)
         again = provenance(f"planner design {self.input.source} --out {folder}")
-        text = f"{self.markdown()}\n![The study](design.png)\n\n{again}\n"
-        write_text(place / "design.md", text)
+        write_text(place / "design.md", f"{self.markdown()}\n![The study](design.png)\n\n{again}\n")
         write_text(place / "design.csv", csv_table(self.columns, self.rows))
         write_json(place / "design.json", self.to_dict())
         write_figure(place / "design.png", self.plot()[0])

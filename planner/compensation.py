@@ -88,9 +88,8 @@ def compensate_plan(
         if meets_before_start(compensated, check.violations):
             where += f" in the preparation, the first {compensated.lead_s:.3g} s, before the plan"
             where += " starts"
-        seconds = time.perf_counter() - began
         tries = [Change(keys) for keys in settings_to_try(compensated, check.violations)]
-        tried = _try_settings(plan, machine, options, tries, seconds)
+        tried = _try_settings(plan, machine, options, tries, time.perf_counter() - began)
         raise refusal(compensated, check, where, "; or ".join([*tried, *changes]))
     ways = "; or ".join(changes)
     errors = compensated.notes["compensation"]

@@ -149,9 +149,8 @@ def solve_and_check(
                 advice=time_advice(),
             ) from None
         except NoPlanError as error:
-            seconds = time.monotonic() - began
             retry = partial(attempt, short=error.plan)
-            advised = advise(error, problem, retry, seconds) if advice else None
+            advised = advise(error, problem, retry, time.monotonic() - began) if advice else None
             if advised is None:
                 raise
             plan, check = judge_plan(replace(advised, problem=problem))

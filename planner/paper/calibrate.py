@@ -395,9 +395,8 @@ def picture(plan: Plan, motions: Mapping[str, PaperReplays], data: Sequence[Data
 def _errors(ax: Any, motions: Mapping[str, PaperReplays]) -> None:
     for name, motion in motions.items():
         for i in range(motion.error.shape[2]):
-            label = f"$\\theta_{i + 1}$, {name}"
             curve = {"color": COLOURS[i], "linestyle": DASHES[name], "linewidth": 1.5}
-            ax.plot(motion.t, motion.error[0, :, i], label=label, **curve)
+            ax.plot(motion.t, motion.error[0, :, i], label=f"$\\theta_{i + 1}$, {name}", **curve)
     for level in (-5, 5):
         ax.axhline(level, color="#555555", linewidth=0.8, linestyle=":")
     ax.set_ylabel("true minus planned (deg)")
@@ -412,9 +411,8 @@ def _motors(ax: Any, plan: Plan, motions: Mapping[str, PaperReplays]) -> None:
     for i in range(2):
         ax.plot(t, command[:, i], color="#BBBBBB", linewidth=4, label="command" if i else None)
         for name, motion in motions.items():
-            speed = motion.motors[0, :, i] * peak[i]
             curve = {"color": COLOURS[i], "linestyle": DASHES[name], "linewidth": 1.2}
-            ax.plot(t, speed, label=f"motor {i + 1}, {name}", **curve)
+            ax.plot(t, motion.motors[0, :, i] * peak[i], label=f"motor {i + 1}, {name}", **curve)
     ax.set(xlabel="time (s)", ylabel="speed (rad/s)")
     ax.legend(fontsize=7, ncols=2)
 

@@ -79,12 +79,11 @@ VALID_LABEL = "same law, travel chosen inside the domain"
 
 def figures(cases: Cases) -> dict[str, Figure]:
     """Draw the paper's figures; return each by its file name without ending."""
-    free = {"no constraint point": cases.free}
     point = {f"constraint point ({POINT[0]:g} s, {POINT[1]:g})": cases.point}
     return {
         "mechanism": plot_mechanism(cases.valid.problem.system)[0],
         "eq6-turned-contacts": _turned_contacts(),
-        "fig4-z-no-point": plot_z(free)[0],
+        "fig4-z-no-point": plot_z({"no constraint point": cases.free})[0],
         "fig5-z-with-point": plot_z(point)[0],
         "fig5-no-real-theta1": _finding(cases),
         "z2-limit": plot_z({"least effort": cases.crossing, Z2_LABEL: cases.kept})[0],
@@ -276,14 +275,12 @@ def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
     """Return the text of README.md, the page with findings, misprints and figures."""
     command = f"planner reproduce --out results/paper --samples {samples} --seed {seed}"
     parts = [_HEAD.format(provenance=provenance(command)), "## Numbers and claims\n"]
-    parts.append(markdown_table(FINDING_COLUMNS, findings) + "\n")
-    parts.append("\n## Misprints\n")
+    parts += [markdown_table(FINDING_COLUMNS, findings) + "\n", "\n## Misprints\n"]
     columns = [
         Column(head, "", itemgetter(k), _escape_separators, left=True)
         for k, head in enumerate(("where", "printed", "corrected"))
     ]
-    parts.append(markdown_table(columns, MISPRINTS) + "\n")
-    parts.append("\n## Figures\n")
+    parts += [markdown_table(columns, MISPRINTS) + "\n", "\n## Figures\n"]
     for name, title, text in PAPER_FIGURES:
         parts.append(f"### {title}: {text}\n\n![{title}: {text}]({name}.png)\n")
     text = "the arm in motion, at double speed: the paper's law and the plan of least effort"

@@ -120,8 +120,7 @@ class Budget:
     def to_dict(self) -> dict[str, Any]:
         """Return the budget as JSON-ready data; undefined numbers are None."""
         data = {k: v for k, v in vars(self).items() if k not in ("plan", "machine", "costs")}
-        data["method"] = self.plan.method
-        data["machine"] = self.machine.to_dict()
+        data |= {"method": self.plan.method, "machine": self.machine.to_dict()}
         data["costs"] = [asdict(cost) for cost in self.costs]
         return dict(jsonable(data))
 

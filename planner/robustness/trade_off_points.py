@@ -203,9 +203,8 @@ class PointStore:
                     f"{path} holds files that are not from an earlier run; name another folder"
                 )
             return
-        data = self._read(index)
         names = {f.name for f in fields(TradeOffPoint)} - {"plan"}
-        for name, entry in data["points"].items():
+        for name, entry in self._read(index)["points"].items():
             plan = load_plan(path / "plans" / f"{name}.json", strict=True)
             self.points[int(name)] = TradeOffPoint(plan=plan, **{k: entry.get(k) for k in names})
 

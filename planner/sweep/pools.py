@@ -285,7 +285,10 @@ class ClusterPool:
         except BaseException:
             self._client.close()
             raise
-        self._address = address
+        self._failure = (
+            f"the Dask cluster at {address} has failed; finished cases are saved, and the same"
+            " command runs the rest"
+        )
         self._executor = self._client.get_executor(pure=False)
         self._killed: type[Exception] = distributed.scheduler.KilledWorker
 
@@ -324,13 +327,6 @@ class ClusterPool:
 
         self._executor.submit(run_case, request).add_done_callback(done)
         return answer
-
-    @property
-    def _failure(self) -> str:
-        return (
-            f"the Dask cluster at {self._address} has failed; finished cases are saved, and the"
-            " same command runs the rest"
-        )
 
     def close(self) -> None:
         """Cancel running and waiting cases, and disconnect from the cluster."""

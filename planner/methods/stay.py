@@ -34,13 +34,14 @@ def plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
         options: Options that the plan reports.
 
     Returns:
-        A plan with zero inputs over the given duration, or over `SHORTEST_S` if the duration is
-        free. None if the goal is elsewhere, or staying breaks a requirement such as a waypoint.
+        A plan with zero inputs over the given duration, or over `SHORTEST_S` (at most
+        `duration_max`) if the duration is free. None if the goal is elsewhere, or staying breaks a requirement such as a waypoint.
     """
     away = np.abs(problem.target - problem.start)
     if np.any(away > SAME_PLACE):  # NaN for a coordinate that the goal leaves free
         return None
-    free, seconds = problem.duration is None, problem.duration or SHORTEST_S
+    shortest = min(SHORTEST_S, problem.duration_max or SHORTEST_S)
+    free, seconds = problem.duration is None, problem.duration or shortest
     breaks = np.array([0.0, seconds])
     q_curve = Bernstein(problem.start[None, None], breaks)
     still = StateTrajectory(problem.system, q_curve, Bernstein(np.zeros((1, 1, 2)), breaks))

@@ -53,6 +53,10 @@ def test_an_arm_at_its_goal_stays_with_rate_limits_and_rest(away_deg: float) -> 
     assert plan.objective == plan.duration
 
 
+def test_staying_takes_no_longer_than_asked() -> None:
+    assert solve(resting("unicycle", "free", duration_max=1e-4)).duration == 1e-4
+
+
 def test_a_goal_that_is_not_the_start_is_driven_to() -> None:
     problem = resting("unicycle", "free", y_m=1e-4)
     plan = solve(problem)

@@ -146,6 +146,8 @@ def test_a_pose_is_of_an_arm_that_rests() -> None:
     np.testing.assert_allclose(
         replace(still, theta=theta + flicker).pose_deg, [5.03, 20.03], atol=0.01
     )
+    turned = replace(still, theta=theta + np.deg2rad([348.0, 0.0]))
+    np.testing.assert_allclose(turned.pose_deg, [-7.0, 20.0], atol=1e-9)
     for rate in (1.5, -10.0):
         moving = theta + np.deg2rad(rate) * np.column_stack([0 * t, t])
         with pytest.raises(InputError, match=rf"homed.csv: .* theta2 moves at {abs(rate):g} deg/s"):

@@ -111,7 +111,7 @@ class Log:
     @property
     def pose_deg(self) -> Array:
         """Pose at the end of the run: mean of the last 20 readings, or of all in the last 0.2 s,
-        shape (n,), degrees.
+        shape (n,), degrees from -180 to 180.
 
         The error is 0.01 degrees for an encoder with steps of 0.088 degrees and noise of a third of
         a step.
@@ -136,7 +136,8 @@ class Log:
                 f" by {spread[joint]:.3g} deg from their median; the reading is wrong, or the"
                 " encoder is too coarse"
             )
-        return np.asarray(last.mean(axis=0))
+        pose = last.mean(axis=0)
+        return np.asarray(pose - 360 * np.round(pose / 360))
 
     @property
     def interval_s(self) -> float:

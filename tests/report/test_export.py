@@ -391,7 +391,7 @@ def test_bad_names_are_refused(
     ("name", "text", "says"),
     [
         ("x.txt", "", "must end in"),
-        ("x.csv", "", "does not hold the samples"),
+        ("x.csv", "", "x.csv is empty"),
         ("x.csv", "a,b\n1,2\n", "does not hold the samples"),
         ("x.csv", "t_s,a_1,b_1,u_1,w_1,m_1,n_1,z1,z2,v1,v2\n1,2\n", "line 2: 2 cells"),
         ("x.csv", "t_s,a_1,b_1,u_1,w_1,m_1,n_1,z1,z9,v1,v2\n1,2,3,4,5,6,7,8,9,10,11\n", "z9"),

@@ -96,7 +96,7 @@ def find_columns(table: NumberTable, given: Mapping[str, str]) -> dict[str, tupl
         if unit and below in units and unit in units and below != unit:
             raise InputError(
                 f"{table.source}: column '{line(column)}' has the unit '{unit}', but '{below}' in"
-                " the line below the header"
+                " the line of units"
             )
         unit = unit or below
         if unit not in units:

@@ -32,6 +32,7 @@ JUDGED_LINES = 1000
 _END = re.compile(r"\r\n|\r|\n")
 _COMMENT = re.compile(r"\s*(?:#+|%+|//)\s*")
 _SEPARATOR_LINE = re.compile(r"sep=(.)\s*", re.I)  # a spreadsheet's first line
+_QUOTED = re.compile(r"""(?<![^;,\t|\r\n ])(["'])([^"']{0,200})\1(?=[;,\t|\r\n ]|\Z)""")
 _BINARY = re.compile("[\x00-\x08\x0e-\x1f]")
 _PLAIN = str.maketrans({"\u2212": "-", "\u00a0": " ", "\u2009": " ", "\u202f": " ", "\u2019": "'"})
 """Replacements of typographic minus, spaces and apostrophe by those on a keyboard."""
@@ -65,7 +66,7 @@ class NumberTable:
     Attributes:
         source: The file.
         names: Names of the columns, from the header; empty without a header.
-        units: Units from the line below the header; "" without such a line.
+        units: Units from the line below or above the header; "" without such a line.
         rows: The rows, each with one cell per name.
         lines: Line number of each row in the file, from 1.
         separator: The separator of cells; a blank stands for any number of blanks.
@@ -166,9 +167,10 @@ def read_table(
 ) -> NumberTable:
     """Return the table of numbers in a file of any program.
 
-    Cells are separated by semicolons, tabs, bars, commas or blanks and may be quoted. Comments
-    begin with #, % or //; the header may be a comment. Lines above the header, a line of units
-    below it and empty lines are allowed, as are UTF-8, UTF-16 and Windows-1252.
+    Cells are separated by semicolons, tabs, bars, commas or blanks and may be quoted, in the header
+    over several lines. Comments begin with #, % or //; the header may be a comment. Lines above the
+    header, a line of units below or above it and empty lines are allowed, as are UTF-8, UTF-16 and
+    Windows-1252.
 
     Args:
         path: The file.
@@ -181,7 +183,11 @@ def read_table(
         InputError: If the file cannot be read or is not text, or a row has another number of cells
             than the header.
     """
-    text = _decode(read_bytes(path, SAMPLES_BYTES), path, what)
+    given = _decode(read_bytes(path, SAMPLES_BYTES), path, what)
+    text = _QUOTED.sub(lambda cell: f'"{_END.sub(" ", cell[2])}"', given)
+    text = "\n" * (given.count("\n") - text.count("\n")) + text  # keeps the rows' numbers
+    if not text.strip():
+        raise InputError(f"{path} is empty; {what}")
     lines = [(k, each) for k, each in enumerate(_END.split(text), start=1) if each.strip()]
     line = _SEPARATOR_LINE.fullmatch(lines[0][1]) if lines else None
     lines = lines[1:] if line else lines
@@ -191,7 +197,7 @@ def read_table(
     above = [_split_head(each, separator, width) for _, each in lines[: first + 1]]
     head = _find_header(above, first, known)
     names = above[head] if head >= 0 else []
-    units = above[head + 1] if head + 1 < first else []
+    units = above[head + 1] if head + 1 < first else above[head - 1] if head > 0 else []
     units = units if 2 * len(units) > len(names) else []
     units += [""] * (len(names) - len(units))  # columns at the end may have none
     below = [(k, each) for k, each in lines[max(first, head + 1) :] if not _COMMENT.match(each)]

@@ -54,6 +54,8 @@ POINTS = text_of(",", "", ".")
         text_of(",", ",", ".", '"'),
         text_of(",", "", ",", '"'),
         text_of(",", ".", ",", '"'),
+        text_of(",", "", ",", "'"),
+        text_of(",", "", ".").replace("angle [deg]", "'angle\r\n[deg]'"),
         text_of("   ", "", "."),
         text_of(" ", "", ","),
         "sep=;\n" + text_of(";", "", ","),
@@ -70,7 +72,7 @@ POINTS = text_of(",", "", ".")
         POINTS.replace("-", "\u2212"),
         POINTS.replace("1234.50", "1.2345E+03"),
     ],
-    ids=range(28),
+    ids=range(30),
 )
 def test_one_table_in_many_hands(tmp_path: Path, text: str) -> None:
     for coding in ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"):

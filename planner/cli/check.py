@@ -52,23 +52,18 @@ def check(
     task = read_problem(problem, changes)
     with job("checking") as notice:
         analysis = analyse(task, names, progress=notice, time_limit_s=time_limit)
-    status = 0 if analysis.has_plan else NoPlanError.exit_status
+    mathematics: list[str | Table] = ["For the mathematics: --verbose"]
+    if manner.verbose:
+        mathematics = [facts(_findings(analysis)), *_unpromised_limits(analysis)]
     return finish(
         {"file": task.source, **analysis.to_dict()},
         analysis.verdict,
         *_next_step(analysis),
         *("", _methods(analysis)),
         *_refusals(analysis),
-        "",
-        *_mathematics(analysis),
-        status=status,
+        *("", *mathematics),
+        status=0 if analysis.has_plan else NoPlanError.exit_status,
     )
-
-
-def _mathematics(analysis: Analysis) -> list[str | Table]:
-    if not manner.verbose:
-        return ["For the mathematics: --verbose"]
-    return [facts(_findings(analysis)), *_unpromised_limits(analysis)]
 
 
 def _next_step(analysis: Analysis) -> Iterator[str]:

@@ -158,10 +158,8 @@ def compare(
         written = out and result.save(out, report=report)
         if out is not None and shares:
             save_budget(shares, out / "budget")
-    solved = any(row.solved for row in result.rows)
-    status = (
-        (0 if solved else NoPlanError.exit_status) if complete else ReportedStatus(INTERRUPT_STATUS)
-    )
+    status = 0 if any(row.solved for row in result.rows) else NoPlanError.exit_status
+    status = status if complete else ReportedStatus(INTERRUPT_STATUS)
     if manner.as_json:
         extra: dict[str, Any] = {"complete": complete, "exit_status": status, "written": written}
         if budget:
@@ -224,11 +222,9 @@ def _add_budgets(shares: dict[str, Budget], result: Comparison) -> bool:
 
 def _print_comparison(result: Comparison) -> None:
     print_text(result.problem.name, "", result.headline, "", result.table())
-    pairs = rich_differences(result)
-    if pairs is not None:
+    if (pairs := rich_differences(result)) is not None:
         print_text("", pairs)
-    commands = [c for c in (worst_command(result, row) for row in result.rows) if c]
-    if commands:
+    if commands := [c for c in (worst_command(result, row) for row in result.rows) if c]:
         print_text("", "to replay each plan on its worst machine:", *(f"  {c}" for c in commands))
 
 
@@ -282,7 +278,7 @@ def budget(
 def budgets(
     plans: dict[str, Plan], machine: Machine, progress: Tell, **options: Any
 ) -> Iterator[tuple[str, Budget]]:
-    """Yield each plan's label and error budget once computed; `options` are of `error_budget`."""
+    """Yield the label and error budget of each plan; `options` are passed to `error_budget`."""
     for k, (label, plan) in enumerate(plans.items()):
 
         def tell(doing: str, share: float, k: int = k, label: str = label) -> None:

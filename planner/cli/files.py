@@ -90,7 +90,10 @@ def export(
 
 
 def _held_miss(plan: Plan, rate_hz: float) -> dict[str, float]:
-    """Return how far held commands miss the plan's end, by coordinate; angles in degrees."""
+    """Return how far from its end a plan ends if each sampled command is held until the next.
+
+    The distances are by coordinate with unit; those of angles are in degrees.
+    """
     names = plan.problem.system.user_coordinates
     return {
         f"{each.name}_{unit_of(each) or '1'}": float(to_display(value, each.unit))

@@ -349,7 +349,11 @@ class Interruption(PlannerError):  # noqa: N818 (not an error)
 
 @contextmanager
 def explain_interruption(what: str, place: Path) -> Iterator[None]:
-    """Say, if a block is interrupted, in which file or folder its finished results ("cases") are.
+    """If the block is interrupted, say where its finished results are.
+
+    Args:
+        what: The results in a word, for example "cases".
+        place: Their file or folder.
 
     Raises:
         Interruption: After Ctrl-C or SIGTERM, even if hidden by another error, if `place` exists.

@@ -136,8 +136,7 @@ def _verdict(plan: Plan) -> str:
 def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: float) -> Rows:
     system, notes = problem.system, summary["notes"]
     path = system.coordinates[0]
-    status = summary["status"].replace("_", " ") + (", verified" if summary["verified"] else "")
-    yield "status", status
+    yield "status", summary["status"].replace("_", " ") + ", verified" * summary["verified"]
     travel = number(summary["travel_rad"])
     yield f"travel of {path.name}", f"{travel} {path.unit}, {summary['direction']}"
     if turn := problem.heading_turn:
@@ -145,9 +144,8 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
     yield "duration", f"{number(summary['duration_s'])} s"
     objective = f"{number(summary['objective'])}, {summary['objective_name']}"
     if "compensation" in notes:
-        objective += (
-            f"; with the compensated commands the effort is {number(effort(motion.trajectory))}"
-        )
+        spent = number(effort(motion.trajectory))
+        objective += f"; with the compensated commands the effort is {spent}"
     yield "objective", objective
     peaks = summary["peak_u_rad_s"]
     for c, most, peak in zip(system.inputs, problem.limits.input, peaks, strict=True):
@@ -168,8 +166,7 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
     yield "largest z2", number(summary["z2_max"])
     if "start" in notes:
         tried = len(notes.get("tried", ()))
-        rivals = f", the best of {tried}" if tried > 1 else ""
-        yield "first guess", notes["start"] + rivals
+        yield "first guess", notes["start"] + (f", the best of {tried}" if tried > 1 else "")
     if compensation := notes.get("compensation"):
         lead, tail = number(compensation["lead_s"]), number(compensation["tail_s"])
         before = f"{lead} s of preparatory motion, then " if compensation["lead_s"] else ""

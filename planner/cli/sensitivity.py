@@ -171,7 +171,10 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
 
 
 def design_errors(plan: Plan) -> DesensitisedOptions:
-    """Return the options with the design errors: a desensitised plan's own, else the problem's."""
+    """Return the options that contain the design errors.
+
+    They are those of which a desensitised plan was made; for other plans, those of the problem.
+    """
     if plan.method == "desensitised":
         return parse(DesensitisedOptions, dict(plan.options), "options of the plan")
     return plan.problem.methods.desensitised
@@ -228,9 +231,7 @@ def _machine_table(responses: MachineSensitivity) -> Table:
     columns: list[Column[MachineEntry]] = [
         Column("machine", "", entry_name, left=True),
         Column("change", "", lambda e: f"{number(e.reference)} {e.unit}".rstrip()),
-    ]
-    columns += [
-        Column(name, "deg", partial(_contribution, k)) for k, name in enumerate(responses.angles)
+        *(Column(a, "deg", partial(_contribution, k)) for k, a in enumerate(responses.angles)),
     ]
     return terminal_table(columns, responses.loudest[:MAX_PARAMETERS], ruled=True, gap=1)
 

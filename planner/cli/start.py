@@ -162,13 +162,12 @@ SCHEMAS = ("problem", "sweep", "design", "plan")
 def _print_list(what: str, summaries: dict[str, str]) -> int:
     if manner.as_json:
         print_json(summaries)
-        return 0
-    if not sys.stdout.isatty():  # names alone suit a loop in a shell
+    elif not sys.stdout.isatty():  # names alone suit a loop in a shell
         print_text(*summaries)
-        return 0
-    heads = (what, "what it is")
-    columns = [Column(head, "", itemgetter(k), left=True) for k, head in enumerate(heads)]
-    print_text(terminal_table(columns, summaries.items()))
+    else:
+        heads = (what, "what it is")
+        columns = [Column(head, "", itemgetter(k), left=True) for k, head in enumerate(heads)]
+        print_text(terminal_table(columns, summaries.items()))
     return 0
 
 
@@ -290,10 +289,5 @@ def _table_text(
 
 
 def _comment_lines(text: str) -> str:
-    if not text:
-        return ""
-    mark = "#   "
-    filled = textwrap.fill(
-        text, LINE_WIDTH, initial_indent=mark, subsequent_indent=mark, break_on_hyphens=False
-    )
-    return f"{filled}\n"
+    filled = textwrap.fill(text, LINE_WIDTH - 4, break_on_hyphens=False)
+    return textwrap.indent(f"{filled}\n", "#   ") if text else ""

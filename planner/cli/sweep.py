@@ -171,7 +171,8 @@ def design(
     if dry_run:
         return _count_designs(read_design(file))
     folder = Path(file.stem) if out is None else out
-    with explain_interruption("cases", folder / CASES_FILE), job() as progress:
+    cases = folder / CASES_FILE
+    with explain_interruption("cases", cases), job() as progress:
         study = design_study(file, folder, workers=workers, cluster=cluster, progress=progress)
         study.save(folder)
     parts: list[str | Table] = [study.title, "", study.table()]
@@ -179,10 +180,7 @@ def design(
     if refused := [(name, f"cannot be built: {why}") for name, why in whys if why]:
         parts += [facts(refused), ""]
     if study.bugs:
-        say(
-            f"{study.bugs} cases met a bug; see the column 'traceback' of {folder / CASES_FILE}",
-            "red",
-        )
+        say(f"{study.bugs} cases met a bug; see the column 'traceback' of {cases}", "red")
     status = 1 if study.bugs else 0 if study.recommended else 3
     return finish({**study.to_dict(), "written": folder}, *parts, study.reason, status=status)
 

@@ -77,13 +77,19 @@ class Fit:
 
 
 def difference_points(x: Array) -> list[dict[str, float]]:
-    """Return 1 + 2 P parameter sets: x, x with one entry `HALF_STEP` higher, x with one lower."""
+    """Return the 1 + 2 P parameter sets, by name, that `central_differences` needs.
+
+    They are x, then x with each of its P entries `HALF_STEP` higher, then with each lower.
+    """
     steps = HALF_STEP * np.eye(len(x))
     return [values(p) for p in (x, *(x + steps), *(x - steps))]
 
 
 def central_differences(values: Array) -> Array:
-    """Return derivatives (…, P) by standardised parameters, from values at `difference_points`."""
+    """Return derivatives (…, P) by the P standardised parameters.
+
+    `values` (1 + 2 P, …) are those at the points of `difference_points`.
+    """
     count = len(values) // 2
     return np.moveaxis((values[1 : 1 + count] - values[1 + count :]) / (2 * HALF_STEP), 0, -1)
 

@@ -134,7 +134,11 @@ def compensated_errors(plan: Plan, machine: Machine, samples: int, seed: int) ->
 
 
 def errors_machine(problem: Problem, options: DesensitisedOptions) -> Machine:
-    """Return an ideal machine with the design errors as spreads, except delay and stretch."""
+    """Return a machine whose only errors are those of [method.desensitised].
+
+    These are spreads of input gains and biases, gear ratios and start angles. Delay and stretch are
+    left out.
+    """
     system, spread = problem.system, spreads(problem.system, options)
     families = {
         "input_gain_error": [f"gain {i.name}" for i in system.inputs],

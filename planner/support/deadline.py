@@ -139,7 +139,7 @@ def time_share(
         part: The share, 0 to 1.
         words: As for `time_limit`.
         condition: The limit applies only while this returns true. With a condition, the remaining
-            time also counts enclosing shares whose condition does not hold yet.
+            time ends at the first enclosing limit even if the condition of that limit is false.
     """
     span = Span(_span.get(), time.monotonic(), math.inf, words, condition=condition)
     if first := _first_to_end(waiting=condition is not None):
@@ -244,7 +244,7 @@ def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
 
 
 def end(context: Context, by: str) -> None:
-    """End all blocks that run in another thread's context, verification included."""
+    """End all blocks in another thread's context, verification included; `by` tells who did it."""
     for span in _spans(context):
         span.end_within(0.0)
         span.interrupter, span.was_reached, span.verification_ended = by, True, True

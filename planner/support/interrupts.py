@@ -49,7 +49,10 @@ class SignalListener:
         self._is_dropped = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Raise the signal's exception, unless `substitute` answers or the outcome is decided."""
+        """Raise the exception of a received signal, unless the outcome is decided.
+
+        A first Ctrl-C raises nothing if `substitute` returns true.
+        """
         if self.is_over:
             return
         unanswered = number == signal.SIGINT and not self.was_substituted
@@ -62,7 +65,7 @@ class SignalListener:
     def note_dropped(
         self, what: sys.UnraisableHookArgs, otherwise: Callable[[sys.UnraisableHookArgs], object]
     ) -> None:
-        """Note that Python dropped a signal's exception; pass any other on to `otherwise`."""
+        """Note that Python dropped a signal's exception; let `otherwise` handle any other one."""
         if isinstance(what.exc_value, KeyboardInterrupt | Terminated):
             self._is_dropped = True
         else:

@@ -188,7 +188,7 @@ def _is_axis(value: Any) -> bool:
 
 
 def _place_of(key: str) -> str:
-    """Return the table of a sweep file where a key outside of all tables belongs; or ""."""
+    """Return the table to which a misplaced key belongs, as in "[replay]"; "" if unknown."""
     tables: dict[str, type[Table]] = {"[sample]": SampleTable, "[replay]": ReplayTable}
     if places := [name for name, table in tables.items() if key in table.model_fields]:
         return " or ".join(places)

@@ -89,7 +89,7 @@ class Ellipses(NamedTuple):
 
     @property
     def remainder(self) -> Array:
-        """Bound of the error of interpolation at the 16 points, the best of all ellipses, (C,)."""
+        """Bound of the error of interpolation at the 16 points, the least of all ellipses, (C,)."""
         return np.asarray(np.fmin.reduce(self.r[:, 1:] * REMAINDER_FACTOR, axis=1))
 
     def integral(self, half: Array, middle: Array, doubt: Array) -> Ellipses:
@@ -177,9 +177,10 @@ class Ball:
 
     @property
     def relative_remainder(self) -> Array:
-        """Remainder relative to the greatest of the function's values and one, shape (C,).
+        """Bound of the interpolation error, relative to the function's size, shape (C,).
 
-        The value is zero if the remainder is below rounding errors, infinite without a bound.
+        The size is the largest |value| at the points, at least 1. The result is zero where the
+        bound is below rounding errors, and infinite where there is none.
         """
         size = np.maximum(np.max(np.abs(self.points.c), axis=1), 1.0)
         remainder = self.ellipses.remainder
@@ -272,17 +273,21 @@ def sine_cosine(p: Ball) -> tuple[Ball, Ball]:
 
 
 def reciprocal(p: Ball) -> Ball:
-    """Return the ball of 1/p where |c| > δ; the rest of 1/(c + d) is d²/(c² (c + d))."""
+    """Return the ball of 1/p, unbounded where p may be zero.
+
+    With c, d and δ as at the file's start, the rest of 1/(c + d) is d²/(c² (c + d)) for |c| > δ.
+    """
     value, gap = 1 / p.c, np.abs(p.c) - p.reach
     rest = np.where(gap > 0, (p.reach * value) ** 2 / gap, np.inf)
     return _compose(p, value, -value * value, rest)
 
 
 def power(p: Ball, a: float) -> Ball:
-    """Return the ball of p^a: for integers 0 ≤ a ≤ 8 by products, otherwise only where c > δ.
+    """Return the ball of p^a for a real number a.
 
-    The rest is c^a |a(a − 1)|/2 t² max((1 − t)^{a−2}, (1 + t)^{a−2}) with t = δ/c, by Lagrange's
-    bound, as |w^{a−2}| = |w|^{a−2} for real a.
+    For integers 0 ≤ a ≤ 8 it is a product; for any other a it is unbounded where p may be ≤ 0. The
+    rest is c^a |a(a − 1)|/2 t² max((1 − t)^{a−2}, (1 + t)^{a−2}) with t = δ/c (see the file's
+    start), by Lagrange's bound, as |w^{a−2}| = |w|^{a−2} for real a.
     """
     if a == int(a) and 0 <= a <= 8:
         out = Ball.constant(1.0) if a == 0 else p
@@ -299,9 +304,9 @@ def power(p: Ball, a: float) -> Ball:
 def exponential(p: Ball) -> Ball:
     """Return the ball of e^p.
 
-    The rest is e^c (e^δ − 1 − δ), and e^δ − 1 − δ ≤ δ (e^δ − 1)/2 term by term. For large δ the
-    bound is e^(c + δ), which stays small for very negative c even if e^δ overflows. A result that
-    underflows is less than the least normal float.
+    With c and δ as at the file's start, the rest is e^c (e^δ − 1 − δ), and e^δ − 1 − δ is at most
+    δ (e^δ − 1)/2, term by term. For large δ the bound is e^(c + δ), which stays small for very
+    negative c even if e^δ overflows. A result that underflows is less than the least normal float.
     """
     value, reach = np.exp(p.c), p.reach
     near = value * reach * np.expm1(np.minimum(reach, 2.0)) / 2
@@ -311,16 +316,20 @@ def exponential(p: Ball) -> Ball:
 
 
 def logarithm(p: Ball) -> Ball:
-    """Return the ball of log p where c > δ; the rest is at most t²/(2 (1 − t)) with t = δ/c."""
+    """Return the ball of log p, unbounded where p may be ≤ 0.
+
+    The rest is at most t²/(2 (1 − t)) with t = δ/c, for c and δ as at the file's start.
+    """
     t = p.reach / p.c * ROUNDING_FACTOR
     rest = np.where((p.c > 0) & (t < 1), t * t / 2 / (1 - t), np.inf)
     return _compose(p, np.log(p.c), 1 / p.c, rest)
 
 
 def arctangent(p: Ball) -> Ball:
-    """Return the ball of arctan p where δ < h = √(1 + c²), the distance of c from the poles ±i.
+    """Return the ball of arctan p, unbounded where p may reach the poles ±i.
 
-    The rest follows from |g''| = |2z/((z − i)² (z + i)²)| ≤ 2 (|c| + δ)/(h − δ)⁴.
+    The distance of c from the poles is h = √(1 + c²), and δ is as at the file's start. The rest
+    follows from |g''| = |2z/((z − i)² (z + i)²)| ≤ 2 (|c| + δ)/(h − δ)⁴.
     """
     square, reach = 1 + p.c * p.c, p.reach
     gap = np.sqrt(square) * (1 - 4 * ROUNDING_UNIT) - reach
@@ -329,9 +338,10 @@ def arctangent(p: Ball) -> Ball:
 
 
 def arcsine(p: Ball) -> Ball:
-    """Return the ball of arcsin p where |c| + δ < 1.
+    """Return the ball of arcsin p, unbounded where |p| may reach 1.
 
-    The rest follows from g'' = z (1 − z²)^{−3/2} and |1 − z²| ≥ (1 − |c| − δ)(1 + |c| − δ).
+    With c and δ as at the file's start, the rest follows from g'' = z (1 − z²)^{−3/2} and
+    |1 − z²| ≥ (1 − |c| − δ)(1 + |c| − δ).
     """
     size, reach = np.abs(p.c), p.reach
     near = 1 - size - reach
@@ -415,14 +425,20 @@ def _sign(p: Ball) -> Array:
 
 
 def absolute(p: Ball) -> Ball:
-    """Return the ball of |p|: ±p where its sign is known, else [0, |c| + δ] on real columns."""
+    """Return the ball of |p|: ±p where the sign of p is known.
+
+    Elsewhere |p| lies in [0, |c| + δ] on real columns, and is unbounded on the ellipses.
+    """
     sign, half = _sign(p), np.where(REAL_COLUMNS, (np.abs(p.c) + p.reach) / 2, np.inf)
     c = np.where(sign == 0, half, p.c * sign)
     return Ball(c, p.b * sign, np.where(sign == 0, half * (1 + 4 * ROUNDING_UNIT), p.r))
 
 
 def signum(p: Ball) -> Ball:
-    """Return the ball of the sign of p: ±1 where known, elsewhere [−1, 1] on real columns."""
+    """Return the ball of the sign of p: ±1 where it is known.
+
+    Elsewhere it lies in [−1, 1] on real columns, and is unbounded on the ellipses.
+    """
     sign = _sign(p) + 0.0 * p.c
     doubt = np.where(sign == 0, np.where(REAL_COLUMNS, 1.0, np.inf), 0.0)
     return Ball(sign, np.zeros_like(sign), doubt)

@@ -175,7 +175,10 @@ def _open_plan_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = N
 
 @singledispatch
 def prove(demand: Demand, evidence: Evidence) -> Iterable[Proof]:
-    """Return the proofs of a demand: obligations to prove, or claims where already decided."""
+    """Return what is to be proven of a demand, such as a limit or the goal.
+
+    These are obligations, for `decide` to prove, or claims that are decided already.
+    """
     return _open_claims(demand, "there is no proof for this kind of requirement")
 
 
@@ -222,9 +225,10 @@ def _(requirement: Requirement, evidence: Evidence) -> Iterable[Proof]:
 def _row_models(
     requirement: Requirement, evidence: Evidence, motion: EnclosedMotion
 ) -> tuple[EnclosedMotion, list[Model]]:
-    """Return the motion, with cells fine enough, and models of a requirement's rows on the cells.
+    """Return models of a requirement's rows, and the motion on whose cells they are given.
 
-    Cells are split where a remainder leaves a limit undecided.
+    The motion is the given one, with cells split where a model's remainder leaves open whether a
+    limit is kept.
     """
     rows, names = _rows(evidence.plan.problem.system, requirement), sorted(requirement.reads)
 
@@ -294,7 +298,10 @@ def _rows(system: TriangularSystem, requirement: Requirement | ChartDomain) -> E
 
 
 def _jump(part: Part, motion: EnclosedMotion) -> Claim | None:
-    """Return the claim on an input's rate if the input jumps or may jump at a break; else None."""
+    """Return the claim on the rate of an input that jumps, or may jump, at a break; else None.
+
+    A jump violates every limit on the rate.
+    """
     cells, u = motion.enclosure.cells, motion.inputs[part.index]
     breaks = np.flatnonzero(np.diff(cells.piece))  # last cells of the pieces
     if not len(breaks):
@@ -315,7 +322,10 @@ def _jump(part: Part, motion: EnclosedMotion) -> Claim | None:
 
 @prove.register
 def _(chart: ChartDomain, evidence: Evidence) -> Iterable[Proof]:
-    """State that every margin of the chart is positive; required only in chained coordinates."""
+    """State that the motion stays in the chart's domain, where all margins are positive.
+
+    Only a plan in chained coordinates is required to.
+    """
     required = not evidence.plan.trajectory.in_coordinates
     try:
         balls = _rows(evidence.plan.problem.system, chart)(evidence.path.enclosure.q)

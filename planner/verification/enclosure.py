@@ -254,14 +254,20 @@ def perturbed_motion(system: TriangularSystem, motion: Enclosure, off: Array) ->
 
 
 def _logarithmic_norm(size: Array, high: Array, block: list[int]) -> Array:
-    """Return the logarithmic norm μ of a block's Jacobian J, (C,), from the bounds by `_growth`."""
+    """Bound the logarithmic norm μ of the Jacobian of a block of coordinates on each cell, (C,).
+
+    `size` and `high` are the two bounds by `_growth`.
+    """
     off = size[block][:, block].copy()
     off[range(len(block)), range(len(block))] = high[block]
     return np.asarray(np.max(np.sum(off, axis=1), axis=0))
 
 
 def _error_bounds(mu: Array, norm: Array, error: Array, width: Array) -> Array:
-    """Bound the distance ‖x − P‖ of the true motion from P in each cell, (C,), cell after cell."""
+    """Bound a distance D that begins at 0 and obeys D' ≤ μ D + norm · error, on each cell, (C,).
+
+    All arguments have one number per cell; `width` is the cells' duration, s.
+    """
     most = np.exp(np.maximum(mu, 0.0) * width) * (1 + 1e-9)
     growth, pushed = np.exp(mu * width) * (1 + 1e-9), norm * error * width * most
     out, now = np.empty(len(mu)), 0.0
@@ -283,6 +289,12 @@ def _on_ellipses(
     """Return balls of a block's coordinates: the tube on real columns, a proven region on ellipses.
 
     Picard's map proves the region; the ball is unbounded where the proof fails.
+
+    Args:
+        system, block, cells, given: As for `_tube`.
+        p: Models of the reference motion, by coordinate.
+        core: Balls of the reference motion, by coordinate.
+        doubt: Radius of the tube on each cell, (C, 1).
     """
     (known, u), half, signs = given, cells.width[:, None] / 2, (-1.0) ** np.arange(POINTS // 2)
     nowhere = np.where(REAL_COLUMNS, doubt, np.inf)
@@ -303,7 +315,12 @@ def _on_ellipses(
 
 @lru_cache(maxsize=32)
 def _jacobian(system: TriangularSystem) -> tuple[Expression, Array, Array, Pointwise]:
-    """Return ∂q̇/∂q: nonzero entries for balls, their rows and columns, and a matrix for points."""
+    """Return the Jacobian ∂q̇/∂q of a system, as a function of (q, u), in two forms.
+
+    Returns:
+        Its nonzero entries as an expression for balls, their row and column indices, and the whole
+        matrix as a function of points.
+    """
     q, u = ca.SX.sym("q", system.size), ca.SX.sym("u", 2)
     matrix: Any = ca.jacobian(ca.vertcat(*system.rates_expr(q, u)), q)
     row, column = (np.array(x, dtype=int) for x in matrix.sparsity().get_triplet())

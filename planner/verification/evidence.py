@@ -185,7 +185,7 @@ Proof = Obligation | Claim
 
 
 def decide(proofs: list[Proof]) -> list[Claim]:
-    """Decide all obligations; return one claim for each proof, in order, and claims as given."""
+    """Return one claim for each proof, in order: obligations are decided, claims kept as given."""
     pending = [each for each in proofs if isinstance(each, Obligation)]
     verdicts: dict[int, Claim] = {}
     for motion in {id(each.motion): each.motion for each in pending}.values():

@@ -263,7 +263,10 @@ def _inverse_by_links(system: TriangularSystem, branch: tuple[float, ...]) -> St
 
 @lru_cache(maxsize=32)
 def feedback_law(system: TriangularSystem, branch: tuple[float, ...]) -> tuple[Law, Law]:
-    """Return u as a function of (z, v), and du/dt as a function of (z, v, ż, v̇), for balls."""
+    """Return the inputs u as a function of (z, v), and du/dt as a function of (z, v, ż, v̇).
+
+    z and v are the coordinates and inputs of the chained form; the functions are for balls.
+    """
     n = system.size
     z, v, dz, dv = (ca.SX.sym(name, k) for name, k in (("z", n), ("v", 2), ("dz", n), ("dv", 2)))
     u = chained_form(system).inputs_expr(z, v, ca.DM(branch))

@@ -172,7 +172,7 @@ def integration() -> Array:
 
 @lru_cache(maxsize=32)
 def slopes(width: int, order: int) -> Array:
-    """Return the matrix, (width, width), from coefficients to coefficients of a derivative."""
+    """Return the matrix, (width, width), from Chebyshev coefficients to those of a derivative."""
     out = np.zeros((width, width))
     out[: max(width - order, 1)] = chebyshev.chebder(np.eye(width), order)
     return out
@@ -240,7 +240,7 @@ def least_values(functions: list[Margin], cells: Cells, scales: Array) -> list[L
     place = np.zeros((count, 2))  # cell and τ of the best
 
     def keep(value: Array, tau: Array, rows: Index) -> None:
-        """Record the place of any attained value that is less than its function's least so far."""
+        """Record values, attained at `tau` in cells `rows`, below their function's least so far."""
         order = np.lexsort((value, which[rows]))
         functions_of_rows = which[rows][order]
         new = order[np.append(True, functions_of_rows[1:] != functions_of_rows[:-1])]

@@ -98,7 +98,10 @@ class Bernstein:
         return np.asarray(self.x[1:-1].searchsorted(t, side="right"))
 
     def piece_values(self, piece: Pieces, fraction: Array) -> Array:
-        """Return the values (P, C, …) at P fractions (0 to 1) of each of C pieces."""
+        """Return the values (P, C, …) at P places in each of C pieces.
+
+        `piece` (C,) has the pieces' indices, `fraction` (P, C) the places, from 0 to 1.
+        """
         c = self.c[:, piece].reshape(len(self.c), len(piece), -1)
         if np.all(fraction == fraction[:, :1]):  # equal in all pieces: one matrix does
             out = product(basis(self.degree, fraction[:, 0]).T, c.reshape(len(c), -1))
@@ -211,5 +214,5 @@ def split(c: Array, place: Array | float) -> tuple[Array, Array]:
 
 
 def part(c: Array, low: Array, high: Array) -> Array:
-    """Return Bernstein coefficients of each polynomial on an interval [low, high] of its own."""
+    """Return Bernstein coefficients of each polynomial on its own part [low, high] of [0, 1]."""
     return split(split(c, high)[0], low / high)[1]

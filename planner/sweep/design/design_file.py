@@ -359,7 +359,11 @@ def _designs(
 def _present_mechanism(
     table: DesignFile, base: Problem, system: Manipulator, source: str, forced: bool
 ) -> tuple[Gear, Any]:
-    """Return gear and link lengths of the base mechanism; None for lengths in another unit."""
+    """Return the gear and the link lengths of the base mechanism.
+
+    None replaces lengths that are not in the unit of the gear's radii. `forced` tells whether the
+    study gives contact forces, which need radii in metres.
+    """
     if table.gear is not None:
         try:
             return table.gear.stages(1)[0], None

@@ -35,7 +35,8 @@ def plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
 
     Returns:
         A plan with zero inputs over the given duration, or over `SHORTEST_S` (at most
-        `duration_max`) if the duration is free. None if the goal is elsewhere, or staying breaks a requirement such as a waypoint.
+        `duration_max`) if the duration is free. None if the goal is elsewhere, or staying breaks a
+        requirement such as a waypoint.
     """
     away = np.abs(problem.target - problem.start)
     if np.any(away > SAME_PLACE):  # NaN for a coordinate that the goal leaves free

@@ -20,10 +20,10 @@ from planner.systems.manipulator import Manipulator
 
 FIT_SHARE, UNFIT_SHARE = 0.25, 0.7
 """Limits of the ratio of residual to motion, as root mean squares. Below the first a run fits. From
-the first on a run is refused if undoing a mistake makes it fit and halves the ratio, from the second
-on always. The ratio is 0.07 for an emulated arm, 0.18 if its servos lag by 0.1 s, up to 0.27 for
-twice the prototype's spreads and 0.65 for three times the spreads (40 arms each), of which no delay
-of u1 leaves less than 0.65 and no factor less than 0.8. The mildest mistake, joints 2 and 3
+the first on a run is refused if undoing a mistake makes it fit and halves the ratio, from the
+second on always. The ratio is 0.07 for an emulated arm, 0.18 if its servos lag by 0.1 s, up to 0.27
+for twice the prototype's spreads and 0.65 for three times the spreads (40 arms each), of which no
+delay of u1 leaves less than 0.65 and no factor less than 0.8. The mildest mistake, joints 2 and 3
 exchanged, gives 0.3 or more, and most mistakes give 0.8."""
 
 MOST_LATE_S, MOST_EARLY_S = 0.2, 0.03

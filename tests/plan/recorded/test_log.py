@@ -208,7 +208,7 @@ def test_an_empty_cell_and_an_empty_file_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="line 10: column 'theta3_rad' is empty"):
         read_log(path)
     path.write_text("", "utf-8")
-    with pytest.raises(InputError, match="a.csv is empty"):
+    with pytest.raises(InputError, match=r"a\.csv is empty"):
         read_log(path)
 
 

@@ -220,9 +220,9 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
 
     The file is a table with a header: `t`, `u1`, `u2`, `theta1` … `thetan`, each with its unit, as
     in `t_s`, `u1_rad_s`, `theta1_deg`, "θ1 [°]" or "theta1 (deg)", or with a line of units below
-    or above the header. Angles of both motors, `motor1_rad` and `motor2_rad`, are optional; other
-    columns are ignored. A blank command repeats the one above. For separators, decimal marks, comments and
-    encodings see `planner.plan.recorded.number_table`.
+    or above the header. Angles of both motors, `motor1_rad` and `motor2_rad`, are optional;
+    other columns are ignored. A blank command repeats the one above. For separators, decimal
+    marks, comments and encodings see `planner.plan.recorded.number_table`.
 
     Args:
         path: The file.

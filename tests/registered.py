@@ -27,14 +27,16 @@ def restored() -> Iterator[pytest.MonkeyPatch]:
     kept = [(table, dict(table)) for table in dicts]  # type: ignore[call-overload]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plugins, "_plugins", plugins._Plugins())
-        yield patch
-    # Their order too, which answers list; items that are put back come last.
-    changed = [(now, before) for now, before in kept if [*now.items()] != [*before.items()]]
-    for table, before in changed:
-        table.clear()
-        table.update(before)
-    for model in (*tables, *FILES.values()) if changed else ():
-        model.model_rebuild(force=True)  # type: ignore[union-attr]
+        try:
+            yield patch
+        finally:
+            # Their order too, which answers list; items that are put back come last.
+            changed = [(now, before) for now, before in kept if [*now.items()] != [*before.items()]]
+            for table, before in changed:
+                table.clear()
+                table.update(before)
+            for model in (*tables, *FILES.values()) if changed else ():
+                model.model_rebuild(force=True)  # type: ignore[union-attr]
 
 
 @dataclass(frozen=True)

@@ -16,26 +16,69 @@ from typing import Any, TypeVar
 
 
 @dataclass(frozen=True)
+class Part:
+    """One value of a demand that must lie between `low` and `high`.
+
+    Attributes:
+        label: Name of the limited value, as in "input u2"; unique within a problem.
+        unit: Unit of value and limits.
+        low: Least value; may be −∞.
+        high: Largest value; may be ∞.
+        scale: Divisor that makes an excess comparable with those of other parts, in the unit.
+        index: Index of the input or coordinate, from 0.
+    """
+
+    label: str
+    unit: str = ""
+    low: float = math.nan
+    high: float = math.nan
+    scale: float = 1.0
+    index: int = 0
+
+
+@dataclass(frozen=True)
 class Violation:
     """One requirement that a motion breaks.
 
     Attributes:
-        label: What is broken, in words ("input u2", "joint theta3", "goal theta2").
-        time_s: Time of the largest violation, in seconds; None if it has no time.
+        part: The broken part of the demand.
         value: The value reached.
-        limit: The value allowed; NaN if there is no number, and `label` is the whole text.
-        unit: Unit of `value` and `limit`.
-        scaled: Violation divided by the scale of the requirement, for sorting (dimensionless).
-        exact: Whether the value must equal `limit`, as for a duration.
+        limit: The value allowed; NaN if there is no number, and the label is the whole text.
+        time_s: Time of the largest violation, in seconds; None if it has no time.
+        demand: The demand of the problem, or None for a flaw of the plan itself.
     """
 
-    label: str
-    time_s: float | None
-    value: float
-    limit: float
-    unit: str
-    scaled: float
-    exact: bool = False
+    part: Part
+    value: float = math.nan
+    limit: float = math.nan
+    time_s: float | None = None
+    demand: Any = None
+
+    @property
+    def label(self) -> str:
+        """What is broken, in words ("input u2", "joint theta3", "goal theta2")."""
+        return self.part.label
+
+    @property
+    def unit(self) -> str:
+        """Unit of `value` and `limit`."""
+        return self.part.unit
+
+    @property
+    def exact(self) -> bool:
+        """Whether the value must equal `limit`, as for a duration."""
+        return self.part.low == self.part.high
+
+    @property
+    def misses_goal(self) -> bool:
+        """Whether the goal is not reached."""
+        return getattr(self.demand, "at_goal", False)
+
+    @property
+    def scaled(self) -> float:
+        """Excess divided by the scale of the part, for sorting; infinite for a flaw."""
+        is_flaw = math.isnan(self.limit)
+        return math.inf if is_flaw else abs(self.value - self.limit) / self.part.scale
 
     def __str__(self) -> str:
         if math.isnan(self.limit):

@@ -170,19 +170,20 @@ def test_what_it_advises_is_understood(paper: planner.Problem) -> None:
     plan = follow(planner.solve(turning), planner.Machine.prototype(step_s=0.01), quick)
     assert plan.lead_s > 0
     times = [0.5 * plan.lead_s, plan.clock.holds[0][0]]
-    found = [Violation("clearance of link 3", time_s, -0.1, 0.0, "m", -1.0) for time_s in times]
+    found = [Violation(Part("clearance of link 3", "m"), -0.1, 0.0, time_s) for time_s in times]
     asked = plan.problem.compensation
     advice = "; ".join(compensation_changes(plan, found, asked))
     assert "take_up" not in advice  # which was tried
     assert "goal.travel" not in advice  # which is free
     assert settings_to_try(plan, found) == [{"compensation.preparation": False}]
     assert settings_to_try(plan, found[1:]) == []
-    missed = [Violation("goal theta2", plan.duration, 0.002, 0.0, "rad", -1.0)]
+    goal = next(each for each in plan.problem.demands if each.at_goal)
+    missed = [Violation(goal.parts[0], 0.002, 0.0, plan.duration, goal)]
     assert compensation_changes(plan, missed, asked)[0] == "more time (goal.duration)"
     assert advice.endswith("more time (goal.duration)")
     limits = (InputProduct(0.01),)  # which the compensation does not know
     limited = replace(plan, problem=replace(plan.problem, registered_limits=limits))
-    above = Violation("product", None, 0.3, 0.01, "", 29.0)
+    above = Violation(limits[0].parts[0], 0.3, 0.01, demand=limits[0])
     assert compensation_changes(limited, [above], asked) == [
         "wider limits: product at least 0.3003",
         "smaller limits.input_rad_s, which the added inputs keep",
@@ -215,7 +216,7 @@ def test_a_preparation_that_meets_a_post_says_so_and_what_helps(
     price = r"\(tried: path error [\d.]+ deg, uncompensated [\d.]+ deg\)"
     assert re.fullmatch(rf"compensation\.preparation = false {price}", without)
     assert others == ["obstacle 1 elsewhere", "no compensation (compensation.on = false)"]
-    early = [Violation("clearance of link 3", 1.0, -0.1, 0.0, "m", -1.0)]
+    early = [Violation(Part("clearance of link 3", "m"), -0.1, 0.0, 1.0)]
     assert settings_to_try(better, early)[0] == {"machine.start_state": "forward"}  # it is homed
 
 

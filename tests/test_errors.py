@@ -10,10 +10,11 @@ import pytest
 
 import planner
 from planner import Violation
+from planner.errors import Part
 
 
 def violation(value: float, limit: float, unit: str) -> Violation:
-    return Violation("joint theta1", 7.0, value, limit, unit, 1.0)
+    return Violation(Part("joint theta1", unit), value, limit, 7.0)
 
 
 def test_angles_are_told_in_degrees() -> None:

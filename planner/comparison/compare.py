@@ -37,7 +37,7 @@ from planner.solve import solve_and_check
 from planner.support.deadline import TimeUpError, time_limit
 from planner.support.progress import Tell, expect_listener
 from planner.support.statistics import LEAST_DIFFERENCE_DEG
-from planner.verification.verify import Check, verify
+from planner.verification.verify import INTEGRATION_TOLERANCE, Check, verify
 
 KEPT_MOTIONS = 1000
 """Maximum number of machines whose motions are stored per plan: enough for a figure's 90 % band."""
@@ -294,8 +294,9 @@ def _whole_plan(error: NoPlanError) -> tuple[Plan, Check] | None:
     plan: Plan = error.plan
     check = (error.check if isinstance(error, VerificationError) else None) or verify(plan)
     # The plan of an InfeasibleError may not even reach the goal.
-    misses_goal = any(v.label.startswith(("goal", "integration")) for v in check.violations)
-    return None if misses_goal and isinstance(error, InfeasibleError) else (plan, check)
+    misses = check.integration_error > INTEGRATION_TOLERANCE
+    misses |= any(v.misses_goal for v in check.violations)
+    return None if misses and isinstance(error, InfeasibleError) else (plan, check)
 
 
 STUDY_LIMIT_S = 5.0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import TimeLimitError, VerificationError
-from planner.methods.keeping import GOALS, not_promised
+from planner.methods.keeping import not_promised
 from planner.methods.refusal import BY_COLLOCATION, Change, changed_words, duration_change
 from planner.methods.registry import find_method
 from planner.plan.measures import objective_of
@@ -73,16 +73,15 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
     if any(np.isnan(v.limit) for v in check.violations):
         return [], None
     other = [BY_COLLOCATION] if plan.method != BY_COLLOCATION.method else []
-    violated = [plan.problem.asking(v.label) for v in check.violations]
-    broken = [pair[0] for pair in violated if pair]
+    broken = [v.demand for v in check.violations if v.demand is not None]
     speeds = [each.speed_power if isinstance(each, Requirement) else 0 for each in broken]
-    if len(broken) == len(violated) and all(speeds) and plan.trajectory.kind == "chained":
+    if len(broken) == len(check.violations) and all(speeds) and plan.trajectory.kind == "chained":
         sizes = (v.value / v.limit for v in check.violations)
         factor = max(size ** (1 / speed) for size, speed in zip(sizes, speeds, strict=True))
         if factor < float("inf"):
             slower = duration_change(plan.duration * factor * 1.0001)
             return [slower, BY_COLLOCATION], None
-    if len(broken) < len(violated) or any(isinstance(each, GOALS) for each in broken):
+    if len(broken) < len(check.violations) or any(v.misses_goal for v in check.violations):
         fine = "a finer mesh: more method.collocation.intervals or a higher degree"
         return other, None if other else fine
     jumps = [f"no limit on the {v.label}" for v in check.violations if np.isinf(v.value)]

@@ -18,17 +18,12 @@ import numpy as np
 from planner.errors import NoPlanError
 from planner.methods.refusal import BY_COLLOCATION
 from planner.problem.problem import Problem
-from planner.problem.requirements.ends import Goal, TipGoal
 from planner.problem.requirements.motion_limits import JointLimit, Z2Margin
 from planner.problem.requirements.places import Waypoint
 from planner.problem.requirements.requirement import Demand, Part, Requirement
-from planner.problem.requirements.user_places import UserGoal
 from planner.systems.manipulator import Manipulator
 
 Keeping = Literal["kept", "judged", "never"]
-
-GOALS = Goal | TipGoal | UserGoal
-"""Classes of demands that define the end of a motion."""
 
 Keeps = Callable[[Problem, Demand, Part], Keeping]
 """Function that gives a method's answer for one part of one demand of a problem."""
@@ -57,7 +52,7 @@ def in_chart(problem: Problem, demand: Demand) -> Keeping:
     """
     if isinstance(demand, Waypoint):
         return "judged"
-    return "never" if isinstance(demand, GOALS) and problem.free else "kept"
+    return "never" if demand.at_goal and problem.free else "kept"
 
 
 def convex(problem: Problem, demand: Demand, part: Part) -> Keeping:
@@ -138,7 +133,7 @@ def refuse_unkept(problem: Problem, name: str, keeps: Keeps) -> None:
     """
     parts = [(each, part) for each in problem.demands for part in each.parts]
     never = [(each, part.label) for each, part in parts if keeps(problem, each, part) == "never"]
-    if any(isinstance(each, GOALS) for each, _ in never):
+    if any(each.at_goal for each, _ in never):
         if problem.system.has_user_coordinates:
             every = problem.system.user_coordinates
             names = ", ".join(every[i].name for i in np.flatnonzero(np.isnan(problem.user_goal)))

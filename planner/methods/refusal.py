@@ -209,14 +209,13 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
 def changed_words(plan: Plan, violations: Sequence[Violation]) -> str:
     """Say in words which changes of its problem would allow a plan with the given violations."""
     problem, parts = plan.problem, []
-    demands = [(*asked, v) for v in violations if (asked := problem.asking(v.label))]
     for kind in dict.fromkeys(type(demand) for demand in reversed(problem.demands)):
-        group = [each for each in demands if type(each[0]) is kind]
+        group = [v for v in violations if type(v.demand) is kind]
         if kind is Duration and group:
             parts.append(f"goal.duration = {round_up(plan.duration)} or more")
-        elif kind is Goal and any(part.index == 0 for _, part, _ in group):
+        elif kind is Goal and any(v.part.index == 0 for v in group):
             ((key, value),) = problem.travel_change(plan.travel).items()
             parts.append(f"{key} = {value:.6g}")
         elif group and kind not in (Start, Goal):
-            parts.append(kind.easing(sorted(group, key=lambda each: each[2].label)))
+            parts.append(kind.easing(sorted(group, key=lambda v: v.label)))
     return " and ".join(words for words in parts if words)

@@ -35,7 +35,7 @@ from planner.problem.requirements.motion_limits import (
     Z2Margin,
 )
 from planner.problem.requirements.places import Obstacle, Waypoint
-from planner.problem.requirements.requirement import Demand, Part, Requirement
+from planner.problem.requirements.requirement import Demand, Requirement
 from planner.problem.requirements.self_collision import SelfCollision
 from planner.problem.requirements.user_places import UserGoal, UserLimit
 from planner.problem.tables.kinds import KIND_LIMITS, REQUIREMENTS, parse_file, system_of
@@ -424,11 +424,6 @@ class Problem:
         if self.system.has_user_coordinates:
             return self.limits.joint[list(self.free)]
         return np.minimum(self.limits.joint[list(self.free)], WIDEST_FREE_JOINT_RAD)
-
-    def asking(self, label: str) -> tuple[Demand, Part] | None:
-        """Return the demand that has a part with this label, and the part; None without one."""
-        named = ((each, part) for each in self.demands for part in each.parts)
-        return next((pair for pair in named if pair[1].label == label), None)
 
     @property
     def divided(self) -> bool:

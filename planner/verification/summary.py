@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import Field, asdict, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -199,4 +199,5 @@ def direction(plan: Plan) -> str:
 
 
 def _violation(violation: Violation) -> dict[str, Any]:
-    return {**asdict(violation), "text": str(violation)}
+    keys = ("label", "time_s", "value", "limit", "unit", "scaled", "exact")
+    return {**{key: getattr(violation, key) for key in keys}, "text": str(violation)}

@@ -41,7 +41,7 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
         plan = replace(plan, compensation=replace(plan.compensation, plan=inside))
         if not check.ok:
             words = (f"in its original plan, {v}" for v in check.violations)
-            return plan, _refusal(check, [_flaw(text) for text in words])
+            return plan, _refusal(check, [Violation(Part(text)) for text in words])
     check, motion = examine(plan)
     if not check.ok:
         return plan, check
@@ -56,17 +56,12 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
             return plan, _refusal(closer, violations)
     if not any(claim.status == "proven" for claim in certificate.claims if claim.required):
         why = certificate.open[0].why
-        return plan, _refusal(check, [_flaw(f"nothing of the plan can be proven: {why}")])
+        return plan, _refusal(check, [Violation(Part(f"nothing of the plan can be proven: {why}"))])
     return replace(plan, verified=True, certificate=certificate), check
 
 
 def _refusal(check: Check, violations: Sequence[Violation]) -> Check:
     return replace(check, ok=False, violations=tuple(violations))
-
-
-def _flaw(words: str) -> Violation:
-    """Return a violation that has only words, without a value and a limit."""
-    return Violation(words, None, np.nan, np.nan, "", np.inf)
 
 
 def _proven_violations(plan: Plan, certificate: Certificate) -> Iterator[Violation]:
@@ -79,7 +74,7 @@ def _proven_violations(plan: Plan, certificate: Certificate) -> Iterator[Violati
         excess, above = -claim.attained, _breaks_upper_limit(plan, demand, part, claim)
         limit = part.high if above else part.low
         value = limit + excess if above else limit - excess
-        yield Violation(part.label, claim.time_s, value, limit, part.unit, excess / part.scale)
+        yield Violation(part, value, limit, claim.time_s, demand)
 
 
 def _breaks_upper_limit(plan: Plan, demand: Demand | None, part: Part, claim: Claim) -> bool:

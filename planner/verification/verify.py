@@ -29,7 +29,7 @@ from planner.plan.quadrature import (
 )
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.requirements.ends import Duration, Goal, LongestDuration, Start
-from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
+from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
 from planner.support import deadline
 from planner.support.arrays import Array
 from planner.support.calculus.chebyshev import apply, points, resampling
@@ -120,6 +120,7 @@ class _Finding:
     time_s: float | None
     tolerance: float
     upper: bool = True
+    demand: Demand | None = None
 
     @cached_property
     def margin(self) -> float:
@@ -128,9 +129,7 @@ class _Finding:
     def violation(self) -> Violation | None:
         if self.margin >= -self.tolerance:  # written so that NaN does not pass
             return None
-        part, scaled = self.part, -self.margin / self.part.scale
-        exact = part.low == part.high
-        return Violation(part.label, self.time_s, self.value, self.limit, part.unit, scaled, exact)
+        return Violation(self.part, self.value, self.limit, self.time_s, self.demand)
 
 
 def verify(plan: Plan) -> Check:
@@ -160,7 +159,7 @@ def examine(
     """
     expect_plan(plan)
     if flaw := _flaw(plan):
-        return failed_check(plan, Violation(flaw, None, np.nan, np.nan, "", np.inf)), None
+        return failed_check(plan, Violation(Part(flaw))), None
     if not plan.executable:
         (outside,) = (v for f in _chart_findings(plan) if (v := f.violation()))
         return failed_check(plan, outside), None
@@ -316,21 +315,22 @@ def _motion_findings(
         if isinstance(demand, Start):
             (part,), worst = demand.parts, float(np.max(np.abs(plan.q(0.0) - plan.problem.start)))
             part = replace(part, scale=GOAL_TOLERANCE)
-            yield _Finding(part, worst, 0.0, 0.0, GOAL_TOLERANCE)
+            yield _Finding(part, worst, 0.0, 0.0, GOAL_TOLERANCE, True, demand)
         elif isinstance(demand, Goal):
             for part in demand.parts:
-                yield _Finding(part, abs(float(error[part.index])), 0.0, plan.duration, tolerance)
+                far = abs(float(error[part.index]))
+                yield _Finding(part, far, 0.0, plan.duration, tolerance, True, demand)
         elif isinstance(demand, Requirement) and demand.final:
             reached = demand.values(MotionPoint.of(plan.problem.system, end))
             for part, value in zip(demand.parts, map(float, reached), strict=True):
                 upper = value - part.high >= part.low - value
                 limit, slack = part.high if upper else part.low, tolerance * part.scale
-                yield _Finding(part, value, limit, plan.duration, slack, upper)
+                yield _Finding(part, value, limit, plan.duration, slack, upper, demand)
         elif isinstance(demand, Duration | LongestDuration):
             (part,), longest = demand.parts, isinstance(demand, LongestDuration)
             takes, seconds = plan.duration if longest else plan.running_s, demand.seconds
             upper = longest or takes > seconds
-            yield _Finding(part, takes, seconds, None, 1e-9 * seconds, upper)
+            yield _Finding(part, takes, seconds, None, 1e-9 * seconds, upper, demand)
     compensated, (gap, when) = plan.compensation is not None, motion.gap
     other = "the nominal machine's motion" if compensated else "its integrated input"
     part = Part(f"plan's q(t) against {other}", "", -np.inf, 0.0, 1.0)
@@ -358,7 +358,7 @@ def _chart_findings(plan: Plan) -> Iterator[_Finding]:
         if demand.in_chart and not plan.trajectory.in_coordinates:
             (part,), domain = demand.parts, plan.domain
             value, edge = domain.margin, -np.finfo(float).tiny
-            yield _Finding(part, value, part.low, domain.time_s, edge, False)
+            yield _Finding(part, value, part.low, domain.time_s, edge, False, demand)
 
 
 def _limit_findings(
@@ -383,7 +383,7 @@ def _limit_findings(
             value = np.inf if upper else -np.inf
         limit = part.high if upper else part.low
         time_s = when[below] if "q" in each.reads else None
-        yield _Finding(part, value, limit, time_s, LIMIT_TOLERANCE * part.scale, upper)
+        yield _Finding(part, value, limit, time_s, LIMIT_TOLERANCE * part.scale, upper, each)
 
 
 def _corner_findings(plan: Plan, motion: IntegratedMotion) -> Iterator[_Finding]:
@@ -403,7 +403,8 @@ def _corner_findings(plan: Plan, motion: IntegratedMotion) -> Iterator[_Finding]
                 lambda q, r=requirement: np.stack(r.values(MotionPoint.of(system, q)), axis=-1),  # type: ignore[misc]
             )
         for part, value, when in zip(parts, values.tolist(), times.tolist(), strict=True):
-            yield _Finding(part, value, part.low, when, LIMIT_TOLERANCE * part.scale, upper=False)
+            slack = LIMIT_TOLERANCE * part.scale
+            yield _Finding(part, value, part.low, when, slack, False, requirement)
 
 
 def failed_check(plan: Plan, violation: Violation) -> Check:
@@ -436,7 +437,7 @@ def _waypoint_distances(
             when = plan.clock.when(point.time_s)
             value = float(point.distance(motion.q_at_time(when)))
         (part,) = point.parts
-        yield _Finding(part, value, 0.0, when, tolerance)
+        yield _Finding(part, value, 0.0, when, tolerance, True, point)
 
 
 def _least_values(

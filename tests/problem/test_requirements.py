@@ -235,9 +235,9 @@ def test_rows_and_values_are_on_the_same_side(
 # -- each kind by hand ---------------------------------------------------------------------------
 
 
-def _broken(demand: Any, value: float, k: int = 0) -> tuple[Any, Part, Violation]:
+def _broken(demand: Any, value: float, k: int = 0) -> Violation:
     part = demand.parts[k]
-    return demand, part, Violation(part.label, None, value, part.low, part.unit, 1.0)
+    return Violation(part, value, part.low, demand=demand)
 
 
 def test_a_z2_margin_is_lowered_to_what_was_reached_or_left_out() -> None:
@@ -341,7 +341,7 @@ def test_a_disc_out_of_reach_is_settled_and_one_in_reach_is_named_by_link() -> N
     disc = Obstacle(2, 3, 1.0, 1.0, 0.2)
     labels = [part.label for part in disc.parts]
     assert labels == [f"clearance of link {k} from obstacle 2" for k in (1, 2, 3)]
-    said = disc.contradiction_text("start", _broken(disc, -0.0625, 1)[2])
+    said = disc.contradiction_text("start", _broken(disc, -0.0625, 1))
     assert (
         said
         == "at the start link 2 reaches 0.0625 m into obstacle 2; move the start or the obstacle"
@@ -367,7 +367,7 @@ def test_a_clearance_is_kept_beyond_the_disc() -> None:
     assert far.values_out_of_reach(arm) == pytest.approx([1.5] * 3)
     assert replace(far, clearance=1.6).values_out_of_reach(arm) is None
     near = _broken(disc, 0.1, 1)
-    said = disc.contradiction_text("goal", replace(near[2], limit=0.25))
+    said = disc.contradiction_text("goal", replace(near, limit=0.25))
     assert said == (
         "at the goal link 2 is 0.1 m from obstacle 1, clearance_m = 0.25; move the goal or the"
         " obstacle, or lower clearance_m to 0.0999 or less"

@@ -241,13 +241,9 @@ def test_a_shape_that_only_turns_keeps_its_distances() -> None:
 def test_other_requirements_are_worded_as_changes() -> None:
     required = SelfCollision(4, 0.05)
     part = required.parts[0]
-    near = planner.Violation(part.label, 1.0, 0.04, 0.05, "m", 0.2)
-    across = planner.Violation(part.label, 1.0, -0.04, 0.05, "m", 0.2)
-    assert (
-        SelfCollision.easing([(required, part, near)])
-        == "limits.self_clearance_m = 0.03996 or less"
-    )
-    assert SelfCollision.easing([(required, part, across)]) == "leave out limits.self_clearance_m"
+    near, across = (planner.Violation(part, v, 0.05, 1.0, required) for v in (0.04, -0.04))
+    assert SelfCollision.easing([near]) == "limits.self_clearance_m = 0.03996 or less"
+    assert SelfCollision.easing([across]) == "leave out limits.self_clearance_m"
     assert required.removal({}) == (
         {"limits.self_clearance_m": None},
         "leave out limits.self_clearance_m",

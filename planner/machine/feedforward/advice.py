@@ -53,8 +53,7 @@ def compensation_changes(
     moving an obstacle, switching on steps of the compensation, another goal or path, more time. If
     all violations come before the plan starts, only obstacles are named."""
     problem = plan.problem
-    asking = [problem.asking(v.label) for v in violations]
-    met = [pair[0].number for pair in asking if pair and isinstance(pair[0], Obstacle)]
+    met = [v.demand.number for v in violations if isinstance(v.demand, Obstacle)]
     out = [f"obstacle {number} elsewhere" for number in dict.fromkeys(met)]
     wider = _wider_limits(plan, violations)
     out += [*wider, "smaller limits.input_rad_s, which the added inputs keep"] * bool(wider)
@@ -64,7 +63,7 @@ def compensation_changes(
         out.append("compensation.preparation = 'forward'")
     helpful = ("take_up", "correction")
     out += [f"compensation.{key} = true" for key in helpful if not getattr(options, key)]
-    times = [v.time_s for v in violations if v.time_s is not None and "goal" not in v.label]
+    times = [v.time_s for v in violations if v.time_s is not None and not v.misses_goal]
     near = [(a, b) for s in times for a, b in plan.clock.holds if a - 1 < s < b + 1]
     legs = plan.notes["compensation"]["uneven"]
     uneven = [leg for leg in legs if leg["t_s"] > 0 and leg["deg"] > LEAST_UNEVEN_DEG]
@@ -87,7 +86,7 @@ def compensation_changes(
             f"{less}: the motors' bias adds up to {drifted:.2g} deg on one machine in twenty",
         ]
     if problem.duration is not None:
-        is_missed = bool(violations) and all("goal" in v.label for v in violations)
+        is_missed = bool(violations) and all(v.misses_goal for v in violations)
         out.insert(0 if is_missed else len(out), "more time (goal.duration)")
     elif problem.duration_max is not None:
         out.append("a larger goal.duration_max")
@@ -97,10 +96,7 @@ def compensation_changes(
 def _wider_limits(plan: Plan, violations: Sequence[Violation]) -> list[str]:
     """Return how to widen each violated limit on the inputs that compensation does not know."""
     limits = [each for each in plan.problem.registered_limits if each.reads != {"q"}]
-    pairs = [(each, part) for each in limits for part in each.parts]
-    return [
-        e.easing([(e, part, v)]) for e, part in pairs for v in violations if v.label == part.label
-    ]
+    return [each.easing([v]) for each in limits for v in violations if type(v.demand) is type(each)]
 
 
 def _drift_deg(plan: Plan) -> float:

@@ -354,8 +354,8 @@ def _violations(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
     assert model is not None
     out = list(verify(plan).violations)
     if spent > job.demands.effort:
-        share = spent / job.demands.effort
-        out.append(Violation("effort", None, spent, job.demands.effort, "", share))
+        most = job.demands.effort
+        out.append(Violation(Part("effort", "", -np.inf, most, most), spent, most))
     if not model.backoff:
         return out
     x = ca.SX.sym("x", model.size)
@@ -369,8 +369,8 @@ def _violations(job: Task, plan: Plan, nodes: Array) -> list[Violation]:
                 upper = above[k] - part.high == excesses[k]
                 extreme, limit = (above[k], part.high) if upper else (below[k], part.low)
                 label = f"{part.label} with {model.backoff:g} standard deviations of back-off"
-                time_s, excess = float(job.mesh.edges[k] * plan.duration), float(excesses[k])
-                out.append(Violation(label, time_s, float(extreme), limit, part.unit, excess))
+                time_s = float(job.mesh.edges[k] * plan.duration)
+                out.append(Violation(replace(part, label=label), float(extreme), limit, time_s))
     return out
 
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from planner.problem.requirements.requirement import Breach, Demand, MotionPoint, Part, Requirement
+from planner.errors import Violation
+from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
 from planner.support.arrays import Array
 from planner.systems.triangular_system import Coordinate, arm_points_expr
 
@@ -34,6 +35,7 @@ class Goal(Demand):
 
     coordinates: tuple[Coordinate, ...]
     free: tuple[int, ...] = ()
+    at_goal = True
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -57,7 +59,7 @@ class TipGoal(Requirement):
     targets: tuple[float, ...]
     reach: float
 
-    reads, final = frozenset({"q"}), True
+    reads, final, at_goal = frozenset({"q"}), True, True
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -101,12 +103,11 @@ class TipGoal(Requirement):
         return [every[name] for name in self.quantities]
 
     @classmethod
-    def easing(cls, breaches: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Violation]) -> str:
         """Advise to change the goal to the tip pose that the motion reaches."""
-        tip = breaches[0][0]
-        assert isinstance(tip, TipGoal)
-        reached = {part.label: violation.value for _, part, violation in breaches}
-        pose = [reached.get(part.label, part.low) for part in tip.parts]
+        tip: TipGoal = breaches[0].demand
+        reached = {v.part: v.value for v in breaches}
+        pose = [reached.get(part, part.low) for part in tip.parts]
         keys = [f"goal.tip_m = [{pose[0]:.4g}, {pose[1]:.4g}]"] if "x" in tip.quantities else []
         keys += [f"goal.tip_angle_deg = {np.rad2deg(pose[-1]):.4g}"] * ("angle" in tip.quantities)
         return " and ".join(keys)
@@ -144,6 +145,6 @@ class LongestDuration(Demand):
         return (Part("duration of the whole run", "s", -np.inf, self.seconds, self.seconds),)
 
     @classmethod
-    def easing(cls, breaches: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Violation]) -> str:
         """Advise to raise the limit to the duration of the run."""
-        return f"goal.duration_max = {max(v.value for *_, v in breaches) * 1.0001:.4g}"
+        return f"goal.duration_max = {max(v.value for v in breaches) * 1.0001:.4g}"

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from planner.errors import Violation
-from planner.problem.requirements.requirement import Breach, Demand, MotionPoint, Part, Requirement
+from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
 from planner.support.arrays import Array
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import Coordinate, TriangularSystem
@@ -34,7 +34,7 @@ class ChartDomain(Demand):
         return (Part("chart domain", "", 0.0, np.inf, 1.0),)
 
     @classmethod
-    def easing(cls, breaches: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Violation]) -> str:
         """Return no advice, because no key of the problem file widens the chart's domain."""
         return ""
 
@@ -138,7 +138,7 @@ class JointLimit(SymmetricLimit):
     def contradiction_text(self, name: str, v: Violation) -> str:
         """Return words on how start, goal or waypoint violates the limit, and what to change."""
         value, limit, unit = replace(v, limit=abs(v.limit)).shown(6)
-        what = f"{name} {v.label.removeprefix(self.words + ' ')} = {value}{unit}"
+        what = f"{name} {self.quantities[v.part.index].name} = {value}{unit}"
         return f"{what} lies outside its limit of {limit}{unit}; move the {name} or widen the limit"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
@@ -167,9 +167,9 @@ class Z2Margin(Requirement):
         return (Part("z2 margin", "", self.margin, np.inf, max(self.margin, SMALLEST_Z2)),)
 
     @classmethod
-    def easing(cls, breaches: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Violation]) -> str:
         """Advise a smaller margin of z₂, or no margin if z₂ changes sign."""
-        ((_, _, v),) = breaches
+        (v,) = breaches
         if v.value > 0:
             return f"limits.z2_margin = {0.999 * v.value:.4g} or less"
         return "leave out limits.z2_margin, so that z2 may change sign"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import Violation
-from planner.problem.requirements.requirement import Breach, Demand, MotionPoint, Part, Requirement
+from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
 from planner.support.arrays import Array
 from planner.support.casadi import ca
 from planner.systems.triangular_system import TriangularSystem
@@ -40,7 +40,7 @@ class Waypoint(Demand):
         return (Part(f"distance from waypoint {self.number}", self.unit, -np.inf, 0.0, 1.0),)
 
     @classmethod
-    def easing(cls, breaches: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Violation]) -> str:
         """Advise to leave out the waypoints that the motion misses."""
         return _omission("waypoints", breaches)
 
@@ -106,12 +106,12 @@ class Obstacle(Requirement):
         return self.radius + self.clearance
 
     @classmethod
-    def easing(cls, breaches: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Violation]) -> str:
         """Advise a smaller clearance, or to leave out the discs that links touch."""
-        touched = [breach for breach in breaches if breach[2].value <= 0]
+        touched = [v for v in breaches if v.value <= 0]
         if touched:
             return _omission("obstacles", touched)
-        return f"obstacles.clearance_m = {0.999 * min(v.value for *_, v in breaches):.4g} or less"
+        return f"obstacles.clearance_m = {0.999 * min(v.value for v in breaches):.4g} or less"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
         """Return the change that removes all obstacles."""
@@ -185,6 +185,6 @@ def nearest_on_segment(point: Array, first: Array, last: Array) -> Array:
     return np.asarray(first + np.clip(share, 0.0, 1.0)[..., None] * step)
 
 
-def _omission(table: str, breaches: Sequence[Breach]) -> str:
-    numbers = sorted({demand.number for demand, *_ in breaches})  # type: ignore[attr-defined]
+def _omission(table: str, breaches: Sequence[Violation]) -> str:
+    numbers = sorted({v.demand.number for v in breaches})
     return f"leave out [[{table}]] {' and '.join(map(str, numbers))}"

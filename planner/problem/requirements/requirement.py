@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from planner.errors import Part as Part
 from planner.errors import Violation
 from planner.support.arrays import Array
 from planner.support.casadi import ca
@@ -45,35 +46,16 @@ class MotionPoint:
         return np.moveaxis(self.q, 0, -1)
 
 
-@dataclass(frozen=True)
-class Part:
-    """One value of a demand that must lie between `low` and `high`.
-
-    Attributes:
-        label: Name of the limited value, as in "input u2"; unique within a problem.
-        unit: Unit of value and limits.
-        low: Least value; may be −∞.
-        high: Largest value; may be ∞.
-        scale: Divisor that makes an excess comparable with those of other parts, in the unit.
-        index: Index of the input or coordinate, from 0.
-    """
-
-    label: str
-    unit: str
-    low: float
-    high: float
-    scale: float
-    index: int = 0
-
-
 class Demand(ABC):
     """A condition on a motion: at an end, at a waypoint, or (a `Requirement`) at all times.
 
     Attributes:
         in_chart: Whether the demand applies only to motions in chained coordinates.
+        at_goal: Whether a motion that breaks the demand misses the goal.
     """
 
     in_chart: ClassVar[bool] = False
+    at_goal: ClassVar[bool] = False
 
     @property
     @abstractmethod
@@ -85,15 +67,15 @@ class Demand(ABC):
         return part.label
 
     @classmethod
-    def easing(cls, breaches: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Violation]) -> str:
         """Describe a change of the problem file that would permit all of the `breaches`."""
         peaks = []
-        for demand, part, v in breaches:
-            above = v.limit == part.high
+        for v in breaches:
+            above = v.limit == v.part.high
             value = v.value + (1e-3 if above else -1e-3) * abs(v.value)
             shown, _, unit = replace(v, value=value).shown(4)
             side = "least" if above else "most"
-            peaks.append(f"{demand.limit_name(part)} at {side} {shown}{unit}")
+            peaks.append(f"{v.demand.limit_name(v.part)} at {side} {shown}{unit}")
         return f"wider limits: {', '.join(peaks)}"
 
     def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
@@ -107,10 +89,6 @@ class Demand(ABC):
             the name of what is removed. None if the demand cannot be removed.
         """
         return None
-
-
-Breach = tuple[Demand, Part, Violation]
-"""A demand, its violated part, and the violation."""
 
 
 @dataclass(frozen=True)
@@ -192,9 +170,7 @@ class Requirement(Demand):
         for part, value in zip(self.parts, self.values(MotionPoint.of(system, q)), strict=True):
             if value < part.low or value > part.high:  # false for NaN
                 limit = part.low if value < part.low else part.high
-                scaled = abs(float(value) - limit) / part.scale
-                exceeded = part.label, None, float(value), limit, part.unit, scaled
-                violations.append(Violation(*exceeded))
+                violations.append(Violation(part, float(value), limit, demand=self))
         if not violations:
             return None
         return self.contradiction_text(name, max(violations, key=lambda v: v.scaled))

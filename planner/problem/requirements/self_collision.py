@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from planner.errors import Violation
 from planner.problem.requirements.places import nearest_on_segment
-from planner.problem.requirements.requirement import Breach, MotionPoint, Part, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.support.arrays import Array
 from planner.support.casadi import ca
 from planner.systems.triangular_system import TriangularSystem, arm_points_expr
@@ -83,17 +83,18 @@ class SelfCollision(Requirement):
     @property
     def parts(self) -> tuple[Part, ...]:
         """One part for each pair of a joint (or the tip) and a link that is not adjacent."""
-        names = [*(f"joint {k + 1}" for k in range(self.links)), "the tip"]
         least = self.clearance
-        return tuple(
-            Part(f"clearance of {names[place]} from link {link}", "m", least, np.inf, least)
-            for place, link in self.joint_link_pairs
-        )
+        labels = (" from ".join(self._names(pair)) for pair in self.joint_link_pairs)
+        return tuple(Part(f"clearance of {label}", "m", least, np.inf, least) for label in labels)
+
+    def _names(self, pair: Pair) -> tuple[str, str]:
+        place, link = pair
+        return "the tip" if place == self.links else f"joint {place + 1}", f"link {link}"
 
     @classmethod
-    def easing(cls, breaches: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Violation]) -> str:
         """Advise a smaller clearance of the links, or no clearance if links cross."""
-        least = min(v.value for *_, v in breaches)
+        least = min(v.value for v in breaches)
         if least > 0:
             return f"limits.{cls.key} = {0.999 * least:.4g} or less"
         return f"leave out limits.{cls.key}"
@@ -165,15 +166,14 @@ class SelfCollision(Requirement):
 
     def contradiction_text(self, name: str, v: Violation) -> str:
         """Return words on links too near at start, goal or waypoint, and what to change."""
-        what = v.label.removeprefix("clearance of ")
+        names = self._names(list(self.joint_link_pairs)[self.parts.index(v.part)])
         change = f"move the {name} or lower limits.{self.key}"
         if v.value <= 0:
-            pair = what.replace(" from ", " and ")
             return (
-                f"at the {name} links cross (near {pair}); move the {name} or leave out"
-                f" limits.{self.key}"
+                f"at the {name} links cross (near {' and '.join(names)}); move the {name} or leave"
+                f" out limits.{self.key}"
             )
-        is_ = f"the clearance of {what} is {v.value:.3g} m, allowed {v.limit:g} m"
+        is_ = f"the {v.label} is {v.value:.3g} m, allowed {v.limit:g} m"
         return f"at the {name} {is_}; {change}"
 
     def nearest_pair(self, points: Array) -> tuple[Array, Array, float]:

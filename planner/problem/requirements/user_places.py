@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from planner.errors import Violation
 from planner.problem.requirements.motion_limits import JointLimit
-from planner.problem.requirements.requirement import Breach, MotionPoint, Part, Requirement
+from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.systems.triangular_system import Coordinate
 
 
@@ -47,7 +48,7 @@ class UserGoal(_UserPart):
     indices: tuple[int, ...]
     targets: tuple[float, ...]
 
-    reads, final = frozenset({"q"}), True
+    reads, final, at_goal = frozenset({"q"}), True, True
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -56,7 +57,9 @@ class UserGoal(_UserPart):
         return tuple(Part(f"goal {c.name}", c.unit, value, value, 1.0, i) for c, i, value in terms)
 
     @classmethod
-    def easing(cls, breaches: Sequence[Breach]) -> str:
+    def easing(cls, breaches: Sequence[Violation]) -> str:
         """Advise to change the goal to the place that the motion reaches."""
-        reached = (f"{part.label.removeprefix('goal ')} = {v.value:.4g}" for _, part, v in breaches)
+        goal: UserGoal = breaches[0].demand
+        names = {i: c.name for i, c in zip(goal.indices, goal.coordinates, strict=True)}
+        reached = (f"{names[v.part.index]} = {v.value:.4g}" for v in breaches)
         return f"goal.q with {', '.join(reached)}"

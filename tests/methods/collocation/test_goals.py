@@ -222,7 +222,7 @@ def test_a_tip_that_misses_says_which_key_would_be_kept() -> None:
     asked = TipGoal(("x", "y", "angle"), (0.5, 0.6, 1.0), 0.9)
     x, _, angle = asked.parts
     broken = [
-        (asked, part, planner.Violation(part.label, 1.0, value, part.low, part.unit, 1.0))
+        planner.Violation(part, value, part.low, 1.0, asked)
         for part, value in ((x, 0.45), (angle, np.pi / 3))
     ]
     assert TipGoal.easing(broken) == "goal.tip_m = [0.45, 0.6] and goal.tip_angle_deg = 60"

@@ -92,8 +92,8 @@ def sweep(
         outcome = run_sweep(
             task, path, workers=workers, cluster=cluster, retry=retry or (), progress=progress
         )
-    written = export_to and export(path, export_to)
-    columns, records = read(path)
+    written = export_to and export(path, export_to, outcome.sweep)
+    columns, records = read(path, outcome.sweep)
     counts = solved_by_method(records)
     if figure is not None:
         write_figure(figure, draw_sweep(columns, records))

@@ -34,7 +34,8 @@ def load_sweep(db: str | Path, which: int | None = None) -> pandas.DataFrame:
 
     Args:
         db: A database file of `planner sweep`.
-        which: Number of the sweep in the file, from 0. By default the sweep started last.
+        which: Number of the sweep in the file (`Outcome.sweep` of `run_sweep`). By default the
+            sweep started last; other runs may have started one in the same file meanwhile.
 
     Returns:
         A DataFrame with one column per varied key (named by the dotted key), then `method`, the
@@ -42,7 +43,8 @@ def load_sweep(db: str | Path, which: int | None = None) -> pandas.DataFrame:
         `load_case_plan`) and `finished_at`.
 
     Raises:
-        InputError: If pandas is not installed, or the file is missing or not a sweep database.
+        InputError: If pandas is not installed, or the file is missing, is not a sweep database, or
+            has no such sweep.
     """
     pandas = import_library("pandas")
     columns, records = read(db, which)
@@ -110,15 +112,10 @@ def refuse_unexportable(path: str | Path) -> None:
 def read(db: str | Path, which: int | None = None) -> tuple[list[str], list[Record]]:
     """Return the column names of a sweep's results, and one record per point and method."""
     with Store(db) as store:
-        sweeps = store.sweeps()
-        if not sweeps:
-            raise InputError(f"{db} holds no sweep yet")
-        number = len(sweeps) - 1 if which is None else which
-        if not 0 <= number < len(sweeps):
-            raise InputError(f"{db} holds {len(sweeps)} sweeps; there is no number {which}")
-        columns = [*sweeps[number]["keys"], *RESULT_COLUMNS]
+        number, keys = store.find_sweep(which)
+        columns = [*keys, *RESULT_COLUMNS]
         records = []
-        for row in store.rows(sweeps[number]["id"]):
+        for row in store.rows(number):
             row |= {"solved": bool(row["solved"])}
             records.append({**dict.fromkeys(columns), **row.pop("changes"), **row})
     return columns, records

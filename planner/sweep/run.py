@@ -34,6 +34,7 @@ class Outcome:
 
     Attributes:
         db: The database file.
+        sweep: Number of the sweep in the file, for `planner.load_sweep`.
         points: Number of points of the sweep times number of methods.
         cases: Number of different cases among these points and methods.
         kept: Number of cases that were already in the file.
@@ -43,6 +44,7 @@ class Outcome:
     """
 
     db: str
+    sweep: int
     points: int
     cases: int
     kept: int
@@ -109,8 +111,8 @@ def run_sweep(
         statuses = store.statuses(index)
         if sum(statuses.values()) < len(positions):
             raise InputError(f"{db} has lost cases while the sweep ran; run the same command again")
-    elapsed = time.perf_counter() - start
-    return Outcome(str(db), len(sweep), len(positions), len(done), run.done, statuses, elapsed)
+    counts = len(sweep), len(positions), len(done), run.done
+    return Outcome(str(db), index, *counts, statuses, time.perf_counter() - start)
 
 
 def expect_workers(workers: int | None, cluster: str | None) -> None:

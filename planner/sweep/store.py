@@ -25,6 +25,9 @@ from planner.sweep.description import Sweep
 from planner.sweep.sweep_file import canonical_json, digest
 
 SCHEMA_VERSION = 1
+_ORDER = {"started": "INTEGER"}
+"""Columns of the starts' order in the file: 1 for the first start, and so on; no clock is asked."""
+
 LOCK_WAIT_S = 30.0
 """Longest wait for another process that writes to the same file, in seconds."""
 
@@ -44,7 +47,8 @@ CREATE TABLE sweeps (
     digest TEXT NOT NULL UNIQUE,
     description TEXT NOT NULL,
     keys TEXT NOT NULL,
-    started_at TEXT NOT NULL
+    started_at TEXT NOT NULL,
+    {", ".join(f"{name} {kind}" for name, kind in _ORDER.items())}
 );
 CREATE TABLE points (
     sweep INTEGER NOT NULL REFERENCES sweeps (id),
@@ -162,16 +166,20 @@ class Store:
             )
 
     def _add_columns(self) -> None:
-        """Add result columns that are missing in a file of an older version of planner."""
+        """Add columns that are missing in a file of an older version of planner."""
         if not self._missing_columns():
             return
         with self.transaction():
-            for name in self._missing_columns():  # another process may have added some
-                self.db.execute(f"ALTER TABLE cases ADD COLUMN {name} {RESULTS[name]}")
+            for column in self._missing_columns():  # another process may have added some
+                self.db.execute("ALTER TABLE {} ADD COLUMN {} {}".format(*column))
 
-    def _missing_columns(self) -> list[str]:
-        there = {row[1] for row in self.db.execute("PRAGMA table_info(cases)")}
-        return [name for name in RESULTS if name not in there]
+    def _missing_columns(self) -> list[tuple[str, str, str]]:
+        """Return table, name and kind of each missing column."""
+        out = []
+        for table, columns in {"cases": RESULTS, "sweeps": _ORDER}.items():
+            there = {row[1] for row in self.db.execute(f"PRAGMA table_info({table})")}
+            out += [(table, name, kind) for name, kind in columns.items() if name not in there]
+        return out
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
@@ -218,23 +226,26 @@ class Store:
     def register(self, sweep: Sweep, cases: Iterable[Case]) -> int:
         """Record the cases of a sweep, and that this sweep was started last.
 
+        Tables or cases that differ, as those of another version of planner may, make another sweep;
+        so the cases of a recorded sweep never change.
+
         Returns:
             The sweep's number in this file.
         """
         data = sweep.to_dict()
-        sweep_digest = digest(data)
         rows = [(c.label, canonical_json(c.changes), c.key) for c in cases]  # slow: before the lock
+        whole = digest([data, rows])
         with self.transaction():
             self.db.execute(
-                "INSERT INTO sweeps (digest, description, keys, started_at) VALUES (?, ?, ?, ?)"
-                " ON CONFLICT (digest) DO UPDATE SET started_at = excluded.started_at",
-                (sweep_digest, canonical_json(data), json.dumps(sweep.keys), _now()),
+                "INSERT INTO sweeps (digest, description, keys, started_at, started)"
+                " VALUES (?, ?, ?, ?, (SELECT coalesce(max(started), 0) + 1 FROM sweeps))"
+                " ON CONFLICT (digest) DO UPDATE"
+                " SET started_at = excluded.started_at, started = excluded.started",
+                (whole, canonical_json(data), json.dumps(sweep.keys), _now()),
             )
-            ((number,),) = self._select("SELECT id FROM sweeps WHERE digest = ?", sweep_digest)
-            # Another version of planner may give the points other keys.
-            self.db.execute("DELETE FROM points WHERE sweep = ?", (number,))
+            ((number,),) = self._select("SELECT id FROM sweeps WHERE digest = ?", whole)
             self.db.executemany(
-                "INSERT INTO points VALUES (?, ?, ?, ?, ?)",
+                "INSERT OR IGNORE INTO points VALUES (?, ?, ?, ?, ?)",
                 ((number, position, *row) for position, row in enumerate(rows)),
             )
         return int(number)
@@ -292,18 +303,22 @@ class Store:
             )
         )
 
-    def sweeps(self) -> list[dict[str, Any]]:
-        """Return id, description and varied keys of each sweep in the file, by time of start."""
-        return [
-            {
-                "id": i,
-                "description": self._parse(d, "a description", dict),
-                "keys": self._parse(keys, "the keys of a sweep", list),
-            }
-            for i, d, keys in self._select(
-                "SELECT id, description, keys FROM sweeps ORDER BY started_at, id"
-            )
-        ]
+    def find_sweep(self, number: int | None = None) -> tuple[int, list[str]]:
+        """Return number and varied keys of a sweep in the file; by default of that started last.
+
+        Raises:
+            InputError: If the file holds no sweep, or none of this number.
+        """
+        rows = self._select("SELECT id, keys FROM sweeps ORDER BY started, id")
+        if not rows:
+            raise InputError(f"{self.path} holds no sweep yet")
+        last, _ = rows[-1]
+        keys = dict(rows)
+        if number is not None and number not in keys:
+            listed = ", ".join(map(str, sorted(keys)))
+            raise InputError(f"{self.path} holds no sweep {number}; there are: {listed}")
+        found = last if number is None else number
+        return found, self._parse(keys[found], "the keys of a sweep", list)
 
     def rows(self, sweep: int) -> Iterator[dict[str, Any]]:
         """Yield changes, method and results (without plan) of a sweep's finished cases in order."""

@@ -93,8 +93,8 @@ def results(joints: int, count: int, db: Path, workers: int) -> list[list[Record
             def told(_: str, share: float, bar: Any = bar, line: Any = line) -> None:
                 bar.update(line, completed=share)
 
-            run_sweep(tables, db, workers=workers, progress=told)
-        out.append(read(db)[1])
+            run = run_sweep(tables, db, workers=workers, progress=told)
+        out.append(read(db, run.sweep)[1])
     return out
 
 

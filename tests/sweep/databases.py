@@ -9,7 +9,7 @@ from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
-LAST = "(SELECT id FROM sweeps ORDER BY started_at DESC LIMIT 1)"
+LAST = "(SELECT id FROM sweeps ORDER BY started DESC LIMIT 1)"
 
 
 def query(db: Path, statement: str) -> list[tuple[Any, ...]]:

@@ -83,8 +83,8 @@ def test_missing_libraries_are_named_with_their_extra(
 def test_missing_sweeps_are_named(db: Path, tmp_path: Path) -> None:
     with pytest.raises(planner.InputError, match="no such file"):
         export(tmp_path / "none.sqlite", tmp_path / "out.csv")
-    with pytest.raises(planner.InputError, match="holds 1 sweeps; there is no number 1"):
-        export(db, tmp_path / "out.csv", which=1)
+    with pytest.raises(planner.InputError, match="holds no sweep 2; there are: 1"):
+        export(db, tmp_path / "out.csv", which=2)
     query(db, "DELETE FROM sweeps")
     with pytest.raises(planner.InputError, match="holds no sweep yet"):
         export(db, tmp_path / "out.csv")

@@ -13,6 +13,8 @@ from typing import Any
 from planner.problem.feasibility import travel_window
 from planner.support.files import make_folder
 from planner.support.progress import Tell, expect_listener
+from planner.sweep.case import cases
+from planner.sweep.description import Sweep
 from planner.sweep.design.design_file import read_design
 from planner.sweep.design.figures import DesignRow, outcome, recommend
 from planner.sweep.design.result import DesignStudy
@@ -63,15 +65,17 @@ def design_study(
     place = tempfile.TemporaryDirectory() if folder is None else nullcontext(make_folder(folder))
     with place as kept_folder:
         db = Path(kept_folder) / CASES_FILE
-        run = run_sweep(study.sweep(), db, workers=workers, cluster=cluster, progress=progress)
+        task = Sweep.from_dict(study.sweep())
+        run = run_sweep(task, db, workers=workers, cluster=cluster, progress=progress)
         tell("comparing", 1.0)
-        cases = iter(read(db)[1])
+        results = {record["case"]: record for record in read(db, run.sweep)[1]}
+    found = (results[case.key] for case in cases(task))
     rows, seconds = [], dict.fromkeys(study.methods, 0.0)
     for each in study.designs:
         if each.refused:
             rows.append(DesignRow(each, {}))
             continue
-        of_tasks = [{m: next(cases) for m in study.methods} for _ in study.tasks[each.joints]]
+        of_tasks = [{m: next(found) for m in study.methods} for _ in study.tasks[each.joints]]
         outcomes = [outcome(each, next(windows), of_methods) for of_methods in of_tasks]
         for method, case in chain.from_iterable(task.items() for task in of_tasks):
             seconds[method] += case["case_time_s"] or 0.0

@@ -50,7 +50,7 @@ def known(tmp_path: Path, quick: Tables) -> Known:
         cases = [results for tasks in designs for results in tasks]
         connection = sqlite3.connect(tmp_path / "cases.sqlite")
         with connection:
-            last = "SELECT id FROM sweeps ORDER BY started_at DESC LIMIT 1"
+            last = "SELECT id FROM sweeps ORDER BY started DESC LIMIT 1"
             keys = connection.execute(
                 f"SELECT key FROM points WHERE sweep = ({last}) ORDER BY position"
             )

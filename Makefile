@@ -119,7 +119,7 @@ results-check: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/results_pages.py
 
 notebook: $(VENV)/.notebook
-	@$(BIN)/python -m jupyterlab --notebook-dir=notebooks quick-tour.ipynb
+	@$(BIN)/python -m jupyterlab --notebook-dir=notebooks notebooks/quick-tour.ipynb
 
 docs: $(VENV)/.docs
 	@echo "building the documentation"

@@ -1,4 +1,4 @@
-"""A real Jupyter server in a folder of its own, which touches nothing of the user's."""
+"""Real Jupyter servers with a home of their own, which touch nothing of the user's."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 WAIT_S = 60.0
 QUIET = {
@@ -23,27 +24,40 @@ QUIET = {
 def lab_server(folder: Path) -> Iterator[str]:
     """Serve the notebooks of a folder; gives the address, which ends in a slash."""
     home = folder / ".jupyter-home"
+    command = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", "--ip=127.0.0.1"]
+    command += ["--port=0", "--IdentityProvider.token=", f"--ServerApp.root_dir={folder}"]
+    command += ["--LabApp.extension_manager=readonly", "--ServerApp.use_redirect_file=False"]
+    command += ["--LabApp.expose_app_in_browser=True"]  # window.jupyterapp
+    with started(command, home, home_of_jupyter(home)) as server:
+        yield _address(server, home)
+
+
+def home_of_jupyter(home: Path) -> dict[str, str]:
+    """Make a home for Jupyter; return the environment with which it uses nothing else."""
     config = home / "config"
     (config / "labconfig").mkdir(parents=True)
     (config / "labconfig" / "page_config.json").write_text(
         json.dumps({"disabledExtensions": QUIET})
     )
     places = {"CONFIG": config, "DATA": home / "data", "RUNTIME": home / "runtime"}
-    environment = {
+    return {
         **os.environ,
         **{f"JUPYTER_{name}_DIR": str(place) for name, place in places.items()},
         "JUPYTERLAB_SETTINGS_DIR": str(home / "settings"),
         "JUPYTERLAB_WORKSPACES_DIR": str(home / "workspaces"),
         "IPYTHONDIR": str(home / "ipython"),
     }
-    command = [sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", "--ip=127.0.0.1"]
-    command += ["--port=0", "--IdentityProvider.token=", f"--ServerApp.root_dir={folder}"]
-    command += ["--LabApp.extension_manager=readonly", "--ServerApp.use_redirect_file=False"]
-    command += ["--LabApp.expose_app_in_browser=True"]  # window.jupyterapp
+
+
+@contextmanager
+def started(
+    command: list[str], home: Path, environment: dict[str, str], **settings: Any
+) -> Iterator[subprocess.Popen[bytes]]:
+    """Start a server, with its log in its home, and end it."""
     with (home / "log").open("w") as log:
-        server = subprocess.Popen(command, env=environment, stdout=log, stderr=log)
+        server = subprocess.Popen(command, env=environment, stdout=log, stderr=log, **settings)
     try:
-        yield _address(server, home)
+        yield server
     finally:
         server.terminate()
         try:

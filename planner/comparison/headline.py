@@ -20,8 +20,7 @@ LEAST_SWING_DEG = 5.0
 """Smallest swing of joint 1 that needs a warning, in degrees."""
 
 MOST_BEYOND_PERCENT = 1.0
-"""Percentage of machines on which a recommended plan may break a limit; a plan that exceeds this
-percentage is recommended only if all plans do."""
+"""Largest percentage of machines on which a recommended plan may break a physical limit."""
 
 LEAST_RUN_UP_S = 0.5
 """Longest motion of the arm beyond the plan's duration, in seconds, that needs no warning."""
@@ -46,10 +45,10 @@ def compare_pairs(
 
 
 def recommend(rows: Sequence[Row], threshold_deg: float) -> Row | None:
-    """Return the plan to take without feedback; None if no method has a verified plan.
+    """Return the plan to take without feedback; None if no method has a verified plan that breaks
+    a physical limit on at most `MOST_BEYOND_PERCENT` of the machines.
 
-    Plans that break a limit on more than `MOST_BEYOND_PERCENT` of the machines are considered only
-    if all plans do. The best plan is the plan with the smallest median E. Among the plans that the
+    The best plan is the plan with the smallest median E. Among the plans that the
     paired test does not find worse than the best, the plan with the least effort is taken. If no
     plan has an E, effort alone decides.
 
@@ -57,11 +56,10 @@ def recommend(rows: Sequence[Row], threshold_deg: float) -> Row | None:
         rows: The rows of a comparison.
         threshold_deg: A smaller difference of E does not matter, degrees.
     """
-    solved = [row for row in rows if row.solved and not row.feedback]
+    solved = [row for row in _solved(rows) if not _breaks_limits(row)]
     if not solved:
         return None
     finite = [row for row in solved if np.isfinite(row.E_median_deg)]
-    finite = [row for row in finite if not _breaks_limits(row)] or finite
     if finite:
         best = min(finite, key=lambda row: row.E_median_deg)
         worse = _worse_than(best, rows, threshold_deg)
@@ -69,8 +67,12 @@ def recommend(rows: Sequence[Row], threshold_deg: float) -> Row | None:
     return min(solved, key=lambda row: row.effort if np.isfinite(row.effort) else np.inf)
 
 
+def _solved(rows: Sequence[Row]) -> list[Row]:
+    return [row for row in rows if row.solved and not row.feedback]
+
+
 def _breaks_limits(row: Row) -> bool:
-    return row.beyond_limits > MOST_BEYOND_PERCENT
+    return row.beyond_physical > MOST_BEYOND_PERCENT
 
 
 def _worse_than(row: Row, rows: Sequence[Row], threshold_deg: float) -> set[str]:
@@ -90,10 +92,13 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
         threshold_deg: A smaller difference of E does not matter, degrees.
         fidelity: Fidelity of the machines, such as "dynamic"; the errors of an arm depend on it.
     """
-    row = recommend(rows, threshold_deg)
+    row, solved = recommend(rows, threshold_deg), _solved(rows)
+    if row is None and solved:
+        row = min(solved, key=lambda each: each.beyond_physical)
+        fewest = ", the fewest of all plans" if len(solved) > 1 else ""
+        return f"No plan is recommended.{_caution(row).removesuffix('.')}{fewest}."
     if row is None:
         return "None of the methods found a plan that keeps every limit."
-    solved = [each for each in rows if each.solved and not each.feedback]
     refused = _refusal(rows, row, threshold_deg)
     tail = f"{_swing(row)}{_caution(row)}"
     if len(solved) == 1:
@@ -140,7 +145,7 @@ def _against(row: Row, rival: Row, worse: bool, threshold_deg: float) -> str:
     """
     name = f"{rival.label} (E {_degrees(rival.E_median_deg)})"
     if _breaks_limits(rival) and not _breaks_limits(row):
-        return f" {name} breaks a limit on {number(rival.beyond_limits)} % of the machines."
+        return f" {name} breaks a limit on {number(rival.beyond_physical)} % of the machines."
     if worse:
         costs, kind = _costs(row, rival), "out" if plain_label(row.label) == row.label else ""
         best = f" The next best plan with{kind} compensation is {name}."
@@ -240,7 +245,11 @@ def _caution(row: Row) -> str:
     """Return a warning if machines break limits that the plan keeps; else ""."""
     if not row.beyond_limits > 0:
         return ""
-    return f" On {number(row.beyond_limits)} % of the machines {row.label} breaks a limit."
+    words = f" On {number(row.beyond_limits)} % of the machines {row.label} breaks a limit"
+    if not row.breaks_alike:
+        words += f", on {number(row.beyond_physical)} % a physical one"
+        words += " (breaking one of chained coordinates harms nothing)"
+    return f"{words}."
 
 
 def _follow_up(rows: Sequence[Row], row: Row) -> str:
@@ -255,7 +264,7 @@ def _follow_up(rows: Sequence[Row], row: Row) -> str:
     more = closed[0].duration_s - row.duration_s
     if more > LEAST_RUN_UP_S:
         words += f" The controller moves the arm {more:.1f} s longer, also before the plan starts."
-    return words
+    return words + _caution(closed[0])
 
 
 def _degrees(value: float) -> str:

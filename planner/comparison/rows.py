@@ -67,7 +67,9 @@ class Row(PlanFigures):
         E_p95_deg: 95th percentile of E over machines.
         end_median_deg: Median over machines of the largest error of an angle at the end.
         end_p95_deg: 95th percentile over machines of the largest error of an angle at the end.
-        beyond_limits: Percent of the machines that break a limit of joints, obstacles or links.
+        beyond_limits: Percent of the machines that break a limit of joints, obstacles, links or
+            chained coordinates.
+        beyond_physical: Percent of the machines that break one that is not of chained coordinates.
         E_median_interval_deg: 95 % confidence interval of `E_median_deg`.
         E_p95_interval_deg: 95 % confidence interval of `E_p95_deg`; NaN if there are too few
             machines.
@@ -97,6 +99,12 @@ class Row(PlanFigures):
     beyond_limits: float = figure(
         Heading("beyond limits", "%"),
         replay=lambda run: 100 * run.limit_share,
+        files=True,
+        sweep=False,
+    )
+    beyond_physical: float = figure(
+        Heading("beyond physical limits", "%"),
+        replay=lambda run: 100 * run.physical_share,
         files=True,
         sweep=False,
     )
@@ -147,8 +155,14 @@ class Row(PlanFigures):
         if self.solved and self.domain_ok is False:
             words.append("leaves the chart, as this method may")
         if self.solved and self.beyond_limits > 0:
-            words.append(f"{number(self.beyond_limits)} % of machines break a limit")
+            few = "" if self.breaks_alike else f", {number(self.beyond_physical)} % a physical one"
+            words.append(f"{number(self.beyond_limits)} % of machines break a limit{few}")
         return "; ".join(words)
+
+    @property
+    def breaks_alike(self) -> bool:
+        """Whether every machine that breaks a limit breaks a physical one."""
+        return self.beyond_physical == self.beyond_limits
 
     @property
     def status(self) -> str | None:

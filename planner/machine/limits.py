@@ -1,6 +1,7 @@
-"""Limits that machines break although the plan keeps them: joints, obstacles, other links.
+"""Limits that machines break although the plan keeps them: joints, obstacles, other links, z₂.
 
 A verified plan may touch an obstacle without clearance; every machine that deviates then hits it.
+A limit of chained coordinates is judged too, but breaks nothing (`Demand.physical`).
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.problem.requirements.motion_limits import JointLimit, Z2Margin
+from planner.problem.requirements.motion_limits import JointLimit
 from planner.problem.requirements.places import Obstacle
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.requirements.self_collision import SelfCollision
@@ -57,20 +58,17 @@ class MachineLimit:
 
     def __str__(self) -> str:
         angle = self.part.unit == "rad"
-        value = (
-            f"{np.rad2deg(self.worst):.3g} deg" if angle else f"{self.worst:.3g} {self.part.unit}"
-        )
+        value, unit = (np.rad2deg(self.worst), "deg") if angle else (self.worst, self.part.unit)
+        shown = f"{value:.3g} {unit}".rstrip()
         return (
-            f"{self.part.label} {value} at worst (at {self.t_s:.3g} s on machine {self.sample}),"
+            f"{self.part.label} {shown} at worst (at {self.t_s:.3g} s on machine {self.sample}),"
             f" broken by {self.broken}"
         )
 
 
 def breakable_limits(problem: Problem) -> list[Requirement]:
-    """Return the requirements that a machine may break: those on the coordinates along the path,
-    except the margin of z₂, a quantity of the methods only."""
-    on_q = [each for each in problem.requirements if each.reads == {"q"}]
-    return [each for each in on_q if not isinstance(each, Z2Margin)]
+    """Return the requirements that a machine may break: those on the coordinates along the path."""
+    return [each for each in problem.requirements if each.reads == {"q"}]
 
 
 def bounds(requirement: Requirement) -> tuple[Array, Array]:
@@ -146,8 +144,8 @@ def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
     """Say which limits machines break and what would keep 95 % of the machines clear, or "".
 
     Args:
-        limits: Result of `machine_limits`.
-        machines: Number of machines that break at least one limit.
+        limits: Result of `machine_limits`, either physical limits or those of chained coordinates.
+        machines: Number of machines that break at least one of them.
     """
     violations = sorted((each for each in limits if each.broken), key=lambda each: -each.broken)
     if not violations:
@@ -155,6 +153,8 @@ def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
     first = violations[0]
     count = f"{machines} of {first.samples} machine{'s' if first.samples > 1 else ''}"
     more = f", and {len(violations) - 1} more limits" if len(violations) > 1 else ""
+    if not first.requirement.physical:
+        return f"{count} break a limit of chained coordinates, which harms nothing: {first}{more}"
     ways = dict.fromkeys(filter(None, map(_advice, _furthest(violations))))
     keeps = f"; {KEPT_PERCENT:.0f} % of the machines keep clear with about {' and '.join(ways)}"
     if not ways or machines <= first.samples * (1 - KEPT_PERCENT / 100):  # as many do already

@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.machine.closed_loop import Feedback, encoder_readings
 from planner.machine.friction.contacts import contact_name
-from planner.machine.limits import MachineLimit, limit_words, lower_margins, machine_limits
+from planner.machine.limits import (
+    MachineLimit,
+    limit_words,
+    lower_margins,
+    machine_limits,
+    parts_of,
+)
 from planner.machine.machine import Draws, Machine, draw, machine_for, sample_numbers
 from planner.machine.simulate import Progress, Recording, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
@@ -97,7 +103,7 @@ class Replay(Recording):
 
     @cached_property
     def limits(self) -> tuple[MachineLimit, ...]:
-        """Results of checking joint limits, obstacles and the links' clearance on the machines.
+        """Results of checking joint limits, obstacles, the links' clearance and z₂ on the machines.
 
         The limits are checked at the recorded times; there are none with `record_s=None`.
         """
@@ -110,16 +116,35 @@ class Replay(Recording):
     @property
     def limit_share(self) -> float:
         """Share (0 … 1) of the machines that break a limit of `limits`; NaN if none was checked."""
-        return float(np.mean(self._beyond)) if self.limits else np.nan
+        return float(np.mean(np.any(self.margin < 0, axis=1))) if self.limits else np.nan
+
+    @property
+    def physical_share(self) -> float:
+        """Share (0 … 1) of the machines that break a physical limit, one whose violation may break
+        something; NaN if no limit was checked.
+
+        The others are limits of chained coordinates. A machine that crosses z₂ = 0 comes to no
+        harm: its rates, eq. (6), are smooth in q and contain no z₂, and only cosθ = 0 stops a
+        joint. At most the change of coordinates from z to q is singular there.
+        """
+        return float(np.mean(self._beyond(physical=True))) if self.limits else np.nan
 
     @property
     def limit_words(self) -> str:
         """Words on which limits the machines break, and what would help; "" if none is broken."""
-        return limit_words(self.limits, int(np.sum(self._beyond)))
+        kinds = [
+            limit_words(
+                [each for each in self.limits if each.requirement.physical == kind],
+                int(np.sum(self._beyond(physical=kind))),
+            )
+            for kind in (True, False)
+        ]
+        return "; ".join(filter(None, kinds))
 
-    @property
-    def _beyond(self) -> NDArray[np.bool_]:
-        return np.asarray(np.any(self.margin < 0, axis=1))
+    def _beyond(self, *, physical: bool) -> NDArray[np.bool_]:
+        """Return which machines break a limit of one kind, (S,)."""
+        kinds = [each.physical == physical for each, *_ in parts_of(self.plan.problem)]
+        return np.asarray(np.any(self.margin[:, kinds] < 0, axis=1))
 
     def percentile(self, percent: float) -> float:
         """Return the percentile (0 … 100) of E over the samples, degrees; 50 is the median."""
@@ -250,6 +275,7 @@ class Replay(Recording):
             "slip_s": float(self.slip_s.max()),
             "slip": self.slip_words,
             "limit_share": self.limit_share,
+            "physical_share": self.physical_share,
             "limits": self.limit_words,
             "fallbacks": int(self.fallbacks.sum()),
         }

@@ -130,10 +130,28 @@ def test_a_plan_that_breaks_limits_on_many_machines_comes_after_one_that_does_no
     compensated: planner.Comparison,
 ) -> None:
     plain, better = compensated.rows
-    nearer = replace(better, label="polynomial compensated", E_median_deg=0.1, beyond_limits=3.9)
+    nearer = replace(better, label="polynomial compensated", E_median_deg=0.1, beyond_physical=3.9)
     result = replace(compensated, rows=(plain, better, nearer))
     assert result.recommended is better
     assert f"{nearer.label} (E 0.1 deg) breaks a limit on 3.9 % of the machines." in result.headline
+    less = 0.9 * better.effort
+    harmless = replace(nearer, beyond_limits=3.9, beyond_physical=0, effort=less)
+    assert replace(compensated, rows=(plain, better, harmless)).recommended is harmless
+
+
+def test_no_plan_is_recommended_whose_machines_break_a_physical_limit(
+    compensated: planner.Comparison,
+) -> None:
+    rows = [
+        replace(r, beyond_limits=n, beyond_physical=n)
+        for r, n in zip(compensated.rows, [7, 3], strict=True)
+    ]
+    result = replace(compensated, rows=tuple(rows))
+    assert result.recommended is None
+    assert result.headline == (
+        f"No plan is recommended. On 3 % of the machines {rows[1].label} breaks a limit, the fewest"
+        " of all plans."
+    )
 
 
 def test_a_worse_plan_is_told_apart_on_few_machines_too(compensated: planner.Comparison) -> None:

@@ -103,11 +103,11 @@ def test_joint_limits_are_judged_and_without_records_nothing_is(plan: Plan) -> N
     tight = replace(plan, problem=plan.problem.changed({"limits.joint_deg": most.tolist()}))
     run = planner.replay(tight, samples=MACHINES, seed=2)
     reached = np.rad2deg(np.abs(run.q[..., 1:]).max(axis=1))
-    for k, each in enumerate(run.limits):
+    for k, each in enumerate(each for each in run.limits if each.requirement.physical):
         assert each.part.label == f"joint theta{k + 1}"
         assert each.broken == np.sum(reached[:, k] > most[k])
         assert np.rad2deg(each.worst) == pytest.approx(reached[:, k].max())
-    assert run.limit_share == np.mean(np.any(reached > most, axis=1)) > 0
+    assert run.physical_share == np.mean(np.any(reached > most, axis=1)) > 0
     assert "limits.joint_deg = " in run.limit_words
     some = planner.replay(tight, samples=MACHINES, seed=2, motions=3)
     np.testing.assert_array_equal(some.margin, run.margin)  # of all, kept or not
@@ -121,7 +121,9 @@ def test_a_comparison_says_it_in_table_file_and_page(plan: Plan) -> None:
     problem = beside(plan, 5.0).problem
     result = planner.compare(problem, ["polynomial"], samples=10, seed=2)
     (row,) = result.rows
-    assert row.beyond_limits == 100
+    assert row.beyond_limits == row.beyond_physical == 100
+    assert result.recommended is None
+    assert result.headline.startswith("No plan is recommended. ")
     assert row.remark == "100 % of machines break a limit"
     assert result.headline.endswith(f" On 100 % of the machines {row.label} breaks a limit.")
     assert "1 of 1" not in verdict_html(result)
@@ -131,3 +133,44 @@ def test_a_comparison_says_it_in_table_file_and_page(plan: Plan) -> None:
     (line,) = csv.DictReader(io.StringIO(comparison_csv(result)))
     assert float(line["beyond_limits"]) == 100
     assert result.to_dict()["rows"][0]["replay"]["limits"] == row.replay.limit_words
+
+
+def test_z2_is_judged_like_all_limits_and_reported_apart(plan: Plan) -> None:
+    """The run-up of feedback crosses z2 = 0, and the swing of compensation does not."""
+    problem = plan.problem
+    optimal = planner.compensate(planner.solve(problem, "collocation"))
+    run = planner.replay(optimal, samples=20, seed=2, feedback=True)
+    z2 = planner.chained_form(problem.system).z(run.q)[..., 1] * problem.z2_sign
+    (found,) = [each for each in run.limits if not each.requirement.physical]
+    assert found.worst == pytest.approx(z2.min())
+    assert found.worst < 0
+    assert found.broken == np.sum(z2.min(axis=1) < 0.01) == 20
+    assert (run.limit_share, run.physical_share) == (1, 0)
+    assert run.limit_words.startswith("20 of 20 machines break a limit of chained coordinates")
+    assert {key: run.summary()[key] for key in ("limit_share", "physical_share")} == {
+        "limit_share": 1, "physical_share": 0
+    }  # fmt: skip
+    every = planner.compare(problem, ["collocation compensated"], samples=20, seed=2, feedback=True)
+    plain, fed = every.rows
+    assert every.recommended is plain
+    assert (fed.beyond_limits, fed.beyond_physical) == (100, 0)
+    assert fed.remark == "100 % of machines break a limit, 0 % a physical one"
+    assert f" On 100 % of the machines {fed.label} breaks a limit, on 0 % a physical one" in (
+        every.headline
+    )
+    kept = {key: every.to_dict()["rows"][1][key] for key in ("beyond_limits", "beyond_physical")}
+    assert kept == {"beyond_limits": 100, "beyond_physical": 0}
+    assert "| beyond limits (%) | beyond physical limits (%) |" in every.markdown()
+    assert fed.remark in every._repr_html_()
+
+
+def test_at_z2_zero_the_machine_is_regular_and_only_the_chart_is_not(plan: Plan) -> None:
+    """Both inputs move it there, at finite rates; a change of z2 would need an infinite u2."""
+    system = plan.problem.system
+    q, form = np.array([0.0, 0.5, 0.0, 0.3]), planner.chained_form(system)
+    assert form.z(q)[1] == 0
+    rates = np.array([system.rates(q, u) for u in np.eye(2)])
+    assert np.all(np.isfinite(rates))
+    assert np.linalg.matrix_rank(rates) == 2
+    assert rates[0, [0, 2, 3]].min() > 0.1
+    assert not np.isfinite(form.u(q, np.array([1.0, 1.0]))[1])

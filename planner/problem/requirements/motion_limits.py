@@ -26,6 +26,7 @@ class ChartDomain(Demand):
 
     start: tuple[float, ...]
     in_chart: ClassVar[bool] = True
+    physical: ClassVar[bool] = False
     reads: ClassVar[frozenset[str]] = frozenset({"q"})
 
     @property
@@ -151,6 +152,9 @@ class JointLimit(SymmetricLimit):
 class Z2Margin(Requirement):
     """z₂ stays on the start's side of zero, by a margin.
 
+    A machine that crosses z₂ = 0 breaks nothing. Its rates (eq. 6) are smooth in q and do not
+    contain z₂. With three joints z₂ = 0 is where ∂z₃/∂θ₂ = 0: only the map from z to q is singular.
+
     Attributes:
         margin: Least |z₂|.
         side: Sign of z₂ at the start.
@@ -159,7 +163,7 @@ class Z2Margin(Requirement):
     margin: float
     side: int
 
-    reads = frozenset({"q"})
+    reads, physical = frozenset({"q"}), False
 
     @property
     def parts(self) -> tuple[Part, ...]:

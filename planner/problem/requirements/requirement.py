@@ -52,10 +52,13 @@ class Demand(ABC):
     Attributes:
         in_chart: Whether the demand applies only to motions in chained coordinates.
         at_goal: Whether a motion that breaks the demand misses the goal.
+        physical: Whether a machine that breaks the demand may break something; False if the demand
+            limits chained coordinates, which are the methods' own.
     """
 
     in_chart: ClassVar[bool] = False
     at_goal: ClassVar[bool] = False
+    physical: ClassVar[bool] = True
 
     @property
     @abstractmethod

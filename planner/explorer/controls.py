@@ -43,7 +43,7 @@ POINTS_KEY = "method.polynomial.points"
 def motion_controls(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
     """Return the controls of travel, duration, method and the polynomial's constraint points."""
     controls = [_duration(state, plan), _method(state)]
-    if problem.has_travel_key:
+    if problem.travel_key:
         controls.insert(0, _travel(state, problem, plan))
     return controls + (_points(state, problem, plan) if state.method == "polynomial" else [])
 

@@ -126,7 +126,7 @@ def _study_path(problem: Problem, method: Method, options: Any) -> Plan | None:
     if "allow_singular" in method.options.model_fields:
         options = options.model_copy(update={"allow_singular": True})
     tasks = [problem]
-    if problem.travel is None and problem.has_travel_key:
+    if problem.travel is None and problem.travel_key:
         # A law that finds no travel gets the middle of the slider.
         tasks.append(problem.with_travel(travel_range(problem)[2]))
     for task in tasks:

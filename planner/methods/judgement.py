@@ -92,7 +92,7 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
             ways[0] += " and what compensation adds"
         ways.append("wider input limits")
     if plan.problem.travel is not None:
-        ways.append(f"another {plan.problem.travel_key}")
+        ways.append(f"another {plan.problem.travel_key or 'goal'}")
     return other, ", or ".join(ways)
 
 

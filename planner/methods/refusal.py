@@ -63,8 +63,9 @@ def travel_changes(problem: Problem, without: str = "") -> list[Change]:
 
     The travel has no key in the file if the goal's coordinates determine it.
     """
-    has_key = problem.travel is not None and problem.has_travel_key
-    return [Change(problem.travel_change(None), without=without)][:has_key]
+    if problem.travel is None or not problem.travel_key:
+        return []
+    return [Change(problem.travel_change(None), without=without)]
 
 
 def reach_changes(problem: Problem, reach: Reach) -> list[Change]:

@@ -38,7 +38,7 @@ def plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
         `duration_max`) if the duration is free. None if the goal is elsewhere, or staying breaks a
         requirement such as a waypoint.
     """
-    away = np.abs(problem.target - problem.start)
+    away = np.abs(problem.goal - problem.start)
     if np.any(away > SAME_PLACE):  # NaN for a coordinate that the goal leaves free
         return None
     shortest = min(SHORTEST_S, problem.duration_max or SHORTEST_S)

@@ -67,7 +67,7 @@ class End:
 
 def chart_ends_report(problem: Problem) -> tuple[End, End]:
     """Return where start and goal lie relative to the chart."""
-    return _end("start", problem, problem.start), _end("goal", problem, problem.target)
+    return _end("start", problem, problem.start), _end("goal", problem, problem.goal)
 
 
 def _end(name: str, problem: Problem, q: Array) -> End:
@@ -120,8 +120,7 @@ def least_duration(problem: Problem) -> DurationBound:
 
     A plan may need longer.
     """
-    distance = np.nan_to_num(np.abs(problem.goal - problem.start))  # a free joint may stay in place
-    distance[0] = abs(problem.travel or 0.0)
+    distance = np.nan_to_num(np.abs(problem.goal - problem.start))  # free ones may stay in place
     rates = _top_rates(problem)
     needed = distance / rates
     i = int(np.argmax(needed))

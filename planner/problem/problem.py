@@ -69,11 +69,7 @@ class Problem:
         name: Title, or the file's name.
         system: The system.
         start: q(0), shape (N,), in radians (and metres), whatever the file's unit.
-        goal: q(T), shape (N,), in the same units; NaN for the path coordinate, which `travel`
-            gives, and for joints that the goal leaves free.
-        user_goal: The goal in user coordinates, those of the problem file, shape (N,), NaN if free;
-            equal to `goal` if these are q.
-        travel: q₁(T) − q₁(0); None if free.
+        user_goal: The goal in user coordinates, those of the problem file, shape (N,), NaN if free.
         duration: Duration, s; None if free.
         duration_max: Longest duration of the whole run, including the motions that compensation
             adds, s; None without a limit.
@@ -88,14 +84,15 @@ class Problem:
         registered_limits: Limits that all kinds can have (`planner.register_requirement`).
         tip: Goal of an arm's tip, which replaces some or all joint angles; None without one.
         source: Origin of the problem, for messages.
+        path_key: The dotted key that sets q₁(T), such as "goal.travel" ("" if other keys of the
+            goal determine q₁(T)), and the q₁(T) for which its value is zero.
+        heading_turn: How a vehicle's heading turns from start to goal; empty for other systems.
     """
 
     name: str
     system: TriangularSystem
     start: Array
-    goal: Array
     user_goal: Array
-    travel: float | None
     duration: float | None
     duration_max: float | None
     limits: Limits
@@ -109,6 +106,8 @@ class Problem:
     registered_limits: tuple[Requirement, ...]
     tip: TipGoal | None
     source: str
+    path_key: tuple[str, float]
+    heading_turn: str
     _data: Mapping[str, Any]
     _hint: Array | None = None  # expected q(T) for a search, if the goal leaves joints free
 
@@ -133,9 +132,7 @@ class Problem:
             name=line(tables.title) or line(Path(source).stem),
             system=system,
             start=tables.start_state(),
-            goal=tables.goal_state(),
             user_goal=tables.user_goal(),
-            travel=tables.path_travel(),
             duration=None if tables.goal.duration == "free" else float(tables.goal.duration),
             duration_max=tables.goal.duration_max,
             limits=bare_limits(tables),
@@ -149,6 +146,8 @@ class Problem:
             registered_limits=limits_by_class(REQUIREMENTS.values(), tables, system, source),
             tip=tip_of(tables, system, obstacles, source),
             source=source,
+            path_key=tables.path_key(),
+            heading_turn=tables.turn_words(),
             _data=tables.model_dump(mode="json", by_alias=True, exclude_unset=True),
         )
         states = {"start": problem.start, "goal": problem.goal}
@@ -323,28 +322,31 @@ class Problem:
         The key depends on the system: `goal.travel` for arms, `goal.x_m` for vehicles.
 
         Raises:
-            InputError: As for `from_dict`.
+            InputError: As for `from_dict`; or if other keys of the goal determine the travel.
         """
+        if not self.travel_key:
+            raise InputError(f"{self.source}: the goal's coordinates determine the travel")
         return self.changed(self.travel_change(travel))
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:
         """Return the dotted key that sets the travel, with its value for `travel` (None: free)."""
-        return parse_file(self.to_dict(), self.source).travel_change(travel)
+        key, zero = self.path_key
+        return {key: "free" if travel is None else float(self.start[0]) - zero + travel}
+
+    @cached_property
+    def goal(self) -> Array:
+        """q(T), shape (N,), in the units of `start`; NaN for coordinates that are free."""
+        return self.system.fixed_by(self.user_goal)
 
     @property
-    def heading_turn(self) -> str:
-        """Describe how a vehicle's heading turns from start to goal; empty for other systems."""
-        return parse_file(self.to_dict(), self.source).turn_words()
-
-    @property
-    def has_travel_key(self) -> bool:
-        """Whether the file has a key for the travel; otherwise the goal determines the travel."""
-        return 0 in self.system.shared.values()
+    def travel(self) -> float | None:
+        """The travel q₁(T) − q₁(0); None if free."""
+        return None if np.isnan(self.goal[0]) else float(self.goal[0] - self.start[0])
 
     @property
     def travel_key(self) -> str:
-        """The dotted key that sets the travel, such as "goal.travel"."""
-        return next(iter(self.travel_change(None)))
+        """The dotted key that sets the travel; "" if other keys of the goal determine it."""
+        return self.path_key[0]
 
     @property
     def chart(self) -> ChartDomain:
@@ -434,14 +436,6 @@ class Problem:
         """Return whether any requirement depends on the argument `name`: "q", "u" or "du"."""
         return any(name in requirement.reads for requirement in self.requirements)
 
-    @property
-    def target(self) -> Array:
-        """Goal q(T), shape (N,), with the first coordinate set by the travel (NaN if free)."""
-        out = self.goal.copy()
-        if self.travel is not None:
-            out[0] = self.start[0] + self.travel
-        return out
-
     def expecting(self, goal: Array) -> Problem:
         """Return a copy with an expected q(T), `goal` (N,), from which a search can start."""
         return replace(self, _hint=goal)
@@ -451,9 +445,8 @@ class Problem:
         """The problem with the expected q(T) as its goal; this problem if nothing is expected."""
         if self._hint is None:
             return self
-        travel = self.travel if np.isnan(self._hint[0]) else float(self._hint[0] - self.start[0])
-        goal, user = np.append(np.nan, self._hint[1:]), self.system.user(self._hint)
-        return replace(self, goal=goal, user_goal=user, travel=travel, tip=None, _hint=None)
+        goal = np.where(np.isnan(self._hint), self.goal, self._hint)
+        return replace(self, user_goal=self.system.user(goal), tip=None, _hint=None)
 
     def settled(self, end: Array) -> Problem:
         """Return the problem with the joints of `end` (N,) as its goal; itself if none is free.

@@ -160,7 +160,7 @@ def _open_plan_claims(plan: Plan, why: str, demands: Sequence[Demand] | None = N
 
     By default the demands are all that apply to the plan.
     """
-    free, in_coordinates = np.isnan(plan.problem.target), plan.trajectory.in_coordinates
+    free, in_coordinates = np.isnan(plan.problem.goal), plan.trajectory.in_coordinates
     parts = [
         part
         for each in (plan.problem.demands if demands is None else demands)
@@ -350,7 +350,7 @@ def _(start: Start, evidence: Evidence) -> Iterable[Proof]:
 @prove.register
 def _(goal: Goal, evidence: Evidence) -> Iterable[Proof]:
     """Decide for each coordinate with a goal whether the true motion ends there."""
-    target = evidence.plan.problem.target
+    target = evidence.plan.problem.goal
     for part in goal.parts:
         if not np.isnan(target[part.index]):
             state = evidence.path.enclosure.states[part.index]

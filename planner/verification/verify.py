@@ -188,7 +188,7 @@ def examine(
             steep = [requirement for requirement in smooth if "du" in requirement.reads]
             others = [requirement for requirement in smooth if "du" not in requirement.reads]
             groups = [(motion, others), (coarse, steep)]
-        goal = problem.target
+        goal = problem.goal
         error = np.asarray(end - np.where(np.isnan(goal), end, goal))
         findings = [
             *_motion_findings(plan, motion, end, error, tolerance),

@@ -204,7 +204,7 @@ def judged(problem: planner.Problem, outcome: Outcome) -> tuple[float, float]:
             z2 = problem.z2_sign * chained_form(system).z(states)[:, 1]
             worst.append((margin - z2) / max(margin, 1e-3))
         q, over = states[-1], max(over, *(float(np.max(each)) for each in worst))
-    return float(np.nanmax(np.abs(q - problem.target))), over
+    return float(np.nanmax(np.abs(q - problem.goal))), over
 
 
 def _polynomial(times: Any, values: Any) -> Callable[[Any], Any]:

@@ -72,7 +72,7 @@ def _excesses(plan: planner.Plan) -> Iterator[tuple[str, float]]:
     motion, times = integrate(plan, rtol=1e-10, atol=1e-11)
     q = motion(times)
     yield "q(t)", np.max(np.abs(plan.q(times) - q)) / 1e-4
-    yield "goal", np.nanmax(np.abs(q[-1] - problem.target)) / 2e-5
+    yield "goal", np.nanmax(np.abs(q[-1] - problem.goal)) / 2e-5
     for i in np.flatnonzero(np.isfinite(limits.joint)):
         peak = -_least(plan, lambda t, i=i: -np.abs(motion(t)[..., i]))  # type: ignore[misc]
         yield names[i], (peak / limits.joint[i] - 1) / 1e-6

@@ -65,9 +65,13 @@ def test_every_kind_has_a_shipped_problem(kind: str) -> None:
     assert np.isnan(free.goal[0])
 
 
-def test_vehicle_travel_is_from_start_to_goal() -> None:
+def test_goal_and_travel_agree() -> None:
     car = shipped("car").changed({"start.x_m": 10.0})
     assert car.travel == 15.0
+    assert car.goal[0] == 25.0
+    arm = shipped("paper").changed({"start.phi_rad": 0.25, "goal.travel": 0.5})
+    assert arm.goal[0] == arm.user_goal[0] == 0.75
+    assert arm.with_travel(-1.0).goal[0] == -0.75
     assert car.with_travel(-4.0).to_dict()["goal"]["x_m"] == 6.0
 
 

@@ -230,6 +230,14 @@ def test_a_travel_that_follows_from_the_goal_is_not_given(front: dict) -> None:
         changed(front, {"goal.travel": 6.0})
     assert travel_changes(planner.Problem.from_dict(front)) == []  # no advice that says so
     assert travel_changes(planner.load_problem(PROBLEM)) != []
+    problem = planner.Problem.from_dict(front)
+    assert problem.travel_key == ""
+    with pytest.raises(planner.InputError, match="the goal's coordinates determine the travel"):
+        problem.with_travel(6.0)
+    tight = problem.changed({"limits.q.steering": 0.15})
+    with pytest.raises(planner.VerificationError) as refused:
+        planner.solve(tight, "polynomial")
+    assert "goal.travel" not in str(refused.value.advice)
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,7 @@ def broken_outside(plan: planner.Plan) -> float:
     problem, (motion, times) = plan.problem, integrate(plan, rtol=1e-8, atol=1e-9)
     q, u = motion(times), plan.u(times)
     worst = [
-        np.nanmax(np.abs(q[-1] - problem.target)) / 2e-5,
+        np.nanmax(np.abs(q[-1] - problem.goal)) / 2e-5,
         np.max(np.abs(plan.q(times) - q)) / 1e-4,
         np.max(np.abs(plan.q(0.0) - problem.start)) / 2e-5,
         np.max(np.abs(u).max(axis=0) / problem.limits.input - 1) / 1e-6,

@@ -68,7 +68,8 @@ def compensation_changes(
     legs = plan.notes["compensation"]["uneven"]
     uneven = [leg for leg in legs if leg["t_s"] > 0 and leg["deg"] > LEAST_UNEVEN_DEG]
     if near or uneven:
-        other = "another goal" + f" or {problem.travel_key}" * (problem.travel is not None)
+        keys = ["another goal", problem.travel_key * (problem.travel is not None)]
+        other = " or ".join(filter(None, keys))
         when, why = f"{near[0][0]:.3g} s" if near else "", ""
         if uneven:
             worst = max(uneven, key=lambda each: each["deg"])

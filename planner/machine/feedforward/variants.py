@@ -125,8 +125,7 @@ class Variants:
         problem, count = self._plan.problem, len(q)
         errors = q[:, self._is_in_plan, 1:] - self._reference
         end = end_of(self._times, q, self.shape.clock) - self._goal
-        first = 0 if problem.travel is not None else 1
-        pins = [end[:, first:]]
+        pins = [end[:, int(np.isnan(problem.goal[0])) :]]
         for place, time_s in self._pins:
             there = np.searchsorted(self._times, self.shape.clock.when(time_s) - 1e-9)
             pins.append((q[:, there] - place)[:, ~np.isnan(place)])
@@ -145,7 +144,7 @@ class Variants:
     @cached_property
     def _goal(self) -> Array:
         """Coordinates of the goal, (N,), with the plan's end values for free coordinates."""
-        goal = self._plan.problem.target
+        goal = self._plan.problem.goal
         return np.where(np.isnan(goal), self._plan.trajectory.q(self._plan.duration), goal)
 
     def slopes(self, values: Array, now: Runs, probe: float) -> Runs:

@@ -248,7 +248,7 @@ def _near_motions(problem: Problem, options: CollocationOptions, warm: Plan) -> 
         job = job.with_inner_rows()
     start = _resample(job, warm)
     same = warm.problem.start.tolist() == problem.start.tolist()
-    same = same and np.array_equal(warm.problem.target, problem.target, equal_nan=True)
+    same = same and np.array_equal(warm.problem.goal, problem.goal, equal_nan=True)
     if same and (motion := _own_motion(job, start, options.accuracy)):
         yield Candidate(*motion, "warm", "warm start")
     yield Candidate(job, job.solve_near(start), "warm", "warm start")
@@ -269,7 +269,7 @@ def _resample(job: Task, warm: Plan) -> Iterate:
     inside = mesh.at(job.nlp.form.scheme.points)
     s = np.append(mesh.edges, inside)
     states, last = warm.q(s * T), len(mesh.edges) - 1
-    first, final = problem.start - states[0], problem.target - states[last]
+    first, final = problem.start - states[0], problem.goal - states[last]
     final[np.isnan(final)] = 0.0
     path = states + first + s[:, None] * (final - first)
     nodes, points = path[: last + 1], path[last + 1 :]

@@ -130,7 +130,7 @@ def _travels(problem: Problem, options: ConvexOptions) -> Array:
     if window is not None and window.empty:
         raise _infeasible(problem, f"no motion without reversal exists: {window.reason}", [])
     if travel == 0:
-        why = f"{problem.travel_key} = 0, but a path of this method cannot reverse"
+        why = "the travel is 0, but a path of this method cannot reverse"
         raise _infeasible(problem, why, [])
     words = "" if window is None else f"between {window.low:.6g} and {window.high:.6g} rad"
     if travel is not None and window is not None and travel not in window:

@@ -73,7 +73,9 @@ def one_way_or_back(plan: Law[Options]) -> Law[Options]:
             except SingularError as error:
                 refusal = error
         try:
-            back = plan(replace(problem, travel=0.0), options)
+            there = problem.user_goal.copy()
+            there[[i for i, j in problem.system.shared.items() if j == 0]] = problem.start[0]
+            back = plan(replace(problem, user_goal=there), options)
         except SingularError as error:
             failed = refusal or error
             failed.advise()  # do not advise another travel, since all have been tried

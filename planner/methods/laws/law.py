@@ -273,7 +273,8 @@ def _refuse_outside(plan: Plan) -> NoReturn:
     which = (
         f"the {plan.method} plan" if count is None else f"the best {plan.method} plan of {count}"
     )
-    travel = plan.problem.travel_key
+    key = plan.problem.travel_key
+    travel = f"{key} (or 'free')" if key else "goal"
     point = " or constraint point" if "points" in plan.options else ""
     free = plan.problem.travel is None
     raise SingularError(
@@ -282,6 +283,6 @@ def _refuse_outside(plan: Plan) -> NoReturn:
         f" {report.label}){zero}",
         times_s=report.singular_times_s,
         plan=plan,
-        advice=None if free else f"another {travel} (or 'free'){point}",
+        advice=None if free else f"another {travel}{point}",
         changes=[BY_COLLOCATION],
     )

@@ -49,7 +49,7 @@ def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
         raise SingularError(
             f"{problem.source}: travel {reach:g} {problem.system.coordinates[0].unit} does not"
             " determine the constants of the slots",
-            advice=f"another {problem.travel_key}",
+            advice=f"another {problem.travel_key or 'goal'}",
         ) from None
     notes |= {"slots": slots, **best.summary}
     return finish(problem, NAME, options, ends.trajectory(best), notes, began)

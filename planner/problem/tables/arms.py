@@ -6,7 +6,7 @@ Both have start, goal and limits in joint angles.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -218,10 +218,11 @@ class ArmFile(ProblemFile):
         """Return q(0), shape (n+1,), radians."""
         return np.array([self.start.phi_rad, *np.deg2rad(self.start.theta_deg)])
 
-    def goal_state(self) -> Array:
-        """Return q(T), shape (n+1,), radians; NaN for free joints and for φ (`travel` gives it)."""
+    def user_goal(self) -> Array:
+        """Return q(T), shape (n+1,), radians, NaN if free."""
         angles = [np.nan if isinstance(a, str) else a for a in self._goal_deg]
-        return np.array([np.nan, *np.deg2rad(angles)])
+        travel = np.nan if self.goal.travel == "free" else self.goal.travel
+        return np.array([self.start.phi_rad + travel, *np.deg2rad(angles)])
 
     def tip(self) -> dict[str, float]:
         """Return the given quantities of the tip: "x" and "y" in metres, "angle" in radians."""
@@ -231,14 +232,6 @@ class ArmFile(ProblemFile):
         if self.goal.tip_angle_deg is not None:
             out["angle"] = float(np.deg2rad(self.goal.tip_angle_deg))
         return out
-
-    def path_travel(self) -> float | None:
-        """Return the change of the disk angle from start to goal, radians; None if free."""
-        return None if self.goal.travel == "free" else float(self.goal.travel)
-
-    def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """Return the dotted key that sets the travel, with its value for `travel` (None: free)."""
-        return {"goal.travel": "free" if travel is None else travel}
 
     def joint_limits(self) -> Array:
         """Return the largest |q|, shape (n+1,), radians; infinite without a limit."""

@@ -225,10 +225,6 @@ class OwnFile(NamedFile):
         """Return q(0), shape (N,)."""
         return self.built.from_user(self._user_start())
 
-    def goal_state(self) -> Array:
-        """Return q(T), shape (N,), NaN if free; its first entry is NaN, as the travel gives q₁."""
-        return np.append(np.nan, self.built.fixed_by(self.user_goal())[1:])
-
     def user_goal(self) -> Array:
         """Return the goal in user coordinates, shape (N,), NaN if free."""
         values = {name: value for name, value in self.goal.q.items() if value != "free"}
@@ -237,16 +233,10 @@ class OwnFile(NamedFile):
             w[path] = self.start.q[self.names[path]] + self.goal.travel
         return w
 
-    def path_travel(self) -> float | None:
-        """Return the change of the first coordinate from start to goal; None if free."""
-        if self.path_index is not None:
-            return None if self.goal.travel == "free" else float(self.goal.travel)
-        end = self.built.fixed_by(self.user_goal())[0]
-        return None if np.isnan(end) else float(end - self.start_state()[0])
-
-    def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """Return the dotted key that sets the travel, with its value for `travel` (None: free)."""
-        return {"goal.travel": "free" if travel is None else travel}
+    def path_key(self) -> tuple[str, float]:
+        """Return the dotted key that sets q₁(T), if q₁ is a user coordinate, and its zero."""
+        key, zero = super().path_key()
+        return "" if self.path_index is None else key, zero
 
     def joint_limits(self) -> Array:
         """Return the largest |q|, shape (N,); infinite without a limit."""

@@ -269,27 +269,19 @@ class ProblemFile(Table):
         """Return q(0), shape (N,)."""
 
     @abstractmethod
-    def goal_state(self) -> Array:
-        """Return q(T), shape (N,); NaN for the path coordinate q₁ and for free coordinates."""
+    def user_goal(self) -> Array:
+        """Return the goal in user coordinates, shape (N,), NaN if free."""
 
-    @abstractmethod
-    def path_travel(self) -> float | None:
-        """Return the travel q₁(T) − q₁(0); None if free."""
+    def path_key(self) -> tuple[str, float]:
+        """Return the dotted key that sets q₁(T), and the q₁(T) for which its value is zero.
 
-    @abstractmethod
-    def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """Return the dotted key that sets the travel, with the value for `travel` (None: free)."""
+        The key is "" if other keys of the goal determine q₁(T).
+        """
+        return "goal.travel", float(self.start_state()[0])
 
     @abstractmethod
     def joint_limits(self) -> Array:
         """Return the largest |q|, shape (N,); infinite without a limit."""
-
-    def user_goal(self) -> Array:
-        """Return the goal in user coordinates, shape (N,), NaN if free.
-
-        By default this is q(T), for systems whose user coordinates are the triangular ones.
-        """
-        return self.goal_state()
 
     def user_limits(self) -> Array:
         """Return the largest |user coordinate|, shape (N,); infinite without a limit."""

@@ -92,7 +92,7 @@ class VehicleLimits(BaseLimits):
 
 
 class VehicleFile(NamedFile):
-    """A problem file whose path coordinate is x: the travel is goal.x_m − start.x_m.
+    """A problem file whose path coordinate is x.
 
     In `start`, `goal` and `limits` an angle of the system has the key NAME_deg. Numbered angles
     NAME1, NAME2 ... share one key: a number, or a list. A key may be left out. Whole turns are
@@ -125,9 +125,10 @@ class VehicleFile(NamedFile):
         """Return q(0), shape (N,), in m and radians."""
         return self._set_heading([self.start.x_m, *self.angles(self.start, 0.0), self.start.y_m], 0)
 
-    def goal_state(self) -> Array:
-        """Return q(T), shape (N,); its first entry is NaN, since the travel gives x."""
-        return self._set_heading([np.nan, *self.angles(self.goal, 0.0), self.goal.y_m], -1)
+    def user_goal(self) -> Array:
+        """Return q(T), shape (N,); NaN for a free x."""
+        x = np.nan if self.goal.x_m == "free" else self.goal.x_m
+        return self._set_heading([x, *self.angles(self.goal, 0.0), self.goal.y_m], -1)
 
     def waypoint_states(self) -> list[Array]:
         """Return q of each waypoint, shape (N,), NaN if free."""
@@ -173,13 +174,9 @@ class VehicleFile(NamedFile):
         """Return the largest |q|, shape (N,); infinite without a limit, as for x and y."""
         return np.array([np.inf, *self.angles(self.limits, np.inf), np.inf])
 
-    def path_travel(self) -> float | None:
-        """Return the travel goal.x_m − start.x_m, m; None if free."""
-        return None if self.goal.x_m == "free" else float(self.goal.x_m) - self.start.x_m
-
-    def travel_change(self, travel: float | None) -> dict[str, Any]:
-        """Return the dotted key that sets the travel, with its value for `travel` (None: free)."""
-        return {"goal.x_m": "free" if travel is None else self.start.x_m + travel}
+    def path_key(self) -> tuple[str, float]:
+        """Return the dotted key that sets x at the end, and the x for which its value is zero."""
+        return "goal.x_m", 0.0
 
 
 def nearest_turn(angle: float, before: float, most: float) -> float:

@@ -145,16 +145,11 @@ def _angles(radians: Sequence[float] | np.ndarray) -> str:
 
 
 def _places(problem: Problem, w: np.ndarray) -> str:
-    """Return user coordinates w in words; free coordinates, which are NaN, are left out.
-
-    The exception is the path coordinate of a problem with a travel, which determines its value.
-    """
-    parts, no_travel = [], problem.travel is None or problem.system.has_user_coordinates
+    """Return user coordinates w in words; free coordinates, which are NaN, are left out."""
+    parts = []
     for c, value in zip(problem.system.user_coordinates, w, strict=True):
         if not np.isfinite(value):
-            if no_travel:
-                continue
-            value = problem.start[0] + problem.travel
+            continue
         amount = _amount(c, float(value), ".4g")
         parts.append(f"{html.escape(readable_name(c.name))} = {html.escape(amount)}")
     return ", ".join(parts)

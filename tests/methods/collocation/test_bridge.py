@@ -121,8 +121,8 @@ def test_finer_chains_say_what_the_coarse_ones_got_wrong() -> None:
 
 def _check_way(problem: planner.Problem, chain: PieceChain, tolerance: float = 2e-2) -> None:
     assert chain.q[0] == pytest.approx(problem.start, abs=1e-9)
-    known = ~np.isnan(problem.target)
-    assert chain.q[-1, known] == pytest.approx(problem.target[known], abs=1e-9)
+    known = ~np.isnan(problem.goal)
+    assert chain.q[-1, known] == pytest.approx(problem.goal[known], abs=1e-9)
     q = problem.start
     for u in chain.u:
         q = _true_end(problem, q, u)
@@ -132,8 +132,8 @@ def _check_way(problem: planner.Problem, chain: PieceChain, tolerance: float = 2
 
 def test_an_exact_chain_is_a_motion_to_many_digits() -> None:
     rough = _walk(20, seed=7)
-    problem = replace(HARD, goal=rough.q[-1], travel=float(rough.q[-1, 0] - HARD.start[0]))
-    places = ChainEnds(problem.start, problem.target, HARD.limits.joint)
+    problem = replace(HARD, user_goal=rough.q[-1])
+    places = ChainEnds(problem.start, problem.goal, HARD.limits.joint)
     short = cut_finer(HARD.system, rough, [1, 2, 3], 0.2)
     chain = make_exact(HARD.system, short, places)
     assert chain is not None

@@ -131,7 +131,7 @@ def test_long_arms_climb_by_several_joints_within_their_limits(
     assert found is not None
     assert found[1] in (n - 2, n - 1)
     q, u = found[0].q, found[0].u
-    end = np.where(np.isnan(problem.target), q[-1], problem.target)
+    end = np.where(np.isnan(problem.goal), q[-1], problem.goal)
     assert q[[0, -1]] == pytest.approx(np.stack([problem.start, end]), abs=1e-9)
     assert np.max(np.abs(q[:, 1:])) <= np.deg2rad(limit) + 1e-9
     assert ends(problem.system, q[:-1], u) == pytest.approx(q[1:], abs=2e-6)

@@ -320,7 +320,7 @@ def test_too_short_a_duration_names_one_that_works(
 
 def test_zero_travel_and_crossings_are_sent_elsewhere(wide: planner.Problem) -> None:
     for changes, error, words in (
-        ({"goal.travel": 0.0}, planner.InfeasibleError, "travel = 0"),
+        ({"goal.travel": 0.0}, planner.InfeasibleError, "travel is 0"),
         ({"goal.theta_deg": [-30, 30, 30]}, planner.SingularError, "theta1 changes sign"),
     ):
         with pytest.raises(error, match=words) as caught:

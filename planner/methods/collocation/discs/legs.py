@@ -83,10 +83,8 @@ def _find_legs(job: Task, seeds: Sequence[Seed], corners: Array) -> list[tuple[T
     """Find the path to each corner in turn, with its task; return [] if a path is not found."""
     problem, legs, here = job.problem, list[tuple[Task, Solution]](), job.problem.start
     for k, corner in enumerate(corners):
-        goal, travel = np.append(np.nan, corner), None
-        if problem.travel is not None and k == len(corners) - 1:
-            travel = problem.start[0] + problem.travel - here[0]
-        part = replace(problem.likely, start=here, goal=goal, user_goal=goal, travel=travel)
+        end = problem.goal[0] if k == len(corners) - 1 else np.nan
+        part = replace(problem.likely, start=here, user_goal=np.append(end, corner))
         own = job.for_problem(part, job.objective)
         few = seeds[:LEG_SEEDS]
         paths = (each.distinct[0] for each in search(own, few, len(few)) if each.clear)

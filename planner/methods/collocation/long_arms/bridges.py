@@ -73,9 +73,9 @@ class ChainEnds:
     @classmethod
     def of(cls, problem: Problem, share: float = 1.0) -> ChainEnds:
         """Return start, goal and a share of a problem's joint limits, widened to contain both."""
-        ends = np.fmax(np.abs(problem.start), np.abs(problem.target))
+        ends = np.fmax(np.abs(problem.start), np.abs(problem.goal))
         limit = np.fmax(share * problem.limits.joint, ends)
-        return cls(problem.start, problem.target, limit)
+        return cls(problem.start, problem.goal, limit)
 
 
 def cut_finer(

@@ -169,7 +169,7 @@ def _shorter_arm_task(job: Task) -> Task:
     start, goal = (np.delete(q, 1) for q in (problem.start, problem.goal))
     joint = np.delete(ChainEnds.of(problem, 1 - FREE_LIMIT_SHARE).limit, 1)
     limits = replace(problem.limits, joint=joint, user=joint)
-    given = replace(problem, start=start, goal=goal, user_goal=goal, limits=limits)
+    given = replace(problem, start=start, user_goal=goal, limits=limits)
     short = replace(given, system=problem.system.shorter())
     plain = Form(form.intervals, form.scheme_kind, form.degree)
     return task(short, job.objective, plain, job.mesh, InputDemands(), job.settings)

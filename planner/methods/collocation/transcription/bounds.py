@@ -189,7 +189,7 @@ def _fix(
     """Set both bounds to each fixed value: start, goal, duration, waypoints, rest at the ends."""
     places, N = nlp.layout, problem.system.size
     duration = np.nan if problem.duration is None else problem.duration
-    fixed = [(places.nodes[0], nlp.start(problem)), (places.nodes[-1, :N], problem.target)]
+    fixed = [(places.nodes[0], nlp.start(problem)), (places.nodes[-1, :N], problem.goal)]
     fixed += [(places.durations[:1], np.array([duration])[: len(places.durations)])]
     stops = zip(mesh.marks, problem.waypoints, strict=True)
     fixed += [(places.nodes[k, :N], point.q) for k, point in stops]

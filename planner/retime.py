@@ -30,14 +30,15 @@ def retime(
     plan: Plan,
     limits: Mapping[str, Any] | None = None,
     rest: bool | None = None,
-    intervals: int = 200,
+    intervals: int = 400,
 ) -> Plan:
     """Give a plan's path its fastest timing within input limits.
 
     With limits on the inputs only, the result is exact: at every instant one input is at its limit
     (the duration is ∫ max|uᵢ|/limitᵢ over the plan). With limits on input rates too, the result is
-    the optimum of a convex program (`planner.plan.fastest_timing`), and the motion stops at every
-    corner of the path, where the ratio of the inputs jumps.
+    the optimum of a convex program (`planner.plan.fastest_timing`), 0.1 to 0.3 % above the least
+    time with 400 intervals, and the motion stops at every corner of the path, where the ratio of
+    the inputs jumps.
 
     Args:
         plan: A plan whose inputs exist at all times.

@@ -50,10 +50,10 @@ from planner.comparison.rows import Row
 from planner.errors import InputError, NoPlanError
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
-from planner.report.folders import save_budget
+from planner.report.folders import save, save_budget
+from planner.report.result_folder import refuse_unwritable_folder
 from planner.robustness.budget import Budget, error_budget
 from planner.robustness.sobol import refuse_without_salib
-from planner.support.files import refuse_unwritable_folder
 from planner.support.progress import Tell
 from planner.verification.load_plan import load_plan
 
@@ -155,9 +155,9 @@ def compare(
                 print_text(share.table(), "")
     # After Ctrl-C, `job` would end the command before the finished results are written.
     with job("drawing figures") if out and complete else nullcontext():
-        written = out and result.save(out, report=report)
-        if out is not None and shares:
-            save_budget(shares, out / "budget")
+        written = out and save(result, out, report=report, partial=not complete)
+        if written is not None and shares:
+            save_budget(shares, written / "budget")
     status = 0 if any(row.solved for row in result.rows) else NoPlanError.exit_status
     status = status if complete else ReportedStatus(INTERRUPT_STATUS)
     if manner.as_json:
@@ -165,7 +165,7 @@ def compare(
         if budget:
             extra["budgets"] = {label: each.to_dict() for label, each in shares.items()}
         print_json({"file": task.source, **result.to_dict(), **extra})
-    _say_results(result, complete, written, report, changes)
+    _say_results(result, complete, out, written, report, changes)
     return status
 
 
@@ -182,6 +182,7 @@ def _refuse_early(out: Path | None, budget: bool, report: bool) -> None:
 def _say_results(
     result: Comparison,
     complete: bool,
+    out: Path | None,
     written: Path | None,
     report: bool,
     changes: list[str] | None,
@@ -189,7 +190,8 @@ def _say_results(
     """Print where the results are, whether they are complete, and what to try without a plan."""
     if not complete:
         where = "shown above" if written is None else f"written to {written}"
-        say(f"interrupted: partial result, {where}", "red")
+        kept = "" if written == out else f"; {out} keeps the complete result of an earlier run"
+        say(f"interrupted: partial result, {where}{kept}", "red")
     elif written is not None:
         look = f"open {written}/report.html" if report else f"pictures in {written}/figures"
         note(f"written to {written}; {look}")

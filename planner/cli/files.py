@@ -23,7 +23,12 @@ from planner.verification.load_plan import load_plan
 
 def export(
     plan: PlanPath,
-    out: Annotated[Path, out_option("FILE", "The file to write; for the format c, a folder.")],
+    out: Annotated[
+        Path,
+        out_option(
+            "FILE", "The file to write; for the format c, a folder, in which your own files stay."
+        ),
+    ],
     format: Annotated[
         str | None,
         typer.Option(

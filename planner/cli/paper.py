@@ -16,7 +16,7 @@ from planner.paper.calibrate import calibrate as run_calibration
 from planner.paper.calibrate import remaining_share, write
 from planner.paper.reproduce import reproduce as run_reproduction
 from planner.paper.statements import FITTED_PARAMETERS, STATEMENTS, Parameter
-from planner.support.files import refuse_unwritable_folder
+from planner.report.result_folder import refuse_unwritable_folder
 from planner.support.tables import Column, terminal_table
 
 

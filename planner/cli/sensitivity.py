@@ -36,6 +36,7 @@ from planner.plan.plan import Plan
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.report.figures.robustness import entry_name, knee_sentence, size_of
 from planner.report.folders import save_sensitivities, save_sensitivity
+from planner.report.result_folder import refuse_unwritable_folder
 from planner.robustness.machine_sensitivity import (
     MachineEntry,
     MachineSensitivity,
@@ -48,7 +49,7 @@ from planner.robustness.trade_off import TradeOff, trade_off
 from planner.robustness.trade_off_axis import KINDS
 from planner.robustness.trade_off_points import TradeOffPoint
 from planner.solve import solve
-from planner.support.files import refuse_unwritable_folder, write_figure, write_text
+from planner.support.files import write_figure, write_text
 from planner.support.tables import Column, csv_table, terminal_table
 from planner.support.user_tables import parse
 from planner.verification.load_plan import load_plan

@@ -46,8 +46,8 @@ from planner.paper.statements import (
 from planner.plan.plan import Plan
 from planner.problem.tables.machine_effects import EFFECTS
 from planner.report.figures.style import COLOURS, GRID_STYLE
+from planner.report.result_folder import folder
 from planner.solve import solve
-from planner.support.files import folder
 from planner.support.package import provenance
 from planner.support.progress import Tell, expect_listener
 from planner.support.tables import Column, Markup, markdown_table

@@ -18,7 +18,7 @@ from planner.report.figures.over_time import plot_inputs, plot_joints, plot_z
 from planner.report.figures.style import COLOURS, grid, heading
 from planner.report.film import animate
 from planner.report.panels import z2_band
-from planner.support.files import folder
+from planner.report.result_folder import folder
 from planner.support.package import provenance
 from planner.support.progress import Tell, expect_listener
 from planner.support.tables import Column, Markup, markdown_table

@@ -26,15 +26,10 @@ from planner.machine.machine import Machine
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.samples import ARRAYS, RATE_HZ, Samples, commands, held_miss, motor_angles, sample
+from planner.report.result_folder import folder, refuse_unwritable_folder
 from planner.report.urdf import urdf_text
 from planner.support.arrays import Array
-from planner.support.files import (
-    folder,
-    refuse_unwritable,
-    refuse_unwritable_folder,
-    write_bytes,
-    write_text,
-)
+from planner.support.files import refuse_unwritable, write_bytes, write_text
 from planner.support.tables import csv_text
 from planner.support.user_tables import allowed_hint
 from planner.verification.verify import verify
@@ -155,7 +150,7 @@ def export(
         plan: The plan. For a refused plan the samples are NaN (in CSV: empty) where no real angles
             or inputs exist; formats for a robot refuse it.
         path: The file, or the folder if the format is one. An existing file is replaced, a folder
-            only if it is from an earlier export.
+            only if it is from an earlier export; what others put into it stays.
         format: Name in `FORMATS`; by default that of the ending of `path`.
         rate_hz: Samples per second, if the format has samples; see `sample`.
         joint_names: Joint names, if the format has them; see `joint_trajectory`.

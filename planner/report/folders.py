@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,12 +32,13 @@ from planner.report.figures.robustness import (
 )
 from planner.report.page.page import write_report
 from planner.report.panels import PLAN_FIGURES
+from planner.report.result_folder import folder
 from planner.robustness.budget import Budget, budget_csv, budget_markdown
 from planner.robustness.machine_sensitivity import MachineSensitivity
 from planner.robustness.sensitivities import Sensitivities
 from planner.robustness.sensitivity import Sensitivity
 from planner.support.arrays import jsonable
-from planner.support.files import TOML_BYTES, folder, read_text, write_json, write_text
+from planner.support.files import TOML_BYTES, read_json, read_text, write_json, write_text
 from planner.support.package import versions
 from planner.support.tables import csv_table, csv_text, markdown_table
 
@@ -47,7 +49,9 @@ MOTION_INSTANTS = 300
 """Number of instants at which replays.json has the motion of the machine with median E."""
 
 
-def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> Path:
+def save(
+    comparison: Comparison, path: str | Path, *, report: bool = False, partial: bool = False
+) -> Path:
     """Write table.md, table.csv, comparison.json, replays.json, problem.toml, plans/ and figures/.
 
     Refused plans are saved as `<label>.refused.json`. If the plans were compared machine by
@@ -56,13 +60,22 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
 
     Args:
         comparison: The comparison.
-        path: The folder. An earlier run's folder is replaced after everything is written.
+        path: The folder. An earlier run's folder is replaced after everything is written; what
+            others put into it stays. A partial result does not replace a complete comparison: it
+            is written to a folder beside it, whose name ends in "-partial".
         report: Whether to add the page report.html; see `planner.report.page.page.write_report`.
+        partial: Whether the run was interrupted although all rows are finished, as in budgets.
+
+    Returns:
+        The folder that was written.
 
     Raises:
         InputError: If the folder cannot be written or holds something else; nothing is left behind.
     """
-    with folder(path) as place:
+    target = Path(path)
+    if (partial or not comparison.complete) and _holds_complete(target):
+        target = Path(f"{target}-partial")
+    with folder(target) as place:
         data = comparison.to_dict()
         data["command"] = command(comparison, str(path), report=report)
         write_text(place / "table.md", comparison.markdown())
@@ -79,7 +92,14 @@ def save(comparison: Comparison, path: str | Path, *, report: bool = False) -> P
         _write_figures(comparison, place)
         if report:
             write_report(place)
-    return Path(path)
+    return target
+
+
+def _holds_complete(path: Path) -> bool:
+    """Return whether a folder holds a comparison whose rows are all finished."""
+    with suppress(InputError):
+        return read_json(path / "comparison.json").get("complete") is True
+    return False
 
 
 def replay_data(comparison: Comparison) -> dict[str, Any]:

@@ -13,12 +13,11 @@ import io
 import json
 import os
 import re
-import shutil
 import stat
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -54,11 +53,11 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
             return target
         with hold_signals():
             target.parent.mkdir(parents=True, exist_ok=True)
-            handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=_STAGING)
+            handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=STAGING)
             try:
                 with os.fdopen(handle, "wb") as stream:
                     stream.write(content)
-                os.chmod(temporary, 0o666 & ~_umask())
+                os.chmod(temporary, 0o666 & ~creation_mask())
                 handle_signals()
                 os.replace(temporary, target)
                 written_paths.append(target)
@@ -87,16 +86,16 @@ def refuse_unwritable(path: str | Path) -> None:
     Raises:
         InputError: If the path is a folder, or its folder is a file, read-only, or not creatable.
     """
-    target = _possible_path(path)
+    target = possible_path(path)
     if target.is_dir():
         raise InputError(f"cannot write {target}: it is a folder; name a file in it")
     if not target.exists():
-        _refuse_ground(target)
+        refuse_ground(target)
     elif not os.access(target, os.W_OK):
         raise InputError(f"cannot write {target}: no permission to write there")
 
 
-def _refuse_ground(target: Path) -> None:
+def refuse_ground(target: Path) -> None:
     """Refuse a path whose nearest existing parent is a file or is not writable."""
     ground = next(p for p in target.resolve().parents if p.exists())
     if not ground.is_dir():
@@ -116,7 +115,7 @@ def expect_path(path: object) -> Path:
     return Path(path)
 
 
-def _possible_path(path: str | Path) -> Path:
+def possible_path(path: str | Path) -> Path:
     """Return the path if the file system allows its name.
 
     Raises:
@@ -131,25 +130,6 @@ def _possible_path(path: str | Path) -> Path:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise InputError(f"cannot write {shorten(str(path))}: {reason}; use another name") from None
     return target
-
-
-def refuse_unwritable_folder(path: str | Path) -> None:
-    """Refuse a path that `folder` could not write to; call it before long work.
-
-    Raises:
-        InputError: If the folder holds anything but an earlier run, or cannot be created.
-    """
-    target = _possible_path(path)
-    if target.is_dir():
-        if target.resolve() == Path.cwd():
-            raise InputError(f"{target} is the current folder; name another folder")
-        if any(target.iterdir()) and not (target / _MARKER).exists():
-            raise InputError(
-                f"{target} holds files that are not from an earlier run; name another folder"
-            )
-    elif target.exists():
-        raise InputError(f"{target} is a file; name a folder")
-    _refuse_ground(target)
 
 
 def make_folder(path: str | Path) -> Path:
@@ -168,63 +148,12 @@ def make_folder(path: str | Path) -> Path:
     return place
 
 
-@contextmanager
-def folder(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary folder to fill; it replaces `path` when the block ends without an error.
-
-    An existing folder at `path` is replaced only if this function made it (it leaves a marker).
-
-    Raises:
-        InputError: If `path` cannot be written or holds something else.
-    """
-    refuse_unwritable_folder(path)
-    target = Path(path).resolve()
-    new_parents = [p for p in target.parents if not p.exists()]
-    staging = None
-    try:
-        with hold_signals():
-            target.parent.mkdir(parents=True, exist_ok=True)
-            staging = Path(tempfile.mkdtemp(dir=target.parent, prefix=_STAGING))
-        yield staging
-        with hold_signals():
-            (staging / _MARKER).touch()
-            os.chmod(staging, 0o777 & ~_umask())
-            handle_signals()
-            _swap(staging, target)
-            written_paths.append(target)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
-    finally:
-        with hold_signals():
-            if staging is not None:
-                shutil.rmtree(staging, ignore_errors=True)
-            if not target.exists():
-                with suppress(OSError):
-                    for parent in new_parents:  # innermost first, as far as there and empty
-                        parent.rmdir()
-
-
-_STAGING = ".planner."
+STAGING = ".planner."
 """Prefix of temporary names; the target's own name is left out because it may be too long."""
 
-_MARKER = ".planner"
 
-
-def _swap(staging: Path, target: Path) -> None:
-    if not target.exists():
-        os.replace(staging, target)
-        return
-    old = Path(tempfile.mkdtemp(dir=target.parent, prefix=f"{_STAGING}old."))
-    os.replace(target, old)
-    try:
-        os.replace(staging, target)
-    except BaseException:
-        os.replace(old, target)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
-
-
-def _umask() -> int:
+def creation_mask() -> int:
+    """Return the permissions that new files lack."""
     mask = os.umask(0)
     os.umask(mask)
     return mask

@@ -22,8 +22,8 @@ from planner.machine.friction.contact_load import contact_load
 from planner.plan.measures import peak_inputs
 from planner.problem.tables.machine_effects import StartState
 from planner.report.figures.style import GRID_STYLE, colour_of, shade_holds
+from planner.report.result_folder import folder
 from planner.support.arrays import Array
-from planner.support.files import folder
 from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[2]

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 import planner
 from planner import Machine, Plan, Replay, Tracker
 from planner.report.controller.controller import Recorder
-from planner.support.files import folder
+from planner.report.result_folder import folder
 from planner.support.package import provenance
 
 sys.path.append(str(Path(__file__).parents[1]))

@@ -15,7 +15,8 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 import planner
-from planner.support.files import folder, write_bytes, write_text
+from planner.report.result_folder import folder
+from planner.support.files import write_bytes, write_text
 from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[2]

@@ -25,8 +25,8 @@ from planner.machine.feedback.reference import Reference
 from planner.machine.feedback.tracker import TrackerControl
 from planner.machine.machine import draw
 from planner.report.figures.style import COLOURS, GRID_STYLE
+from planner.report.result_folder import folder
 from planner.support.arrays import Array
-from planner.support.files import folder
 from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[2]

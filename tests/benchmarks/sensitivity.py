@@ -20,8 +20,8 @@ from planner import NoPlanError, Plan, Problem
 from planner.cli.app import main as command
 from planner.plan.measures import effort, turns
 from planner.report import plot_sensitivity
+from planner.report.result_folder import folder, refuse_unwritable_folder
 from planner.support.arrays import Array
-from planner.support.files import folder, refuse_unwritable_folder
 from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[2]

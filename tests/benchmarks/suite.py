@@ -11,7 +11,7 @@ from pathlib import Path
 
 import planner
 from planner import InputError, NoPlanError
-from planner.support.files import folder
+from planner.report.result_folder import folder
 from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[2]

@@ -82,6 +82,29 @@ def test_ctrl_c_keeps_what_is_done_and_says_so(
 
 
 @pytest.mark.usefixtures("without_pictures")
+def test_ctrl_c_leaves_an_earlier_complete_result_in_its_place(
+    run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = (*TWO, "--set", "limits={}", "--out", tmp_path / "run")
+    assert run(*words).status == 0
+    before = {p: p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()}
+    replays = []
+
+    def pressed(*words: Any, **options: Any) -> Any:
+        replays.append(words)
+        if len(replays) == 2:
+            signal.raise_signal(signal.SIGINT)
+        return planner.replay(*words, **options)
+
+    monkeypatch.setattr("planner.comparison.compare.run_replay", pressed)
+    result = run(*words)
+    assert result.status == 130
+    assert f"written to {tmp_path}/run-partial; {tmp_path}/run keeps the complete" in result.err
+    assert "Partial: interrupted" in (tmp_path / "run-partial/table.md").read_text()
+    assert {p: p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()} == before
+
+
+@pytest.mark.usefixtures("without_pictures")
 def test_ctrl_c_in_the_budgets_keeps_the_comparison(
     run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from planner.report import result_folder
 from planner.support import deadline, files
 from planner.support.interrupts import (
     Terminated,
@@ -138,7 +139,11 @@ def test_a_folder_leaves_nothing_whenever_it_is_stopped(
     number: signal.Signals, step: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also between making a folder and noting its name, and in cleaning up."""
-    owner: Any = {"mkdtemp": files.tempfile, "rmtree": files.shutil, "replace": files.os}[step]
+    owner: Any = {
+        "mkdtemp": result_folder.tempfile,
+        "rmtree": result_folder.shutil,
+        "replace": result_folder.os,
+    }[step]
     real: Callable[..., Any] = getattr(owner, step)
 
     def pressed(*words: Any, **options: Any) -> Any:
@@ -151,7 +156,7 @@ def test_a_folder_leaves_nothing_whenever_it_is_stopped(
     with (
         pytest.raises(handled(number)),
         hear_signals(),
-        files.folder(tmp_path / "new/run") as place,
+        result_folder.folder(tmp_path / "new/run") as place,
     ):
         (place / "half.txt").touch()
     left = {p.name for p in tmp_path.rglob("*")}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from compared import quick_comparison
 
 import planner
 from planner.report import folders as report_folder
+from planner.report.page.page import write_report
 from planner.report.panels import PLAN_FIGURES
 
 DRAWN = (*PLAN_FIGURES, "arm", *report_folder.REPLAY_FIGURES)
@@ -91,3 +93,33 @@ def test_a_folder_of_someone_else_is_refused(tmp_path: Path) -> None:
     with pytest.raises(planner.InputError, match="holds files"):
         quick_comparison().save(tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_partial_comparison_leaves_a_complete_one_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report_folder, "_write_figures", lambda *args: None)
+    complete = quick_comparison()
+    partial = replace(complete, rows=complete.rows[:1], complete=False)
+    out, beside = tmp_path / "out", tmp_path / "out-partial"
+    assert partial.save(out) == out  # nothing is there
+    assert complete.save(out) == out  # a partial result is replaced
+    before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
+    for _ in range(2):
+        assert partial.save(out) == beside
+        assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
+    assert json.loads((beside / "comparison.json").read_text())["complete"] is False
+    assert complete.save(beside) == beside
+
+
+def test_the_page_of_an_earlier_run_does_not_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report_folder, "_write_figures", lambda *args: None)
+    out = quick_comparison().save(tmp_path / "out")
+    (out / "notes.txt").write_text("mine")
+    write_report(out)
+    assert (out / "report.html").exists()
+    quick_comparison().save(out)
+    assert not (out / "report.html").exists()
+    assert (out / "notes.txt").read_text() == "mine"

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from planner import InputError
-from planner.support.files import folder, refuse_unwritable, refuse_unwritable_folder, write_text
+from planner.support.files import refuse_unwritable, write_text
 
 
 def listing(path: Path) -> set[str]:
@@ -78,78 +78,6 @@ def test_a_file_brings_its_folder(tmp_path: Path) -> None:
     refuse_unwritable(target)
     assert listing(tmp_path) == set()
     assert write_text(target, "x").read_text(encoding="utf-8") == "x"
-
-
-def test_folder_appears_only_when_complete(tmp_path: Path) -> None:
-    target = tmp_path / "new/run"
-    with folder(target) as staging:
-        (staging / "table.txt").write_text("1", encoding="utf-8")
-        assert not target.exists()
-    assert (target / "table.txt").read_text(encoding="utf-8") == "1"
-    with folder(target) as staging:
-        (staging / "other.txt").touch()
-    assert listing(target) == {"other.txt", ".planner"}
-    assert listing(tmp_path / "new") == {"run", "run/other.txt", "run/.planner"}
-
-
-@pytest.mark.parametrize("stop", [KeyboardInterrupt, RuntimeError])
-def test_folder_leaves_nothing_when_stopped(tmp_path: Path, stop: type[BaseException]) -> None:
-    def stopped_half_way() -> None:
-        with folder(tmp_path / "new/run") as staging:
-            (staging / "half.txt").touch()
-            raise stop
-
-    with pytest.raises(stop):
-        stopped_half_way()
-    assert listing(tmp_path) == set()
-
-
-def test_folder_keeps_the_old_run_when_the_disk_fills(tmp_path: Path) -> None:
-    with folder(tmp_path / "run") as staging:
-        (staging / "old.txt").touch()
-    with pytest.raises(InputError, match="No space left"), folder(tmp_path / "run"):
-        full_disk()
-    assert listing(tmp_path) == {"run", "run/old.txt", "run/.planner"}
-
-
-def test_folder_keeps_the_old_run_when_the_swap_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    target = tmp_path / "run"
-    with folder(target) as staging:
-        (staging / "old.txt").touch()
-    real, calls = os.replace, []
-
-    def second_fails(a: Any, b: Any) -> None:
-        calls.append(a)
-        if len(calls) == 2:
-            full_disk()
-        real(a, b)
-
-    monkeypatch.setattr(os, "replace", second_fails)
-    with pytest.raises(InputError, match="No space left"), folder(target):
-        pass
-    assert len(calls) == 3
-    assert listing(tmp_path) == {"run", "run/old.txt", "run/.planner"}
-
-
-def test_places_no_folder_can_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine/thesis.tex").touch()
-    before = listing(tmp_path)
-    cases = {
-        "mine": "holds files that are not from an earlier run",
-        "mine/thesis.tex": "is a file; name a folder",
-        "mine/thesis.tex/out": "is a file, not a folder",
-        ".": "is the current folder",
-    }
-    monkeypatch.chdir(tmp_path)
-    for name, message in cases.items():
-        with pytest.raises(InputError, match=message):
-            refuse_unwritable_folder(name)
-        with pytest.raises(InputError, match=message), folder(name):
-            pytest.fail("the block must not run")
-    assert listing(tmp_path) == before
 
 
 def _umask() -> int:

@@ -180,9 +180,21 @@ def read_table(
             then dropped with a warning, since its last number may lack digits.
 
     Raises:
-        InputError: If the file cannot be read or is not text, or a row has another number of cells
-            than the header.
+        InputError: If the file cannot be read or is not text, a quotation mark has no end, or a row
+            has another number of cells than the header.
     """
+    try:
+        return _read_table(path, what, known, may_be_cut)
+    except csv.Error as error:
+        raise InputError(
+            f"{path} has a quoted cell that cannot be read ({error}): does its quotation mark have"
+            " an end?"
+        ) from None
+
+
+def _read_table(
+    path: str | Path, what: str, known: Callable[[str], bool], may_be_cut: bool
+) -> NumberTable:
     given = _decode(read_bytes(path, SAMPLES_BYTES), path, what)
     text = _QUOTED.sub(lambda cell: f'"{_END.sub(" ", cell[2])}"', given)
     text = "\n" * (given.count("\n") - text.count("\n")) + text  # keeps the rows' numbers
@@ -208,7 +220,7 @@ def read_table(
         warnings.warn(
             f"{path}, line {number} has no line end: it may be cut off, and is ignored",
             InputWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
     for number, row in cells:
         if names and (len(row) < len(names) or any(map(str.strip, row[len(names) :]))):

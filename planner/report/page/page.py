@@ -22,6 +22,7 @@ from planner.report.figures.style import readable_name
 from planner.report.page.series import page_data
 from planner.report.page.words import answer, colour_places, question, task_facts, verdict_html
 from planner.report.panels import PLAN_FIGURES
+from planner.report.result_folder import list_file
 from planner.report.saved import load_comparison, load_replays
 from planner.support.files import expect_path, read_json, write_text
 from planner.support.tables import Column, Markup, R, html_table, number
@@ -56,7 +57,10 @@ def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
         raise InputError(
             f"{folder} is damaged, its files do not match: {error!r:.200}; compare again"
         ) from None
-    return write_text(target, page)
+    written = write_text(target, page)
+    if out is None:
+        list_file(written)
+    return written
 
 
 def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mapping[str, Any]) -> str:

@@ -212,6 +212,17 @@ def test_an_empty_cell_and_an_empty_file_are_refused(tmp_path: Path) -> None:
         read_log(path)
 
 
+@pytest.mark.parametrize("place", [0, 1, 50])
+def test_a_quotation_mark_without_an_end_is_refused(tmp_path: Path, place: int) -> None:
+    """In the header, the first row or a later one: all to the next mark becomes one cell."""
+    path = LOG.save(tmp_path / "a.csv")
+    lines = path.read_text().splitlines()
+    lines[place] += ',"' + "x" * 200_000 + '"'
+    path.write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(InputError, match=r"a\.csv has a quoted cell .*131072"):
+        read_log(path)
+
+
 def test_rounded_times_are_even_and_jitter_stays(tmp_path: Path) -> None:
     jitter = T + 0.002 * np.sin(np.arange(len(T))) * (np.arange(len(T)) > 0)
     even = read_log(write(tmp_path / "a.csv", HEADER, np.round(T, 3), *U.T, *THETA.T))

@@ -94,6 +94,7 @@ class Analysis:
             are known before the search (`planner.methods.keeping`).
         outcomes: A summary for each method, with the keys of
             `planner.verification.summary.SUMMARY_KEYS`.
+        refusals: The refusal of each method that has no plan, by the method's name.
         remedy: A change of the problem with which a method has a plan; None if a method has a plan
             of the unchanged problem, or if no change helped.
         ended_early: What ended the search early, in words; None if the search was completed.
@@ -109,6 +110,7 @@ class Analysis:
     nonholonomy: Nonholonomy
     not_promised: Mapping[str, tuple[str, ...]]
     outcomes: tuple[dict[str, Any], ...]
+    refusals: Mapping[str, NoPlanError]
     remedy: Remedy | None
     ended_early: str | None = None
 
@@ -192,13 +194,13 @@ def check(
     unrefined = [name for name, method in METHODS.items() if method.refines is None]
     names = unrefined if methods is None else [find_method(m).name for m in methods]
     window, reach = travel_window(problem), goal_reach(problem)
-    outcomes, remedy = [], None
+    outcomes, refusals, remedy = [], dict[str, NoPlanError](), None
     with time_limit(time_limit_s) as span:
         words = f"its share of {span.why}" if time_limit_s is not None else ""
         for k, name in enumerate(names):
             say(f"trying {name}")
             with time_share(1 / (len(names) - k + 1), words):
-                outcomes.append(_outcome(problem, name))
+                outcomes.append(_outcome(problem, name, refusals))
         if not any(o["verified"] for o in outcomes):
             remedy = find_remedy(problem, names, say, reach)
     say("checking the plain polynomial")
@@ -214,6 +216,7 @@ def check(
         nonholonomy=nonholonomy(problem),
         not_promised={name: _open_requirements(problem, name) for name in names},
         outcomes=tuple(outcomes),
+        refusals=refusals,
         remedy=remedy,
         ended_early=f"{span.why} ended the search" if span.was_reached else None,
     )
@@ -238,14 +241,16 @@ def find_remedy(
     return Remedy(result.change.keys, result.change.method, plan_summary(result.plan), words)
 
 
-def _outcome(problem: Problem, name: str) -> dict[str, Any]:
-    """Try a method; return the summary of its plan or of its refusal."""
+def _outcome(problem: Problem, name: str, refusals: dict[str, NoPlanError]) -> dict[str, Any]:
+    """Try a method; return the summary of its plan, or of its refusal, which joins `refusals`."""
     try:
         return plan_summary(*solve_and_check(problem, name, advice=False))
     except NoPlanError as error:
-        return refusal_summary(error, name)
+        refusals[name] = error
     except InputError as error:  # the method does not accept such a problem
-        return refusal_summary(NoPlanError(str(error)), name) | {"status": "bad_input"}
+        refusals[name] = NoPlanError(error.body, source=error.source)
+        refusals[name].status = "bad_input"
+    return refusal_summary(refusals[name], name)
 
 
 def _open_requirements(problem: Problem, name: str) -> tuple[str, ...]:

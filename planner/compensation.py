@@ -78,7 +78,9 @@ def compensate_plan(
         fastest = _compensate_in_duration(plan, machine, options)
     except TimeUpError:
         raise TimeLimitError(
-            f"{problem.source}: the time was too short to compensate the plan", advice=time_advice()
+            "the time was too short to compensate the plan",
+            source=problem.source,
+            advice=time_advice(),
         ) from None
     compensated, check = _with_room(fastest, machine, options)
     compensated = replace(compensated, solve_time_s=plan.solve_time_s + time.perf_counter() - began)
@@ -89,8 +91,10 @@ def compensate_plan(
             where += f" in the preparation, the first {compensated.lead_s:.3g} s, before the plan"
             where += " starts"
         tries = [Change(keys) for keys in settings_to_try(compensated, check.violations)]
-        tried = _try_settings(plan, machine, options, tries, time.perf_counter() - began)
-        raise refusal(compensated, check, where, "; or ".join([*tried, *changes]))
+        tried, helps = _try_settings(plan, machine, options, tries, time.perf_counter() - began)
+        error = refusal(compensated, check, where, [*tried, *changes])
+        error.has_remedy = helps
+        raise error
     ways = "; or ".join(changes)
     errors = compensated.notes["compensation"]
     if errors["E_deg"] != 0 and not errors["E_deg"] < errors["plain_E_deg"]:
@@ -106,11 +110,12 @@ def compensate_plan(
 
 def _try_settings(
     plan: Plan, machine: Machine, options: CompensationTable, tries: list[Change], seconds: float
-) -> list[str]:
+) -> tuple[list[str], bool]:
     """Compensate a plan with other settings, after a refusal that took a number of `seconds`.
 
     Return in words each setting that works, with its remaining error, and each that was not tried
-    for lack of time. The trials may take a few times as long as the refused attempt.
+    for lack of time; and whether any works. The trials may take a few times as long as the refused
+    attempt.
     """
 
     def attempt(change: Change) -> Plan:
@@ -122,18 +127,19 @@ def _try_settings(
         other = machine.with_(**tables["machine"])
         return _with_room(_compensate_in_duration(plan, other, settings), other, settings)[0]
 
-    out = []
+    out, helps = list[str](), False
     with time_limit(max(LEAST_S, MOST_TIMES_REFUSAL * seconds), "the time for trying changes"):
         for change in tries:
             trial = try_changes([change], attempt, lambda doing: tell(f"no plan; {doing}"))
             words = "home the arm first; " if "machine.start_state" in change.keys else ""
             if trial.plan is not None:
+                helps = True
                 errors = trial.plan.notes["compensation"]
                 words += f"tried: path error {errors['E_deg']:.2g} deg, uncompensated"
                 out.append(f"{change} ({words} {errors['plain_E_deg']:.2g} deg)")
             elif trial.left:
                 out.append(f"{change} ({words}not tried for lack of time)")
-    return out
+    return out, helps
 
 
 def _compensated_error_deg(plan: Plan) -> float:
@@ -175,9 +181,7 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
             plan = _plan_near(problem.changed({"goal.duration": seconds}), plan)
         except (NoPlanError, InputError) as error:
             if seconds > 0:
-                reason = str(error).splitlines()[0].removeprefix(f"{problem.source}: ")
-                reason = reason.rpartition(". ")[0] if reason.endswith(":") else reason  # of a list
-                why = f", and there is no plan of {seconds:.4g} s: {reason}"
+                why = f", and there is no plan of {seconds:.4g} s: {error.sentence}"
             break
         tried.append(follow(plan, machine, options))
     if tried[-1].duration > most and (fastest := _fastest(plan)) is not None:
@@ -188,10 +192,14 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
     seconds = least.clock.seconds
     room = (SLOWER[-1] - 1) * seconds if problem.duration is None else 0.0
     raise NoPlanError(
-        f"{problem.source}: goal.duration_max = {most:g} s is too short: the plan takes"
+        f"goal.duration_max = {most:g} s is too short: the plan takes"
         f" {seconds:.4g} s, compensation adds {least.duration - seconds:.4g} s{why}",
-        advice=f"goal.duration_max = {np.ceil(100 * (least.duration + room)) / 100:g};"
-        f" or {LARGER_INPUTS}; or {NO_COMPENSATION}",
+        source=problem.source,
+        advice=[
+            f"goal.duration_max = {np.ceil(100 * (least.duration + room)) / 100:g}",
+            LARGER_INPUTS,
+            NO_COMPENSATION,
+        ],
     )
 
 

@@ -121,16 +121,26 @@ class InputError(PlannerError, ValueError):
     """A file, key, value or option that cannot be used; the message says what is allowed.
 
     A message that is too long to read keeps its beginning and its end.
+
+    Attributes:
+        source: The file or other origin of the input, or ""; the message begins with it.
+        body: The message without the source, one or more lines.
+        sentence: The first line of `body`.
     """
 
     exit_status = 2
 
-    def __init__(self, message: str = "") -> None:
-        lines = (_shorten(line, LONGEST_LINE) for line in message.split("\n"))
-        super().__init__(_shorten("\n".join(lines), LONGEST_TEXT))
+    def __init__(self, message: str = "", source: str = "") -> None:
+        self.source, self.body = source, _shorten(message)
+        self.sentence, *_ = self.body.splitlines() or [""]
+        super().__init__(_shorten(f"{source}: {message}" if source else message))
 
 
-def _shorten(text: str, longest: int) -> str:
+def _shorten(text: str) -> str:
+    return _cut("\n".join(_cut(line, LONGEST_LINE) for line in text.split("\n")), LONGEST_TEXT)
+
+
+def _cut(text: str, longest: int) -> str:
     if len(text) <= longest:
         return text
     end = longest // 3
@@ -241,40 +251,53 @@ class NoPlanError(PlannerError):
     """No plan exists, none was found, or the plan found failed its verification.
 
     Attributes:
+        sentence: The reason, without the problem's file.
+        source: The problem's file, or "".
+        finding: For a proof that the duration is too short, what the sentence says beside that
+            proof, or ""; otherwise None.
+        list_head: Words that end the sentence and introduce the list of violations, or "".
         plan: The last iterate, only for study and never for execution, or None.
         violations: Requirements that the iterate breaks, largest scaled violation first.
         changes: Changes of the problem that may help, as data (`planner.methods.refusal.Change`).
         otherwise: Other advice in words, or None.
-        advice: `changes` and `otherwise` in words, or None. Once the changes have been tried, only
-            the changes that work remain.
+        ways: `changes` and `otherwise` in words. Once the changes have been tried, only the changes
+            that work remain.
+        advice: All `ways` in one text, or None.
+        has_remedy: Whether one of the `ways` was tried and works.
         blamed: The requirement that had to be left out to find `plan`, in words, or "".
     """
 
     exit_status = 3
     status = "no_plan"
     blamed = ""
+    finding: str | None = None
+    has_remedy = False
 
     def __init__(
         self,
-        message: str,
+        sentence: str,
         *,
+        source: str = "",
+        list_head: str = "",
         plan: Any = None,
         violations: Sequence[Violation] = (),
-        advice: str | None = None,
+        advice: str | Sequence[str] | None = None,
         changes: Sequence[Any] = (),
     ) -> None:
-        self.reason = message
+        self.sentence, self.source, self.list_head = sentence, source, list_head
         self.plan = plan
         self.violations = tuple(sorted(violations, key=lambda v: -v.scaled))
         self.changes = tuple(changes)
-        self.otherwise = advice
+        others = (advice,) if isinstance(advice, str) else advice or ()
+        self.otherwise = "; or ".join(others) or None
         super().__init__()
-        self.advise(*(str(change) for change in changes if not change.method), advice)
+        self.advise(*(str(change) for change in changes if not change.method), *others)
 
     def advise(self, *words: str | None) -> None:
         """Set the advice: first `words`, then each of `changes` that uses another method."""
         others = (str(change) for change in self.changes if change.method)
-        self.advice = "; or ".join(each for each in (*words, *others) if each) or None
+        self.ways = tuple(each for each in (*words, *others) if each)
+        self.advice = "; or ".join(self.ways) or None
         self.args = (self._text(),)
 
     def blame(self, requirement: str, plan: Any, violations: Sequence[Violation]) -> None:
@@ -282,9 +305,16 @@ class NoPlanError(PlannerError):
 
         `plan` is a plan that ignores this requirement, and `violations` what it breaks.
         """
-        self.reason += f"; without {requirement} there is a plan, which breaks:"
+        self.sentence += f"; without {requirement} there is a plan"
+        self.list_head = ", which breaks:"
         self.plan, self.violations, self.blamed = plan, tuple(violations), requirement
         self.args = (self._text(),)
+
+    @property
+    def reason(self) -> str:
+        """The reason with the problem's file, and what introduces the list of violations."""
+        whole = self.sentence + self.list_head
+        return f"{self.source}: {whole}" if self.source else whole
 
     def _text(self) -> str:
         lines = [self.reason, *(f"  - {v}" for v in self.violations[:8])]
@@ -303,19 +333,7 @@ class SingularError(NoPlanError):
     """
 
     status = "singular"
-
-    def __init__(
-        self,
-        message: str,
-        *,
-        times_s: Sequence[float] = (),
-        plan: Any = None,
-        violations: Sequence[Violation] = (),
-        advice: str | None = None,
-        changes: Sequence[Any] = (),
-    ) -> None:
-        self.times_s = tuple(times_s)
-        super().__init__(message, plan=plan, violations=violations, advice=advice, changes=changes)
+    times_s: Sequence[float] = ()
 
 
 class InfeasibleError(NoPlanError):

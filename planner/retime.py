@@ -62,8 +62,8 @@ def retime(
     refuse_compensated(plan, "retime")
     if not plan.executable:
         raise SingularError(
-            f"{plan.problem.source}: a plan that leaves the domain of the chained-form chart has no"
-            " inputs to retime",
+            "a plan that leaves the domain of the chained-form chart has no inputs to retime",
+            source=plan.problem.source,
             plan=plan,
         )
     if limits is not None:
@@ -96,8 +96,8 @@ def retime(
     if check.ok:
         return retimed
     raise VerificationError(
-        f"{plan.problem.source}: the retimed {plan.method} plan breaks"
-        f" {len(check.violations)} requirement(s)",
+        f"the retimed {plan.method} plan breaks {len(check.violations)} requirement(s)",
+        source=plan.problem.source,
         plan=replace(retimed, status=VerificationError.status),
         violations=check.violations,
     )
@@ -124,11 +124,13 @@ def _refuse_unlimited(problem: Problem, moving: InputMask, rest: bool) -> None:
     limits = problem.limits
     for i in np.flatnonzero(moving & limits.unlimited):
         raise InputError(
-            f"{problem.source}: input {problem.system.inputs[i].name} moves and has no"
-            " limit, so there is no fastest timing; give a limit for it"
+            f"input {problem.system.inputs[i].name} moves and has no"
+            " limit, so there is no fastest timing; give a limit for it",
+            source=problem.source,
         )
     if rest and not np.any(np.isfinite(limits.input_rate)):
         raise InputError(
-            f"{problem.source}: rest at the ends needs limits on the inputs' rates; without them"
-            " the inputs may jump to their limits"
+            "rest at the ends needs limits on the inputs' rates; without them"
+            " the inputs may jump to their limits",
+            source=problem.source,
         )

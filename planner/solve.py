@@ -144,8 +144,8 @@ def solve_and_check(
             far = current_progress()
             came = f" after {far.solves} solves (the search was {far.doing})" if far else ""
             raise TimeLimitError(
-                f"{problem.source}: {span.why} ended the method '{method}' before it had a"
-                f" plan{came}",
+                f"{span.why} ended the method '{method}' before it had a plan{came}",
+                source=problem.source,
                 advice=time_advice(),
             ) from None
         except NoPlanError as error:
@@ -164,7 +164,7 @@ def _plan_by_method(problem: Problem, entry: Method, options: Any, warm: Plan | 
     if still := plan_stay(problem, entry.name, options):
         return still
     if why := why_blocked(problem):
-        raise InfeasibleError(f"{problem.source}: {why}", changes=path_changes(problem))
+        raise InfeasibleError(why, source=problem.source, changes=path_changes(problem))
     if not entry.finds_time:
         refuse_too_short(problem)
     refuse_unkept(problem, entry.name, entry.keeps)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 from collections.abc import Iterator
 from functools import partial
@@ -215,21 +214,20 @@ def _unpromised_limits(analysis: Analysis) -> list[str]:
 
 def _refusals(analysis: Analysis) -> Iterator[str]:
     """Yield the lines of each refusal: the methods that gave it, the reason, what to try."""
-    refused: dict[tuple[str, ...], tuple[list[str], list[str]]] = {}
+    refused: dict[tuple[str, ...], tuple[list[str], list[tuple[str, ...]]]] = {}
+    # The verdict has the proof and the remedy.
+    told = why_too_short(analysis.problem) is not None and analysis.remedy is not None
     for o in analysis.outcomes:
-        if o["verified"] or o["reason"] is None:
+        if (error := analysis.refusals.get(o["method"])) is None:
             continue
-        reason = str(o["reason"]).removeprefix(f"{analysis.problem.source}: ")
+        reason = error.sentence if not told or error.finding is None else error.finding
         broken = [] if o["status"] == "singular" else o["violations"][:4]  # the reason names them
-        refusal = (reason, *(f"  - {v['text']}" for v in broken))
+        refusal = (reason and reason + error.list_head, *(f"  - {v['text']}" for v in broken))
         names, advice = refused.setdefault(refusal, ([], []))
         names.append(o["method"])
-        if o["advice"] and not any(o["advice"] in known for known in advice):
-            advice.append(o["advice"])
-    proof = why_too_short(analysis.problem) or ""
+        if error.ways and not any({*error.ways} <= {*known} for known in advice):
+            advice.append(error.ways)
     for (reason, *lines), (names, advice) in refused.items():
-        if proof and analysis.remedy is not None:  # the verdict has both
-            reason = re.sub(r"^\W*The", "the", reason.removeprefix(proof))
         if reason:
-            tries = [f"  Try: {each}" for each in advice]
+            tries = [f"  Try: {'; or '.join(each)}" for each in advice]
             yield from ("", f"{', '.join(names)}: {reason}", *lines, *tries)

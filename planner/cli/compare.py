@@ -199,7 +199,7 @@ def _say_results(
             note(f"a page with the motion and all figures: planner report {written}")
     if complete and not any(row.solved for row in result.rows):
         command = shlex.join(["planner", "check", result.problem.source, *_sets(changes)])
-        tried = any("(tried" in advice for advice in result.advice.values())
+        tried = any(row.has_remedy for row in result.rows)
         help_ = f"see the changes after 'Try', or run: {command}"
         note(f"no method has a plan; {help_ if tried else f'to find what would help: {command}'}")
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,7 @@ from planner.solve import solve_and_check
 from planner.support.deadline import TimeUpError, time_limit
 from planner.support.progress import Tell, expect_listener
 from planner.support.statistics import LEAST_DIFFERENCE_DEG
+from planner.support.tables import line
 from planner.verification.verify import INTEGRATION_TOLERANCE, Check, verify
 
 KEPT_MOTIONS = 1000
@@ -161,8 +163,7 @@ class _ComparisonRun:
         except InputError as error:  # with "all", some methods may not fit the problem
             if self.methods != ALL:
                 raise
-            why = str(error).splitlines()[0].removeprefix(f"{self.problem.source}: ")
-            return Row(spec.label, spec.method, False, why)
+            return Row(spec.label, spec.method, False, error.sentence)
 
     def _feedback_row(self, row: Row, replay: Callable[[Row], Row]) -> Row:
         """Return the row of a plan with feedback; if feedback cannot follow it, with the reason."""
@@ -251,7 +252,7 @@ def plan_row(
     Raises:
         InputError: If the method does not fit the problem.
     """
-    options, advice = dict(spec.options), ""
+    options, advice = dict(spec.options), dict[str, Any]()
     time_limit_s = options.pop("time_limit_s", time_limit_s)
     start = time.perf_counter() - (0.0 if plain is None else plain.took_s)
     try:
@@ -274,13 +275,14 @@ def plan_row(
         why = early if plan.verified else _exit_text(plan.domain.singular_times_s)
     except NoPlanError as error:
         took = time.perf_counter() - start
-        why, advice = _reason(problem, error), error.advice or ""
+        why = _reason(error)
+        advice = {"ways": error.ways, "has_remedy": error.has_remedy}
         motion = _whole_plan(error) or _plan_too_short(problem, spec)
         if motion is None:
-            return Row(spec.label, spec.method, False, why, took_s=took, advice=advice)
+            return Row(spec.label, spec.method, False, why, took_s=took, **advice)
         plan, check = replace(motion[0], status=error.status, verified=False), motion[1]
     row = Row.from_plan(spec.label, spec.method, plan, check, why)
-    return replace(row, took_s=took, advice=advice)
+    return replace(row, took_s=took, **advice)
 
 
 def _whole_plan(error: NoPlanError) -> tuple[Plan, Check] | None:
@@ -318,15 +320,13 @@ def _plan_too_short(problem: Problem, spec: Spec) -> tuple[Plan, Check] | None:
     return None
 
 
-def _reason(problem: Problem, error: NoPlanError) -> str:
+def _reason(error: NoPlanError) -> str:
     if isinstance(error, SingularError) and error.plan is not None and error.times_s:
         return _exit_text(error.times_s)
     if isinstance(error, VerificationError) and error.violations:
         more = len(error.violations) - 1
         return _violation_text(error.violations[0]) + (f", and {more} more" if more else "")
-    first = error.reason.splitlines()[0].removeprefix(f"{problem.source}: ")
-    # Drop a sentence that introduces a list.
-    return first.rpartition(". ")[0] if first.endswith(":") and ". " in first else first
+    return line(error.sentence)
 
 
 def _violation_text(violation: Violation) -> str:

@@ -190,7 +190,7 @@ def _refusal(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
     if not nearer:
         return ""
     best = max(nearer, key=gain)
-    first = best.advice.partition("; or ")[0]
+    first = next(iter(best.ways), "")
     return (
         f" More accurate, but refused: {best.label} ({best.why}):"
         f" E {_degrees(best.E_median_deg)} instead of {_degrees(row.E_median_deg)},"

@@ -84,7 +84,8 @@ class Row(PlanFigures):
             the commands' effort, and `peak_u` the largest motor speeds on any machine.
         note: Why feedback gains little, or how far a compensated plan leaves the original path;
             else empty.
-        advice: For a refused plan, changes that may help, in words; tried changes are marked.
+        ways: For a refused plan, changes that may help, in words; tried changes are marked.
+        has_remedy: Whether one of the changes was tried and works.
     """
 
     label: str
@@ -117,7 +118,8 @@ class Row(PlanFigures):
     machine_errors_deg: Array | None = field(default=None, compare=False)
     feedback: bool = False
     note: str = ""
-    advice: str = ""
+    ways: tuple[str, ...] = ()
+    has_remedy: bool = False
 
     @classmethod
     def from_plan(cls, label: str, method: str, plan: Plan, check: Check, why: str = "") -> Row:
@@ -142,6 +144,11 @@ class Row(PlanFigures):
         state = "solved" if self.solved else f"refused, {self.why}"
         error = f", E {self.E_median_deg:.3g} deg" if np.isfinite(self.E_median_deg) else ""
         return f"Row({self.label}: {state}{error})"
+
+    @property
+    def advice(self) -> str:
+        """The changes that may help a refused plan, in one text."""
+        return "; or ".join(self.ways)
 
     @property
     def spec(self) -> str:
@@ -179,7 +186,7 @@ class Row(PlanFigures):
         data = {key: getattr(self, key) for key in ("label", "method", "solved", "why")}
         data |= {key: value for key, value in vars(self).items() if key not in KEPT_IN_FILES}
         data["peak_u_rad_s"] = data.pop("peak_u")
-        data["status"] = self.status
+        data |= {"status": self.status, "advice": self.advice}
         data["replay"] = None if self.replay is None else self.replay.summary()
         data["worst"] = self.worst
         return dict(jsonable(data))

@@ -74,8 +74,10 @@ def path(state: State) -> ScreenOutcome:
         except InputError as error:
             return ScreenOutcome(state, problem, None, error, judged=True)
         except TimeUpError:
-            reason = f"{problem.source}: {span.why} ended the method '{method.name}' before it had"
-            refusal: NoPlanError = TimeLimitError(f"{reason} a plan", advice=deadline.time_advice())
+            reason = f"{span.why} ended the method '{method.name}' before it had a plan"
+            refusal: NoPlanError = TimeLimitError(
+                reason, source=problem.source, advice=deadline.time_advice()
+            )
         except NoPlanError as error:
             refusal = error
         if span.ended_by:
@@ -96,7 +98,8 @@ def judge(outcome: ScreenOutcome) -> ScreenOutcome:
         plan, _ = judge_plan(outcome.plan)
     except TimeUpError:
         ended = TimeLimitError(
-            f"{outcome.plan.problem.source}: the Stop button ended the verification",
+            "the Stop button ended the verification",
+            source=outcome.plan.problem.source,
             advice="change any setting; this starts planning and verification again",
         )
         ended.status = "stopped"

@@ -39,7 +39,9 @@ def judge_plan(plan: Plan) -> tuple[Plan, Check]:
         return plan, check
     if why := plan.notes.get("ended_early"):
         raise TimeLimitError(
-            f"{plan.problem.source}: {why}, and no time was left to refine the plan, which breaks",
+            f"{why}, and no time was left to refine the plan",
+            source=plan.problem.source,
+            list_head=", which breaks",
             plan=replace(plan, status=TimeLimitError.status),
             violations=check.violations,
             advice=time_advice(),
@@ -97,7 +99,11 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
 
 
 def refusal(
-    plan: Plan, check: Check, where: str, advice: str | None, changes: Sequence[Change] = ()
+    plan: Plan,
+    check: Check,
+    where: str,
+    advice: str | Sequence[str] | None,
+    changes: Sequence[Change] = (),
 ) -> VerificationError:
     """Return the error to raise for a plan that breaks requirements.
 
@@ -110,8 +116,9 @@ def refusal(
     """
     name = plan.method if plan.compensation is None else f"compensated {plan.method}"
     error = VerificationError(
-        f"{plan.problem.source}: the {name} plan breaks"
+        f"the {name} plan breaks"
         f" {len(check.violations)} requirement{'s' if len(check.violations) > 1 else ''}{where}",
+        source=plan.problem.source,
         plan=replace(plan, status=VerificationError.status),
         violations=check.violations,
         advice=advice,

@@ -138,20 +138,22 @@ def refuse_unkept(problem: Problem, name: str, keeps: Keeps) -> None:
             every = problem.system.user_coordinates
             names = ", ".join(every[i].name for i in np.flatnonzero(np.isnan(problem.user_goal)))
             raise NoPlanError(
-                f"{problem.source}: methods in the chart need every coordinate at the goal, and"
+                f"methods in the chart need every coordinate at the goal, and"
                 f" [goal] leaves {names} free",
+                source=problem.source,
                 changes=[BY_COLLOCATION],
             )
         names = ", ".join(problem.system.coordinates[i].name for i in problem.free)
         words = ", which chooses them; then give the end of its plan as goal.theta_deg"
         raise NoPlanError(
-            f"{problem.source}: methods in the chart need every joint at the goal, and [goal]"
-            f" leaves {names} free",
+            f"methods in the chart need every joint at the goal, and [goal] leaves {names} free",
+            source=problem.source,
             changes=[replace(BY_COLLOCATION, words=words)],
         )
     if never:
         labels = ", ".join(dict.fromkeys(label for _, label in never))
         raise NoPlanError(
-            f"{problem.source}: the method '{name}' does not plan for {labels}",
+            f"the method '{name}' does not plan for {labels}",
+            source=problem.source,
             changes=[BY_COLLOCATION],
         )

@@ -149,8 +149,9 @@ def homing(problem: Problem) -> Plan:
     stretch = max(1.0, USUAL_AXIS / max(float(axes.min()), 1e-9))
     if stretch > MOST_STRETCH:
         raise InputError(
-            f"{problem.source}: at the start the slowest passive axis turns by {axes.min():.3g} of"
-            " the drive, too little for a homing motion; bring joints 1 to n-1 nearer to 0 degrees"
+            f"at the start the slowest passive axis turns by {axes.min():.3g} of"
+            " the drive, too little for a homing motion; bring joints 1 to n-1 nearer to 0 degrees",
+            source=problem.source,
         )
     turns = [
         (0, -BACK_RAD * stretch, QUICK_RAD_S, 0.0),
@@ -202,8 +203,9 @@ def _arm(problem: Problem, what: str) -> Manipulator:
     system = problem.system
     if not isinstance(system, Manipulator):
         raise InputError(
-            f"{problem.source}: {what} is for arms with friction disks (system.kind ="
-            f" 'manipulator'), and this is a {system.kind}"
+            f"{what} is for arms with friction disks (system.kind ="
+            f" 'manipulator'), and this is a {system.kind}",
+            source=problem.source,
         )
     return system
 
@@ -265,17 +267,17 @@ def _motion(
     try:
         task = problem.changed({"goal": goal, **towards_no_goal})
     except InputError as error:
-        why = str(error).removeprefix(f"{problem.source}: ")
         raise InputError(
-            f"{problem.source}: the {name} motion has an end that is not allowed: {why}"
+            f"the {name} motion has an end that is not allowed: {error.body}", source=problem.source
         ) from None
     plan, check = judge(Plan(task, name, {}, trajectory, objective_name="none", notes=notes))
     if check.ok:
         return plan
     raise VerificationError(
-        f"{problem.source}: the {name} motion breaks {len(check.violations)}"
+        f"the {name} motion breaks {len(check.violations)}"
         f" requirement{'s' if len(check.violations) > 1 else ''}",
+        source=problem.source,
         plan=replace(plan, status=VerificationError.status),
         violations=check.violations,
-        advice="start near 0 degrees; or wider limits; or no obstacles within reach",
+        advice=["start near 0 degrees", "wider limits", "no obstacles within reach"],
     )

@@ -202,6 +202,7 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
     words, change = changed_words(shown, violations), str(tries.change)
     wider = f" with {change}" if words and change.startswith("limits.") else ""
     error.advise(f"{words or change} (tried{wider})")
+    error.has_remedy = True
     if tries.change.without:
         error.blame(tries.change.without, replace(shown, status=error.status), violations)
     return None

@@ -129,14 +129,15 @@ def tip_of(
     turn = 90.0 * len(lengths)
     if tip.angle is not None and abs(np.rad2deg(tip.angle)) >= turn:
         raise InputError(
-            f"{source}: goal.tip_angle_deg = {np.rad2deg(tip.angle):.6g} is the sum of"
+            f"goal.tip_angle_deg = {np.rad2deg(tip.angle):.6g} is the sum of"
             f" {len(lengths)} joints' angles, each within 90 degrees; it must lie between -{turn:g}"
-            f" and {turn:g} degrees"
+            f" and {turn:g} degrees",
+            source=source,
         )
     if tip.place is None:
         return tip
     away, least = float(np.hypot(*tip.place)), float(2 * np.max(lengths) - reach)
-    where = f"{source}: goal.tip_m = [{tip.place[0]:g}, {tip.place[1]:g}]"
+    where = f"goal.tip_m = [{tip.place[0]:g}, {tip.place[1]:g}]"
     if away > reach:
         nearest = tip.place * (reach / away)
         small = SMALL_UNITS.items() if away > 10 * reach else ()
@@ -145,12 +146,14 @@ def tip_of(
         raise InputError(
             f"{where} is {away:.4g} m from the base{slip}, and the stretched arm is {reach:.4g} m"
             f" long; the nearest place that it could reach is [{nearest[0]:.4g}, {nearest[1]:.4g}]"
-            " m"
+            " m",
+            source,
         )
     if away < least:
         raise InputError(
             f"{where} is {away:.4g} m from the base, and the longest link keeps the tip at least"
-            f" {least:.4g} m away; move goal.tip_m farther out"
+            f" {least:.4g} m away; move goal.tip_m farther out",
+            source,
         )
     for disc in discs:
         apart = disc.radius + disc.clearance
@@ -158,7 +161,8 @@ def tip_of(
             extra = " and its clearance" if disc.clearance else ""
             raise InputError(
                 f"{where} lies {inside:.3g} m inside obstacle {disc.number}{extra};"
-                " move goal.tip_m or the obstacle"
+                " move goal.tip_m or the obstacle",
+                source,
             )
     return tip
 
@@ -179,13 +183,13 @@ def limits_by_class(
         try:
             requirement = kind.of(value, system)
         except ValueError as error:
-            raise InputError(f"{source}: 'limits.{key}': {error}") from None
+            raise InputError(f"'limits.{key}': {error}", source=source) from None
         except Exception as error:
             why: str | None = f"failed: {line(error_words(error))}"
         else:
             why = None if kind in KIND_LIMITS else _fault(requirement, system)
         if why:
-            raise InputError(f"{source}: 'limits.{key}': its class {kind.__name__} {why}")
+            raise InputError(f"'limits.{key}': its class {kind.__name__} {why}", source=source)
         out.append(requirement)
     return tuple(out)
 

@@ -151,10 +151,13 @@ def refuse_too_short(problem: Problem) -> None:
         InfeasibleError: Names the coordinate that needs more time.
     """
     if why := why_too_short(problem):
-        raise InfeasibleError(
-            f"{problem.source}: {why}",
-            advice='goal.duration = "free", which finds the time needed; or wider input limits',
+        error = InfeasibleError(
+            why,
+            source=problem.source,
+            advice=['goal.duration = "free", which finds the time needed', "wider input limits"],
         )
+        error.finding = ""
+        raise error
 
 
 def _top_rates(problem: Problem) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

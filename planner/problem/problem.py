@@ -126,7 +126,7 @@ class Problem:
         system = system_of(tables)
         mismatch = tables.machine.mismatch(system.size - 1)
         if mismatch:
-            raise InputError(f"{source}: {mismatch}")
+            raise InputError(mismatch, source=source)
         obstacles = tuple(obstacles_of(tables, system))
         problem = cls(
             name=line(tables.title) or line(Path(source).stem),
@@ -159,12 +159,13 @@ class Problem:
             limit = JointLimit(system.user_coordinates, tuple(problem.limits.user.tolist()))
             why = contradiction(states, [limit], system)
         if why := why or clash_of_times(problem.waypoints, problem.duration):
-            raise InputError(f"{source}: {why}")
+            raise InputError(why, source=source)
         most = problem.duration_max
         if most is not None and (problem.duration or 0.0) > most:
             raise InputError(
-                f"{source}: goal.duration = {problem.duration:g} s is more than goal.duration_max ="
-                f" {most:g} s"
+                f"goal.duration = {problem.duration:g} s is more than goal.duration_max ="
+                f" {most:g} s",
+                source=source,
             )
         if doubt := likely_slip(system, problem.start, problem.goal, obstacles):
             warnings.warn(f"{source}: {doubt}", InputWarning, stacklevel=2)
@@ -325,7 +326,7 @@ class Problem:
             InputError: As for `from_dict`; or if other keys of the goal determine the travel.
         """
         if not self.travel_key:
-            raise InputError(f"{self.source}: the goal's coordinates determine the travel")
+            raise InputError("the goal's coordinates determine the travel", self.source)
         return self.changed(self.travel_change(travel))
 
     def travel_change(self, travel: float | None) -> dict[str, Any]:

@@ -106,7 +106,10 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem, errors: Array |
         why = f"{file or 'comparison.json'} was changed after it was made: {fault}; compare again"
         return Row(data["label"], data["method"], False, why, plan=plan, feedback=data["feedback"])
     names = {field.name for field in fields(Row)} - KEPT_IN_FILES
-    values = {"beyond_physical": data.get("beyond_limits"), **data, "peak_u": data["peak_u_rad_s"]}
+    # Earlier versions had neither of these.
+    values: dict[str, Any] = {"ways": [data["advice"]] if data["advice"] else []}
+    values |= {"beyond_physical": data.get("beyond_limits")}
+    values |= {**data, "peak_u": data["peak_u_rad_s"]}
     values = {k: _read_back(v) for k, v in values.items() if k in names}
     values["domain_ok"] = data["domain_ok"]
     return Row(**values, plan=plan, machine_errors_deg=errors)

@@ -127,7 +127,7 @@ def compensated_errors(plan: Plan, machine: Machine, samples: int, seed: int) ->
         try:
             informed, _ = compensate_plan(replace(plan, options=each), machine, options)
         except (InputError, NoPlanError) as error:  # not compensable, or no plan ends at the goal
-            refused = {"refused": str(error).splitlines()[0]}
+            refused = {"refused": error.sentence}
         else:
             return replay_errors(informed, machine, samples, seed)
     return refused

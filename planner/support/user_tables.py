@@ -49,7 +49,7 @@ def parse(model: type[Model], data: Any, source: str) -> Model:
         return model.model_validate(data)
     except ValidationError as error:
         lines = _explain(model, data, error.errors())
-        raise InputError("\n".join(f"{source}: {line}" for line in lines)) from None
+        raise InputError(f"\n{source}: ".join(lines), source) from None
 
 
 Positive = Annotated[float, Field(gt=0)]

@@ -176,14 +176,12 @@ def run_case(request: Request) -> Row:
         except NoPlanError as error:
             row |= _refusal(error)
         except InputError as error:
-            row |= {"status": "bad_input", "why": str(error)}
+            row |= {"status": "bad_input", "why": error.body}
         except Exception as error:
             why = f"{type(error).__name__}: {error}"
             row |= {"status": "bug", "why": why, "traceback": traceback.format_exc()}
             if lacks_memory(error):
                 row |= {"status": "bad_input", "why": NO_MEMORY.format(why), "traceback": None}
-        if row["why"]:
-            row["why"] = row["why"].removeprefix(f"{request['source']}: ")
         row["versions"] = _versions()
         row["case_time_s"] = time.perf_counter() - began
         return {name: _number(value) for name, value in row.items()}
@@ -244,7 +242,7 @@ def _versions() -> str:
 
 
 def _refusal(error: NoPlanError) -> Row:
-    why = "; ".join([error.reason, *(str(v) for v in error.violations[:3])])
+    why = "; ".join([error.sentence + error.list_head, *(str(v) for v in error.violations[:3])])
     trace = getattr(error, "traceback", None) or None  # only of a `MethodError`
     return {"status": error.status, "why": why, "advice": error.advice, "traceback": trace}
 

@@ -186,8 +186,9 @@ def test_the_first_swing_stands_beside_the_recommendation(compensated: planner.C
 
 def test_the_headline_names_a_nearer_plan_that_is_refused(compensated: planner.Comparison) -> None:
     plain, better = compensated.rows
-    why, advice = "goal theta2 reaches 0.164 deg, allowed 0", "more time; or no compensation"
-    refused = replace(better, solved=False, why=why, advice=advice)
+    why, ways = "goal theta2 reaches 0.164 deg, allowed 0", ("more time", "no compensation")
+    refused = replace(better, solved=False, why=why, ways=ways)
+    assert refused.advice == "more time; or no compensation"
     words = headline([plain, refused], compensated.threshold_deg, "quasi-static")
     assert words.startswith(f"Take {plain.label}: the only plan that reaches the goal")
     ends = [number(row.end_median_deg) for row in (better, plain)]
@@ -432,7 +433,7 @@ def test_all_means_every_method_and_one_that_does_not_fit_stops_none(
     like = METHODS["polynomial"]
 
     def unfit(problem: planner.Problem, options: object) -> planner.Plan:
-        raise planner.InputError(f"{problem.source}: works on cars only")
+        raise planner.InputError("works on cars only", source=problem.source)
 
     with restored():
         METHODS.clear()
@@ -548,11 +549,13 @@ def test_ctrl_c_before_anything_is_done_is_as_usual(quick: planner.Problem) -> N
         planner.compare(quick, ["polynomial"], samples=2, progress=press)
 
 
-def test_a_reason_that_ends_in_a_list_stops_before_it(
+def test_the_reason_of_a_row_is_one_line_without_file_and_list(
     unlimited: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(problem: planner.Problem, options: object) -> planner.Plan:
-        raise planner.NotConvergedError("it takes 10.98 s. In 10 s it breaks:\n  - input u1")
+        raise planner.NotConvergedError(
+            "it takes\n10.98 s", source=problem.source, list_head=". In 10 s it breaks:"
+        )
 
     monkeypatch.setitem(METHODS, "polynomial", replace(METHODS["polynomial"], plan=refuse))
     row = planner.compare(unlimited, ["polynomial"], samples=2).rows[0]

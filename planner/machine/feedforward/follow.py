@@ -44,9 +44,10 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
     problem, system = plan.problem, plan.problem.system
     if not isinstance(system, Manipulator):
         raise InputError(
-            f"{problem.source}: compensation is for arms with friction disks (system.kind ="
+            f"compensation is for arms with friction disks (system.kind ="
             f" 'manipulator'); a {system.kind} has no mechanism between motors and motion to"
-            " compensate"
+            " compensate",
+            source=problem.source,
         )
     attempts: list[tuple[tuple[bool, bool, float], Correction, CommandShape, Plan, float]] = []
     was_cut_short, plain_E_deg = False, predict(plan, machine).error_deg

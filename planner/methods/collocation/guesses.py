@@ -268,9 +268,10 @@ def routes(problem: Problem) -> list[Problem]:
     free = sum(w.time_s is None for w in problem.waypoints)
     if (ways := math.perm(count, free)) > MAX_ORDERS:
         raise InputError(
-            f"{problem.source}: {count} waypoints, {free} of them without a time, can be passed"
+            f"{count} waypoints, {free} of them without a time, can be passed"
             f" in {ways:.3g} orders; at most {MAX_ORDERS} are tried, so give more of them a"
-            " time"
+            " time",
+            source=problem.source,
         )
     orders = sorted(_orders(problem), key=lambda order: _length(expected[0], order))[:MOST_ORDERS]
     every = [(each, order) for each in expected for order in orders]

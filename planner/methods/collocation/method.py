@@ -102,8 +102,9 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
     best, errors = Best(options.accuracy), list[dict[str, Any]]()
     if options.criterion == "machine" and not isinstance(problem.system, Manipulator):
         raise InputError(
-            f"{problem.source}: method.{NAME}.criterion = 'machine' is for arms with friction disks"
-            " (system.kind = 'manipulator'); use 'objective'"
+            f"method.{NAME}.criterion = 'machine' is for arms with friction disks"
+            " (system.kind = 'manipulator'); use 'objective'",
+            source=problem.source,
         )
     search = Pipeline(ways, options, best, near)
 
@@ -153,8 +154,9 @@ def _finish_best(
     came = "" if far is None else f" after {far.solves} solves (the search was {far.doing})"
     nearest = "; the closest attempt breaks:" if violations else ""
     raise TimeLimitError(
-        f"{problem.source}: {span.why} ended the search before it had found a motion{came}"
-        f"{nearest}",
+        f"{span.why} ended the search before it had found a motion{came}",
+        source=problem.source,
+        list_head=nearest,
         plan=last,
         violations=violations,
         advice=time_advice(),
@@ -229,13 +231,15 @@ def refuse_start(problem: Problem, warm: Plan) -> None:
     """Raise InputError for a plan that cannot serve as a first guess of a problem."""
     if warm.problem.system != problem.system:
         raise InputError(
-            f"{problem.source}: warm is a plan of another system ({warm.problem.source}); it"
-            " must be of the same system"
+            f"warm is a plan of another system ({warm.problem.source}); it"
+            " must be of the same system",
+            source=problem.source,
         )
     if not warm.executable:
         raise InputError(
-            f"{problem.source}: the plan given as warm leaves the chart's domain ({warm.status}),"
-            " so it has no joint angles to start from; give a verified plan"
+            f"the plan given as warm leaves the chart's domain ({warm.status}),"
+            " so it has no joint angles to start from; give a verified plan",
+            source=problem.source,
         )
 
 

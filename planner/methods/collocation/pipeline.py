@@ -423,7 +423,8 @@ def input_kind(
         what = "rest = true" if options.rest is True else "the limit on input rates"
         what = "an objective that reads the inputs' rates" if slopes else what
         raise InputError(
-            f"{problem.source}: method.{method}.input = 'constant' jumps between intervals,"
-            f" which contradicts {what}; use 'linear' or 'auto'"
+            f"method.{method}.input = 'constant' jumps between intervals,"
+            f" which contradicts {what}; use 'linear' or 'auto'",
+            source=problem.source,
         )
     return options.input

@@ -42,7 +42,8 @@ def no_goal(problem: Problem) -> NoPlanError:
         off = f"{np.rad2deg(reach.missed):.3g} deg" if angle else f"{reach.missed:.3g} m"
         why += f"; the nearest angles found miss the goal by {off}"
     return NotConvergedError(
-        f"{problem.source}: no joint angles within the limits were found that {why}",
+        f"no joint angles within the limits were found that {why}",
+        source=problem.source,
         changes=[*reach_changes(problem, reach), *path_changes(problem)],
         advice="another goal",
     )
@@ -55,11 +56,13 @@ def too_short(problem: Problem, fastest: Candidate, options: CollocationOptions)
     """
     fastest_s, given = fastest.solution.iterate.duration, problem.duration
     proof = why_too_short(problem)
+    finding = f"fastest motion found takes {fastest_s:.4g} s"
     why = f"{proof}. The" if proof else f"goal.duration = {given:g} s is too short: the"
     plan, violations = iterate_plan(problem, fastest, options)
-    return (InfeasibleError if proof else NotConvergedError)(
-        f"{problem.source}: {why} fastest motion found takes {fastest_s:.4g} s. Shortened to"
-        f" {given:g} s, that motion breaks:",
+    error = (InfeasibleError if proof else NotConvergedError)(
+        f"{why} {finding}",
+        source=problem.source,
+        list_head=f". Shortened to {given:g} s, that motion breaks:",
         plan=plan,
         violations=violations,
         changes=[
@@ -69,6 +72,8 @@ def too_short(problem: Problem, fastest: Candidate, options: CollocationOptions)
         ],
         advice="wider limits on the inputs",
     )
+    error.finding = f"the {finding}" if proof else None
+    return error
 
 
 def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
@@ -94,14 +99,17 @@ def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
     count = len(search.log)
     starts = f"{count} start{'s' * (count != 1)}" if search.pathless else "the paths found"
     said = f" (solver status: {solution.status} after {solution.iterations} iterations)"
-    return (InfeasibleError if proof else NotConvergedError)(
-        f"{problem.source}: {f'{proof}; and ' if proof else ''}the solver found no motion from"
-        f" {starts}{'' if solution.ok else said}",
+    finding = f"the solver found no motion from {starts}{'' if solution.ok else said}"
+    error = (InfeasibleError if proof else NotConvergedError)(
+        f"{proof}; and {finding}" if proof else finding,
+        source=problem.source,
         plan=plan,
         violations=violations,
         changes=changes,
         advice="another start or goal, or wider limits",
     )
+    error.finding = finding if proof else None
+    return error
 
 
 def motion_changes(problem: Problem, options: CollocationOptions) -> list[Change]:

@@ -103,20 +103,22 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
 def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None:
     if options.pieces < fewest:
         raise InputError(
-            f"{problem.source}: method.convex.pieces = {options.pieces} is too few for"
-            f" {fewest // 2} coordinates; use at least {fewest}"
+            f"method.convex.pieces = {options.pieces} is too few for"
+            f" {fewest // 2} coordinates; use at least {fewest}",
+            source=problem.source,
         )
     if options.rest is True and not rests("auto", problem.limits.input_rate):
         raise InputError(
-            f"{problem.source}: method.convex.rest = true needs limits on the inputs' rates in"
-            " [limits]"
+            "method.convex.rest = true needs limits on the inputs' rates in [limits]",
+            source=problem.source,
         )
     for i in np.flatnonzero(problem.limits.unlimited):
         if problem.duration is None:
             raise InputError(
-                f"{problem.source}: goal.duration is free but [limits] holds no limit of input"
+                f"goal.duration is free but [limits] holds no limit of input"
                 f" {problem.system.inputs[i].name}, so there is no fastest motion; set that limit,"
-                " or goal.duration"
+                " or goal.duration",
+                source=problem.source,
             )
 
 
@@ -207,8 +209,9 @@ def _time_path(problem: Problem, path: ChainedTrajectory, asked: Rest) -> tuple[
         return fastest, f"as fast as the input limits allow{other}"
     if fastest.duration > duration:
         raise NotConvergedError(
-            f"{problem.source}: the best path takes {fastest.duration:.4g} s within the input"
+            f"the best path takes {fastest.duration:.4g} s within the input"
             f" limits{other}; goal.duration is {duration:.4g} s",
+            source=problem.source,
             changes=[duration_change(fastest.duration), BY_COLLOCATION],
         )
     return fastest.slowed(duration / fastest.duration), "in proportion to the fastest motion"
@@ -262,7 +265,7 @@ def _no_path(problem: Problem, shape: Shape, band: Band, search: BestTravel) -> 
                 " the method cannot stay inside it"
             )
             ways = None
-        return NotConvergedError(f"{problem.source}: {why}", advice=ways, changes=changes)
+        return NotConvergedError(why, source=problem.source, advice=ways, changes=changes)
     first = search.refusals[0]
     steepest = "" if band.complete else f" and |dz2/dtau| up to {MOST_SLOPE:.0e}"
     unit = problem.system.coordinates[0].unit
@@ -281,8 +284,8 @@ def _no_path(problem: Problem, shape: Shape, band: Band, search: BestTravel) -> 
     ways += ", or more method.convex.pieces"
     if problem.travel is None:
         why = f"{len(search.refusals)} of {search.tried} travels tried are proven to have no path"
-        why = f"{problem.source}: {why}; for one, {proof}"
-        return NotConvergedError(why, advice=ways, changes=changes)
+        why = f"{why}; for one, {proof}"
+        return NotConvergedError(why, source=problem.source, advice=ways, changes=changes)
     error = _infeasible(problem, proof, travel_changes(problem), ways)
     error.certificate = _certificate(first)
     return error
@@ -308,4 +311,4 @@ def _infeasible(
     problem: Problem, why: str, changes: Sequence[Change], ways: str | None = None
 ) -> InfeasibleError:
     changes = [*changes, BY_COLLOCATION]
-    return InfeasibleError(f"{problem.source}: {why}", advice=ways, changes=changes)
+    return InfeasibleError(why, source=problem.source, advice=ways, changes=changes)

@@ -321,9 +321,10 @@ def _refuse_no_room(job: Task) -> None:
             if needed > room:
                 name = requirement.limit_name(part)
                 raise InfeasibleError(
-                    f"{problem.source}: method.desensitised.backoff = {model.backoff:g} needs a"
+                    f"method.desensitised.backoff = {model.backoff:g} needs a"
                     f" distance of {format_value(needed, part.unit)} from the limit on {name},"
                     f" but the start has only {format_value(room, part.unit)}",
+                    source=problem.source,
                     advice="method.desensitised.backoff ="
                     f" {model.backoff * room / needed * 0.99:.3g} or less, or a wider limit on"
                     f" {name}",
@@ -339,9 +340,10 @@ def _not_converged(
     ways += ["more method.desensitised.starts, wider limits, or more time"]
     plan = replace(_plan(job, solution, options), status=NotConvergedError.status)
     return NotConvergedError(
-        f"{job.problem.source}: no desensitised motion was found from {tried} start"
+        f"no desensitised motion was found from {tried} start"
         f"{'s' if tried > 1 else ''} (the last one: {solution.status} after"
         f" {solution.iterations} iterations)",
+        source=job.problem.source,
         plan=plan,
         violations=_violations(job, plan, solution.iterate.nodes),
         advice=", or ".join(ways),

@@ -122,9 +122,10 @@ def travel_of(
             break
     else:
         raise SingularError(
-            f"{problem.source}: no travel between {travels[0]:.5g} and {travels[-1]:.5g}"
+            f"no travel between {travels[0]:.5g} and {travels[-1]:.5g}"
             f" {problem.system.coordinates[0].unit} keeps this method inside the domain of the"
             f" chained-form chart ({len(travels)} tried)",
+            source=problem.source,
             advice="other constraint points",
             changes=[BY_COLLOCATION],
         )
@@ -210,8 +211,9 @@ def given_reach(ends: Ends, options: LegOptions, name: str) -> float | None:
     if offset == 0:
         unit = ends.problem.system.coordinates[0].unit
         raise InputError(
-            f"{ends.problem.source}: a motion in two legs needs an offset that is not zero; set"
-            f' method.{name}.offset ({unit}) to another number or to "auto"'
+            f"a motion in two legs needs an offset that is not zero; set"
+            f' method.{name}.offset ({unit}) to another number or to "auto"',
+            source=ends.problem.source,
         )
     return offset
 

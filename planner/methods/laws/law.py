@@ -212,7 +212,7 @@ def chart_ends(problem: Problem, travel: float) -> tuple[Array, Array]:
     goal[0] = problem.start[0] + travel
     for name, q in (("start", problem.start), ("goal", goal)):
         if why := problem.chart.contradiction(name, q, problem.system):
-            raise SingularError(f"{problem.source}: {why}", changes=[BY_COLLOCATION])
+            raise SingularError(why, source=problem.source, changes=[BY_COLLOCATION])
     form = chained_form(problem.system)
     return form.z(problem.start), form.z(goal)
 
@@ -230,8 +230,9 @@ def refuse_zero_drive(problem: Problem, name: str, trajectory: ChainedTrajectory
         pairs = zip(system.coordinates, q[np.argmax(zero)], strict=True)
         place = ", ".join(f"{c.name} = {format_value(x, c.unit)}" for c, x in pairs)
         raise SingularError(
-            f"{problem.source}: the {name} plan passes a place where the system's drive is zero"
+            f"the {name} plan passes a place where the system's drive is zero"
             f" ({place}), so that {system.inputs[0].name} would have to be infinite",
+            source=problem.source,
             changes=[BY_COLLOCATION],
         )
 
@@ -246,8 +247,9 @@ def fit_duration(problem: Problem, trajectory: Trajectory) -> Trajectory:
         return trajectory
     if not any(requirement.speed_power for requirement in problem.requirements):
         raise InputError(
-            f"{problem.source}: goal.duration is free but [limits] holds no limit of an input;"
-            " set goal.duration or a limit"
+            "goal.duration is free but [limits] holds no limit of an input;"
+            " set goal.duration or a limit",
+            source=problem.source,
         )
     factor = slowing_factor(problem.requirements, trajectory)
     if not np.isfinite(factor):  # outside the domain; the caller refuses it
@@ -277,12 +279,14 @@ def _refuse_outside(plan: Plan) -> NoReturn:
     travel = f"{key} (or 'free')" if key else "goal"
     point = " or constraint point" if "points" in plan.options else ""
     free = plan.problem.travel is None
-    raise SingularError(
-        f"{plan.problem.source}: {which} leaves the domain of the chained-form chart"
+    error = SingularError(
+        f"{which} leaves the domain of the chained-form chart"
         f" at t = {exits} s (worst margin {report.margin:.4g} at t = {report.time_s:.4f} s:"
         f" {report.label}){zero}",
-        times_s=report.singular_times_s,
+        source=plan.problem.source,
         plan=plan,
         advice=None if free else f"another {travel}{point}",
         changes=[BY_COLLOCATION],
     )
+    error.times_s = report.singular_times_s
+    raise error

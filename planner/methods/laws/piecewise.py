@@ -47,8 +47,9 @@ def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
         best = motion(reach)
     except np.linalg.LinAlgError:
         raise SingularError(
-            f"{problem.source}: travel {reach:g} {problem.system.coordinates[0].unit} does not"
+            f"travel {reach:g} {problem.system.coordinates[0].unit} does not"
             " determine the constants of the slots",
+            source=problem.source,
             advice=f"another {problem.travel_key or 'goal'}",
         ) from None
     notes |= {"slots": slots, **best.summary}
@@ -59,7 +60,8 @@ def _slots(problem: Problem, options: PiecewiseOptions) -> int:
     least = problem.system.size - 1
     if options.slots is not None and options.slots < least:
         raise InputError(
-            f"{problem.source}: method.piecewise.slots = {options.slots} is too few to reach"
-            f" {least} coordinates; use at least {least}"
+            f"method.piecewise.slots = {options.slots} is too few to reach"
+            f" {least} coordinates; use at least {least}",
+            source=problem.source,
         )
     return options.slots or least

@@ -60,8 +60,9 @@ def plan_polynomial(problem: Problem, options: PolynomialOptions) -> Plan:
         # The travel only scales rows of the conditions, so the rank depends only on the times.
         times = " and ".join(f"{p.time_s:.4g} s" for p in points)
         raise SingularError(
-            f"{problem.source}: constraint points at {times} do not determine the coefficients of"
+            f"constraint points at {times} do not determine the coefficients of"
             " the polynomial, at any travel",
+            source=problem.source,
             advice="constraint points at other times",
         ) from None
     plan = finish(problem, NAME, options, ends.trajectory(motion), notes | motion.summary, began)
@@ -77,18 +78,20 @@ def _given_points(problem: Problem, options: PolynomialOptions) -> tuple[Point, 
     points = tuple(Point(*p) for p in options.points)
     if points and problem.duration is None:
         raise InputError(
-            f"{problem.source}: method.polynomial.points are times in seconds and need a fixed"
-            " goal.duration"
+            "method.polynomial.points are times in seconds and need a fixed goal.duration",
+            source=problem.source,
         )
     for p in points:
         if not 0 < p.time_s < (problem.duration or np.inf):
             raise InputError(
-                f"{problem.source}: method.polynomial.points: time {p.time_s:g} s is not inside the"
-                f" motion (0, {problem.duration:g}) s"
+                f"method.polynomial.points: time {p.time_s:g} s is not inside the"
+                f" motion (0, {problem.duration:g}) s",
+                source=problem.source,
             )
     if len({p.time_s for p in points}) < len(points):
         raise InputError(
-            f"{problem.source}: method.polynomial.points: two points at one time; give each its own"
+            "method.polynomial.points: two points at one time; give each its own",
+            source=problem.source,
         )
     return points
 

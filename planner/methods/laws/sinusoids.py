@@ -53,9 +53,10 @@ def plan_sinusoid(problem: Problem, options: SinusoidOptions) -> Plan:
         motion = law(travel, amplitude)
     except np.linalg.LinAlgError:
         raise SingularError(
-            f"{problem.source}: amplitude {amplitude:g} with travel {travel:g}"
+            f"amplitude {amplitude:g} with travel {travel:g}"
             f" {ends.problem.system.coordinates[0].unit} does not determine the coefficients of the"
             " sinusoids",
+            source=problem.source,
             advice="another method.sinusoid.amplitude",
         ) from None
     notes |= {
@@ -175,8 +176,9 @@ def _shares(problem: Problem, options: SinusoidStepsOptions, periods: int) -> Ar
     given = options.shares
     if given is not None and len(given) != periods + 1:
         raise InputError(
-            f"{problem.source}: method.sinusoid_steps.shares has {len(given)} parts; give"
-            f" {periods + 1}: the first leg and {periods} periods"
+            f"method.sinusoid_steps.shares has {len(given)} parts; give"
+            f" {periods + 1}: the first leg and {periods} periods",
+            source=problem.source,
         )
     shares = np.ones(periods + 1) if given is None else np.array(given)
     return np.asarray(shares / np.sum(shares))
@@ -189,8 +191,9 @@ def _pattern(problem: Problem, options: SinusoidStepsOptions, periods: int) -> A
         return np.ones(periods)
     if len(amplitude) != periods:
         raise InputError(
-            f"{problem.source}: method.sinusoid_steps.amplitude has {len(amplitude)} values; give"
-            f" one, or one for each of {periods} periods"
+            f"method.sinusoid_steps.amplitude has {len(amplitude)} values; give"
+            f" one, or one for each of {periods} periods",
+            source=problem.source,
         )
     return np.array(amplitude)
 

@@ -332,11 +332,11 @@ def parse_file(data: dict[str, Any], source: str) -> ProblemFile:
     _refuse_extremes(data, source)
     system = data.get("system")
     if not isinstance(system, dict) or "kind" not in system:
-        raise InputError(f"{source}: missing key 'system.kind'; allowed: {', '.join(FILES)}")
+        raise InputError(f"missing key 'system.kind'; allowed: {', '.join(FILES)}", source=source)
     kind = system["kind"]
     if not isinstance(kind, str) or kind not in FILES:
         hint = allowed_hint(str(kind), list(FILES))
-        raise InputError(f"{source}: 'system.kind' = {kind!r:.60}: {hint}")
+        raise InputError(f"'system.kind' = {kind!r:.60}: {hint}", source=source)
     with _name_missing_methods(kind):
         return parse(FILES[kind], data, source)
 
@@ -379,13 +379,13 @@ def _refuse_extremes(data: dict[str, Any], source: str) -> None:
         elif isinstance(value, float | int) and 0 < abs(value) < LEAST_NUMBER:
             name = shorten(key)
             raise InputError(
-                f"{source}: '{name}' = {value!r}: too small; 0, or at least {LEAST_NUMBER:g}"
+                f"'{name}' = {value!r}: too small; 0, or at least {LEAST_NUMBER:g}", source=source
             )
         elif isinstance(value, float | int) and MOST_NUMBER < abs(value) < math.inf:
             few = isinstance(value, float) or value.bit_length() < 200
             shown = repr(value) if few else "a whole number of many digits"
             raise InputError(
-                f"{source}: '{shorten(key)}' = {shown}: too large; at most {MOST_NUMBER:g}"
+                f"'{shorten(key)}' = {shown}: too large; at most {MOST_NUMBER:g}", source=source
             )
 
 

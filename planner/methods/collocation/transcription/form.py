@@ -310,15 +310,17 @@ def objective(problem: Problem, options: CollocationOptions) -> Objective:
         name, weights, why = _FIXED_TIME[kind]
         if problem.duration is None:
             raise InputError(
-                f"{problem.source}: objective '{kind}' with goal.duration = \"free\" has no least"
-                f" value ({why}); use objective 'time' or 'mixed', or give goal.duration"
+                f"objective '{kind}' with goal.duration = \"free\" has no least"
+                f" value ({why}); use objective 'time' or 'mixed', or give goal.duration",
+                source=problem.source,
             )
         return Objective(kind, name, np.array(weights))
     if kind == "time":
         if not limited:
             raise InputError(
-                f"{problem.source}: objective 'time' needs a limit on both inputs, but the [limits]"
-                " table has none; without one the least duration is zero"
+                "objective 'time' needs a limit on both inputs, but the [limits]"
+                " table has none; without one the least duration is zero",
+                source=problem.source,
             )
         return fastest(problem)
     return _mixed_objective(options)

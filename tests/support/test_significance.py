@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from planner.support.statistics import differences, holm, percentile_interval
 
@@ -18,6 +19,23 @@ def test_intervals_hold_the_truth_as_often_as_they_say(percent: float, count: in
         held += low <= truth <= high
     assert held >= 0.92 * 200  # 95 % are promised, at least
     assert held < 200
+
+
+@pytest.mark.parametrize("percent", [2.5, 50, 95])
+@pytest.mark.parametrize("count", [1, 2, 5, 30, 100, 997])
+def test_the_ends_are_those_of_scipy(count: int, percent: float) -> None:
+    values = np.round(np.random.default_rng(count).normal(size=count), 1)  # with ties
+    test = stats.quantile_test(values, q=0.0, p=percent / 100)
+    np.testing.assert_array_equal(
+        percentile_interval(values, percent), test.confidence_interval(0.95)
+    )
+
+
+@pytest.mark.parametrize(("less", "more"), [(0, 0), (0, 3), (12, 30), (30, 12), (500, 500)])
+def test_the_sign_test_is_that_of_scipy(less: int, more: int) -> None:
+    errors = {"a": np.zeros(less + more + 1), "b": np.repeat([1.0, -1.0, 0.0], [less, more, 1])}
+    p = stats.binomtest(less, less + more).pvalue if less + more else 1.0
+    assert differences(errors)[0].p_value == pytest.approx(p, rel=1e-11)
 
 
 def test_too_few_values_bound_nothing() -> None:

@@ -6,11 +6,13 @@ works. A constraint point prescribes z₂ at one time, eq. (28).
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from planner.errors import SingularError
 from planner.machine.friction.contact_load import contact_load
 from planner.machine.friction.contacts import chain_loads
 from planner.machine.machine import Machine
@@ -259,7 +261,7 @@ def _drive_torque(plan: Plan) -> PaperNumber:
     limit = float(machine.mean("torque_limit_nm")[0])
     slips = [float(load.share[0]) for load in loads]
     return PaperNumber(
-        "4.4, causes of the error",
+        "4.3, causes of the error",
         "the friction disks lack drive torque",
         f"on our emulated prototype motor 1 needs {torques[0]} N m without sideways friction,"
         f" {torques[1]} N m if it is a tenth of the driving friction (the preset), {torques[2]} N m"
@@ -313,8 +315,19 @@ def _detours() -> str:
 
 
 def _detour_text(plan: Plan) -> str:
-    points = " and ".join(f"({t:.3g}, {value:.3g})" for t, value in plan.notes["points"])
-    return f"travel {plan.travel:.4g} by {points}, {np.max(peak_inputs(plan.trajectory)):.3g} rad/s"
+    """Travel, points and peak input; the points as printed give this peak input, too."""
+    travel, peak = f"{plan.travel:.4g}", _peak_text(plan)
+    for digits in range(3, 17):
+        points = [[float(f"{x:.{digits}g}") for x in point] for point in plan.notes["points"]]
+        with suppress(SingularError):
+            if _peak_text(detour(float(travel), points)) == peak:
+                break
+    by = " and ".join(f"({t:.{digits}g}, {value:.{digits}g})" for t, value in points)
+    return f"travel {travel} by {by}, {peak} rad/s"
+
+
+def _peak_text(plan: Plan) -> str:
+    return f"{np.max(peak_inputs(plan.trajectory)):.3g}"
 
 
 def margins_at_paper_point(travels: int = 301) -> Array:

@@ -1,5 +1,6 @@
 """The reproduction of the paper: what is printed about it must be what the code computes."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from planner.paper.numbers import (
     turned_ratio,
 )
 from planner.paper.reproduce import FILM, PAPER_FIGURES, Reproduction, reproduce
-from planner.plan.measures import effort
+from planner.plan.measures import effort, peak_inputs
 from planner.report.film import LAST_FRAME_S
 
 
@@ -147,6 +148,21 @@ def test_other_points_lead_around(travel: float, points: Points) -> None:
     plan = detour(travel, points)
     assert plan.verified
     assert plan.notes["points"]
+
+
+PAGE = Path(__file__).parents[2] / "results" / "paper" / "README.md"
+
+
+def test_points_that_work_work_as_printed() -> None:
+    """At the last digits of some, the path leaves the domain or needs three times the input."""
+    way = r"travel ([\d.]+) by (\(.+?\)), ([\d.]+) rad/s"
+    ways = re.findall(way, PAGE.read_text("utf-8"))
+    assert len(ways) == len(CROSSING_DETOURS + MISSING_ANGLE_DETOURS)
+    for travel, listed, peak in ways:
+        points = [[float(x) for x in pair] for pair in re.findall(r"\((.+?), (.+?)\)", listed)]
+        plan = detour(float(travel), points)
+        assert plan.verified
+        assert f"{np.max(peak_inputs(plan.trajectory)):.3g}" == peak
 
 
 def test_21_has_lost_a_sign_and_is_another_power_at_the_last_joint() -> None:

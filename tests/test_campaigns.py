@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -19,12 +20,13 @@ import planner
 from planner import Problem
 from planner.machine import compiled
 
-sys.path.append(str(Path(__file__).parent / "benchmarks"))
+sys.path += [str(Path(__file__).parent / name) for name in ("benchmarks", "installed")]
 
 import collocation
 import frameworks
 import gallery
 import identification
+import legs
 import replay
 import results_pages as pages
 from bench_cases import cases
@@ -85,6 +87,22 @@ def test_a_fingerprint_changes_with_what_is_computed_alone(tmp_path: Path) -> No
         file.write_text(text, encoding="utf-8")
         found[name] = pages.fingerprint(["one.py"], tmp_path)
     assert found["plain"] == found["words"] != found["other"]
+
+
+def test_a_fingerprint_is_the_same_on_every_python(tmp_path: Path) -> None:
+    """CI runs this on each; others that are at hand read some of the code here."""
+    file = tmp_path / "planner" / "one.py"
+    file.parent.mkdir()
+    text = (
+        'class One:\n    def f(self, x=()):\n        return f"{x!r}" f"{x:{self}.3}" "" "é\u0378"\n'
+    )
+    file.write_text(text, encoding="utf-8")
+    assert pages.fingerprint(["one.py"], tmp_path) == "a8715d7af483"
+    code, here = "import results_pages as p; print(p.fingerprint(['report']))", ["report"]
+    for python in filter(None, map(legs.interpreter, legs.declared())):
+        words = [python, "-c", code]
+        said = subprocess.run(words, cwd=pages.__file__.rpartition("/")[0], capture_output=True)
+        assert said.stdout.decode().strip() == pages.fingerprint(here), python
 
 
 def test_a_page_is_signed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -78,15 +78,23 @@ def _substance(path: Path) -> bytes:
     """Of Python the syntax tree without docstrings; of other files all of it."""
     if path.suffix != ".py":
         return path.read_bytes()
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list):
-            node.body = [each for each in body if not _is_text(each)]  # type: ignore[attr-defined]
-    return ast.dump(tree).encode()
+    return _dump(ast.parse(path.read_text(encoding="utf-8"))).encode()
 
 
-def _is_text(node: ast.AST) -> bool:
+def _dump(node: object) -> str:
+    """A syntax tree as text, the same on each version of Python; `ast.dump` writes others."""
+    if isinstance(node, list):
+        return "[" + " ".join(_dump(each) for each in node if not _is_text(each)) + "]"
+    if not isinstance(node, ast.AST):
+        return ascii(node)
+    fields = dict(ast.iter_fields(node))
+    if isinstance(node, ast.JoinedStr):  # some versions end it with an empty part
+        fields["values"] = [part for part in node.values if getattr(part, "value", None) != ""]
+    held = (f"{k}={_dump(v)}" for k, v in fields.items() if v is not None and v != [])
+    return f"{type(node).__name__}({' '.join(held)})"
+
+
+def _is_text(node: object) -> bool:
     return (
         isinstance(node, ast.Expr)
         and isinstance(node.value, ast.Constant)

@@ -15,7 +15,7 @@ import numpy as np
 from planner.errors import InputError, SingularError, VerificationError, expect
 from planner.plan.claims import Certificate
 from planner.plan.fastest_timing import InputMask, fastest_motion
-from planner.plan.measures import peak_inputs
+from planner.plan.measures import Objective, peak_inputs
 from planner.plan.plan import Plan, refuse_compensated
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import rests
@@ -89,7 +89,7 @@ def retime(
         problem=timed,
         trajectory=trajectory,
         objective=trajectory.duration,
-        objective_name=SLOWED_TIME_OBJECTIVE if slowed else LEAST_TIME_OBJECTIVE,
+        aim=Objective("time", {"slowed duration" if slowed else "least duration": 1.0}),
         notes=notes,
     )
     retimed, check = judge(retimed, None if factor > 1 else certificate)
@@ -101,12 +101,6 @@ def retime(
         plan=replace(retimed, status=VerificationError.status),
         violations=check.violations,
     )
-
-
-LEAST_TIME_OBJECTIVE = "time: the least for this path, in seconds"
-SLOWED_TIME_OBJECTIVE = (
-    "time: the least within input limits, slowed as a whole for other limits, in seconds"
-)
 
 
 def _excess_factor(problem: Problem, certificate: Certificate) -> float:

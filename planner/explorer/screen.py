@@ -181,7 +181,7 @@ def path_line(outcome: ScreenOutcome, took_s: float) -> str:
     unit = plan.problem.system.coordinates[0].unit
     parts = [f"travel {plan.travel:.5g} {unit}", f"duration {plan.duration:.4g} s"]
     spent = effort(plan.trajectory) if plan.compensates is not None else plan.objective
-    if plan.objective_name.startswith("effort") and np.isfinite(spent):
+    if plan.aim.kind == "effort" and np.isfinite(spent):
         parts.append(f"effort {spent:.4g} {effort_unit(plan.problem.system)}")
     if plan.verified and not plan.domain.ok:
         parts.append("leaves the chart, as this method may")

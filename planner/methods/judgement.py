@@ -12,7 +12,6 @@ from planner.errors import TimeLimitError, VerificationError
 from planner.methods.keeping import not_promised
 from planner.methods.refusal import BY_COLLOCATION, Change, changed_words, duration_change
 from planner.methods.registry import find_method
-from planner.plan.measures import objective_of
 from planner.plan.plan import Plan
 from planner.problem.requirements.ends import LongestDuration
 from planner.problem.requirements.requirement import Requirement
@@ -62,7 +61,7 @@ def judge_slowed(plan: Plan, factor: float, **changes: Any) -> Plan:
         NoPlanError: If the slowed plan breaks a requirement, see `judge_plan`.
     """
     trajectory = plan.trajectory.slowed(factor)
-    objective = objective_of(trajectory, plan.objective_name)
+    objective = plan.aim.value(trajectory)
     value = plan.objective if objective is None else objective
     return judge_plan(replace(plan, trajectory=trajectory, objective=value, **changes))[0]
 

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, PlannerError, VerificationError
+from planner.plan.measures import Objective
 from planner.plan.plan import Plan
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem, expect_problem
@@ -270,7 +271,7 @@ def _motion(
         raise InputError(
             f"the {name} motion has an end that is not allowed: {error.body}", source=problem.source
         ) from None
-    plan, check = judge(Plan(task, name, {}, trajectory, objective_name="none", notes=notes))
+    plan, check = judge(Plan(task, name, {}, trajectory, aim=Objective("none"), notes=notes))
     if check.ok:
         return plan
     raise VerificationError(

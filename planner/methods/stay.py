@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.plan.measures import EFFORT
+from planner.plan.measures import Objective
 from planner.plan.plan import Plan
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem
@@ -52,7 +52,7 @@ def plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
         options=options.model_dump(),
         trajectory=still,
         objective=seconds if free else 0.0,
-        objective_name="time: duration" if free else f"effort: {EFFORT}",
+        aim=Objective("time", {"duration": 1.0}) if free else Objective("effort", {"effort": 1.0}),
         notes={"start": "none: the start is the goal, and the plan stays there"},
     )
     return plan if verify(plan).ok else None

@@ -8,9 +8,9 @@ The paper tests z₂ < 0 only. The inverse exists exactly where every cos²θᵢ
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -33,9 +33,6 @@ from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 
 EFFORT = "integral of u1^2 + u2^2 dt"
-SMOOTHNESS = "integral of (du1/dt)^2 + (du2/dt)^2 dt"
-CLOSENESS = "mean closeness to the domain's edge"
-"""Terms of an objective, as the objective's name contains them."""
 
 EDGE_MARGIN = 0.05
 """Margin (for the manipulator, sin² of an angle) at which the closeness to an edge is 1/e."""
@@ -104,55 +101,88 @@ def _quadrature(trajectory: Trajectory) -> tuple[Array, Array]:
     return edges[:-1, None] + half * (1 + nodes), half * weights
 
 
-def objective_of(trajectory: Trajectory, name: str) -> float | None:
-    """Return the value of the named objective for a motion; None if the name is unknown.
-
-    Args:
-        trajectory: The motion.
-        name: As in `Plan.objective_name`: the least time, an objective of the convex method, or a
-            weighted sum of duration, efforts and similar terms. The name's weights are rounded to
-            four or more digits.
-    """
-    kind, _, words = name.removesuffix(" (not minimised by this method)").partition(": ")
-    if kind == "time" and words.startswith("the least") and words.endswith(", in seconds"):
-        return trajectory.duration
-    if kind in ("smoothness", "peak |v2| with v1 constant"):
-        return _chart_objective(trajectory, kind)
-    term = rf"(?:([\d.e+-]+) x )?({'|'.join(map(re.escape, _TERMS))})"
-    if not re.fullmatch(rf"{term}(?: \+ {term})*", words):
-        return None
-    with np.errstate(all="ignore"):  # an edited file may contain any motion
-        terms = re.findall(term, words)
-        return float(sum(float(weight or 1) * _TERMS[of](trajectory) for weight, of in terms))
+def chart_smoothness(trajectory: Trajectory) -> float:
+    """Return half the integral of (dz₂/dz₁)² over |z₁| of a path in the chart, before retiming; NaN
+    for another path."""
+    if (path := _chart_path(trajectory)) is None:
+        return np.nan
+    times, weights = _quadrature(path)
+    v1, v2 = np.moveaxis(path.v(times), -1, 0)
+    return float(np.sum(weights * v2**2 / np.abs(v1))) / 2
 
 
-_TERMS: dict[str, Callable[[Trajectory], float]] = {
-    "duration": lambda trajectory: trajectory.duration,
-    "integral of u1^2 dt": lambda trajectory: _efforts(trajectory)[0],
-    "integral of u2^2 dt": lambda trajectory: _efforts(trajectory)[1],
-    EFFORT: effort,
-    SMOOTHNESS: smoothness,
-    CLOSENESS: closeness,
-}
-
-
-def _chart_objective(trajectory: Trajectory, kind: str) -> float | None:
-    """Return an objective of the convex method, "smoothness" or peak |v₂| for a constant v₁.
-
-    The path before retiming counts; None if that path is not a chained trajectory.
-    """
-    path = trajectory
-    while isinstance(path, RetimedTrajectory):
-        path = path.path
-    if not isinstance(path, ChainedTrajectory):
-        return None
-    if kind == "smoothness":
-        times, weights = _quadrature(path)
-        v1, v2 = np.moveaxis(path.v(times), -1, 0)
-        with np.errstate(all="ignore"):  # an edited file may contain any path
-            return float(np.sum(weights * v2**2 / np.abs(v1))) / 2
+def chart_peak(trajectory: Trajectory) -> float:
+    """Return the peak |v₂| for a constant v₁ of a path in the chart; NaN for another path."""
+    if (path := _chart_path(trajectory)) is None:
+        return np.nan
     highest = float(np.max(np.abs(path.v_curve.c[..., 1])))  # v₂ is linear on each piece at most
     return highest * path.duration / trajectory.duration
+
+
+def _chart_path(trajectory: Trajectory) -> ChainedTrajectory | None:
+    while isinstance(trajectory, RetimedTrajectory):
+        trajectory = trajectory.path
+    return trajectory if isinstance(trajectory, ChainedTrajectory) else None
+
+
+@dataclass(frozen=True, eq=False)
+class Objective:
+    """What a plan minimises: a sum of named terms.
+
+    Attributes:
+        kind: First word of its name, such as "effort"; without terms the whole name.
+        terms: Exact weight of each term: a key of `TERMS`, or a term in words that only the method
+            can compute.
+    """
+
+    kind: str = ""
+    terms: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The objective in words; weights are rounded to six digits."""
+        named = [(TERMS[key][0] if key in TERMS else key, w) for key, w in self.terms.items()]
+        parts = [words if weight == 1 else f"{weight:g} x {words}" for words, weight in named]
+        return f"{self.kind}: {' + '.join(parts)}" if parts else self.kind
+
+    def value(self, trajectory: Trajectory) -> float | None:
+        """Return the objective of a motion; None if the motion alone does not determine it."""
+        if not self.terms or not self.terms.keys() <= TERMS.keys():
+            return None
+        with np.errstate(all="ignore"):  # an edited file may contain any motion
+            value = sum(weight * TERMS[key][1](trajectory) for key, weight in self.terms.items())
+        return None if np.isnan(value) else float(value)
+
+    @cached_property
+    def weights(self) -> Array:
+        """Weights of the duration, of each ∫uᵢ² dt, of each ∫(duᵢ/dt)² dt, and of the closeness to
+        the domain's edge, shape (6,)."""
+        given = self.terms.get
+        efforts = [given("effort", 0.0) + given(f"effort u{i}", 0.0) for i in (1, 2)]
+        smooth = given("smoothness", 0.0)
+        return np.array([given("duration", 0.0), *efforts, smooth, smooth, given("closeness", 0.0)])
+
+
+TERMS: dict[str, tuple[str, Callable[[Trajectory], float]]] = {
+    "duration": ("duration", lambda trajectory: trajectory.duration),
+    "effort": (EFFORT, effort),
+    "effort u1": ("integral of u1^2 dt", lambda trajectory: _efforts(trajectory)[0]),
+    "effort u2": ("integral of u2^2 dt", lambda trajectory: _efforts(trajectory)[1]),
+    "effort, not minimised": (f"{EFFORT} (not minimised by this method)", effort),
+    "smoothness": ("integral of (du1/dt)^2 + (du2/dt)^2 dt", smoothness),
+    "closeness": ("mean closeness to the domain's edge", closeness),
+    "least duration": (
+        "the least for this path, in seconds",
+        lambda trajectory: trajectory.duration,
+    ),
+    "slowed duration": (
+        "the least within input limits, slowed as a whole for other limits, in seconds",
+        lambda trajectory: trajectory.duration,
+    ),
+    "chart smoothness": ("half the integral of (dz2/dz1)^2 over |z1|", chart_smoothness),
+    "chart peak": ("|v2| with v1 constant", chart_peak),
+}
+"""Each term of an objective: its words in the objective's name, and its value for a motion."""
 
 
 def peak_inputs(trajectory: Trajectory) -> Array:

@@ -16,7 +16,14 @@ from numpy.typing import ArrayLike
 from planner.errors import InputError, TimeLimitError, expect, factory
 from planner.plan.claims import Certificate, shown_labels
 from planner.plan.clock import Clock
-from planner.plan.measures import DomainReport, domain_report, effort, effort_unit, peak_inputs
+from planner.plan.measures import (
+    DomainReport,
+    Objective,
+    domain_report,
+    effort,
+    effort_unit,
+    peak_inputs,
+)
 from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Problem
 from planner.support.arrays import Array, jsonable
@@ -31,7 +38,7 @@ if TYPE_CHECKING:
 FORMAT = "planner-plan"
 VERSION = 1
 
-COPIED = ("method", "options", "status", "objective", "objective_name", "solve_time_s",
+COPIED = ("method", "options", "status", "objective", "solve_time_s",
           "build_time_s", "iterations", "verified", "notes")  # fmt: skip
 """Attributes of a plan that its file stores under the same names."""
 
@@ -63,7 +70,7 @@ class Plan:
         trajectory: The curve itself.
         status: "solved", or the reason why the plan is not valid ("singular", "not_converged", …).
         objective: Value of the method's objective.
-        objective_name: Name of the objective ("effort: integral of u1^2 + u2^2 dt").
+        aim: What the method minimises.
         solve_time_s: Seconds that the method spent solving.
         build_time_s: Seconds spent building the optimisation problem (zero if reused).
         iterations: Iterations of the method's solver; 0 for closed-form methods.
@@ -85,7 +92,7 @@ class Plan:
     trajectory: Trajectory
     status: str = "solved"
     objective: float = float("nan")
-    objective_name: str = ""
+    aim: Objective = field(default_factory=Objective)
     solve_time_s: float = 0.0
     build_time_s: float = 0.0
     iterations: int = 0
@@ -95,6 +102,11 @@ class Plan:
     why: str = ""
     compensation: Compensation | None = None
     claimed: tuple[str, ...] = ()
+
+    @property
+    def objective_name(self) -> str:
+        """Name of the objective ("effort: integral of u1^2 + u2^2 dt")."""
+        return self.aim.name
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Plan) and self._identity == other._identity
@@ -285,6 +297,8 @@ class Plan:
             "problem": self.problem.to_dict(),
             "source": self.problem.source,
             **{key: getattr(self, key) for key in COPIED},
+            "objective_name": self.objective_name,
+            "aim": {"kind": self.aim.kind, "terms": dict(self.aim.terms)},
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "trajectory": self.trajectory.to_dict(),
         }

@@ -12,6 +12,7 @@ from pydantic import Field, field_validator, model_validator
 from planner.errors import InputError
 from planner.plan.claims import certificate_from_dict
 from planner.plan.clock import Clock
+from planner.plan.measures import Objective
 from planner.plan.plan import COPIED, FORMAT, ROUNDING, VERSION, Compensation, Plan
 from planner.plan.trajectory import trajectory_from_dict
 from planner.problem.problem import Problem
@@ -45,12 +46,20 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
             certificate=None if proven is None else certificate_from_dict(proven),
             why="" if data["verified"] else data.get("why", ""),
             compensation=made_from,
+            aim=_aim(data),
             **{key: _read_back(data[key]) for key in COPIED},
         )
     except (KeyError, TypeError) as error:
         raise InputError(f"{path} is not a complete plan file: {error!r}") from None
     except ValueError as error:
         raise InputError(f"{path} holds no valid trajectory of the problem: {error}") from None
+
+
+def _aim(data: Mapping[str, Any]) -> Objective:
+    """Return the objective of a file; earlier versions gave only its name."""
+    said = data.get("aim") or {"kind": data["objective_name"], "terms": {}}
+    terms = {line(key): weight for key, weight in said["terms"].items()}
+    return Objective(line(said["kind"]), terms)
 
 
 def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Clock:
@@ -201,7 +210,8 @@ class PlanFile(Table):
     options: dict[str, Any] = Field(description="The method's options, as used.")
     status: str = Field(description="'solved', or why the plan is not valid.")
     objective: Finite | None = Field(description="Value of the method's objective.")
-    objective_name: str = Field(description="Name of the objective.")
+    objective_name: str = Field(description="Name of the objective, as `aim` gives it.")
+    aim: ObjectiveTable | None = Field(None, description="What was minimised.")
     solve_time_s: Amount | None = Field(description="Time spent solving, s.")
     build_time_s: Amount | None = Field(description="Time spent preparing, s.")
     iterations: Annotated[int, Field(ge=0, le=int(MOST_NUMBER))] = Field(
@@ -216,6 +226,15 @@ class PlanFile(Table):
     trajectory: TrajectoryTable = Field(description="The curve itself.")
     compensation: CompensationOfTable | None = Field(
         None, description="Original plan and machine of a compensated plan."
+    )
+
+
+class ObjectiveTable(Table):
+    """What a method minimises: a sum of named terms."""
+
+    kind: str = Field(description="First word of the objective's name.")
+    terms: Annotated[dict[str, Finite], Field(max_length=20)] = Field(
+        description="Weight of each term."
     )
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from planner.errors import InputError, InputWarning, VerificationError
 from planner.plan.claims import Certificate
-from planner.plan.measures import objective_of
 from planner.plan.plan import Plan
 from planner.plan.plan_file import read_plan
 from planner.verification.certify import certify
@@ -52,10 +51,9 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
     return replace(plan, status=VerificationError.status, why=violations) if violations else plan
 
 
-OBJECTIVE_TOLERANCE = 1e-5
+OBJECTIVE_TOLERANCE = 1e-9
 """Largest relative difference between the objective in a file and the objective computed from the
-plan and the objective's name. The name gives weights with four digits, so with errors up to 5e-4,
-and the weighted terms are about a hundredth of the objective."""
+plan and the weights in the file."""
 
 
 def _correct_objective(plan: Plan, path: str | Path) -> Plan:
@@ -63,7 +61,7 @@ def _correct_objective(plan: Plan, path: str | Path) -> Plan:
 
     A compensated plan has the objective of its original plan.
     """
-    true = objective_of((plan.compensates or plan).trajectory, plan.objective_name)
+    true = plan.aim.value((plan.compensates or plan).trajectory)
     claimed = ["objective"] if true is None and not np.isnan(plan.objective) else []
     if true is not None and not abs(plan.objective - true) <= OBJECTIVE_TOLERANCE * abs(true):
         warnings.warn(

@@ -105,7 +105,7 @@ class Best:
             return
         self.candidates[exactness] = candidate
         if solved:
-            kind = candidate.task.objective.name.partition(":")[0]
+            kind = candidate.task.objective.kind
             progress.report_motion(f"{kind} {candidate.solution.objective:.4g}")
             if Exactness.EXACT not in self.candidates and deadline.remaining() < SHORT_OF_TIME_S:
                 self.make_exact()

@@ -30,7 +30,6 @@ from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.form import Mesh
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.methods.ranking import MEASURES
-from planner.plan.measures import objective_of
 from planner.plan.plan import Plan, mark_cut_short
 from planner.problem.feasibility import why_too_short
 from planner.problem.problem import Problem
@@ -173,16 +172,16 @@ def _plan(
     job, solution, search = candidate.task, candidate.solution, progress.current_progress()
     assert search is not None
     trajectory = job.curve(solution.iterate)
-    value, name = solution.objective, job.objective.name
-    if job.objective.edge:  # whose mean the transcription takes only over its own points
-        value = objective_of(trajectory, name) or value
+    value = solution.objective
+    if "closeness" in job.objective.terms:  # whose mean the transcription takes over its own points
+        value = job.objective.value(trajectory) or value
     return Plan(
         problem=problem,
         method=NAME,
         options=options.model_dump(),
         trajectory=trajectory,
         objective=value,
-        objective_name=name,
+        aim=job.objective,
         solve_time_s=search.seconds - job.build_time_s,
         build_time_s=job.build_time_s,
         iterations=search.iterations,

@@ -375,7 +375,7 @@ def collocation_task(
         direct: Whether to solve from a straight line, in few iterations or not at all.
     """
     goal = objective(problem, options)
-    kind = input_kind(problem, "collocation", options, goal.smooth)
+    kind = input_kind(problem, "collocation", options, bool(goal.weights[3]))
     if isinstance(mesh, int):
         mesh = mesh_through(problem, mesh if options.intervals == "auto" else options.intervals)
     form = Form(
@@ -384,7 +384,7 @@ def collocation_task(
         degree=options.degree,
         input=kind,
         inner=problem.divided,  # else links could pass through a disc between two edges
-        edge=goal.edge,
+        edge="closeness" in goal.terms,
     )
     settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)
     return task(

@@ -140,7 +140,7 @@ def iterate_plan(
         trajectory=job.curve(iterate),
         status=NotConvergedError.status,
         objective=solution.objective,
-        objective_name=job.objective.name,
+        aim=job.objective,
         iterations=solution.iterations,
         notes={"solver_status": solution.status, "largest_residual": solution.residual},
     )

@@ -16,7 +16,6 @@ from planner.methods.collocation.transcription.bounds import Bounds, InputDemand
 from planner.methods.collocation.transcription.form import (
     Form,
     Mesh,
-    Objective,
     Units,
     kept_between_nodes,
     natural_units,
@@ -30,6 +29,7 @@ from planner.methods.collocation.transcription.unknowns import (
     resimulate,
     resimulated_apart,
 )
+from planner.plan.measures import Objective
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Requirement

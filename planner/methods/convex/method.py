@@ -27,7 +27,7 @@ from planner.methods.laws.free_numbers import candidate_travels
 from planner.methods.laws.law import chart_ends, refuse_zero_drive
 from planner.methods.refusal import BY_COLLOCATION, Change, duration_change, travel_changes
 from planner.plan.fastest_timing import fastest_motion
-from planner.plan.measures import peak_inputs, slowing_factor, worst_margin
+from planner.plan.measures import Objective, peak_inputs, slowing_factor, worst_margin
 from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.feasibility import travel_window
@@ -41,8 +41,8 @@ from planner.systems.manipulator import Manipulator
 NAME = "convex"
 
 OBJECTIVES = {
-    "smooth": "smoothness: half the integral of (dz2/dz1)^2 over |z1|",
-    "peak": "peak |v2| with v1 constant",
+    "smooth": Objective("smoothness", {"chart smoothness": 1.0}),
+    "peak": Objective("peak", {"chart peak": 1.0}),
 }
 
 SLACK = 1e-4
@@ -92,7 +92,7 @@ def plan_convex(problem: Problem, options: ConvexOptions) -> Plan:
         options=options.model_dump(),
         trajectory=trajectory,
         objective=value / trajectory.duration if options.objective == "peak" else value,
-        objective_name=OBJECTIVES[options.objective],
+        aim=OBJECTIVES[options.objective],
         iterations=search.best.rounds,
         build_time_s=built - began,
         solve_time_s=time.perf_counter() - built,

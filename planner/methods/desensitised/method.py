@@ -34,9 +34,9 @@ from planner.methods.collocation.task import (
 )
 from planner.methods.collocation.transcription.augmented import Augmented, backs_off
 from planner.methods.collocation.transcription.bounds import InputDemands
-from planner.methods.collocation.transcription.form import Form, Objective, uniform
+from planner.methods.collocation.transcription.form import Form, uniform
 from planner.methods.collocation.transcription.unknowns import Iterate
-from planner.plan.measures import effort, turns
+from planner.plan.measures import Objective, effort, turns
 from planner.plan.plan import Plan
 from planner.plan.trajectory import Trajectory
 from planner.problem.feasibility import format_value
@@ -137,16 +137,14 @@ def desensitised_task(problem: Problem, options: DesensitisedOptions) -> Task:
     demands = InputDemands(rest, effort=options.effort_limit or np.inf)
     settings = Settings(options.tolerance, options.max_iterations)
     time_weight = options.time if problem.duration is None else 0.0
-    terms = [
-        (options.passive, "passive block^2"),
-        (options.terminal, "terminal response^2"),
-        (options.path, "response along the path^2"),
-        (options.effort, "effort"),
-        (time_weight, "duration"),
-    ]
-    name = " + ".join(f"{weight:g} x {term}" for weight, term in terms if weight)
-    weights = np.array([time_weight, options.effort, options.effort, 0.0, 0.0, 0.0])
-    goal = Objective(NAME, f"{NAME}: {name} (deg^2)", weights)
+    terms = {
+        "passive block^2 (deg^2)": options.passive,
+        "terminal response^2 (deg^2)": options.terminal,
+        "response along the path^2 (deg^2)": options.path,
+        "effort": options.effort,
+        "duration": time_weight,
+    }
+    goal = Objective(NAME, {term: weight for term, weight in terms.items() if weight})
     return task(problem, goal, form, uniform(options.intervals), demands, settings)
 
 
@@ -293,7 +291,7 @@ def _plan(job: Task, solution: Solution, options: DesensitisedOptions) -> Plan:
         options=options.model_dump(),
         trajectory=job.curve(solution.iterate),
         objective=solution.objective,
-        objective_name=job.objective.name,
+        aim=job.objective,
         iterations=solution.iterations,
         notes={
             "spread": dict(model.spread),

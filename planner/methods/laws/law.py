@@ -19,7 +19,7 @@ import numpy as np
 
 from planner.errors import InputError, SingularError
 from planner.methods.refusal import BY_COLLOCATION
-from planner.plan.measures import EFFORT, effort, slowing_factor
+from planner.plan.measures import Objective, effort, slowing_factor
 from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.feasibility import format_value
@@ -188,7 +188,7 @@ def finish(
         method=name,
         options=options.model_dump(),
         trajectory=trajectory,
-        objective_name=f"effort: {EFFORT} (not minimised by this method)",
+        aim=Objective("effort", {"effort, not minimised": 1.0}),
         solve_time_s=time.perf_counter() - began,
         notes=notes,
     )

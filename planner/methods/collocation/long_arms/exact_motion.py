@@ -41,7 +41,7 @@ FREE_LIMIT_SHARE = 1e-4
 
 def has_only_limits(job: Task) -> bool:
     """Return whether a task limits only joints and inputs, and allows inputs to jump everywhere."""
-    may_jump = not (job.demands.rest or job.objective.smooth or job.problem.reads("du"))
+    may_jump = not (job.demands.rest or job.objective.weights[3] or job.problem.reads("du"))
     plain = all(requirement.is_direct for requirement in job.problem.requirements)
     return may_jump and plain and not (job.problem.waypoints or job.nlp.form.augmented)
 

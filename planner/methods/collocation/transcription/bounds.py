@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.methods.collocation.transcription.form import Mesh, Objective
+from planner.methods.collocation.transcription.form import Mesh
 from planner.methods.collocation.transcription.transcription import Transcription
 from planner.methods.collocation.transcription.unknowns import Index
 from planner.methods.stay import SHORTEST_S
+from planner.plan.measures import Objective
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array

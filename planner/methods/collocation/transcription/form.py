@@ -21,7 +21,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.methods.collocation.transcription.augmented import Augmented
-from planner.plan.measures import CLOSENESS, EFFORT, SMOOTHNESS
+from planner.plan.measures import Objective
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.method_options import CollocationOptions
@@ -268,32 +268,6 @@ EDGE_REGULARISATION = 0.01
 without the effort the motion would leave the edge at infinite speed."""
 
 
-@dataclass(frozen=True, eq=False)
-class Objective:
-    """The objective, a weighted sum of six terms.
-
-    Attributes:
-        kind: "effort", "smooth", "edge", "time" or "mixed".
-        name: The objective in words.
-        weights: Weights of T, of each ∫uᵢ² dt, of each ∫(duᵢ/dt)² dt, and of the mean closeness to
-            the domain's edge (`planner.plan.measures.closeness`), shape (6,).
-    """
-
-    kind: str
-    name: str
-    weights: Array
-
-    @property
-    def smooth(self) -> bool:
-        """Whether the objective needs inputs without jumps."""
-        return bool(self.weights[3:5].any())
-
-    @property
-    def edge(self) -> bool:
-        """Whether the closeness to the domain's edge is a term of the objective."""
-        return bool(self.weights[5])
-
-
 def objective(problem: Problem, options: CollocationOptions) -> Objective:
     """Return the objective that the options name, or the default objective of the problem.
 
@@ -307,14 +281,14 @@ def objective(problem: Problem, options: CollocationOptions) -> Objective:
         free = "time" if limited else "mixed"
         kind = "effort" if problem.duration is not None else free
     if kind in _FIXED_TIME:
-        name, weights, why = _FIXED_TIME[kind]
+        terms, why = _FIXED_TIME[kind]
         if problem.duration is None:
             raise InputError(
                 f"objective '{kind}' with goal.duration = \"free\" has no least"
                 f" value ({why}); use objective 'time' or 'mixed', or give goal.duration",
                 source=problem.source,
             )
-        return Objective(kind, name, np.array(weights))
+        return Objective(kind, terms)
     if kind == "time":
         if not limited:
             raise InputError(
@@ -323,42 +297,29 @@ def objective(problem: Problem, options: CollocationOptions) -> Objective:
                 source=problem.source,
             )
         return fastest(problem)
-    return _mixed_objective(options)
+    weights = {
+        "effort": options.effort_weight,
+        "smoothness": options.smoothness_weight,
+        "closeness": options.edge_weight,
+    }
+    return Objective("mixed", {"duration": 1.0} | {k: w for k, w in weights.items() if w > 0})
 
 
 _SLOWNESS = "a slower motion always lowers the objective"
-_FIXED_TIME: dict[str, tuple[str, list[float], str]] = {
-    "effort": (f"effort: {EFFORT}", [0.0, 1.0, 1.0, 0.0, 0.0, 0.0], _SLOWNESS),
-    "smooth": (f"smooth: {SMOOTHNESS}", [0.0, 0.0, 0.0, 1.0, 1.0, 0.0], _SLOWNESS),
+_FIXED_TIME = {
+    "effort": ({"effort": 1.0}, _SLOWNESS),
+    "smooth": ({"smoothness": 1.0}, _SLOWNESS),
     "edge": (
-        f"edge: {CLOSENESS} + {EDGE_REGULARISATION:g} x {EFFORT}",
-        [0.0, EDGE_REGULARISATION, EDGE_REGULARISATION, 0.0, 0.0, 1.0],
+        {"closeness": 1.0, "effort": EDGE_REGULARISATION},
         "a longer stay far from the edge always lowers the objective",
     ),
 }
 
 
-def _mixed_objective(options: CollocationOptions) -> Objective:
-    parts = [
-        (options.effort_weight, EFFORT, [0.0, 1.0, 1.0, 0.0, 0.0, 0.0]),
-        (options.smoothness_weight, SMOOTHNESS, [0.0, 0.0, 0.0, 1.0, 1.0, 0.0]),
-        (options.edge_weight, CLOSENESS, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
-    ]
-    terms = [f"{weight:g} x {name}" for weight, name, _ in parts if weight > 0]
-    weights = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    weights += sum(weight * np.array(which) for weight, _, which in parts)
-    return Objective("mixed", "mixed: duration + " + " + ".join(terms), weights)
-
-
 def fastest(problem: Problem) -> Objective:
     """Return the objective "time": the duration, plus a little effort that makes motions unique."""
-    weights = TIME_REGULARISATION / problem.limits.input_scale**2
-    return Objective(
-        "time",
-        f"time: duration + {weights[0]:.4g} x integral of u1^2 dt"
-        f" + {weights[1]:.4g} x integral of u2^2 dt",
-        np.array([1.0, *weights, 0.0, 0.0, 0.0]),
-    )
+    u1, u2 = (TIME_REGULARISATION / problem.limits.input_scale**2).tolist()
+    return Objective("time", {"duration": 1.0, "effort u1": u1, "effort u2": u2})
 
 
 def shortest_path(problem: Problem) -> Objective:
@@ -368,5 +329,5 @@ def shortest_path(problem: Problem) -> Objective:
     of least length in the metric of the inputs, whatever the duration.
     """
     inputs = 1 / problem.limits.input_scale**2
-    inputs = inputs / np.mean(inputs)
-    return Objective("effort", "effort", np.array([0.0, *inputs, 0.0, 0.0, 0.0]))
+    u1, u2 = (inputs / np.mean(inputs)).tolist()
+    return Objective("effort", {"effort u1": u1, "effort u2": u2})

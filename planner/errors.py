@@ -26,6 +26,7 @@ class Part:
         high: Largest value; may be ∞.
         scale: Divisor that makes an excess comparable with those of other parts, in the unit.
         index: Index of the input or coordinate, from 0.
+        key: Dotted key of the problem file that sets the limit; "" if there is none.
     """
 
     label: str
@@ -34,6 +35,7 @@ class Part:
     high: float = math.nan
     scale: float = 1.0
     index: int = 0
+    key: str = ""
 
 
 @dataclass(frozen=True)

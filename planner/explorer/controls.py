@@ -226,7 +226,7 @@ def limit_controls(state: State, problem: Problem) -> list[Control]:
             controls.append(_slider(label, key, whole, (), position, _first(start), **about, **off))
             continue
         limited = problem.system.coordinates[1:]
-        if name.startswith("input") and len(whole) == 2:
+        if key in (*problem.limits.input_keys, *problem.limits.rate_keys):
             limited = problem.system.inputs
         for k, value in enumerate(whole):
             usual = start[k] if isinstance(start, list) and len(start) == len(whole) else value

@@ -59,6 +59,8 @@ class Limits:
         user: Largest |user coordinate|, shape (N,), in their units; equal to `joint` if the user
             coordinates are the triangular ones.
         z2_margin: Least |z₂|; z₂ keeps the sign it has at the start. None: z₂ has no limit.
+        input_keys, rate_keys, joint_keys, user_keys: Dotted keys of the problem file that set the
+            entries of `input`, `input_rate`, `joint` and `user`; "" without a key.
     """
 
     input: Array
@@ -66,6 +68,10 @@ class Limits:
     joint: Array
     user: Array
     z2_margin: float | None
+    input_keys: tuple[str, ...]
+    rate_keys: tuple[str, ...]
+    joint_keys: tuple[str, ...]
+    user_keys: tuple[str, ...]
 
     @property
     def input_scale(self) -> Array:
@@ -78,12 +84,15 @@ class Limits:
         return np.isinf(self.input) & np.isinf(self.input_rate)
 
 
-def bare_limits(tables: ProblemFile) -> Limits:
+def bare_limits(tables: ProblemFile, system: TriangularSystem) -> Limits:
     """Return the limits of a problem file as arrays."""
-    limits = tables.limits
-    coordinates = tables.joint_limits(), tables.user_limits()
+    limits, sides = tables.limits, (system.coordinates, system.user_coordinates)
+    named = [[tables.limit_key(c.name) for c in side] for side in sides]
+    every = limits.inputs, limits.rates, *named
+    keys = (tuple(key and f"limits.{key}" for key in some) for some in every)
+    sizes = limits.sizes(limits.inputs), limits.sizes(limits.rates)
     margin = getattr(limits, "z2_margin", None)  # not all kinds of systems have this key
-    return Limits(limits.inputs(), limits.input_rates(), *coordinates, margin)
+    return Limits(*sizes, tables.joint_limits(), tables.user_limits(), margin, *keys)
 
 
 def waypoints_of(tables: ProblemFile, system: TriangularSystem) -> list[Waypoint]:

@@ -135,7 +135,7 @@ class Problem:
             user_goal=tables.user_goal(),
             duration=None if tables.goal.duration == "free" else float(tables.goal.duration),
             duration_max=tables.goal.duration_max,
-            limits=bare_limits(tables),
+            limits=bare_limits(tables, system),
             methods=tables.method,
             machine=tables.machine,
             feedback=tables.feedback,
@@ -156,15 +156,16 @@ class Problem:
         if system.has_user_coordinates and not why:  # check user coordinates by themselves
             states = {"start": system.user(problem.start), "goal": problem.user_goal}
             states |= {f"waypoint {point.number}": point.user for point in problem.waypoints}
-            limit = JointLimit(system.user_coordinates, tuple(problem.limits.user.tolist()))
+            most = tuple(problem.limits.user.tolist())
+            limit = JointLimit(system.user_coordinates, most, problem.limits.user_keys)
             why = contradiction(states, [limit], system)
         if why := why or clash_of_times(problem.waypoints, problem.duration):
             raise InputError(why, source=source)
-        most = problem.duration_max
-        if most is not None and (problem.duration or 0.0) > most:
+        longest = problem.duration_max
+        if longest is not None and (problem.duration or 0.0) > longest:
             raise InputError(
                 f"goal.duration = {problem.duration:g} s is more than goal.duration_max ="
-                f" {most:g} s",
+                f" {longest:g} s",
                 source=source,
             )
         if doubt := likely_slip(system, problem.start, problem.goal, obstacles):
@@ -382,10 +383,10 @@ class Problem:
             demands.append(LongestDuration(self.duration_max))
         demands += [
             self.chart,
-            InputLimit(system.inputs, tuple(limits.input.tolist())),
-            RateLimit(system.inputs, tuple(limits.input_rate.tolist())),
-            JointLimit(system.coordinates, tuple(limits.joint.tolist())),
-            UserLimit(system.user_coordinates, tuple(beside.tolist())),
+            InputLimit(system.inputs, tuple(limits.input.tolist()), limits.input_keys),
+            RateLimit(system.inputs, tuple(limits.input_rate.tolist()), limits.rate_keys),
+            JointLimit(system.coordinates, tuple(limits.joint.tolist()), limits.joint_keys),
+            UserLimit(system.user_coordinates, tuple(beside.tolist()), limits.user_keys),
         ]
         if limits.z2_margin is not None:
             demands.append(Z2Margin(limits.z2_margin, int(self.z2_sign)))

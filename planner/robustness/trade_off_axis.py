@@ -132,15 +132,7 @@ def _peaks(
 
 
 def with_input_limits(problem: Problem, inputs: Array) -> Problem:
-    """Return the problem with other limits on the magnitudes of the inputs.
-
-    Raises:
-        InputError: If the kind of system has no key limits.input_rad_s.
-    """
-    try:
-        return problem.changed({"limits.input_rad_s": [float(v) for v in inputs]})
-    except InputError:
-        raise InputError(
-            f"{problem.source}: a trade-off against peak needs a system whose limits have the key"
-            f" input_rad_s; a {problem.system.kind} has none; trade against effort or duration"
-        ) from None
+    """Return the problem with other limits on the magnitudes of the inputs."""
+    one, other = problem.limits.input_keys
+    first, second = map(float, inputs)
+    return problem.changed({one: [first, second]} if one == other else {one: first, other: second})

@@ -132,6 +132,15 @@ def test_other_axes(two_joints: planner.Problem, kind: Any) -> None:
             assert np.all(peak_inputs(point.plan.trajectory) <= 0.5 * point.limit * (1 + 1e-6))
 
 
+@pytest.mark.usefixtures("uncompensated")
+def test_peaks_of_a_car_are_limited_each_by_its_own_key() -> None:
+    car = planner.load_problem(Path(__file__).parents[2] / "problems" / "car.toml")
+    (point, *_) = trade_off(car, "peak", 3, **SETTINGS).points  # type: ignore[arg-type]
+    peaks = peak_inputs(point.plan.trajectory)
+    assert np.all(peaks <= np.array([5.0, 0.5]) * point.limit * (1 + 1e-6))
+    assert np.any(peaks > 0.9 * np.array([5.0, 0.5]) * point.limit)
+
+
 def test_knee_of_a_hyperbola() -> None:
     x = np.geomspace(0.1, 10, 201)
     # the chord of 1/x over [a, 1/a] has slope -1: the tangent point is x = 1

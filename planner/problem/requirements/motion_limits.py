@@ -93,18 +93,21 @@ class SymmetricLimit(Requirement):
         words: Prefix of the parts' labels, as in "input u2".
         quantities: All inputs or coordinates, with names and units.
         most: The limit of each quantity; infinite without a limit.
+        keys: The dotted key of the problem file that sets the limit of each quantity.
     """
 
     words: ClassVar[str]
     quantities: tuple[Coordinate, ...]
     most: tuple[float, ...]
+    keys: tuple[str, ...]
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
         """One part for each limited input or coordinate."""
+        every = enumerate(zip(self.quantities, self.most, self.keys, strict=True))
         return tuple(
-            Part(f"{self.words} {named.name}", self._unit(named), -most, most, most, i)
-            for i, (named, most) in enumerate(zip(self.quantities, self.most, strict=True))
+            Part(f"{self.words} {named.name}", self._unit(named), -most, most, most, i, key)
+            for i, (named, most, key) in every
             if np.isfinite(most)
         )
 

@@ -35,6 +35,9 @@ _JointLimit = Annotated[float, Field(gt=0, lt=90)]
 class ArmLimits(BaseLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
+    inputs = "input_rad_s", "input_rad_s"
+    rates = "input_rate_rad_s2", "input_rate_rad_s2"
+
     input_rad_s: PerInput = Field(
         None, description="Largest |u1|, |u2| in rad/s: one number for both, or two."
     )
@@ -54,14 +57,6 @@ class ArmLimits(BaseLimits):
         " links that are not neighbours: at least their width. If left out, links may cross.",
         examples=[0.03],
     )
-
-    def inputs(self) -> Array:
-        """Return the largest |u|, shape (2,), rad/s."""
-        return bound(self.input_rad_s, 2)
-
-    def input_rates(self) -> Array:
-        """Return the largest |du/dt|, shape (2,), rad/s²."""
-        return bound(self.input_rate_rad_s2, 2)
 
 
 class LimitsTable(ArmLimits):
@@ -236,6 +231,10 @@ class ArmFile(ProblemFile):
     def joint_limits(self) -> Array:
         """Return the largest |q|, shape (n+1,), radians; infinite without a limit."""
         return np.array([np.inf, *np.deg2rad(bound(self.limits.joint_deg, self.system.joints))])
+
+    def limit_key(self, coordinate: str) -> str:
+        """Return the key of the joints' limits."""
+        return "joint_deg"
 
     def waypoint_states(self) -> list[Array]:
         """Return q of each waypoint, shape (n+1,), radians, NaN if free."""

@@ -25,7 +25,6 @@ from planner.problem.tables.problem_file import (
     NamedFile,
     PerInput,
     ProblemFile,
-    bound,
 )
 from planner.support.arrays import Array
 from planner.support.tables import line
@@ -129,6 +128,9 @@ class CustomGoal(GoalTable):
 class CustomLimits(BaseLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
+    inputs = "input", "input"
+    rates = "input_rate", "input_rate"
+
     input: PerInput = Field(None, description="Largest |u1|, |u2|: one number for both, or two.")
     input_rate: PerInput = Field(
         None,
@@ -141,14 +143,6 @@ class CustomLimits(BaseLimits):
     z2_margin: Annotated[float, Field(ge=0)] | None = Field(
         None, description="Least |z2|; z2 keeps the sign it has at the start."
     )
-
-    def inputs(self) -> Array:
-        """Return the largest |u|, shape (2,)."""
-        return bound(self.input, 2)
-
-    def input_rates(self) -> Array:
-        """Return the largest |du/dt|, shape (2,)."""
-        return bound(self.input_rate, 2)
 
 
 class OwnFile(NamedFile):
@@ -248,6 +242,10 @@ class OwnFile(NamedFile):
     def user_limits(self) -> Array:
         """Return the largest |user coordinate|, shape (N,); infinite without a limit."""
         return np.array([self.limits.q.get(name, np.inf) for name in self.names])
+
+    def limit_key(self, coordinate: str) -> str:
+        """Return the key of a coordinate's limit."""
+        return f"q.{coordinate}"
 
 
 class CustomFile(OwnFile):

@@ -305,6 +305,8 @@ def _file_faults(kind: str, file: Any) -> Iterator[str]:
         table: Any = file.model_fields[key].annotation
         if not isinstance(table, type) or not issubclass(table, base) or inspect.isabstract(table):
             yield f"{name}.{key} is not a table, a concrete subclass of {base.__name__}"
+        elif key == "limits" and not (hasattr(table, "inputs") and hasattr(table, "rates")):
+            yield f"{name}.limits lacks inputs or rates, the keys that limit the two inputs"
         elif key == "system":
             field = table.model_fields.get("kind")
             if field is None or kind not in get_args(field.annotation):

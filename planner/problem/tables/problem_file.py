@@ -82,13 +82,14 @@ def bound(value: float | Sequence[float] | None, size: int) -> Array:
 class BaseLimits(Table):
     """Common base of the `[limits]` tables of all kinds of systems."""
 
-    @abstractmethod
-    def inputs(self) -> Array:
-        """Return the largest |u|, shape (2,), in the inputs' units; infinite without a limit."""
+    inputs: ClassVar[tuple[str, str]]
+    """Keys of the largest |u| of the two inputs; a key that both share takes one number or two."""
+    rates: ClassVar[tuple[str, str]]
+    """Keys of the largest |du/dt|, likewise."""
 
-    @abstractmethod
-    def input_rates(self) -> Array:
-        """Return the largest |du/dt|, shape (2,); infinite without a limit."""
+    def sizes(self, keys: tuple[str, str]) -> Array:
+        """Return the values of the keys of the two inputs, (2,), infinite without a limit."""
+        return np.array([bound(getattr(self, key), 2)[i] for i, key in enumerate(keys)])
 
 
 class FeedbackTable(Table):
@@ -282,6 +283,10 @@ class ProblemFile(Table):
     @abstractmethod
     def joint_limits(self) -> Array:
         """Return the largest |q|, shape (N,); infinite without a limit."""
+
+    def limit_key(self, coordinate: str) -> str:
+        """Return the key in `[limits]` for a coordinate of this name; "" (the default): none."""
+        return ""
 
     def user_limits(self) -> Array:
         """Return the largest |user coordinate|, shape (N,); infinite without a limit."""

@@ -20,7 +20,6 @@ from planner.problem.tables.problem_file import (
     GoalTable,
     NamedFile,
     ProblemFile,
-    bound,
 )
 from planner.support.arrays import Array
 from planner.support.user_tables import Positive, Table
@@ -64,9 +63,8 @@ class PoseGoal(GoalTable):
 class VehicleLimits(BaseLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
-    second: ClassVar[str] = "turn"
-    """Quantity that the second input changes; its keys are SECOND_rate_rad_s and
-    SECOND_acceleration_rad_s2."""
+    inputs = "speed_m_s", "turn_rate_rad_s"
+    rates = "acceleration_m_s2", "turn_acceleration_rad_s2"
 
     speed_m_s: Positive | None = Field(None, description="Largest speed, either way, in m/s.")
     acceleration_m_s2: Positive | None = Field(
@@ -78,17 +76,6 @@ class VehicleLimits(BaseLimits):
     heading_deg: Annotated[float, Field(gt=0, le=360)] | None = Field(
         None, description="Largest |heading| in degrees.", examples=[80]
     )
-
-    def inputs(self) -> Array:
-        """Return the largest |u|, shape (2,), m/s and rad/s."""
-        return self._bounds_of("speed_m_s", f"{self.second}_rate_rad_s")
-
-    def input_rates(self) -> Array:
-        """Return the largest |du/dt|, shape (2,), m/s² and rad/s²."""
-        return self._bounds_of("acceleration_m_s2", f"{self.second}_acceleration_rad_s2")
-
-    def _bounds_of(self, *keys: str) -> Array:
-        return np.concatenate([bound(getattr(self, key), 1) for key in keys])
 
 
 class VehicleFile(NamedFile):
@@ -114,10 +101,10 @@ class VehicleFile(NamedFile):
         out."""
         degrees = []
         for name in [c.name for c in self.build_system().coordinates[1:-1]]:
-            word = name.rstrip("0123456789")
-            angles = getattr(table, f"{word}_deg", None)
+            key = self.limit_key(name)
+            angles = getattr(table, key, None)
             if isinstance(angles, list):
-                angles = angles[int(name.removeprefix(word)) - 1]
+                angles = angles[int(name.removeprefix(key.removesuffix("_deg"))) - 1]
             degrees.append(missing if angles is None else float(np.deg2rad(angles)))
         return degrees
 
@@ -174,6 +161,10 @@ class VehicleFile(NamedFile):
         """Return the largest |q|, shape (N,); infinite without a limit, as for x and y."""
         return np.array([np.inf, *self.angles(self.limits, np.inf), np.inf])
 
+    def limit_key(self, coordinate: str) -> str:
+        """Return the key of an angle's limit."""
+        return coordinate.rstrip("0123456789") + "_deg"
+
     def path_key(self) -> tuple[str, float]:
         """Return the dotted key that sets x at the end, and the x for which its value is zero."""
         return "goal.x_m", 0.0
@@ -213,7 +204,8 @@ class CarGoal(PoseGoal):
 class CarLimits(VehicleLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
-    second: ClassVar[str] = "steering"
+    inputs = "speed_m_s", "steering_rate_rad_s"
+    rates = "acceleration_m_s2", "steering_acceleration_rad_s2"
 
     steering_rate_rad_s: Positive | None = Field(
         None, description="Largest steering rate in rad/s."

@@ -135,7 +135,8 @@ def test_derivatives_agree_with_casadi_on_the_whole_graph(
     known = [e for e in errors if e in {p.name for p in parameters(system)}]
     spread = tuple((error, 0.1 * k) for k, error in enumerate(known, 1))
     more = Augmented(system, spread, **RESPONSE, metered=True) if spread else None
-    limits = JointLimit(system.coordinates, (1.0,) * system.size), Z2Margin(0.0, 1)
+    joints = JointLimit(system.coordinates, (1.0,) * system.size, ("",) * system.size)
+    limits = joints, Z2Margin(0.0, 1)
     form = Form(3, "radau", 2, input_kind, inner=True, kept=limits, augmented=more)
     program = transcription(system, form).program
     x, p = program.problem["x"], program.problem["p"]

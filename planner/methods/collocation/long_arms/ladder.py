@@ -168,7 +168,8 @@ def _shorter_arm_task(job: Task) -> Task:
     assert isinstance(problem.system, Manipulator)
     start, goal = (np.delete(q, 1) for q in (problem.start, problem.goal))
     joint = np.delete(ChainEnds.of(problem, 1 - FREE_LIMIT_SHARE).limit, 1)
-    limits = replace(problem.limits, joint=joint, user=joint)
+    keys = problem.limits.joint_keys[1:]
+    limits = replace(problem.limits, joint=joint, user=joint, joint_keys=keys, user_keys=keys)
     given = replace(problem, start=start, user_goal=goal, limits=limits)
     short = replace(given, system=problem.system.shorter())
     plain = Form(form.intervals, form.scheme_kind, form.degree)

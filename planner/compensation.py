@@ -166,7 +166,7 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
     Raises:
         NoPlanError: If no plan is short enough; the advice gives a duration that suffices.
     """
-    from planner.machine.feedforward.advice import LARGER_INPUTS, NO_COMPENSATION
+    from planner.machine.feedforward.advice import NO_COMPENSATION
     from planner.machine.feedforward.follow import follow
 
     problem, most, why = plan.problem, plan.problem.duration_max, ""
@@ -197,7 +197,7 @@ def _compensate_in_duration(plan: Plan, machine: Machine, options: CompensationT
         source=problem.source,
         advice=[
             f"goal.duration_max = {np.ceil(100 * (least.duration + room)) / 100:g}",
-            LARGER_INPUTS,
+            f"larger {problem.limits.input_words}, which shorten plan and compensation",
             NO_COMPENSATION,
         ],
     )

@@ -185,7 +185,7 @@ def test_what_it_advises_is_understood(paper: planner.Problem) -> None:
     limited = replace(plan, problem=replace(plan.problem, registered_limits=limits))
     above = Violation(limits[0].parts[0], 0.3, 0.01, demand=limits[0])
     assert compensation_changes(limited, [above], asked) == [
-        "wider limits: product at least 0.3003",
+        "wider limits.test_product: product at least 0.3003",
         "smaller limits.input_rad_s, which the added inputs keep",
     ]
     assert compensation_changes(limited, [above, *missed], asked)[-1] == "more time (goal.duration)"
@@ -247,7 +247,7 @@ def test_what_is_free_is_not_advised(paper: planner.Problem) -> None:
     short = {"goal.duration": "free", "goal.duration_max": 1.0, "compensation.on": True}
     with pytest.raises(planner.VerificationError, match="duration of the whole run") as caught:
         planner.solve(paper.changed(short), "convex")
-    wanted = r"goal\.duration_max = [\d.]+ and what compensation adds, or wider input limits"
+    wanted = r"goal\.duration_max = [\d.]+ and what compensation adds, or larger limits\."
     assert re.match(wanted, str(caught.value.advice))
     assert "travel" not in str(caught.value.advice)
 

@@ -613,7 +613,7 @@ def test_a_limit_on_the_way_is_kept_or_said_not_to_be_promised(paper: planner.Pr
     (folded,) = problem.registered_limits
     (part,) = folded.parts
     broken = planner.Violation(part, 0.4, 0.45, 1.0, folded)
-    assert Folded.easing([broken]) == ("wider limits: second link's cosine at most 0.3996")
+    assert Folded.easing([broken]) == ("wider limits.folded: second link's cosine at most 0.3996")
     with pytest.raises(InputError, match=r"cosine at the goal is 0\.5, allowed 0\.6; move"):
         paper.changed({"limits.folded": 0.6})
 

@@ -179,9 +179,9 @@ def _advice(each: MachineLimit) -> str:
         return f"clearance_m = {_round_up(each.sweep)} of obstacle {requirement.number}"
     if isinstance(requirement, SelfCollision):
         return f"limits.{requirement.key} = {_round_up(each.sweep)}"
-    if type(requirement) is JointLimit and each.part.unit == "rad":
+    if isinstance(requirement, JointLimit) and each.part.key.endswith("_deg"):
         most = np.rad2deg(each.part.high - each.sweep)
-        return f"limits.joint_deg = {np.floor(most):g} for {requirement.limit_name(each.part)}"
+        return f"{each.part.key} = {np.floor(most):g} for {requirement.limit_name(each.part)}"
     return ""
 
 

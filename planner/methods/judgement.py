@@ -91,7 +91,7 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
     if plan.problem.duration is None and any(isinstance(each, LongestDuration) for each in broken):
         if plan.problem.compensation.on:
             ways[0] += " and what compensation adds"
-        ways.append("wider input limits")
+        ways.append(f"larger {plan.problem.limits.input_words}")
     if plan.problem.travel is not None:
         ways.append(f"another {plan.problem.travel_key or 'goal'}")
     return other, ", or ".join(ways)

@@ -99,10 +99,10 @@ def path_changes(problem: Problem) -> list[Change]:
 
     Joint limits come first if obstacles block the arm within them, since an obstacle may be fixed.
     """
-    limits, out = problem.to_dict().get("limits", {}), dict[str, Change]()
+    out = dict[str, Change]()
     blocked = is_blocked(problem)
     for demand in problem.demands if blocked else reversed(problem.demands):
-        if removal := demand.removal(limits):
+        if removal := demand.removal():
             keys, words, what = removal
             out[what] = Change(keys, words, what)
     return list(out.values())

@@ -154,7 +154,10 @@ def refuse_too_short(problem: Problem) -> None:
         error = InfeasibleError(
             why,
             source=problem.source,
-            advice=['goal.duration = "free", which finds the time needed', "wider input limits"],
+            advice=[
+                'goal.duration = "free", which finds the time needed',
+                f"larger {problem.limits.input_words}",
+            ],
         )
         error.finding = ""
         raise error

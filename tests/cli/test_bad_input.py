@@ -49,7 +49,7 @@ BAD: list[Case] = [
         "joint_deg = 20",
         "contradiction",
         "goal theta1 = 30 deg",
-        "widen the limit",
+        "widen limits.joint_deg",
     ),
     (END, f"{POINTS}[[10.0, -0.2]]", "method.polynomial.points", "time 10 s", "(0, 10) s"),
     (END, f"{POINTS}[[5.0, -0.2], [5.0, -0.3]]", "points", "two points at one time"),

@@ -46,13 +46,9 @@ def test_the_first_change_that_works_is_named_with_what_the_plan_breaks(
     assert asked == CHANGES[:3]
     assert error.reason == "none; without limit 2 there is a plan, which breaks:"
     assert [v.label for v in error.violations] == ["joint theta1"]
-    assert (
-        error.advice
-        == "wider limits: theta1 at least 38.72 deg (tried with limits.joint_deg = 82.0)"
-    )
-    assert str(error).endswith(
-        "Try: wider limits: theta1 at least 38.72 deg (tried with limits.joint_deg = 82.0)"
-    )
+    words = "limits.joint_deg = 38.72 or more (tried with limits.joint_deg = 82.0)"
+    assert error.advice == words
+    assert str(error).endswith(f"Try: {words}")
     assert error.plan is not None
     assert not error.plan.verified
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Sequence
 from dataclasses import FrozenInstanceError, dataclass, replace
 from pathlib import Path
@@ -276,14 +277,73 @@ def test_z2_at_an_end(theta1: float, side: int, margin: float, says: str | None)
 
 def test_joint_limits_are_left_out_as_far_as_their_keys_allow() -> None:
     """Angles up to a quarter turn lose their chart there; a heading turns as far as it likes."""
-    limit = JointLimit((Coordinate("hitch1", "rad"),), (0.5,))
-    limits = {"hitch_deg": [20], "heading_deg": 30, "joint_deg": None, "input": 0.5}
-    wide = {"limits.hitch_deg": 88.0, "limits.heading_deg": 360.0}
-    assert limit.removal(limits) == (wide, "", "the limits on the joints")
-    more = {"joint_deg": 10, "steering_deg": 10, "q": {"a": 1.0}}
-    wide = {"limits.joint_deg": 88.0, "limits.steering_deg": 88.0, "limits.q": {}}
-    assert limit.removal(more) == (wide, "", "the limits on the joints")
-    assert limit.removal({"input": 0.5}) is None
+    named = {
+        "limits.hitch_deg": 0.5,
+        "limits.heading_deg": 0.5,
+        "limits.q.a": 1.0,
+        "limits.q.b": 2.0,
+    }
+    angles = (Coordinate("a coordinate", "rad"),) * len(named)
+    limit = JointLimit(angles, tuple(named.values()), tuple(named))
+    wide = {"limits.hitch_deg": 88.0, "limits.heading_deg": 360.0, "limits.q": {}}
+    assert limit.removal() == (wide, "", "the limits on the joints")
+    assert replace(limit, keys=("",) * len(named)).removal() is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "limits", "broken", "advice"),
+    [
+        ("paper", {"limits.input_rad_s": 0.5}, {"input u2": 0.6}, {"limits.input_rad_s": 0.6}),
+        (
+            "paper",
+            {"limits.input_rad_s": [0.5, 0.4]},
+            {"input u2": 0.6},
+            {"limits.input_rad_s": [0.5, 0.6]},
+        ),
+        (
+            "paper",
+            {"limits.joint_deg": [60, 70, 40]},
+            {"joint theta1": np.deg2rad(65), "joint theta3": -np.deg2rad(50)},
+            {"limits.joint_deg": [65, 70, 50]},
+        ),
+        ("car", {"limits.speed_m_s": 2.0}, {"input speed": 3.0}, {"limits.speed_m_s": 3.0}),
+        (
+            "car",
+            {"limits.steering_acceleration_rad_s2": 1.0},
+            {"rate of input steering_rate": -3.0},
+            {"limits.steering_acceleration_rad_s2": 3.0},
+        ),
+        ("trailers", {"limits.hitch_deg": 30}, {"joint hitch1": 0.7}, {"limits.hitch_deg": 40.1}),
+        ("coin", {"limits.q": {"y": 1.0}}, {"joint y": 2.0}, {"limits.q.y": 2.0}),
+    ],
+)
+def test_advice_sets_the_keys_that_the_motion_needs(
+    kind: str, limits: dict[str, Any], broken: dict[str, float], advice: dict[str, Any]
+) -> None:
+    file = Path(__file__).parents[2] / "problems" / f"{kind}.toml"
+    problem = planner.load_problem(file, {"limits": {}}).changed(limits)
+    every = {part.label: (each, part) for each in problem.demands for part in each.parts}
+    found = []
+    for label, value in broken.items():
+        demand, part = every[label]
+        limit = part.high if value > 0 else part.low
+        found.append(planner.Violation(part, value, limit, demand=demand))
+    words = found[0].demand.easing(found)
+    assert words.endswith(" or more")
+    key, value = words.removesuffix(" or more").split(" = ")
+    ((wanted, size),) = advice.items()
+    assert key == wanted
+    assert tomllib.loads(f"value = {value}")["value"] == pytest.approx(size, rel=2e-3)
+    wider = problem.changed({key: tomllib.loads(f"value = {value}")["value"]})
+    for each in found:
+        (part,) = (p for d in wider.demands for p in d.parts if p.label == each.label)
+        assert part.low <= each.value <= part.high
+
+
+def test_a_joint_that_needs_more_than_its_key_takes_has_no_limit() -> None:
+    limit = JointLimit((Coordinate("theta1", "rad"),), (0.5,), ("limits.joint_deg",))
+    broken = planner.Violation(limit.parts[0], 1.56, 0.5, demand=limit)
+    assert limit.easing([broken]) == "leave out limits.joint_deg"
 
 
 def test_a_waypoint_is_as_far_as_its_worst_coordinate() -> None:

@@ -15,8 +15,6 @@ from planner.problem.tables.problem_file import CompensationTable
 
 NO_COMPENSATION = "no compensation (compensation.on = false)"
 
-LARGER_INPUTS = "larger limits.input_rad_s, which shorten plan and compensation"
-
 LEAST_UNEVEN_DEG = 1.0
 """Angle that an axis may lack after a take-up before it is reported, degrees: half of the error
 that a machine's spreads leave."""
@@ -56,7 +54,8 @@ def compensation_changes(
     met = [v.demand.number for v in violations if isinstance(v.demand, Obstacle)]
     out = [f"obstacle {number} elsewhere" for number in dict.fromkeys(met)]
     wider = _wider_limits(plan, violations)
-    out += [*wider, "smaller limits.input_rad_s, which the added inputs keep"] * bool(wider)
+    smaller = f"smaller {problem.limits.input_words}, which the added inputs keep"
+    out += [*wider, smaller] * bool(wider)
     if meets_before_start(plan, violations) or 0 < len(wider) == len(violations):
         return out  # neither another motion nor more time would help
     if options.preparation != "forward":
@@ -79,9 +78,8 @@ def compensation_changes(
             other = f"another path (method.{plan.method}.criterion = 'machine') or {other}"
         out.append(f"{other}, so that the drive does not reverse at t = {when}{why}")
     if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # the error that spreads leave
-        less = (
-            "larger limits.input_rad_s" if problem.duration is None else "a shorter goal.duration"
-        )
+        larger = f"larger {problem.limits.input_words}"
+        less = larger if problem.duration is None else "a shorter goal.duration"
         return [
             *out,
             f"{less}: the motors' bias adds up to {drifted:.2g} deg on one machine in twenty",

@@ -70,7 +70,7 @@ def too_short(problem: Problem, fastest: Candidate, options: CollocationOptions)
             duration_change(fastest_s),
             duration_change(LONGER_DURATION * fastest_s),
         ],
-        advice="wider limits on the inputs",
+        advice=f"larger {problem.limits.input_words}",
     )
     error.finding = f"the {finding}" if proof else None
     return error

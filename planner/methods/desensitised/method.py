@@ -324,8 +324,8 @@ def _refuse_no_room(job: Task) -> None:
                     f" but the start has only {format_value(room, part.unit)}",
                     source=problem.source,
                     advice="method.desensitised.backoff ="
-                    f" {model.backoff * room / needed * 0.99:.3g} or less, or a wider limit on"
-                    f" {name}",
+                    f" {model.backoff * room / needed * 0.99:.3g} or less, or a wider"
+                    f" {part.key or f'limit on {name}'}",
                 )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -75,14 +75,11 @@ SMALLEST_Z2 = 1e-3
 """Least scale of a z₂ margin: a margin near zero must not exaggerate an excess, since z₂ itself
 is near 1."""
 
-WIDEST_LIMITS = {
-    "joint_deg": 88.0,
-    "steering_deg": 88.0,
-    "hitch_deg": 88.0,
-    "heading_deg": 360.0,
-    "q": {},
-}
-"""Keys of [limits] that limit coordinates, with the values to which they can be widened."""
+WIDEST_DEG, WIDEST_HEADING_DEG = 88.0, 360.0
+"""Values to which the limits on angles can be widened, degrees: at 90 most lose their chart."""
+
+WIDER = 1e-3
+"""Share by which the limit that advice names exceeds the value that a motion needs."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +111,34 @@ class SymmetricLimit(Requirement):
     def _unit(self, named: Coordinate) -> str:
         return named.unit
 
+    @classmethod
+    def easing(cls, breaches: Sequence[Violation]) -> str:
+        """Advise the values of the keys that would permit the breaches."""
+        if not all(v.part.key for v in breaches):
+            return super().easing(breaches)
+        limit: SymmetricLimit = breaches[0].demand
+        needed = {v.part.index: (1 + WIDER) * abs(v.value) for v in breaches}
+        out = []
+        for key in dict.fromkeys(v.part.key for v in breaches):
+            parts = [part for part in limit.parts if part.key == key]
+            values = [max(part.high, needed.get(part.index, 0.0)) for part in parts]
+            if key.endswith("_deg"):
+                values = np.rad2deg(values).tolist()
+            if len({part.high for part in parts}) == 1:
+                values = [max(values)]
+            shown = ", ".join(f"{value:.4g}" for value in values)
+            shown = f"[{shown}]" if len(values) > 1 else shown
+            fits = max(values) <= widest(key)
+            out.append(f"{key} = {shown} or more" if fits else f"leave out {key}")
+        return " and ".join(out)
+
+
+def widest(key: str) -> float:
+    """Return the value to which a limit on coordinates can be widened, by its dotted key."""
+    if not key.endswith("_deg"):
+        return np.inf
+    return WIDEST_HEADING_DEG if key == "limits.heading_deg" else WIDEST_DEG
+
 
 class InputLimit(SymmetricLimit):
     """The inputs keep their limits, |uᵢ| ≤ most."""
@@ -143,11 +168,17 @@ class JointLimit(SymmetricLimit):
         """Return words on how start, goal or waypoint violates the limit, and what to change."""
         value, limit, unit = replace(v, limit=abs(v.limit)).shown(6)
         what = f"{name} {self.quantities[v.part.index].name} = {value}{unit}"
-        return f"{what} lies outside its limit of {limit}{unit}; move the {name} or widen the limit"
+        change = f"move the {name} or widen {v.part.key or 'the limit'}"
+        return f"{what} lies outside its limit of {limit}{unit}; {change}"
 
-    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self) -> tuple[dict[str, Any], str, str] | None:
         """Return the change that widens the joint limits as far as possible."""
-        wide = {f"limits.{key}": most for key, most in WIDEST_LIMITS.items() if limits.get(key)}
+        wide = dict[str, Any]()
+        for key in filter(None, (part.key for part in self.parts)):
+            if key.endswith("_deg"):
+                wide[key] = widest(key)
+            else:  # an entry of the table limits.q
+                wide[key.rpartition(".")[0]] = {}
         return (wide, "", "the limits on the joints") if wide else None
 
 
@@ -181,7 +212,7 @@ class Z2Margin(Requirement):
             return f"limits.z2_margin = {0.999 * v.value:.4g} or less"
         return "leave out limits.z2_margin, so that z2 may change sign"
 
-    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self) -> tuple[dict[str, Any], str, str] | None:
         """Return the change of the problem file that removes the margin of z₂."""
         return {"limits.z2_margin": None}, "leave out limits.z2_margin", "the z2 margin"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -44,7 +44,7 @@ class Waypoint(Demand):
         """Advise to leave out the waypoints that the motion misses."""
         return _omission("waypoints", breaches)
 
-    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self) -> tuple[dict[str, Any], str, str] | None:
         """Return the change that removes all waypoints."""
         return {"waypoints": []}, "", "the waypoints"
 
@@ -113,7 +113,7 @@ class Obstacle(Requirement):
             return _omission("obstacles", touched)
         return f"obstacles.clearance_m = {0.999 * min(v.value for v in breaches):.4g} or less"
 
-    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self) -> tuple[dict[str, Any], str, str] | None:
         """Return the change that removes all obstacles."""
         return {"obstacles": []}, "", "the obstacles"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -54,11 +54,13 @@ class Demand(ABC):
         at_goal: Whether a motion that breaks the demand misses the goal.
         physical: Whether a machine that breaks the demand may break something; False if the demand
             limits chained coordinates, which are the methods' own.
+        key: Key in the `[limits]` table, for a kind that applies to all systems.
     """
 
     in_chart: ClassVar[bool] = False
     at_goal: ClassVar[bool] = False
     physical: ClassVar[bool] = True
+    key: ClassVar[str] = ""
 
     @property
     @abstractmethod
@@ -79,13 +81,11 @@ class Demand(ABC):
             shown, _, unit = replace(v, value=value).shown(4)
             side = "least" if above else "most"
             peaks.append(f"{v.demand.limit_name(v.part)} at {side} {shown}{unit}")
-        return f"wider limits: {', '.join(peaks)}"
+        keys = dict.fromkeys(f"limits.{v.demand.key}" for v in breaches if v.demand.key)
+        return f"wider {' and '.join(keys) or 'limits'}: {', '.join(peaks)}"
 
-    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self) -> tuple[dict[str, Any], str, str] | None:
         """Return the change of the problem file that removes this demand.
-
-        Args:
-            limits: The file's `[limits]` table.
 
         Returns:
             Dotted keys with new values; the advice in words ("" if naming the keys is enough); and
@@ -112,7 +112,6 @@ class Requirement(Demand):
         smooth: Whether the values are differentiable near their limits; if not, they read only "q"
             and the parts must have no upper limit.
         final: Whether the requirement applies only at the end; then it reads "q" and is smooth.
-        key: Key in the `[limits]` table, for a kind that applies to all systems.
         table: Type and description of that key's value, optionally an example for `planner new`.
     """
 
@@ -122,7 +121,6 @@ class Requirement(Demand):
     divides: ClassVar[bool] = False
     smooth: ClassVar[bool] = True
     final: ClassVar[bool] = False
-    key: ClassVar[str] = ""
     table: ClassVar[tuple[Any, str] | tuple[Any, str, Any] | None] = None
 
     @classmethod
@@ -152,7 +150,7 @@ class Requirement(Demand):
         """
         return self.rows(point)
 
-    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self) -> tuple[dict[str, Any], str, str] | None:
         """Return the change that removes the key; None for a limit that depends on the speed."""
         if self.speed_power or not self.key:
             return None

@@ -8,7 +8,7 @@ joints (and the tip) from links. Neighbours share a joint and are not checked.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -99,7 +99,7 @@ class SelfCollision(Requirement):
             return f"limits.{cls.key} = {0.999 * least:.4g} or less"
         return f"leave out limits.{cls.key}"
 
-    def removal(self, limits: Mapping[str, Any]) -> tuple[dict[str, Any], str, str] | None:
+    def removal(self) -> tuple[dict[str, Any], str, str] | None:
         """Return the change of the problem file that removes the links' clearance."""
         return {f"limits.{self.key}": None}, f"leave out limits.{self.key}", "the links' clearance"
 

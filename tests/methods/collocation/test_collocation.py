@@ -397,4 +397,4 @@ def test_the_fastest_motion_may_be_of_another_form_than_what_was_asked(paper: Pr
     assert refusal.plan.duration == 2.5
     assert {v.label for v in refusal.violations} == {"input u1", "input u2"}
     assert [set(change.keys) for change in refusal.changes] == [{"goal.duration"}] * 2
-    assert str(refusal.advice).endswith("; or wider limits on the inputs")
+    assert str(refusal.advice).endswith("; or larger limits.input_rad_s")

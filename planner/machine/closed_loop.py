@@ -60,18 +60,24 @@ class Feedback(Protocol):
         """
 
 
-def encoder_readings(system: TriangularSystem, draws: Draws, q: Array) -> Array:
-    """Return the coordinates as the encoders read them, rounded to the encoders' resolution.
+def encoder_readings(system: TriangularSystem, draws: Draws, q: Array, t: float | Array) -> Array:
+    """Return the coordinates as the encoders read them: with noise, rounded to the resolution.
 
     Args:
         system: The system, whose angles after the first coordinate have encoders.
-        draws: The machines, for the resolution of each joint.
+        draws: The machines, for noise and resolution of each joint.
         q: True coordinates, (N, S) or (N, R, S).
+        t: Time of the reading, s, or times (R,); the noise depends on it.
 
     Returns:
         Readings, with the shape of q; coordinates without an encoder are exact.
     """
     out = q.copy()
+    if draws.has_effect("encoder_noise_deg"):
+        noise = np.stack([draws.noise(x, len(q) - 1) for x in np.ravel(t)], axis=1)
+        noise = np.deg2rad(draws["encoder_noise_deg"])[:, None] * noise
+        is_angle = np.array([coordinate.unit == "rad" for coordinate in system.coordinates[1:]])
+        out[1:][is_angle] += noise.reshape(q[1:].shape)[is_angle]
     steps = np.deg2rad(draws["encoder_resolution_deg"])
     steps = np.broadcast_to(steps, (len(q) - 1, q.shape[-1]))
     for i, coordinate in enumerate(system.coordinates):

@@ -16,7 +16,7 @@
 #define INLINE static inline __attribute__((always_inline))
 #endif
 
-#define VERSION 1139219982
+#define VERSION 2450734339
 #define MOTORS 2
 #define JOINTS 16 /* passive ones, at most; of the following as many as then */
 #define BODIES 52
@@ -71,6 +71,7 @@ typedef struct {
     const double *incline_deg; /* 1 */
     const double *link_moment_kgm; /* 1 + m */
     const double *initial_angle_error_deg; /* 1 + m */
+    const double *encoder_noise_deg; /* 1 + m */
     const double *encoder_resolution_deg; /* 1 + m */
     const double *gain; /* 2 */
     const double *gearhead_half; /* 2 */
@@ -83,7 +84,7 @@ typedef struct {
 INLINE Own own(const Model *model, int64_t sample)
 {
     int64_t m = model->joints - 1;
-    const double *at = model->parameters + sample * (31 + 13 * m);
+    const double *at = model->parameters + sample * (32 + 14 * m);
     Own out;
     out.control_period_s = at + 0;
     out.delay_s = at + 1;
@@ -108,13 +109,14 @@ INLINE Own own(const Model *model, int64_t sample)
     out.incline_deg = at + 22 + 6 * m;
     out.link_moment_kgm = at + 23 + 6 * m;
     out.initial_angle_error_deg = at + 24 + 7 * m;
-    out.encoder_resolution_deg = at + 25 + 8 * m;
-    out.gain = at + 26 + 9 * m;
-    out.gearhead_half = at + 28 + 9 * m;
-    out.k = at + 30 + 9 * m;
-    out.half_gap = at + 30 + 10 * m;
-    out.rest = at + 30 + 11 * m;
-    out.weights = at + 30 + 12 * m;
+    out.encoder_noise_deg = at + 25 + 8 * m;
+    out.encoder_resolution_deg = at + 26 + 9 * m;
+    out.gain = at + 27 + 10 * m;
+    out.gearhead_half = at + 29 + 10 * m;
+    out.k = at + 31 + 10 * m;
+    out.half_gap = at + 31 + 11 * m;
+    out.rest = at + 31 + 12 * m;
+    out.weights = at + 31 + 13 * m;
     return out;
 }
 

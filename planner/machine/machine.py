@@ -315,11 +315,13 @@ class Draws:
         start: Position of the gears before the start within the range in which friction lets them
             rest, −1 … 1, for the gearhead of motor 1 and joints 1 … n, (1+n, S); NaN where the arm
             is unwound.
+        seed: Seed of the samples' random numbers, here of the noise of their encoders.
     """
 
     numbers: NDArray[np.int64]
     values: Mapping[str, Array]
     start: Array
+    seed: int = 0
 
     @property
     def count(self) -> int:
@@ -340,7 +342,21 @@ class Draws:
     def part(self, chosen: slice) -> Draws:
         """Return the parameters of the samples in the range `chosen`."""
         values = {name: value[:, chosen] for name, value in self.values.items()}
-        return Draws(self.numbers[chosen], values, self.start[:, chosen])
+        return Draws(self.numbers[chosen], values, self.start[:, chosen], self.seed)
+
+    def noise(self, t: float, joints: int) -> Array:
+        """Return the noise of the encoders at a time t, s, in standard deviations, (N−1, S).
+
+        It depends on seed, sample and time (to 1 µs) only: not on other samples or earlier
+        readings.
+        """
+        from scipy.special import ndtri  # slow to import
+
+        tick = round(1e6 * t)
+        uniform = _uniform(
+            "encoder_noise_deg", self.numbers, joints, self.seed, int(tick < 0), abs(tick)
+        )
+        return np.asarray(ndtri(np.maximum(uniform, np.finfo(float).tiny)))
 
 
 MOST_MACHINES = 1_000_000
@@ -393,7 +409,7 @@ def draw(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -
         else:  # one number for all samples, without a copy for each
             mean = at_quantiles(name, quantity, joints, np.full((count, 1), 0.5))
             values[name] = np.broadcast_to(mean, (count, len(numbers)))
-    return Draws(numbers, values, draw_start(machine, joints, numbers, seed))
+    return Draws(numbers, values, draw_start(machine, joints, numbers, seed), seed)
 
 
 _SHARES = {"unwound": np.nan, "forward": 1.0, "backward": -1.0}
@@ -419,10 +435,10 @@ def draw_start(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: 
     return np.asarray(np.where(unknown, drawn, position))
 
 
-def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int) -> Array:
+def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int, *key: int) -> Array:
     """Return the random numbers (count, S), uniform in 0 … 1, of the samples `numbers` (S,) from
-    the stream of an effect."""
-    sequence = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()),))
+    the stream of an effect; `key` distinguishes several streams of one effect."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(name.encode()), *key))
     # As in `numpy.random.default_rng`; each number advances it by one step.
     bits = np.random.PCG64(sequence)
     generator, passed, runs = np.random.Generator(bits), 0, []
@@ -489,6 +505,7 @@ PROTOTYPE: Mapping[str, Any] = MappingProxyType(
         "gear_ratio_error": {"value": 0.0, "spread": 0.005},
         "initial_play": {"value": 0.0, "spread": 0.5},
         "initial_angle_error_deg": {"value": 0.0, "spread": 0.2},
+        "encoder_noise_deg": 0.03,
         "encoder_resolution_deg": 0.088,
         "link_moment_kgm": 0.16,  # no effect on a level plane
         # Not in the paper: see planner.paper.statements.FIXED_PARAMETERS, results/calibration.

@@ -200,7 +200,7 @@ class Replay(Recording):
     def measured(self) -> Array:
         """Coordinates as the encoders read them, shape (M, R, N)."""
         draws = self.draws.part(slice(len(self.q)))
-        return encoder_readings(self.plan.problem.system, draws, self.q.T).T
+        return encoder_readings(self.plan.problem.system, draws, self.q.T, self.t).T
 
     @property
     def worst(self) -> int:

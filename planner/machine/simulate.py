@@ -262,8 +262,9 @@ class _ReplayRun:
             _begin(motion, self._plan, fed, whole.t, rows)
             for reading, k in enumerate(fed.reading_steps):
                 motion.advance(k, report)
-                read = encoder_readings(self._plan.problem.system, draws, motion.coordinates)
-                fed.set_command(reading, controller(float(fed.readings[reading]), read))
+                t, system = float(fed.readings[reading]), self._plan.problem.system
+                read = encoder_readings(system, draws, motion.coordinates, t)
+                fed.set_command(reading, controller(t, read))
             motion.advance(steps, report)
             self._keep(chosen, motion, fed, rows)
         self._end(chosen, motion)

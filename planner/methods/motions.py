@@ -117,7 +117,8 @@ RAMP_S = 0.75
 friction and turns joints ahead of their axes: by 0.9 degrees as joint 1 stops in 0.05 s."""
 
 RISE_DEG = 1.5
-"""Rise of a passive encoder that proves its axis to be ahead: seventeen times its resolution."""
+"""Rise of a passive encoder that proves its axis to be ahead: seventeen times its resolution. With
+more noise than 0.15 degrees it is no proof; see `planner.machine.feedback.homing`."""
 
 REST_S, BETWEEN_S = 0.3, 0.05
 """Rest at the end, s, in which servos and joints settle; and further rest after every turn, s."""

@@ -246,6 +246,7 @@ FIXED_PARAMETERS: dict[str, str] = {
     "gear_ratio_error": "radii of disks and contacts to 0.1 mm on 20 mm; mean 0, drawn",
     "initial_play": "position of a joint within its backlash at the start, unknown; mean 0, drawn",
     "initial_angle_error_deg": "set by eye or against a stop before each run; mean 0, drawn",
+    "encoder_noise_deg": "a third of the resolution: play and flutter of coupling and disk",
     "encoder_resolution_deg": "1024 lines, four edges each; affects the readings, not the motion",
 }
 """Source of the value of each fixed parameter, which no statement of the paper determines."""

@@ -82,7 +82,8 @@ def machine_indices(
             middle = np.full((EFFECTS[name].count(joints), count), 0.5)
             values[name] = at_quantiles(name, quantity, joints, places.get(name, middle))
         numbers = np.arange(count)
-        return errors(machine, Draws(numbers, values, draw_start(machine, joints, numbers, seed)))
+        start = draw_start(machine, joints, numbers, seed)
+        return errors(machine, Draws(numbers, values, start, seed))
 
     sizes = {k: EFFECTS[k].count(joints) for k in names if machine.effects[k].varies}
     return indices(sizes, evaluate, base, seed)

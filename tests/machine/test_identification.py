@@ -39,6 +39,7 @@ ARM = PRESET.nominal().with_(
     input_bias_rad_s=[0.0006, -0.0004],
     gearhead_backlash_deg=[0.7, 0.4],
     delay_s=0.009,
+    encoder_noise_deg=[0.03, 0.02, 0.02],
     initial_play={"value": 0.0, "spread": 0.5},
     initial_angle_error_deg={"value": 0.0, "spread": 0.2},
 )
@@ -71,7 +72,7 @@ def test_a_known_arm_is_found_from_one_run_of_30_s(found: Identification) -> Non
     np.testing.assert_allclose(lost_deg(found.machine), lost_deg(ARM), atol=0.02)
     for key, true, most in (  # how unsure it may be, and it is no surer than it says
         ("gain2", -0.4, 0.03),  # %
-        ("bias1", 0.6, 0.05),  # mrad/s
+        ("bias1", 0.6, 0.06),  # mrad/s
         ("bias2", -0.4, 0.02),
         ("gear1", 0.7, 0.12),  # deg: like a motor's lag, but where joint 1 turns back
         ("gear2", 0.4, 0.03),
@@ -88,6 +89,8 @@ def test_a_known_arm_is_found_from_one_run_of_30_s(found: Identification) -> Non
     assert not found.warnings
     assert not found.untold
     np.testing.assert_allclose(found.residual_deg, found.noise_deg, rtol=0.15)
+    noise_deg = ARM.mean("encoder_noise_deg")
+    np.testing.assert_allclose(found.machine.mean("encoder_noise_deg"), noise_deg, rtol=0.25)
 
 
 def test_a_run_that_was_kept_out_is_predicted_far_better_than_by_the_preset(
@@ -150,7 +153,7 @@ def test_an_encoder_whose_zero_is_off_is_named(
     assert text.startswith(f"theta{joint} reads {shifted[f'zero{joint}'].value:.2f} +- 0.0")
     np.testing.assert_allclose(lost_deg(shifted.machine), lost_deg(found.machine), atol=0.03)
     for key, true in (("ratio2", 1.0), ("ratio3", -0.9)):  # one degree moved the latter by 1.15 %
-        assert abs(shifted[key].value - true) < 0.4
+        assert abs(shifted[key].value - true) < 3 * shifted[key].spread < 0.9
     prediction = shifted.predict(replace(log, theta=log.theta + shift))
     assert np.std(prediction.theta - shift - log.theta, axis=0).max() < np.deg2rad(0.06)
 
@@ -247,8 +250,8 @@ def test_an_arm_with_inertia_is_among_those_looked_for(paper: Problem, motion: P
 
 @pytest.mark.parametrize(("noise", "step"), [(0.03, 0.0), (0.03, 0.088), (0.2, 0.0)])
 def test_noise_is_read_from_the_log(motion: Plan, noise: float, step: float) -> None:
-    machine = ARM.with_(encoder_resolution_deg=step)
-    log = emulate_log(motion, machine, noise_deg=noise)
+    machine = ARM.with_(encoder_resolution_deg=step, encoder_noise_deg=noise)
+    log = emulate_log(motion, machine)
     expected = np.hypot(noise, step / np.sqrt(12))
     np.testing.assert_allclose(np.rad2deg(reading_noise(log)), expected, rtol=0.12)
 

@@ -110,7 +110,8 @@ def test_commands_pass_resolution_and_limits(plan: Plan) -> None:
 
 def test_readings_are_what_the_encoders_say(plan: Plan) -> None:
     controller = Scripted(to_plan(plan))
-    machine = Machine.ideal(encoder_resolution_deg=0.5, initial_angle_error_deg=1.0, step_s=0.005)
+    noise = {"encoder_noise_deg": [0.3, 1.0, 0.5], "encoder_resolution_deg": 0.5}
+    machine = Machine.ideal(**noise, initial_angle_error_deg=1.0, step_s=0.005)
     run = replay(plan, machine, samples=2, feedback=controller, record_s=PERIOD)
     assert [t for t, _ in controller.read] == pytest.approx(PERIOD * np.arange(20))
     for k, (_, read) in enumerate(controller.read):
@@ -118,6 +119,23 @@ def test_readings_are_what_the_encoders_say(plan: Plan) -> None:
         assert np.allclose(read, run.measured[:, k].T, atol=1e-12)
         steps = np.rad2deg(read[1:]) / 0.5
         assert np.allclose(steps, np.round(steps))
+
+
+def test_noise_depends_on_seed_machine_and_time_only(plan: Plan) -> None:
+    machine = Machine.ideal(encoder_noise_deg=[0.3, 0.2, 0.1], step_s=0.005)
+    runs = replay(plan, machine, samples=400, seed=5, record_s=0.25)
+    noise = np.rad2deg(runs.measured - runs.q)[..., 1:]
+    assert noise.std(axis=(0, 1)) == pytest.approx([0.3, 0.2, 0.1], rel=0.05)
+    assert np.abs(noise.mean(axis=(0, 1))).max() < 0.02
+    flat = noise.reshape(400, -1)  # readings, joints and machines differ independently
+    assert np.abs(np.corrcoef(flat.T) - np.eye(flat.shape[1])).max() < 0.25
+    assert np.abs(np.corrcoef(flat[:20]) - np.eye(20)).max() < 0.8
+    some = replay(plan, machine, samples=[7, 3], seed=5, record_s=0.05)
+    common = np.isin(np.round(some.t, 6), np.round(runs.t, 6))
+    assert np.array_equal(some.measured[:, common], runs.measured[[7, 3]])
+    assert np.array_equal(runs.again([3]).measured[0], runs.measured[3])
+    other = replay(plan, machine, samples=[7], seed=6, record_s=0.25)
+    assert np.all(other.measured[0, :, 1:] != runs.measured[7, :, 1:])
 
 
 def test_a_controller_may_begin_before_and_end_after_the_plan(plan: Plan) -> None:

@@ -123,6 +123,15 @@ def test_homing_by_the_encoders_pushes_every_joint_of_every_machine(paper: Probl
     assert np.all(drive < last)
 
 
+def test_noise_of_the_encoders_does_not_end_homing_early(paper: Problem) -> None:
+    """Readings of a joint at rest differ by 3 degrees here, twice the usual rise."""
+    late = Machine.prototype(step_s=0.005, backlash_deg=10.0)
+    plan, machine = homing(paper), late.with_(encoder_noise_deg=0.5)
+    run = replay(plan, machine, samples=20, feedback=HomingRule(), record_s=0.01)
+    theta = np.rad2deg(run.q[:, run.t > plan.notes["until"]["count_from_s"], 2:])
+    assert (theta[:, -1] - theta.min(axis=1)).min() > 0.5
+
+
 def test_the_homing_rule_refuses_other_plans(paper: Problem) -> None:
     with pytest.raises(InputError, match=r"not made by planner\.homing"):
         replay(solve(paper, "collocation"), feedback=HomingRule())

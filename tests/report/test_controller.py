@@ -38,7 +38,12 @@ def shift(k: int, measured: np.ndarray) -> np.ndarray:
     return measured + np.deg2rad([[0.0], [0.0], [0.0], [3.0 * (k > 150)]])
 
 
-TAMPERS = {"lost": lose, "beyond": shift, "vehicle": lambda _, read: read}
+TAMPERS = {"lost": lose, "exact": lose, "beyond": shift, "vehicle": lambda _, read: read}
+
+
+def machine_of(name: str) -> Machine:
+    """The encoders of an "exact" one have no noise."""
+    return MACHINE.with_(encoder_noise_deg=False) if name == "exact" else MACHINE
 
 
 def plan_of(name: str) -> Plan:
@@ -59,7 +64,9 @@ def _plan(is_vehicle: bool) -> Plan:
 def followed(name: str) -> tuple[Recorder, planner.Replay]:
     """What the tracker in Python reads and commands, and how the machines move."""
     shadow = Recorder(TRACKER, TAMPERS[name])
-    run = planner.replay(plan_of(name), MACHINE, SAMPLES, seed=0, feedback=shadow, record_s=None)
+    run = planner.replay(
+        plan_of(name), machine_of(name), SAMPLES, seed=0, feedback=shadow, record_s=None
+    )
     return shadow, run
 
 
@@ -73,18 +80,19 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     @cache
     def make(name: str, real: str) -> Path:
         folder = tmp_path_factory.mktemp("c") / f"{name}-{real}"
-        if name == "arm":  # at rest at both ends
-            return planner.export(plan_of(name), folder, "c", real=real, machine=MACHINE)
+        machine = machine_of(name)
+        if name != "vehicle":  # at rest at both ends
+            return planner.export(plan_of(name), folder, "c", real=real, machine=machine)
         with pytest.warns(planner.InputWarning, match="not start at rest"):
-            return planner.export(plan_of(name), folder, "c", real=real, machine=MACHINE)
+            return planner.export(plan_of(name), folder, "c", real=real, machine=machine)
 
-    return lambda name, real: make("vehicle" if name == "vehicle" else "arm", real)
+    return lambda name, real: make(name if name in ("vehicle", "exact") else "arm", real)
 
 
 @cache
 def compiled(folder: Path) -> CompiledTracker:
-    name = "vehicle" if folder.name.startswith("vehicle") else "lost"
-    return CompiledTracker(folder, TRACKER.design(plan_of(name), MACHINE))
+    name = folder.name.partition("-")[0]
+    return CompiledTracker(folder, TRACKER.design(plan_of(name), machine_of(name)))
 
 
 @pytest.mark.parametrize(
@@ -119,6 +127,7 @@ def test_it_passes_its_own_test_and_a_wrong_tracker_does_not(
     ("name", "real", "most", "usual"),
     [
         ("lost", "double", 2e-4, 1e-5),  # OSQP's in Python
+        ("exact", "double", 2e-4, 1e-5),
         ("lost", "float", 0.2, 2e-3),  # rounding decides now and then whether a joint has moved
         ("beyond", "double", 2e-4, 1e-5),
         ("vehicle", "double", 1e-9, 1e-9),

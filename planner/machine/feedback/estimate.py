@@ -14,6 +14,11 @@ interval and not further (F. C. Schweppe, *Recursive state estimation: unknown b
 and system inputs*, IEEE Transactions on Automatic Control 13, 1968). Thus an angle in motion is
 known better than its encoder's resolution.
 
+Encoders with noise: a resting joint is where the mean of its readings is (a scalar Kalman filter),
+and counts as pushed once a reading differs from that mean by more than half an encoder step and
+`PUSHED_SPREADS` standard deviations. A reading that jumps further than its axis can have moved it
+counts only if the next one is there, too.
+
 The module also predicts the effect of commands already sent, on the nominal machine. Commands act
 after the known delay and lag; a motor that reverses first crosses the mean backlash of its
 gearhead, and an axis that of its joint. Feedback corrects all other effects of the machine. Since
@@ -42,6 +47,21 @@ ROUNDING_VARIANCE_FACTOR = 2.0
 
 UNMODELLED_SPREAD_RAD = float(np.deg2rad(0.003))
 """Standard deviation of an axis's unmodelled motion per period, rad."""
+
+NOISE_SHARE = 1 / 3
+"""Further unmodelled motion of an axis per period, as a fraction of the noise of its encoder."""
+
+REST_SHARE = 1 / 15
+"""Motion of a resting joint per period for which the mean of its readings allows, as a fraction of
+the noise. With more, the mean follows a joint that is pushed slowly, which then seems to rest."""
+
+PUSHED_SPREADS = 4.5
+"""Deviation of a reading from the mean of a resting joint at which its axis pushes the joint, in
+standard deviations beyond half an encoder step: one reading in 300,000 deviates as much by chance.
+With 4 some machines are 3.5 degrees off; with 6 the push is noticed later."""
+
+UNKNOWN_VARIANCE = 1.0
+"""Variance of a joint's position before its first reading, rad²."""
 
 EXACT_READING_SPREAD = 1e-9
 """Standard deviation of a reading without resolution, in the coordinate's unit."""
@@ -76,15 +96,16 @@ takes swings for lost motion and errors of ratios, and the error at the end is 0
 of 0.29 (95 %)."""
 
 
-def reading_variance(resolution: Array, swings: bool) -> Array:
+def reading_variance(resolution: Array, noise: Array, swings: bool) -> Array:
     """Return the variance of each joint's encoder reading, (N−1, 1).
 
     Args:
         resolution: Resolution of all readings, (N, 1).
+        noise: Standard deviation of their noise, (N, 1).
         swings: Whether links swing on their shafts.
     """
     rounding = ROUNDING_VARIANCE_FACTOR * resolution[1:] ** 2 / 12 + EXACT_READING_SPREAD**2
-    return rounding + swings * SWING_SPREAD_RAD**2
+    return rounding + noise[1:] ** 2 + swings * SWING_SPREAD_RAD**2
 
 
 class StateEstimate:
@@ -94,6 +115,7 @@ class StateEstimate:
         q: Coordinates expected at the start, (N, S).
         resolution: Resolution of each reading, (N, 1), in the coordinates' units; 0 means exact,
             infinite means not measured.
+        noise: Standard deviation of the noise of each reading, (N, 1).
         lost_motion: Mean lost motion of each joint, (N−1, 1).
         variance: Variance of each joint's reading, (N−1, 1).
 
@@ -103,21 +125,29 @@ class StateEstimate:
         rate_error: Estimated relative error ε of each joint's rate, (N−1, S).
     """
 
-    def __init__(self, q: Array, resolution: Array, lost_motion: Array, variance: Array) -> None:
+    def __init__(
+        self, q: Array, resolution: Array, noise: Array, lost_motion: Array, variance: Array
+    ) -> None:
         joints, count = len(lost_motion), q.shape[1]
         self.pose = Pose(q, q[1:].copy(), np.zeros(count))
         self.lost_motion = np.repeat(lost_motion, count, axis=1)
         self.rate_error = np.zeros((joints, count))
-        self._half = resolution / 2
-        self._noise = variance
+        self._half, self._wide = resolution / 2, resolution / 2 + noise
+        self._noise, self._variance = noise[1:], variance
+        self._is_noisy = self._noise > 0
+        self._unmodelled = UNMODELLED_SPREAD_RAD**2 + (NOISE_SHARE * self._noise) ** 2
         self._cov = np.zeros((3, 3, joints, count))
-        self._cov[0, 0] = self._noise + (LOST_SPREAD * lost_motion) ** 2
+        self._cov[0, 0] = variance + (LOST_SPREAD * lost_motion) ** 2
         self._cov[1, 1] = (LOST_SPREAD * lost_motion) ** 2
         self._cov[2, 2] = RATE_SPREAD**2
         self._rigid = np.repeat(lost_motion == 0, count, axis=1)
         self._way = np.zeros((joints, count))
         self._is_pushed = self._rigid.copy()
-        self._last_reading, self._last_turn = q[1:].copy(), np.zeros((joints, count))
+        # Of a resting joint: mean of its readings (without noise the last), and its variance.
+        self._rest = q[1:].copy()
+        self._rest_variance = np.where(self._is_noisy, UNKNOWN_VARIANCE, np.zeros_like(self._rest))
+        self._has_jumped = np.zeros((joints, count), dtype=bool)
+        self._last_turn = np.zeros((joints, count))
         self._settling = np.zeros((joints, count))
 
     def take_forecast(self, pose: Pose) -> None:
@@ -126,29 +156,63 @@ class StateEstimate:
         way = np.where(moved == 0, self._way, np.sign(moved))
         self._settling = (SETTLING_SHARE * (moved - self._last_turn)) ** 2
         self._last_turn = moved
-        self._is_pushed &= self._rigid | (way == self._way)
+        rests = ~self._rigid & (way != self._way)
+        known = np.clip(self._along()[1], 0.0, self._noise**2)
+        self._rest_variance = np.where(self._is_pushed & rests, known, self._rest_variance)
+        self._rest_variance = self._rest_variance + (REST_SHARE * self._noise) ** 2
+        self._is_pushed &= ~rests
         self._way, self.pose = way, pose
         step = moved / (1 + self.rate_error)
         self._cov[0] += step * self._cov[2]
         self._cov[:, 0] += step * self._cov[:, 2]
-        self._cov[0, 0] += UNMODELLED_SPREAD_RAD**2
+        self._cov[0, 0] += self._unmodelled
+
+    def _along(self) -> tuple[Array, Array]:
+        """Return the covariance of the states with the position to which an axis pushes its joint,
+        (3, N−1, S), and the variance of that position, (N−1, S)."""
+        row = np.stack([np.ones_like(self._way), -self._way, np.zeros_like(self._way)])
+        along = np.einsum("abjs,bjs->ajs", self._cov, row)
+        return along, np.einsum("ajs,ajs->js", along, row)
+
+    def _rest_at(self, seen: Array, lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Update the positions of resting joints; return which readings show a push, (N−1, S)."""
+        spread = np.sqrt(self._rest_variance + self._noise**2)
+        # A reading beside the edge of a step flickers by a whole step.
+        beyond = np.maximum(PUSHED_SPREADS * spread, self._is_noisy * self._half[1:])
+        change = seen - self._rest
+        is_pushed = self._way * change > self._half[1:] + EXACT_READING_SPREAD + beyond
+        gain = self._rest_variance / np.where(self._is_noisy, spread**2, 1.0)
+        rest = np.where(self._is_noisy, self._rest + gain * change, seen)
+        self._rest = np.where(lost, self._rest, rest)
+        self._rest_variance = np.where(lost, 1.0, 1.0 - gain) * self._rest_variance
+        return is_pushed
+
+    def _without_jumps(self, measured: Array) -> Array:
+        """Return the readings (N, S) with NaN for each that no motion of its joint explains; of two
+        such in a row only for the first."""
+        spread = np.sqrt(self._rest_variance + self._variance)
+        most = self._wide[1:] + PUSHED_SPREADS * spread + 2 * np.abs(self._last_turn)
+        off = np.abs(measured[1:] - self._rest)
+        self._has_jumped = self._is_noisy & ~self._has_jumped & (off > most)
+        return np.concatenate([measured[:1], np.where(self._has_jumped, np.nan, measured[1:])])
 
     def read(self, measured: Array) -> None:
         """Update the estimate with encoder readings (N, S); NaN stands for a lost reading."""
+        measured = self._without_jumps(measured)
         seen, lost = measured[1:], np.isnan(measured[1:])
-        is_pushed = self._way * (seen - self._last_reading) > self._half[1:] + EXACT_READING_SPREAD
-        self._last_reading = np.where(lost, self._last_reading, seen)
-        self._is_pushed |= is_pushed
+        self._is_pushed |= self._rest_at(seen, lost)
         surprise = np.where(lost, 0.0, seen - (self.pose.axis - self._way * self.lost_motion))
         late = ~self._is_pushed & (self._way * surprise < 0)
         self._filter(surprise, self._is_pushed & ~lost, late)
         axis, q = self.pose.axis, self.pose.q.copy()
-        q[1:] = np.where(self._is_pushed, axis - self._way * self.lost_motion, q[1:])
-        inside = np.clip(q, measured - self._half, measured + self._half)
+        rest = np.where(self._is_noisy, self._rest, q[1:])
+        q[1:] = np.where(self._is_pushed, axis - self._way * self.lost_motion, rest)
+        inside = np.clip(q, measured - self._wide, measured + self._wide)
         inside = np.where(np.isnan(measured), q, inside)
         together = self._is_pushed | (self._way == 0)
         axis = axis + np.where(together, inside[1:] - q[1:], 0.0)
         self.pose = Pose(inside, axis, self.pose.side)
+        self._rest = np.where(self._is_noisy & self._is_pushed, inside[1:], self._rest)
 
     def _filter(self, surprise: Array, pushed: NDArray[np.bool_], late: NDArray[np.bool_]) -> None:
         """Correct the estimates of axis, lost motion and ε by the Kalman filter.
@@ -160,10 +224,8 @@ class StateEstimate:
             late: Whether the joint rests although its axis should push it by now, (N−1, S). Such a
                 reading, or an implausible one, corrects the estimate but not its covariance.
         """
-        row = np.stack([np.ones_like(self._way), -self._way, np.zeros_like(self._way)])
-        along = np.einsum("abjs,bjs->ajs", self._cov, row)
-        spread = np.einsum("ajs,ajs->js", along, row)
-        noise = self._noise + self._settling
+        along, spread = self._along()
+        noise = self._variance + self._settling
         fits = np.abs(surprise) <= FITTING_SPREADS * np.sqrt(spread + noise)
         exact = pushed & fits
         gain = along / np.where(exact, spread + noise, spread)

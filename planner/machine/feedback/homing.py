@@ -1,8 +1,8 @@
 """Homing with the encoders: the slow turn of the drive ends once every passive joint has risen.
 
 The plan of `planner.homing` gives the times between which a controller may end that turn, and the
-rise which proves that every axis is ahead of its joint. The controller needs no model of the
-machine.
+rise which proves that every axis is ahead of its joint. Noise requires a larger rise
+(`RISE_SPREADS`). The controller needs no model of the machine.
 """
 
 from __future__ import annotations
@@ -15,6 +15,10 @@ from planner.machine.feedback.course import DEFAULT_TICK_S
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
+
+RISE_SPREADS = 10.0
+"""Least rise, in standard deviations of the encoders' noise: the least and the largest of some
+hundred readings of a joint at rest differ by six."""
 
 
 class HomingRule:
@@ -45,6 +49,8 @@ class HomingController:
         self.fallbacks = np.zeros(count, dtype=np.int64)
         self.done_s = np.full(count, np.inf)
         self._u, self._until = plan.trajectory.u, plan.notes["until"]
+        noise_deg = float(np.max(machine.mean("encoder_noise_deg")))
+        self._rise = np.deg2rad(max(self._until["rise_deg"], RISE_SPREADS * noise_deg))
         self._least: Array = np.full((1, count), np.inf)
 
     def __call__(self, t: float, measured: Array) -> Array:
@@ -53,7 +59,7 @@ class HomingController:
         if t >= until["count_from_s"]:
             self._least = np.minimum(self._least, joints)
         if until["from_s"] <= t < until["to_s"]:
-            risen = np.all(joints - self._least > np.deg2rad(until["rise_deg"]), axis=0)
+            risen = np.all(joints - self._least > self._rise, axis=0)
             self.done_s = np.where(risen, np.minimum(self.done_s, t), self.done_s)
         left_out = until["to_s"] - np.minimum(self.done_s, until["to_s"])
         return np.asarray(self._u(t + left_out).T[None])

@@ -103,6 +103,16 @@ def input_scale(plan: Plan, machine: Machine) -> Array:
     return np.where(np.isfinite(limit), limit, np.where(peak > 0, peak, 1.0))
 
 
+def noise_of(system: TriangularSystem, machine: Machine) -> Array:
+    """Return the standard deviation of the noise of each coordinate's reading, (N, 1), rad; 0 for
+    coordinates without an encoder."""
+    noise = np.broadcast_to(machine.mean("encoder_noise_deg"), system.size - 1)
+    out = np.zeros((system.size, 1))
+    for i, coordinate in enumerate(system.coordinates[1:], start=1):
+        out[i] = np.deg2rad(noise[i - 1]) if coordinate.unit == "rad" else 0.0
+    return out
+
+
 def resolution_of(system: TriangularSystem, machine: Machine) -> Array:
     """Return the resolution of each coordinate's reading, (N, 1).
 

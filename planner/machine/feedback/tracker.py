@@ -28,6 +28,7 @@ from planner.machine.feedback.means import (
     input_scale,
     lost_motion,
     mean_passing,
+    noise_of,
     resolution_of,
     shift_of,
 )
@@ -49,8 +50,8 @@ class Tracker:
     sent, and corrects the plan's inputs so as to minimise a cost over the remaining motion, within
     the limits of inputs, their rates, joints and z₂. The tracker knows only mean values of the
     machine: control period, delay, servo bandwidth, gearhead backlash, lost motion of the joints,
-    encoder resolution, velocity limit. The preparatory motion also uses the spread of lost motion
-    and, with dynamic fidelity, the inertia.
+    resolution and noise of encoders, velocity limit. The preparatory motion also uses the spread of
+    lost motion and, with dynamic fidelity, the inertia.
 
     The tracker follows the path of the plan. For a compensated plan whose drive reverses, or if the
     tracker makes no preparatory motion, the tracker follows the predicted motion to the same goal.
@@ -123,7 +124,7 @@ class TrackerControl:
         self._history = History(clock.tick, ref.first_inputs, count)
         self._answer = design.programme.empty_decision(count)
         start = np.repeat(ref.start[:, None], count, axis=1)
-        known = design.resolution, design.lost_motion, design.variance
+        known = design.resolution, design.noise, design.lost_motion, design.variance
         self._estimate = StateEstimate(start, *known)
 
     def __call__(self, t: float, measured: Array) -> Array:
@@ -258,6 +259,7 @@ class TrackerDesign:
         lost_motion: Mean lost motion of each joint, (N−1, 1), rad.
         play: Whole play of each motor's gearhead, (2,), rad; zero if the tracker ignores play.
         resolution: Resolution of each reading, (N, 1).
+        noise: Standard deviation of the noise of each reading, (N, 1).
         variance: Variance of each joint's reading, (N−1, 1).
     """
 
@@ -269,6 +271,7 @@ class TrackerDesign:
     lost_motion: Array
     play: Array
     resolution: Array
+    noise: Array
     variance: Array
 
     @property
@@ -296,6 +299,7 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
     forecast = Forecast(system, play[0], clock.tick)
     allowed = lost if before is not None or course.is_predicted else 0 * lost
     limit, resolution = input_limit(plan, machine), resolution_of(system, machine)
+    noise, swings = noise_of(system, machine), machine.fidelity == "dynamic"
     ref = reference(course, clock, forecast, allowed, limit, count, options.least_speed)
     law = regulator(ref, cost_weights(plan, machine, ref, options))
     horizon = max(1, round(options.horizon_s / clock.period))
@@ -308,7 +312,8 @@ def design(plan: Plan, machine: Machine, options: FeedbackTable) -> TrackerDesig
         lost_motion=np.concatenate([play[1:, None] / 2, lost]),
         play=play,
         resolution=resolution,
-        variance=reading_variance(resolution, machine.fidelity == "dynamic"),
+        noise=noise,
+        variance=reading_variance(resolution, noise, swings),
     )
 
 

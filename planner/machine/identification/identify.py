@@ -14,7 +14,12 @@ import numpy as np
 from planner.errors import InputError
 from planner.machine.identification.diagnosis import longest_standstill, refuse_misfit
 from planner.machine.identification.fit import BestFit, fit, step_with_zeros
-from planner.machine.identification.model import KNOWN_DEG, LogModel, known_row
+from planner.machine.identification.model import (
+    KNOWN_DEG,
+    LEAST_NOISE_DEG,
+    LogModel,
+    known_row,
+)
 from planner.machine.identification.parameters import FitParameter, Parameters
 from planner.machine.machine import Machine, machine_for
 from planner.plan.recorded.log import Log, expect_log
@@ -97,7 +102,7 @@ class Identification:
 
     Attributes:
         machine: The identified machine, without spreads except those of the state at the start of a
-            run.
+            run. Its encoders have the noise of the runs.
         preset: The machine with which the search began.
         problem: The problem that defines the arm.
         logs: The logs that were fitted.
@@ -323,7 +328,9 @@ def identify(
     noise = np.rad2deg([model.noise for model in models])
     residual = np.rad2deg(result.residual)
     return Identification(
-        machine=parameters.machine(result.x),
+        machine=parameters.machine(result.x).with_(
+            encoder_noise_deg=_noise_before_rounding(noise, preset)
+        ),
         preset=preset,
         problem=problem,
         logs=tuple(every),
@@ -333,6 +340,14 @@ def identify(
         noise_deg=noise,
         warnings=tuple(find_warnings(every, estimates, residual, noise)),
     )
+
+
+def _noise_before_rounding(noise: Array, machine: Machine) -> list[float]:
+    """Return each encoder's noise before its readings are rounded, degrees, from the noise of the
+    logs' readings, (L, n), which contains the rounding."""
+    rounding = machine.mean("encoder_resolution_deg") ** 2 / 12
+    own = np.mean(noise**2, axis=0) - rounding
+    return [float(f"{x:.2g}") for x in np.sqrt(np.maximum(own, LEAST_NOISE_DEG**2))]
 
 
 def _refuse_twice(logs: Sequence[Log]) -> None:

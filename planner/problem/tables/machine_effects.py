@@ -349,6 +349,12 @@ class MachineTable(Table):
     initial_angle_error_deg: Annotated[Setting, Effect("deg", "joint", low=-math.inf)] = Field(
         None, description="True minus assumed angle of each joint at the start, degrees."
     )
+    encoder_noise_deg: Annotated[Setting, Effect("deg", "joint", high=45, may_spread=False)] = (
+        Field(
+            None,
+            description="Noise of the joint encoders before rounding, standard deviation, degrees.",
+        )
+    )
     encoder_resolution_deg: Annotated[Setting, Effect("deg", "joint", may_spread=False)] = Field(
         None, description="Smallest step of the joint encoders, degrees."
     )

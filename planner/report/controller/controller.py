@@ -115,7 +115,8 @@ def _tables(design: TrackerDesign, system: TriangularSystem, real: str) -> str:
         **{name: ROUNDING[real][name] for name in ("TOLERANCE", "DEPENDENT", "ROUNDING_TICKS")},
         **{name: getattr(estimate, name) for name in (
             "RATE_SPREAD", "LOST_SPREAD", "UNMODELLED_SPREAD_RAD", "SETTLING_SHARE",
-            "FITTING_SPREADS", "EXACT_READING_SPREAD")},
+            "FITTING_SPREADS", "EXACT_READING_SPREAD", "NOISE_SHARE", "REST_SHARE",
+            "PUSHED_SPREADS", "UNKNOWN_VARIANCE")},
         "PLAY_SPREAD_SHARE": tracker.PLAY_SPREAD_SHARE,
     }  # fmt: skip
     whole = {
@@ -145,6 +146,7 @@ def _arrays(design: TrackerDesign) -> dict[str, Array]:
         "SHIFT_TICKS": clock.shift / clock.tick,
         "HALF_STEP": np.minimum(design.resolution[:, 0] / 2, FREE),
         "READING_VARIANCE": design.variance[:, 0],
+        "NOISE": design.noise[1:, 0],
         "MEAN_LOST_MOTION": design.lost_motion[:, 0],
         "COURSE_LOST_MOTION": ref.lost_motion[:, 0],
         "PASSING": design.passing,
@@ -354,6 +356,7 @@ def _readme(plan: Plan, machine: Machine, design: TrackerDesign, real: str) -> s
         shifts=" and ".join(f"{x:.3g}" for x in clock.shift),
         lost=_degrees(lost),
         steps=_degrees(steps),
+        noise=_degrees(np.rad2deg(design.noise[1:, 0])),
         work_kb=f"{work * size / 1024:.0f}",
         most_steps=MAX_STEPS,
     )

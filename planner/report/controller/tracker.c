@@ -99,24 +99,57 @@ static void take_forecast(tracker *self, const tracker_pose *pose) {
         const real way = moved == 0 ? self->way[j] : sign(moved);
         self->settling[j] = off * off;
         self->last_turn[j] = moved;
-        if (MEAN_LOST_MOTION[j] > 0 && way != self->way[j]) self->is_pushed[j] = 0;
+        if (MEAN_LOST_MOTION[j] > 0 && way != self->way[j]) {
+            if (self->is_pushed[j]) {
+                const real was = self->way[j], square = NOISE[j] * NOISE[j];
+                const real spread = cov[0][0] - was * (cov[0][1] + cov[1][0]) + was * was * cov[1][1];
+                self->rest_variance[j] = clip(spread, 0, square);
+            }
+            self->is_pushed[j] = 0;
+        }
+        self->rest_variance[j] += REST_SHARE * NOISE[j] * (REST_SHARE * NOISE[j]);
         self->way[j] = way;
         for (int b = 0; b < 3; b++) cov[0][b] += step * cov[2][b];
         for (int a = 0; a < 3; a++) cov[a][0] += step * cov[a][2];
         cov[0][0] += UNMODELLED_SPREAD_RAD * UNMODELLED_SPREAD_RAD;
+        cov[0][0] += NOISE_SHARE * NOISE[j] * (NOISE_SHARE * NOISE[j]);
     }
     self->pose = *pose;
 }
 
+/* Update the position of a resting joint; return whether the reading shows that it is pushed. */
+static int rest_at(tracker *self, int j, real seen) {
+    const real square = self->rest_variance[j] + NOISE[j] * NOISE[j];
+    const real change = seen - self->rest[j];
+    real beyond = PUSHED_SPREADS * FN(sqrt)(square);
+    /* A reading beside the edge of a step flickers by a whole step. */
+    if (NOISE[j] > 0 && beyond < HALF_STEP[j + 1]) beyond = HALF_STEP[j + 1];
+    if (NOISE[j] > 0) {
+        const real gain = self->rest_variance[j] / square;
+        self->rest[j] += gain * change;
+        self->rest_variance[j] *= 1 - gain;
+    } else {
+        self->rest[j] = seen;
+    }
+    return self->way[j] * change > HALF_STEP[j + 1] + EXACT_READING_SPREAD + beyond;
+}
+
+/* Return whether no motion of the joint explains a reading; of two such in a row only the first. */
+static int jumps(tracker *self, int j, real seen) {
+    const real spread = FN(sqrt)(self->rest_variance[j] + READING_VARIANCE[j]);
+    const real most = HALF_STEP[j + 1] + PUSHED_SPREADS * spread + 2 * FN(fabs)(self->last_turn[j]);
+    self->jumped[j] =
+        NOISE[j] > 0 && !self->jumped[j] && FN(fabs)(seen - self->rest[j]) > most + NOISE[j];
+    return self->jumped[j];
+}
+
 static void read_joint(tracker *self, int j, real seen) {
     real(*cov)[3] = self->covariance[j];
-    const int lost = !isfinite(seen);
-    const real half = HALF_STEP[j + 1], way = self->way[j];
-    real along[3], gain[3], q = self->pose.q[j + 1], inside;
+    const int lost = jumps(self, j, seen) || !isfinite(seen);
+    const real wide = HALF_STEP[j + 1] + NOISE[j], way = self->way[j];
+    real along[3], gain[3], q, inside;
     if (!lost) {
-        if (way * (seen - self->last_reading[j]) > half + EXACT_READING_SPREAD)
-            self->is_pushed[j] = 1;
-        self->last_reading[j] = seen;
+        if (rest_at(self, j, seen)) self->is_pushed[j] = 1;
         const real surprise = seen - (self->pose.axis[j] - way * self->lost_motion[j]);
         const real noise = READING_VARIANCE[j] + self->settling[j];
         for (int a = 0; a < 3; a++) along[a] = cov[a][0] - way * cov[a][1];
@@ -135,9 +168,11 @@ static void read_joint(tracker *self, int j, real seen) {
         for (int a = 0; known && a < 3; a++)
             for (int b = 0; b < 3; b++) cov[a][b] -= gain[a] * along[b];
     }
+    q = NOISE[j] > 0 ? self->rest[j] : self->pose.q[j + 1];
     if (self->is_pushed[j]) q = self->pose.axis[j] - way * self->lost_motion[j];
-    inside = lost ? q : clip(q, seen - half, seen + half);
+    inside = lost ? q : clip(q, seen - wide, seen + wide);
     if (self->is_pushed[j] || way == 0) self->pose.axis[j] += inside - q;
+    if (self->is_pushed[j] && NOISE[j] > 0) self->rest[j] = inside;
     self->pose.q[j + 1] = inside;
 }
 
@@ -474,7 +509,8 @@ void tracker_start(tracker *self) {
     memcpy(self->pose.q, START, sizeof START);
     for (int j = 0; j < J; j++) {
         const real lost = MEAN_LOST_MOTION[j], spread = LOST_SPREAD * lost;
-        self->pose.axis[j] = self->last_reading[j] = START[j + 1];
+        self->pose.axis[j] = self->rest[j] = START[j + 1];
+        self->rest_variance[j] = NOISE[j] > 0 ? UNKNOWN_VARIANCE : 0;
         self->lost_motion[j] = lost;
         self->covariance[j][0][0] = READING_VARIANCE[j] + spread * spread;
         self->covariance[j][1][1] = spread * spread;

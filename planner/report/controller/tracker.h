@@ -18,8 +18,10 @@ typedef struct {
     tracker_real lost_motion[TRACKER_COORDINATES - 1], rate_error[TRACKER_COORDINATES - 1];
     tracker_real covariance[TRACKER_COORDINATES - 1][3][3];
     tracker_real way[TRACKER_COORDINATES - 1], last_turn[TRACKER_COORDINATES - 1];
-    tracker_real settling[TRACKER_COORDINATES - 1], last_reading[TRACKER_COORDINATES - 1];
-    int is_pushed[TRACKER_COORDINATES - 1];
+    tracker_real settling[TRACKER_COORDINATES - 1];
+    /* of a resting joint: mean of its readings (without noise the last), and its variance */
+    tracker_real rest[TRACKER_COORDINATES - 1], rest_variance[TRACKER_COORDINATES - 1];
+    int is_pushed[TRACKER_COORDINATES - 1], jumped[TRACKER_COORDINATES - 1];
     tracker_real corrections[TRACKER_HORIZON][2];
     tracker_real told[TRACKER_RING][2], travel[TRACKER_RING][2];
     int period, ticks;  /* readings so far; ticks whose commands are known */

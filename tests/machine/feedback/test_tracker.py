@@ -61,6 +61,21 @@ def test_it_follows_the_path_twenty_times_closer(closed: Replay, opened: Replay)
     assert z2.max() < -0.025  # the plan itself comes no closer to zero than 0.0324
 
 
+def test_noise_of_encoders_costs_little(paper: planner.Problem) -> None:
+    """E was 7 degrees: one reading in seven of a resting joint was taken for a push."""
+    back = {"start.theta_deg": [30, 30, 30], "goal.theta_deg": [1, 1, 1]}
+    plan = planner.solve(paper.changed(back), "collocation", intervals=20)
+    machine = Machine.prototype(step_s=0.005)
+    assert machine.mean("encoder_noise_deg") == 0.03
+    noisy = replay(plan, machine, 12, seed=0, feedback=True, record_s=None)
+    exact = machine.with_(encoder_noise_deg=False)
+    usual = replay(plan, exact, 12, seed=0, feedback=True, record_s=None)
+    assert noisy.percentile(95) < usual.percentile(95) + 0.3 < 1.0
+    assert np.percentile(noisy.terminal_E_deg, 95) < 0.3
+    some = replay(plan, machine, [7, 3], seed=0, feedback=True, record_s=None)
+    assert np.array_equal(some.terminal_error, noisy.terminal_error[[7, 3]])  # the same noise
+
+
 def test_the_prototype_as_it_is(paper: planner.Problem) -> None:
     """Its own encoders of 0.088 degrees, and the optimal plan, which is slow at its start."""
     plan, machine = planner.solve(paper, "collocation"), Machine.prototype(step_s=0.01)

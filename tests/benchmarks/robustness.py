@@ -21,6 +21,7 @@ from scipy.optimize import linprog
 
 import planner
 from planner import Machine, Plan, Problem, Replay, Tracker, replay
+from planner.machine.feedback.course import turns_back
 from planner.machine.feedback.reference import Reference
 from planner.machine.feedback.tracker import TrackerControl
 from planner.machine.machine import draw
@@ -33,6 +34,29 @@ ROOT = Path(__file__).parents[2]
 SEED = 0
 FINE = 0.02
 """Resolution of the better encoders, degrees."""
+
+NOISES = (False, 0.1)
+"""Noise of the encoders, degrees, besides the prototype's."""
+
+MOTIONS = (
+    ([30, 30, 30], [1, 1, 1], 10.0),
+    ([30, 30, 30], [-12, -13, -8], 15.0),
+    ([-16.7, 1.1, -25.2], [4.6, -24.8, -2.7], 15.0),
+    ([10.1, -22.3, 25.6], [25.9, -1.5, 12.7], 15.0),
+    ([-17.4, 9.8, 10.9], [19.6, -23.3, -28.5], 15.0),
+    ([-28.1, -3.5, 7.8], [-19.9, -26.7, -23.6], 15.0),
+    ([12.0, 26.3, -9.8], [11.6, 5.2, -26.8], 15.0),
+    ([5.2, -11.2, -29.3], [5.5, 11.9, -1.2], 15.0),
+    ([15.2, 10.3, 8.7], [16.8, -15.7, -26.0], 15.0),
+    ([-28.5, 16.8, -15.0], [-17.8, 3.5, -28.7], 15.0),
+    ([29.1, -3.9, -26.6], [-1.9, 15.1, -10.1], 15.0),
+    ([24.4, -22.1, -28.7], [18.1, 19.9, 7.8], 15.0),
+)
+"""Motions besides the paper's: start and goal, degrees, and duration, s. Two long ways back, and
+ten at random within 30 degrees; the drive of the first two of these reverses."""
+
+EACH = 12
+"""Number of machines for each of these motions."""
 
 Tamper = Callable[[Array], Array]
 """From what the encoders read (N, S) to what the tracker gets."""
@@ -186,6 +210,11 @@ class Study:
         ]
         for name, machine in (("0.088", self.machine), (f"{FINE:g}", self.fine)):
             rows.append(self.closed(f"feedback, encoders {name} deg", machine, self.tracker))
+        for noise in NOISES:
+            said = f"noise {noise:g} deg" if noise else "no noise"
+            noisy = self.machine.with_(encoder_noise_deg=noise)
+            label = f"feedback, encoders 0.088 deg, {said}"
+            rows.append(self.closed(label, noisy, self.tracker))
         others: list[dict[str, Any]] = [
             {"path_error_deg": 0.2, "goal_error_deg": 0.1},
             {"path_error_deg": 0.3, "goal_error_deg": 0.015},
@@ -337,6 +366,32 @@ def least_possible(study: Study, samples: int) -> str:
     return f"{np.percentile(least, 95):.2f}"
 
 
+def motions(study: Study) -> str:
+    """E and the end of all motions together, for each noise of the encoders, as a table."""
+    plans = [study.plan]
+    for start, goal, seconds in MOTIONS:
+        changes = {"start.theta_deg": start, "goal.theta_deg": goal, "goal.duration": seconds}
+        problem = study.problem.changed({**changes, "limits.z2_margin": None})
+        plan = planner.solve(problem, "collocation")
+        plans.append(planner.compensate(plan, study.machine) if turns_back(plan) else plan)
+    one_way = np.array([plan.compensates is None for plan in plans])
+    lines = [
+        "| motions | noise | E 50 % | E 95 % | worst | end 50 % | end 95 % |",
+        "|---" * 7 + "|",
+    ]
+    for noise in (False, 0.03, 0.1):
+        machine = study.machine.with_(encoder_noise_deg=noise)
+        runs = [replay(plan, machine, EACH, SEED, True, record_s=None) for plan in plans]
+        for which, label in ((one_way, "one way"), (~one_way, "reversing, compensated")):
+            chosen = [run for run, is_meant in zip(runs, which, strict=True) if is_meant]
+            way = np.concatenate([run.index_E_deg for run in chosen])
+            end = np.concatenate([run.terminal_E_deg for run in chosen])
+            cells = [*np.percentile(way, [50, 95, 100]), *np.percentile(end, [50, 95])]
+            said = " | ".join(f"{cell:.2f}" for cell in cells)
+            lines.append(f"| {len(chosen)} {label} | {noise:g} deg | {said} |")
+    return "\n".join(lines)
+
+
 TURNING = ("crossing", "parking", "paper-fig4", "four-joint")
 """Problems whose plans of collocation turn the drive back on its way."""
 
@@ -388,11 +443,12 @@ def main() -> int:
         "MADE_BY": provenance("make robustness"),
         "MAIN": table(rows),
         "GAIN": gain(rows),
-        "LATE": f"{rows[6][1].percentile(50):.1f}",
+        "LATE": f"{rows[-1][1].percentile(50):.1f}",
         **preparation(study),
         "DELAYS": listed(f"{value:g}" for value in study.late),
         "LATES": listed(f"{error:.2g}" for error in study.late.values()),
         "FLAWED": table(study.flawed_rows(fewer)),
+        "MOTIONS": motions(study),
         "TURNS": turns(study.fine, fewer),
         "FEWER": str(fewer),
         "SAMPLES": str(samples),

@@ -19,7 +19,7 @@
 
 static const double SPEED_TOLERANCE_RAD_S = 1e-12, TOUCH_TOLERANCE_RAD = 1e-9;
 static const double LEAST_TORQUE_NM = 1e-30, LEAST_COSINE = 1e-9, MOST_SHARE = 0.99;
-static const double SLIP_SPEED_RAD_S = 1e-3, RATE_TOLERANCE = 1e-12;
+static const double SLIP_SPEED_RAD_S = 1e-3, RATE_TOLERANCE = 1e-12, LEAST_RATE = 1e-6;
 
 /* Defined in dynamic.c. */
 int planner_dynamic_march(int64_t m, int64_t rows, int64_t samples, double h, double lead,
@@ -239,6 +239,31 @@ INLINE double part_slope(const Grip *g, double load)
     return x == load ? g->sideways * g->capacity * g->capacity / (g->cosine * left * left * left) : 0.0;
 }
 
+/* The three contacts of a joint without viscous friction, from the joint to the first disk. `load` is
+ * that of the joint, then what it asks of the disk. Return 0 where a contact is near its limit;
+ * elsewhere `most` is not needed and the contact's share and its driver's torque have one root. */
+INLINE int carry(double cosine, double lateral, double capacity, double creep, double creep_per_nm,
+                 double later, double *load, double *kept)
+{
+    double c = fabs(cosine), straight = 1.0 - cosine * cosine, x = *load;
+    c = c > LEAST_COSINE ? c : LEAST_COSINE;
+    double sideways = lateral > 0 && straight > 0 ? lateral * sqrt(straight) : 0.0;
+    for (int place = 2; place >= 0; place--) {
+        if (place == 0)
+            x = x + later;
+        if (!(fabs(x) < MOST_SHARE * capacity))
+            return 0;
+        double root = sqrt(capacity * capacity - x * x), rate = 1.0 - sideways * x / (c * root);
+        if (!(rate > LEAST_RATE)) /* then x is below `most`, whatever the rounding */
+            return 0;
+        double left = 1.0 - creep - creep_per_nm * fabs(x);
+        kept[place] = rate * (left > 0 ? left : 0.0);
+        x = sideways > 0 ? x * c + sideways * root : x * c;
+    }
+    *load = x;
+    return 1;
+}
+
 /* `_share` of contacts.py: return the fraction transmitted, and write the load to `load`. */
 static double share(const Grip *g, double steady, double whole, double *load)
 {
@@ -294,11 +319,17 @@ INLINE int64_t passed(const Model *m, const Own *o, const Held *x, double speed,
         }
     }
     for (int64_t j = count - 1; j >= 0; j--) {
-        Grip g = grip(c->cosine[j], *o->lateral_friction, *o->friction_capacity_nm);
         double steady = o->k[0] * c->steady[j], whole = steady, kept[3];
-        if (m->damped)
+        int light = !m->damped && carry(c->cosine[j], *o->lateral_friction, *o->friction_capacity_nm,
+                                        *o->creep, *o->creep_per_nm, later, &whole, kept);
+        if (light)
+            steady = whole;
+        else if (m->damped)
             whole = steady + o->k[0] * c->rising[j];
-        for (int place = 2; place >= 0; place--) {
+        Grip g = {0, 0, 0, 0};
+        if (!light)
+            g = grip(c->cosine[j], *o->lateral_friction, *o->friction_capacity_nm);
+        for (int place = light ? -1 : 2; place >= 0; place--) {
             if (place == 0) {
                 steady = steady + later_steady;
                 whole = whole + later;

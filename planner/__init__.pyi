@@ -52,9 +52,7 @@ from .robustness.machine_sensitivity import MachineSensitivity as MachineSensiti
 from .robustness.machine_sensitivity import machine_sensitivity as machine_sensitivity
 from .robustness.sensitivities import Sensitivities as Sensitivities
 from .robustness.sensitivities import sensitivities as sensitivities
-from .robustness.sensitivity import Indicators as Indicators
 from .robustness.sensitivity import Sensitivity as Sensitivity
-from .robustness.sensitivity import indicators as indicators
 from .robustness.sensitivity import sensitivity as sensitivity
 from .robustness.trade_off import TradeOff as TradeOff
 from .robustness.trade_off import trade_off as trade_off

@@ -85,7 +85,6 @@ TAKE_PLANS: dict[str, Callable[[Any], Any]] = {
     "emulate_log": planner.emulate_log,
     "error_budget": planner.error_budget,
     "export": lambda x: planner.export(x, "never.csv"),
-    "indicators": planner.indicators,
     "machine_sensitivity": planner.machine_sensitivity,
     "replay": planner.replay,
     "retime": planner.retime,

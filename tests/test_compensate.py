@@ -270,7 +270,7 @@ def test_only_arms_with_friction_disks(plain: Plan) -> None:
 
 
 def test_what_needs_the_kinematics_says_so(better: Plan) -> None:
-    for use in (planner.retime, planner.sensitivity, planner.indicators):
+    for use in (planner.retime, planner.sensitivity):
         with pytest.raises(planner.InputError, match=r"plan\.compensates"):
             use(better)
 

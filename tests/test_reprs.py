@@ -46,7 +46,6 @@ def values(plan: planner.Plan) -> list[Any]:
         planner.machine_sensitivity(plan, machine),
         planner.check(problem, ["polynomial"]),
         planner.travel_window(problem),
-        planner.indicators(plan),
         sample(plan),
         TradeOff(problem, "effort", (), DesensitisedOptions(), machine, None),
     ]
@@ -77,12 +76,11 @@ def test_the_comparison_says_who_solved_and_who_did_not(comparison: planner.Comp
 
 
 def test_what_has_few_figures_prints_them_in_one_line(plan: planner.Plan) -> None:
-    problem, found = plan.problem, planner.indicators(plan)
+    problem = plan.problem
     window = planner.travel_window(problem)
-    gain, margin = f"{found.initial_error_gain:.3g}", f"{plan.domain.margin:.3g}"
+    margin = f"{plan.domain.margin:.3g}"
     for value, words in (
         (window, f"{window.low:.4g} to {window.high:.4g} rad: each of these is possible"),
-        (found, f"initial error gain {gain})"),
         (planner.sensitivity(plan), f"{planner.sensitivity(plan).floor_deg():.4g}"),
         (plan.domain, f"inside the chart: least margin {margin} "),
     ):

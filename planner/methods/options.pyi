@@ -64,7 +64,6 @@ class Convex(SolveKeywords, total=False):
     travel: Literal["auto", "middle"]
     scan: int
     edge: float
-    solver: Literal["auto", "osqp"]
     max_cuts: int
 
 class Desensitised(SolveKeywords, total=False):

@@ -3,20 +3,6 @@
 First-order sensitivities S(t) = ∂q(t)/∂p follow Ṡ = A S + ∂f/∂p along the plan; see
 `planner.systems.linearisation` for the parameters p. A machine is not smooth; its sensitivities are
 paired differences: `planner.robustness.machine_sensitivity`.
-
-`Indicators` are three figures of a companion paper, as we interpret its abstract.
-
-L. Li, Y. Tan, Z. Li, "Nonholonomic Motion Planning Strategy for Underactuated Manipulator", Journal
-of Robotics 2014, 743857, says: "two evaluation indicators are defined and used to estimate control
-precision and linear approximation capability. In the end, the initial error sensitivity matrix is
-introduced to describe the interference sensitivity, which is called robustness." We had only the
-abstract; the definitions below are **our interpretation**, not the paper's formulas.
-
-- Control precision: the error at the goal, on an ideal machine, if the plan's input is sampled and
-  held as by a digital controller; this error depends only on the plan and the period.
-- Linear approximation capability: largest distance of the joints' path from the straight line
-  between start and goal in joint space, divided by the line's length; 0 for a straight path.
-- Initial error sensitivity matrix: ∂q(T)/∂q(0) under the plan's open-loop input.
 """
 
 from __future__ import annotations
@@ -34,7 +20,7 @@ from planner.errors import InputError
 from planner.plan.plan import Plan, refuse_compensated, refuse_inexecutable
 from planner.support.arrays import Array
 from planner.support.calculus import runge_kutta
-from planner.support.calculus.extremes import maximum, sample_times
+from planner.support.calculus.extremes import sample_times
 from planner.support.compiled_calls import Pointwise
 from planner.systems.ball_gear import BallGear
 from planner.systems.linearisation import linearise, parameters
@@ -247,104 +233,3 @@ def _derivatives(system: TriangularSystem) -> Pointwise:
     form = linearise(system)
     value = ca.horzcat(form.A, *(form.forcing[p.name] for p in parameters(system)))
     return Pointwise("derivatives", [form.q, form.u, form.t], value)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Indicators:
-    """Indicators of Li, Tan and Li (2014) for one plan, as we interpret the abstract.
-
-    Attributes:
-        joints: Names of the n angles, without the first coordinate.
-        control_precision_deg: Largest terminal error of a joint, in degrees, with the input held
-            over `period_s`; smaller is better.
-        period_s: The controller's period, in seconds.
-        linear_deviation_deg: Largest distance of the joints' path from the straight line between
-            its ends, in degrees.
-        linear_approximation: `linear_deviation_deg` over the line's length (dimensionless); smaller
-            is better, NaN if the ends coincide.
-        initial_error_matrix: ∂q(T)/∂q(0), shape (N, N), in the coordinates' units.
-        initial_error_gain: Largest singular value of the joints' block of `initial_error_matrix`:
-            the factor by which the worst initial error grows; at least 1, smaller is better.
-    """
-
-    joints: tuple[str, ...]
-    control_precision_deg: float
-    period_s: float
-    linear_deviation_deg: float
-    linear_approximation: float
-    initial_error_matrix: Array
-    initial_error_gain: float
-
-    def __repr__(self) -> str:
-        return (
-            f"Indicators(control precision {self.control_precision_deg:.3g} deg with the input held"
-            f" over {self.period_s:g} s, linear approximation {self.linear_approximation:.3g},"
-            f" initial error gain {self.initial_error_gain:.3g})"
-        )
-
-
-def indicators(plan: Plan, period_s: float = 0.01) -> Indicators:
-    """Compute the indicators of Li, Tan and Li (2014) for an executable plan.
-
-    Args:
-        plan: Any executable plan.
-        period_s: Period in seconds after which the input is sampled; between samples it is held.
-
-    Raises:
-        InputError: If the plan cannot be executed, the period is not positive, or the system has
-            no angles after its path coordinate.
-    """
-    refuse_compensated(plan, "indicators")
-    refuse_inexecutable(plan)
-    if not period_s > 0:
-        raise InputError(f"period_s = {period_s!r} must be a positive number of seconds")
-    coordinates = plan.problem.system.coordinates
-    joints = [i for i, c in enumerate(coordinates) if i > 0 and c.unit == "rad"]
-    if not joints:
-        raise InputError(
-            f"a {plan.problem.system.kind} has no joint angles, which these figures need"
-        )
-    error = sampled_end(plan, period_s) - plan.q(plan.duration)
-    deviation, length = _chord_deviation(plan, joints)
-    result = sensitivity(plan)
-    starts = [result.parameters.index(f"start {c.name}") for c in coordinates]
-    matrix = result.terminal[:, starts]
-    return Indicators(
-        joints=tuple(coordinates[i].name for i in joints),
-        control_precision_deg=float(np.rad2deg(np.max(np.abs(error[joints])))),
-        period_s=period_s,
-        linear_deviation_deg=float(np.rad2deg(deviation)),
-        linear_approximation=deviation / length if length > 0 else np.nan,
-        initial_error_matrix=matrix,
-        initial_error_gain=float(np.linalg.norm(matrix[np.ix_(joints, joints)], 2)),
-    )
-
-
-def sampled_end(plan: Plan, period_s: float) -> Array:
-    """Return q(T), shape (N,), on an ideal machine that samples and holds the plan's input."""
-    from scipy.integrate import solve_ivp  # slow to import
-
-    system, q = plan.problem.system, plan.problem.start
-    count = int(np.ceil(plan.duration / period_s * (1 - 1e-12)))
-    edges = np.append(period_s * np.arange(count), plan.duration)
-    for u, span in zip(plan.u(edges[:-1]), np.diff(edges), strict=True):
-        motion = solve_ivp(
-            lambda _, q, u=u: system.rates(q, u), (0, span), q, "DOP853", rtol=1e-9, atol=1e-11
-        )
-        q = motion.y[:, -1]
-    return np.asarray(q)
-
-
-def _chord_deviation(plan: Plan, joints: list[int]) -> tuple[float, float]:
-    """Return the path's largest distance from its chord in joint space, and the chord's length."""
-    ends = plan.q(np.array([0.0, plan.duration]))[:, joints]
-    chord = ends[1] - ends[0]
-    length = float(np.linalg.norm(chord))
-    along = chord / length if length > 0 else chord
-
-    def distance(t: Array) -> Array:
-        offset = plan.q(t)[..., joints] - ends[0]
-        foot = np.clip(offset @ along, 0.0, length)[..., None] * along
-        return np.asarray(np.linalg.norm(offset - foot, axis=-1))
-
-    return maximum(distance, sample_times(plan.t))[0], length

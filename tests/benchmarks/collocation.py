@@ -85,7 +85,7 @@ def main() -> int:
         for name, measure in (
             ("intervals", over_intervals),
             ("joints", over_joints),
-            ("convex", convex_against_osqp),
+            ("convex", convex_time),
             ("fresh", bench_report.fresh_process),
             ("memory", memory),
         ):
@@ -302,15 +302,10 @@ def _exponent(rows: dict[int, dict[str, Any]]) -> float:
     return float(linregress(np.log(sizes), np.log(values)).slope)
 
 
-def convex_against_osqp() -> dict[str, Any]:
-    """The convex method as a whole, by itself and with OSQP asked first."""
+def convex_time() -> float:
+    """Solve time of the convex method as a whole, s."""
     problem = cases()[0].problem.changed({"goal.travel": 0.79, "limits": {"z2_margin": 0.01}})
-    return {
-        f"{solver}_s": min(
-            plan_convex(problem, ConvexOptions(solver=solver)).solve_time_s for _ in range(5)
-        )
-        for solver in ("auto", "osqp")
-    }
+    return min(plan_convex(problem, ConvexOptions()).solve_time_s for _ in range(5))
 
 
 if __name__ == "__main__":

@@ -88,7 +88,7 @@ def test_a_problem_has_the_hash_of_its_equals() -> None:
 
 def test_values_that_hold_arrays_are_the_same_or_not(plans: dict[str, planner.Plan]) -> None:
     plan = plans["state"]
-    for value in (planner.sensitivity(plan), planner.indicators(plan), plan.problem.limits):
+    for value in (planner.sensitivity(plan), plan.problem.limits):
         assert value == value
         assert value != copy.deepcopy(value)  # and no error of ambiguous arrays
         assert hash(value) == hash(value)

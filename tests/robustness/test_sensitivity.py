@@ -138,7 +138,7 @@ def test_unknown_names_are_listed(plan: planner.Plan) -> None:
 
 @pytest.mark.parametrize(
     "ask",
-    [planner.sensitivity, planner.machine_sensitivity, planner.indicators, planner.error_budget],
+    [planner.sensitivity, planner.machine_sensitivity, planner.error_budget],
 )
 def test_a_path_outside_the_chart_is_refused(
     unlimited: planner.Problem, ask: Callable[[planner.Plan], Any]

@@ -17,7 +17,6 @@ import pytest
 import scipy.sparse as sp
 
 from planner.machine.feedback.programme import Solver
-from planner.methods.convex.programme import Optimum, solve_quadratic
 from planner.support.interrupts import hold_signals, mute_lines, osqp_result
 from planner.support.solver_calls import NlpCall
 
@@ -159,18 +158,6 @@ def test_a_tracker_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     solver = Solver(np.ones((2, 2), dtype=bool), 100)
     with pytest.raises(KeyboardInterrupt):
         solver(np.eye(2), np.array([1.0, 1.0]), np.array([2.0, 2.0]), np.zeros(2))
-
-
-def test_the_convex_programme_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not with the other engine's answer."""
-    monkeypatch.setattr(osqp.OSQP, "solve", _interrupted)
-    A, b = np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([-1.0, -1.0])
-    with pytest.raises(KeyboardInterrupt):
-        solve_quadratic(A, b, 10.0, "osqp")
-    monkeypatch.undo()
-    answer = solve_quadratic(A, b, 10.0, "osqp")
-    assert isinstance(answer, Optimum)
-    assert answer.y == pytest.approx([-1.0, -1.0])
 
 
 def _interrupted(self: osqp.OSQP, **_: object) -> SimpleNamespace:

@@ -155,7 +155,7 @@ def _travels(problem: Problem, options: ConvexOptions) -> Array:
 def _best_path(
     problem: Problem, options: ConvexOptions, frame: Frame, band: Band, travels: Array
 ) -> BestTravel:
-    programme = Programme(options.objective, "osqp" if options.solver == "osqp" else "active set")
+    programme = Programme(options.objective)
     ends = np.stack([problem.start, np.where(np.isnan(problem.goal), problem.start, problem.goal)])
     margins = problem.system.chart_margins(ends, problem.branch)
     least_margin = min(options.edge, float(np.min(margins)) / 2)
@@ -241,10 +241,8 @@ def _notes(problem: Problem, band: Band, search: BestTravel, best: ClassOptimum)
             "domain_excess_bound": best.proven if band.complete else None,
         },
         "solver": {
-            "engine": best.final.engine,
             "programmes": best.rounds,
             "row_excess": max(best.final.excess, -1.0),
-            "osqp_s": best.final.time_s,
         },
     }
 

@@ -1,16 +1,14 @@
 """Minimise over linear rows A y ≤ b; return the optimum with a bound, or prove infeasibility.
 
-There are two objectives, ½∫(dz₂/dz₁)² |dz₁| and max |dz₂/dτ|; both are reduced to min ½|y|². Two
-engines do this: least-distance programming (Lawson and Hanson, *Solving Least Squares Problems*,
-1974, ch. 23) on SciPy's non-negative least squares, an active-set method that ends at rounding
-error and yields a Farkas vector if there is no solution; and OSQP (operator splitting, polished).
-Both are checked: residuals, bound and certificate are computed in this file from their vectors.
+There are two objectives, ½∫(dz₂/dz₁)² |dz₁| and max |dz₂/dτ|; both are reduced to min ½|y|². It is
+solved by least-distance programming (Lawson and Hanson, *Solving Least Squares Problems*, 1974,
+ch. 23) on SciPy's non-negative least squares, an active-set method that ends at rounding error and
+yields a Farkas vector if there is no solution. Residuals, bound and certificate are computed in
+this file from its vectors.
 
-OSQP alone is not enough. Of 2,301 programmes (all shipped problems and 17 random arms, both
-objectives) the active set solves or refutes every one within the tolerances. OSQP solves 1,800 in
-24 times the CPU time, and 1,937 with one active-set step from its answer: it fails on 209 that have
-a solution, and proves infeasibility for none of the 155 others. Where both are accurate their
-optima agree to 1e-9. So the active set is tried first.
+Of 2,301 programmes (all shipped problems and 17 random arms, both objectives) it solves or refutes
+every one within the tolerances. OSQP solves 1,800 of them in 24 times the CPU time, and proves
+none of the 155 infeasible ones infeasible.
 """
 
 from __future__ import annotations
@@ -20,14 +18,10 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-import scipy.sparse as sp
 
 from planner.errors import solver_answer
 from planner.methods.convex.paths import Frame
 from planner.support.arrays import Array
-from planner.support.interrupts import osqp_result
-
-Engine = Literal["active set", "osqp"]
 
 GAP_TOLERANCE = 1e-9
 """Largest accepted gap between value and bound, relative to 1 + value."""
@@ -50,8 +44,6 @@ class Optimum:
         excess: Largest violation of the rows, scaled to unit length; ≤ 0 if all rows hold.
         value: The objective at y.
         bound: Lower bound of the objective over all feasible points, from the multipliers alone.
-        engine: "active set", "osqp" or "none needed".
-        time_s: Computing time that OSQP reports, s; 0 otherwise.
     """
 
     y: Array
@@ -59,8 +51,6 @@ class Optimum:
     excess: float
     value: float
     bound: float
-    engine: str
-    time_s: float = 0.0
 
     @property
     def accurate(self) -> bool:
@@ -98,16 +88,14 @@ class StalledError(ArithmeticError):
 
 @dataclass(frozen=True)
 class Programme:
-    """A kind of programme: an objective to minimise subject to linear rows, and the engine.
+    """A kind of programme: an objective to minimise subject to linear rows.
 
     Attributes:
         objective: "smooth": ½∫(dz₂/dz₁)² |dz₁|; "peak": max |dz₂/dτ|, and among the paths with the
             least peak nearly the smoothest.
-        engine: The engine that is tried first for the objective "smooth".
     """
 
     objective: Literal["smooth", "peak"]
-    engine: Engine = "active set"
 
     def solve(self, frame: Frame, A: Array, b: Array, radius: float) -> Optimum | Farkas:
         """Find the minimum over A y ≤ b, or prove that no |y| ≤ radius is feasible.
@@ -117,7 +105,7 @@ class Programme:
         """
         if self.objective == "peak":
             return _lowest_peak(frame, A, b, radius)
-        answer = solve_quadratic(A, b, radius, self.engine)
+        answer = solve_quadratic(A, b, radius)
         if isinstance(answer, Farkas):
             return answer
         fixed, scale = float(frame.least @ frame.least) / 2, abs(frame.travel)
@@ -157,42 +145,35 @@ def _lowest_peak(frame: Frame, A: Array, b: Array, radius: float) -> Optimum | F
     raise StalledError("the least peak did not settle")
 
 
-def solve_quadratic(
-    A: Array, b: Array, radius: float, engine: Engine = "active set"
-) -> Optimum | Farkas:
+def solve_quadratic(A: Array, b: Array, radius: float) -> Optimum | Farkas:
     """Minimise ½|y|² over A y ≤ b, or prove that no |y| ≤ radius is feasible.
 
     Args:
         A: Rows, shape (m, p); none may be zero.
         b: Right-hand sides, shape (m,).
         radius: Known bound on |y|.
-        engine: The engine that is tried first; the other is used if the first is inaccurate.
 
     Raises:
-        StalledError: If neither engine reaches the tolerance.
+        StalledError: If the tolerance is not reached.
     """
     length = np.linalg.norm(A, axis=1)
     G, h = A / length[:, None], b / length
-    if np.all(h >= 0):  # y = 0; OSQP would print on standard output that it cannot polish
-        return _optimum(G, h, np.zeros(A.shape[1]), np.zeros(len(h)), "none needed")
-    order = (_by_osqp, _by_active_set) if engine == "osqp" else (_by_active_set, _by_osqp)
-    for attempt in order:
-        answer = solver_answer(partial(attempt, G, h, radius), lambda _: None)
-        if isinstance(answer, Farkas) and answer.margin > 0:
-            return answer
-        if isinstance(answer, Optimum) and answer.accurate:
-            return replace(answer, multipliers=answer.multipliers / length)
+    if np.all(h >= 0):
+        return _optimum(G, h, np.zeros(A.shape[1]), np.zeros(len(h)))
+    answer = solver_answer(partial(_least_distance, G, h, radius), lambda _: None)
+    if isinstance(answer, Farkas) and answer.margin > 0:
+        return answer
+    if isinstance(answer, Optimum) and answer.accurate:
+        return replace(answer, multipliers=answer.multipliers / length)
     raise StalledError("no solution and no certificate within tolerance")
 
 
-def _optimum(
-    G: Array, h: Array, y: Array, multipliers: Array, engine: str, time_s: float = 0.0
-) -> Optimum:
+def _optimum(G: Array, h: Array, y: Array, multipliers: Array) -> Optimum:
     duals = np.maximum(multipliers, 0.0)
     pull = G.T @ duals
     bound = float(-(pull @ pull) / 2 - h @ duals)
     excess = float(np.max(G @ y - h, initial=-np.inf))
-    return Optimum(y, duals, excess, float(y @ y / 2), bound, engine, time_s)
+    return Optimum(y, duals, excess, float(y @ y / 2), bound)
 
 
 def _farkas(G: Array, h: Array, raw: Array, radius: float) -> Farkas | None:
@@ -203,7 +184,7 @@ def _farkas(G: Array, h: Array, raw: Array, radius: float) -> Farkas | None:
     return Farkas(duals, float(np.linalg.norm(G.T @ duals)), float(h @ duals), radius)
 
 
-def _by_active_set(G: Array, h: Array, radius: float) -> Optimum | Farkas | None:
+def _least_distance(G: Array, h: Array, radius: float) -> Optimum | Farkas | None:
     from scipy.optimize import nnls  # slow to import
 
     target = np.zeros(G.shape[1] + 1)
@@ -216,29 +197,4 @@ def _by_active_set(G: Array, h: Array, radius: float) -> Optimum | Farkas | None
     remainder = stacked @ raw - target
     if remainder[-1] == 0:
         return None
-    return _optimum(G, h, -remainder[:-1] / remainder[-1], raw / -remainder[-1], "active set")
-
-
-def _by_osqp(G: Array, h: Array, radius: float) -> Optimum | Farkas | None:
-    import osqp  # takes a tenth of a second, and is needed only here
-
-    solver, size = osqp.OSQP(), G.shape[1]
-    solver.setup(
-        sp.eye(size, format="csc"),
-        np.zeros(size),
-        sp.csc_matrix(G),
-        np.full(len(h), -np.inf),
-        h,
-        verbose=False,
-        eps_abs=GAP_TOLERANCE,
-        eps_rel=GAP_TOLERANCE,
-        eps_prim_inf=GAP_TOLERANCE,
-        polishing=True,
-        scaling=0,
-        max_iter=4000,
-    )
-    result = osqp_result(solver)
-    if np.all(np.isfinite(result.x)) and np.all(np.isfinite(result.y)):
-        return _optimum(G, h, result.x, result.y, "osqp", result.info.run_time)
-    proof = result.prim_inf_cert
-    return None if proof is None else _farkas(G, h, np.asarray(proof), radius)
+    return _optimum(G, h, -remainder[:-1] / remainder[-1], raw / -remainder[-1])

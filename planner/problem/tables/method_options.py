@@ -376,11 +376,6 @@ class ConvexOptions(Table):
         description="Least distance from the edge of the chart: sin^2 of theta1 for n = 2 and 3,"
         " otherwise every margin; at most half of the distance of start and goal.",
     )
-    solver: Annotated[Literal["auto", "osqp"], NO_SLIDER] = Field(
-        "auto",
-        description="Solver of the quadratic programs: an active-set method, and OSQP where that"
-        " is not accurate (auto); or OSQP first.",
-    )
     max_cuts: Iterations = Field(
         100, description="Largest number of rounds of cutting planes for one travel."
     )

@@ -350,17 +350,11 @@ def test_options_are_checked(wide: planner.Problem) -> None:
 # -- the plan as a record --------------------------------------------------------------------
 
 
-def test_solvers_agree_and_say_nothing_on_standard_output(
+def test_nothing_is_said_on_standard_output(
     wide: planner.Problem, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    problem = wide.changed({"goal.travel": 0.84})
-    plans = {s: plan_only(problem, pieces=30, solver=s) for s in ("auto", "osqp")}
+    plan_only(wide.changed({"goal.travel": 0.84}), pieces=30)
     assert "".join(capfd.readouterr()) == ""
-    values = [p.objective for p in plans.values()]
-    assert max(values) - min(values) < 1e-8 * max(values)
-    engines = [p.notes["solver"]["engine"] for p in plans.values()]
-    assert engines == ["active set", "osqp"]
-    assert plans["osqp"].notes["solver"]["osqp_s"] > 0
 
 
 def test_middle_of_the_travels(wide: planner.Problem) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from planner.errors import InputError, InputWarning, NoPlanError, TimeLimitError
 from planner.methods.judgement import judge_plan, judge_slowed, refusal
 from planner.methods.ranking import MEASURES
-from planner.methods.refusal import LEAST_S, MOST_TIMES_REFUSAL, Change, try_changes
+from planner.methods.refusal import Change, try_changes
 from planner.methods.registry import find_method, merged_options
 from planner.plan.plan import Plan, mark_cut_short
 from planner.problem.feasibility import refuse_too_short
@@ -91,7 +91,7 @@ def compensate_plan(
             where += f" in the preparation, the first {compensated.lead_s:.3g} s, before the plan"
             where += " starts"
         tries = [Change(keys) for keys in settings_to_try(compensated, check.violations)]
-        tried, helps = _try_settings(plan, machine, options, tries, time.perf_counter() - began)
+        tried, helps = _try_settings(plan, machine, options, tries)
         error = refusal(compensated, check, where, [*tried, *changes])
         error.has_remedy = helps
         raise error
@@ -109,13 +109,12 @@ def compensate_plan(
 
 
 def _try_settings(
-    plan: Plan, machine: Machine, options: CompensationTable, tries: list[Change], seconds: float
+    plan: Plan, machine: Machine, options: CompensationTable, tries: list[Change]
 ) -> tuple[list[str], bool]:
-    """Compensate a plan with other settings, after a refusal that took a number of `seconds`.
+    """Compensate a plan with other settings, each of which takes as long as the refused attempt.
 
     Return in words each setting that works, with its remaining error, and each that was not tried
-    for lack of time; and whether any works. The trials may take a few times as long as the refused
-    attempt.
+    for lack of time; and whether any works.
     """
 
     def attempt(change: Change) -> Plan:
@@ -128,18 +127,16 @@ def _try_settings(
         return _with_room(_compensate_in_duration(plan, other, settings), other, settings)[0]
 
     out, helps = list[str](), False
-    with time_limit(max(LEAST_S, MOST_TIMES_REFUSAL * seconds), "the time for trying changes"):
-        for change in tries:
-            trial = try_changes([change], attempt, lambda doing: tell(f"no plan; {doing}"))
-            words = "home the arm first; " if "machine.start_state" in change.keys else ""
-            if trial.plan is not None:
-                helps = True
-                errors = trial.plan.notes["compensation"]
-                words += f"tried: path error {errors['E_deg']:.2g} deg, uncompensated"
-                out.append(f"{change} ({words} {errors['plain_E_deg']:.2g} deg)")
-            elif trial.left:
-                out.append(f"{change} ({words}not tried for lack of time)")
-    return out, helps
+    for change in tries:
+        trial = try_changes([change], attempt, lambda doing: tell(f"no plan; {doing}"))
+        words = "home the arm first; " if "machine.start_state" in change.keys else ""
+        if trial.plan is not None:
+            helps = True
+            errors = trial.plan.notes["compensation"]
+            words += f"tried: path error {errors['E_deg']:.2g} deg, uncompensated"
+            out.append(f"{change} ({words} {errors['plain_E_deg']:.2g} deg)")
+        elif trial.left:
+            out.append(f"{change} ({words}not tried for lack of time)")
 
 
 def _compensated_error_deg(plan: Plan) -> float:

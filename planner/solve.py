@@ -6,7 +6,6 @@ and lag are similar on all machines of a kind, so most of their effect needs no 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -84,8 +83,8 @@ def solve(
         TimeLimitError: If time is up without a plan; the message says how far the search got.
         NoPlanError: If no plan is found, or the plan breaks a requirement; the subclass tells
             which. The error carries the last iterate and its violations. Before the error, changes
-            of the problem are tried (`planner.methods.refusal`), within the time limit and for at
-            most a few times the duration of the failed search.
+            of the problem are tried (`planner.methods.refusal`), within the time limit and with at
+            most a few times the work of the failed search, counted in iterations of the solvers.
     """
     return solve_and_check(
         problem, method, options, warm=warm, time_limit_s=time_limit_s, progress=progress
@@ -132,8 +131,7 @@ def solve_and_check(
         return judge_plan(_plan_by_method(changed, entry, given, None))[0]
 
     limit_s = getattr(merged, "time_limit_s", None) or time_limit_s
-    with time_limit(limit_s), progress_listener(progress):
-        began = time.monotonic()
+    with time_limit(limit_s) as whole, progress_listener(progress):
         try:
             with (
                 default_limit(limit_s) as span,
@@ -150,7 +148,7 @@ def solve_and_check(
             ) from None
         except NoPlanError as error:
             retry = partial(attempt, short=error.plan)
-            advised = advise(error, problem, retry, time.monotonic() - began) if advice else None
+            advised = advise(error, problem, retry, whole.work) if advice else None
             if advised is None:
                 raise
             plan, check = judge_plan(replace(advised, problem=problem))

@@ -134,6 +134,8 @@ class Comparison:
             "command": command(self),
             "samples": self.samples,
             "seed": self.seed,
+            "chosen": self.chosen,
+            "threshold_deg": self.threshold_deg,
             "complete": self.complete,
             "rows": [{**r.to_dict(), "worst_command": worst_command(self, r)} for r in self.rows],
             "headline": self.headline,
@@ -232,11 +234,11 @@ def command(comparison: Comparison, out: str | None = None, *, report: bool = Fa
         report: Whether to write the page in that folder.
 
     Returns:
-        The command, or None if no command gives this problem (its file is missing, or has a key
-        that `--set` cannot remove).
+        The command, or None if no command gives this comparison (the problem's file is missing, or
+        has a key that `--set` cannot remove, or the threshold is not the usual one).
     """
     settings = _settings(comparison)
-    if settings is None:
+    if settings is None or comparison.threshold_deg != LEAST_DIFFERENCE_DEG:
         return None
     words = ["planner", "compare", comparison.problem.source]
     methods = dict.fromkeys(row.spec for row in comparison.rows)
@@ -305,12 +307,14 @@ def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
     machines = comparison.machine.origin
     if compensable(comparison.problem.system):
         machines += f", {comparison.machine.start_words}"
+    over = f"{PERCENTILE_WORDS} over {comparison.samples} machines ({machines})"
+    if comparison.samples == 1:
+        over = f"one machine ({machines}) has no percentiles, so both columns show its error"
     took = "" if terminal else " took: planning and verification;"
     return (
         "time: whole duration, with preparation and holds; effort: integral of u1^2 + u2^2 dt;"
-        f" {ERROR_WORDS}; {PERCENTILE_WORDS} over {comparison.samples} machines ({machines}), seed"
-        f" {comparison.seed}, the same machines for every plan;{took} refused plans that can be"
-        " executed are replayed for study."
+        f" {ERROR_WORDS}; {over}, seed {comparison.seed}, the same machines for every"
+        f" plan;{took} refused plans that can be executed are replayed for study."
         + (FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "")
         + "".join(f" {row.label}: {row.note}." for row in comparison.rows if row.note)
         + _longer_words(comparison)

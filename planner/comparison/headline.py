@@ -75,10 +75,15 @@ def _breaks_limits(row: Row) -> bool:
     return row.beyond_physical > MOST_BEYOND_PERCENT
 
 
-def _worse_than(row: Row, rows: Sequence[Row], threshold_deg: float) -> set[str]:
-    """Return labels of plans that paired tests find worse than a row's plan, in E or at the end."""
+def _worse_than(
+    row: Row, rows: Sequence[Row], threshold_deg: float, *which: Literal["E", "end"]
+) -> set[str]:
+    """Return labels of plans that paired tests find worse than a row's plan, in one of the errors
+    `which` (default: both)."""
     out = set()
-    for d in (*compare_pairs(rows, "E", threshold_deg), *compare_pairs(rows, "end", threshold_deg)):
+    for d in (
+        d for name in which or ("E", "end") for d in compare_pairs(rows, name, threshold_deg)
+    ):
         if row.label in (d.first, d.second) and d.is_clear:
             out.add(d.second if d.median_deg < 0 else d.first)
     return out - {row.label}
@@ -123,7 +128,7 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
     if rival is not None:
         worse = rival.label in _worse_than(row, rows, threshold_deg)
         reason += _against(row, rival, worse, threshold_deg)
-    tail += f"{_what_decides(solved)}{_follow_up(rows, row)}{refused}"
+    tail += f"{_what_decides(solved, threshold_deg)}{_follow_up(rows, row)}{refused}"
     return f"Take {row.label}: {reason}{tail}"
 
 
@@ -198,11 +203,12 @@ def _refusal(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
     ) + f" Try: {first}." * bool(first)
 
 
-def _what_decides(solved: Sequence[Row]) -> str:
-    """Return sentences that compensation decides the accuracy, and how the methods' efforts differ.
+def _what_decides(solved: Sequence[Row], threshold_deg: float) -> str:
+    """Return sentences on what compensation does for the accuracy, and how efforts differ.
 
-    Return "" unless at least two plans are compensated, and every compensated plan has a smaller
-    95th percentile of E than every original plan.
+    Return "" unless at least two plans are compensated, and by the paired test and by the 95th
+    percentile every compensated plan has a smaller E than every original plan. Compensation decides
+    the accuracy if the test finds no compensated plan better than another, in E or at the end.
     """
     rows = {row.label: row for row in solved}
     pairs = [(rows[was], row) for row in solved if (was := plain_label(row.label)) in rows]
@@ -210,10 +216,14 @@ def _what_decides(solved: Sequence[Row]) -> str:
     errors = [[row.E_p95_deg for row in group] for group in (before, better)]
     if len(better) < 2 or not max(errors[1]) < min(errors[0]):
         return ""
+    others = {row.label for row in before}
+    if not all(others <= _worse_than(row, solved, threshold_deg, "E") for row in better):
+        return ""
+    labels = {row.label for row in better}
+    same = not any(labels & _worse_than(row, solved, threshold_deg) for row in better)
     was, now = (_range(values, "deg") for values in errors)
-    words = (
-        f" Compensation decides the accuracy, whichever method planned: E 95 % {now}, not {was}."
-    )
+    words = "decides the accuracy, whichever method planned" if same else "makes every plan better"
+    words = f" Compensation {words}: E 95 % {now}, not {was}."
     efforts = [row.effort for row in before]
     if max(efforts) > LEAST_SHARE * min(efforts):
         assert before[0].plan is not None

@@ -91,8 +91,7 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
     error = np.rad2deg(np.abs(run.q - target)[:, under_way][:, :, list(run.angles)]).max(axis=2)
     low, middle, high = np.percentile(error, [5, 50, 95], axis=0)
     t = run.t[under_way] - run.plan.lead_s
-    words = [f"E median {run.percentile(50):.3g} deg, 95 % {run.percentile(95):.3g} deg"]
-    note = "; ".join(filter(None, [*words, run.slip_words, run.limit_words]))
+    note = "; ".join(filter(None, [run.error_words, run.slip_words, run.limit_words]))
     series = [Series(0, middle, t=t, name="median machine")]
     band = Shade(low, high, "90 % of the machines")
     return screen_data(TimePanel("error", "error", "deg", series, band=band, note=note, zero=True))

@@ -80,12 +80,19 @@ class Replay(Recording):
 
     def __repr__(self) -> str:
         count = len(self.numbers)
-        low, high = self.percentile(50), self.percentile(95)
+        more = "" if count > 1 else " on this machine; samples=100 shows how machines differ"
+        words = [f"{self.error_words}{more}", self.slip_words, self.limit_words]
         return (
             f"Replay({self.plan.label} plan, {count} sample{'s' if count > 1 else ''},"
-            f" seed {self.seed}: E median {low:.3g} deg, 95 % {high:.3g} deg"
-            f"{''.join(f'; {words}' for words in (self.slip_words, self.limit_words) if words)})"
+            f" seed {self.seed}: {'; '.join(filter(None, words))})"
         )
+
+    @property
+    def error_words(self) -> str:
+        """Median and 95th percentile of E in words; E alone for one machine, which has neither."""
+        if len(self.numbers) == 1:
+            return f"E {self.index_E_deg[0]:.3g} deg"
+        return f"E median {self.percentile(50):.3g} deg, 95 % {self.percentile(95):.3g} deg"
 
     @property
     def slip_words(self) -> str:
@@ -346,7 +353,8 @@ def replay(
     Args:
         plan: An executable plan.
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
-        samples: Number of samples, or a list of sample numbers (from 0).
+        samples: Number of samples, or a list of sample numbers (from 0). How machines differ takes
+            a hundred or more.
         seed: Random seed.
         feedback: False for open loop. True for feedback by the tracker with the problem's
             `[feedback]` table; or a `planner.Tracker`; or another

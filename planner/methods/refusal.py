@@ -19,7 +19,7 @@ from planner.problem.problem import Problem
 from planner.problem.reach import Reach
 from planner.problem.requirements.ends import Duration, Goal, Start
 from planner.support import progress
-from planner.support.deadline import TimeUpError, remaining, time_advice, time_limit, time_share
+from planner.support.deadline import TimeUpError, remaining, time_advice, time_share, work_limit
 from planner.support.files import toml
 from planner.verification.verify import verify
 
@@ -117,13 +117,14 @@ def round_up(value: float) -> str:
 Attempt = Callable[[Change], Plan]
 """Function that plans the problem with a change, or raises a refusal."""
 
-MOST_TIMES_REFUSAL, LEAST_S, MOST_S = 3.0, 10.0, 60.0
-"""Limits of the time for all tries together: `MOST_TIMES_REFUSAL` times the time until the refusal,
-but at least `LEAST_S` and at most `MOST_S` seconds."""
+MOST_TIMES_REFUSAL, LEAST_S, MOST_S = 3.0, 8.0, 40.0
+"""Limits of the solvers' work for all tries together (`planner.support.deadline.spend`):
+`MOST_TIMES_REFUSAL` times the work until the refusal, but at least `LEAST_S` and at most `MOST_S`.
+What else a try does takes about as long as its solvers."""
 
 TRY_SHARE = 0.5
-"""Fraction of the remaining time for one try. The first changes help most often, but a try that is
-as hard as the original problem must leave time for the others."""
+"""Fraction of the remaining work for one try. The first changes help most often, but a try that is
+as hard as the original problem must leave work for the others."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +135,7 @@ class TriedChanges:
         change: The first change that led to a verified plan, or None.
         plan: The plan that this change led to, or None.
         vain: Changes that did not lead to a plan.
-        left: Changes that were not tried, or not to the end, for lack of time.
+        left: Changes that were not tried, or not to the end, because a limit came first.
     """
 
     change: Change | None
@@ -146,7 +147,8 @@ class TriedChanges:
 def try_changes(
     changes: Sequence[Change], attempt: Attempt, report: Callable[[str], None]
 ) -> TriedChanges:
-    """Try changes in order, each in a share of the time, until one leads to a verified plan."""
+    """Try changes in order, each in a share of what the limits leave, until one leads to a verified
+    plan."""
     vain, left = list[Change](), list[Change]()
     for change in changes:
         if remaining() <= 0:
@@ -167,16 +169,17 @@ def try_changes(
     return TriedChanges(None, None, vain, left)
 
 
-def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: float) -> Plan | None:
+def advise(error: NoPlanError, problem: Problem, attempt: Attempt, work: float) -> Plan | None:
     """Try the changes of a refusal, and add the change that helps to the refusal's message.
 
-    Other methods are named but not tried: `planner.check` tries them.
+    Other methods are named but not tried: `planner.check` tries them. How much is tried depends on
+    the problem alone, not on the computer, unless a time limit of the caller ends the tries.
 
     Args:
         error: The refusal, whose message is changed.
         problem: The original problem.
         attempt: Plans the problem with a change.
-        seconds: Time that the method took until its refusal.
+        work: Work of the method's solvers until its refusal, s.
 
     Returns:
         A plan of the original problem, if a try happened to find one; else None.
@@ -184,15 +187,15 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, seconds: floa
     changes = [change for change in error.changes if not change.method]
     if not changes:
         return None
-    allowed = min(max(LEAST_S, MOST_TIMES_REFUSAL * seconds), MOST_S)
-    with time_limit(allowed, "the time for trying changes"):
+    allowed = min(max(LEAST_S, MOST_TIMES_REFUSAL * work), MOST_S)
+    with work_limit(allowed, "the limit of work for trying changes"):
         tries = try_changes(changes, attempt, lambda doing: progress.tell(f"no plan; {doing}"))
     if tries.change is None or tries.plan is None:
         said = [error.otherwise] if error.otherwise else []
         if tries.vain:
             said.append(f"tried without success: {', '.join(map(str, tries.vain))}")
         if tries.left:
-            said.append(f"not tried for lack of time: {', '.join(map(str, tries.left))}")
+            said.append(f"not tried, or not to the end: {', '.join(map(str, tries.left))}")
         error.advise(time_advice() if remaining() <= 0 else None, "; ".join(said))
         return None
     shown = replace(tries.plan, problem=problem, verified=False, certificate=None)

@@ -13,10 +13,11 @@ import numpy as np
 from planner.comparison.comparison import FORMAT, VERSION, Comparison
 from planner.comparison.rows import KEPT_IN_FILES, Row
 from planner.errors import InputError
-from planner.machine.machine import Machine
+from planner.machine.machine import Machine, sample_numbers
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
 from planner.support.files import JSON_BYTES, expect_path, read_json, read_text
+from planner.support.statistics import LEAST_DIFFERENCE_DEG
 from planner.support.tables import line
 from planner.verification.load_plan import load_plan
 
@@ -57,7 +58,15 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
             raise InputError("\n".join(f"{folder}: {why}" for why in fallen))
         source, machine = line(data.get("machine_file") or ""), Machine.from_table(data["machine"])
         numbers = {key: data[key] for key in ("samples", "seed", "complete")}
-        return Comparison(problem, tuple(rows), replace(machine, source=source), **numbers)
+        chosen = data.get("chosen")  # files before version 1.0.0 lack it and the threshold
+        return Comparison(
+            problem,
+            tuple(rows),
+            replace(machine, source=source),
+            **numbers,
+            chosen=None if chosen is None else tuple(sample_numbers(chosen).tolist()),
+            threshold_deg=1.0 * data.get("threshold_deg", LEAST_DIFFERENCE_DEG),
+        )
     except (KeyError, TypeError, AttributeError) as error:
         raise InputError(
             f"{place / 'comparison.json'} is damaged: {error!r}; compare again"

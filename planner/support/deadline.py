@@ -1,7 +1,10 @@
-"""Time limits: when a search must end, and how every part of it learns this.
+"""Limits of time and work: when a search must end, and how every part of it learns this.
 
 The limit belongs to the context (`contextvars`), so no function between `solve` and a solver has to
 pass it on. `time_limit` opens a block with a limit; code inside asks `remaining` or `check`.
+
+The computer and its load must not change an answer. So whatever the user did not limit in time is
+limited in work: solvers count their iterations (`spend`), and `work_limit` limits this count.
 
 >>> with time_limit(60.0):
 ...     remaining() <= 60.0
@@ -16,6 +19,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import Context, ContextVar
 from dataclasses import dataclass
+from typing import Literal
 
 from planner.errors import InputError
 from planner.support.interrupts import handle_signals
@@ -42,7 +46,7 @@ class Span:
     Attributes:
         enclosing: The block around this one, which may end earlier.
         start: Start time, by `time.monotonic`.
-        end: End time, by the same clock or in processor time; infinite if the block has no limit.
+        end: End by the block's clock; infinite if the block has no limit.
         words: Name of the limit in a refusal.
         has_answer: Tells whether the search would have an answer if it ended now; None if the
             block is not a search.
@@ -50,7 +54,9 @@ class Span:
         interrupter: Who ended the block early ("Ctrl-C"), or "".
         condition: The limit applies only while this returns true; None: always.
         verification_ended: Whether even the verification of plans must stop.
-        counts_processor_time: Whether `end` is in processor time.
+        clock: What `end` counts, s: time, the process's processor time, or the work in the block.
+        work: Work of solvers in the block so far, s, see `spend`.
+        share_of: The block with the limit of which this block's limit is a share, or None.
     """
 
     enclosing: Span | None
@@ -62,7 +68,9 @@ class Span:
     interrupter: str = ""
     condition: Callable[[], bool] | None = None
     verification_ended: bool = False
-    counts_processor_time: bool = False
+    clock: Literal["time", "processor", "work"] = "time"
+    work: float = 0.0
+    share_of: Span | None = None
 
     @property
     def left(self) -> float:
@@ -75,7 +83,9 @@ class Span:
 
     @property
     def _now(self) -> float:
-        return time.process_time() if self.counts_processor_time else time.monotonic()
+        if self.clock == "work":
+            return self.work
+        return time.process_time() if self.clock == "processor" else time.monotonic()
 
     def outwards(self) -> Iterator[Span]:
         """Yield this block, then the blocks around it from the inside out."""
@@ -127,7 +137,23 @@ def default_limit(given: float | None) -> AbstractContextManager[Span]:
         return time_limit(None)
     end = time.process_time() + DEFAULT_SEARCH_S
     words = f"the default limit of {DEFAULT_SEARCH_S:g} s of processor time"
-    return _open_span(Span(_span.get(), time.monotonic(), end, words, counts_processor_time=True))
+    return _open_span(Span(_span.get(), time.monotonic(), end, words, clock="processor"))
+
+
+def work_limit(work: float, words: str) -> AbstractContextManager[Span]:
+    """Limit the work of solvers in a block, see `spend`; `words` name the limit in a refusal."""
+    return _open_span(Span(_span.get(), time.monotonic(), work, words, clock="work"))
+
+
+def spend(work: float) -> None:
+    """Count work of a solver in all blocks around it.
+
+    Args:
+        work: About the seconds that the work takes on an idle machine, computed from the size of
+            the programme and never measured: the same search does the same work everywhere.
+    """
+    for span in _spans():
+        span.work += work
 
 
 def time_share(
@@ -143,7 +169,7 @@ def time_share(
     """
     span = Span(_span.get(), time.monotonic(), math.inf, words, condition=condition)
     if first := _first_to_end(waiting=condition is not None):
-        span.counts_processor_time = first.counts_processor_time
+        span.clock, span.share_of = first.clock, first.share_of or first
         span.end_within(part * max(0.0, first.left))
     return _open_span(span)
 
@@ -197,8 +223,12 @@ def check_stopped() -> None:
 
 
 def time_up() -> TimeUpError:
-    """Mark the enclosing blocks as cut short, and return the exception for the caller to raise."""
-    for span in _spans():
+    """Mark the blocks that a limit cuts short, out to the block that has this limit, and return the
+    exception for the caller to raise."""
+    spans = list(_spans())
+    over = [s for s in spans if s.left <= 0 and (s.condition is None or s.condition())]
+    last = max((spans.index(span.share_of or span) for span in over), default=len(spans) - 1)
+    for span in spans[: last + 1]:
         span.was_reached = True
     return TimeUpError()
 

@@ -22,6 +22,7 @@ from planner.comparison.compare import default_methods
 from planner.comparison.differences import markdown_differences, rich_differences
 from planner.comparison.headline import headline
 from planner.plan.measures import effort
+from planner.report import folders
 from planner.report.folders import replay_data
 from planner.solve import solve_and_check
 from planner.support.arrays import jsonable
@@ -240,6 +241,66 @@ def test_small_differences_are_neither_better_nor_worse(compensated: planner.Com
     assert markdown_differences(compensated).count("| worse |") == 2  # at any time, at the end
     alike = replace(compensated, threshold_deg=9.0)
     assert "no difference that matters" in markdown_differences(alike)
+
+
+def test_a_saved_comparison_recommends_the_same_plan(
+    compensated: planner.Comparison, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a threshold that its user chose, on machines that its user chose."""
+    monkeypatch.setattr(folders, "_write_figures", lambda *_: None)
+    chosen = tuple(range(len(compensated[OPTIMAL].replay.numbers)))
+    alike = replace(compensated, threshold_deg=9.0, chosen=chosen)
+    assert (alike.recommended.label, compensated.recommended.label) == (OPTIMAL, COMPENSATED)
+    back = planner.report.load_comparison(alike.save(tmp_path / "alike"))
+    assert (back.threshold_deg, back.chosen) == (9.0, chosen)
+    assert (back.recommended.label, back.headline) == (OPTIMAL, alike.headline)
+    assert alike.to_dict()["command"] is None, "the command has another threshold"
+    file = tmp_path / "alike/comparison.json"
+    data = json.loads(file.read_text())
+    for damage in ({"threshold_deg": "9"}, {"chosen": [-1]}):
+        file.write_text(json.dumps(data | damage))
+        with pytest.raises(planner.InputError):
+            planner.report.load_comparison(tmp_path / "alike")
+    del data["threshold_deg"], data["chosen"]
+    file.write_text(json.dumps(data))
+    assert planner.report.load_comparison(tmp_path / "alike").recommended.label == COMPENSATED
+
+
+@pytest.mark.parametrize("gap_deg", [0.0, 1.0])
+def test_compensation_decides_only_where_the_paired_test_says_so(
+    compensated: planner.Comparison, gap_deg: float
+) -> None:
+    """Both compensated plans are far better than both others; is one better than the other?"""
+    plain, better = compensated.rows
+    worse, plain2 = (
+        replace(
+            row,
+            label=row.label.replace(OPTIMAL, "sinusoid"),
+            machine_errors_deg=row.machine_errors_deg + gap,
+            E_median_deg=row.E_median_deg + gap,
+            E_p95_deg=row.E_p95_deg + gap,
+        )
+        for row, gap in ((better, gap_deg), (plain, 0.0))
+    )
+    result = replace(compensated, rows=(plain, better, plain2, worse))
+    verdicts = {(d.first, d.second): d.is_clear for d in result.differences}
+    assert verdicts[better.label, worse.label] == bool(gap_deg)
+    ranges = f"E 95 % {number(better.E_p95_deg)}"
+    says = ["decides the accuracy, whichever method planned", "makes every plan better"]
+    assert f"Compensation {says[bool(gap_deg)]}: {ranges}" in result.headline
+    assert says[not gap_deg] not in result.headline
+
+
+def test_nothing_decides_where_the_paired_test_does_not_tell_plans_apart(
+    compensated: planner.Comparison,
+) -> None:
+    """By their 95th percentiles alone the compensated plans are better."""
+    plain, better = compensated.rows
+    alike = replace(better, machine_errors_deg=plain.machine_errors_deg)
+    more = [replace(r, label=r.label.replace(OPTIMAL, "sinusoid")) for r in (plain, alike)]
+    result = replace(compensated, rows=(plain, alike, *more))
+    assert alike.E_p95_deg < plain.E_p95_deg
+    assert "Compensation" not in result.headline
 
 
 def test_feedback_closes_the_last_plan_which_is_compensated(

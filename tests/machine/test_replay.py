@@ -11,6 +11,8 @@ import pytest
 
 import planner
 from planner import InputError, Machine, Plan, SingularError, replay
+from planner.explorer.picture import error_panel
+from planner.report.page.words import answer
 
 PROTOTYPE = Machine.prototype(step_s=0.005)
 """Coarse steps, where the test is not about them."""
@@ -79,6 +81,22 @@ def test_shapes_and_summary(calm: Plan) -> None:
     assert summary["E_median_deg"] == pytest.approx(np.median(run.index_E_deg))
     assert summary["E_median_deg"] <= summary["E_p95_deg"]
     assert summary["samples"] == 4
+
+
+def test_one_machine_has_no_percentiles(calm: Plan) -> None:
+    run = replay(calm, PROTOTYPE, samples=[3], record_s=0.1)
+    E = f"{run.index_E_deg[0]:.3g}"
+    says = f"Replay(polynomial plan, 1 sample, seed 0: E {E} deg on this machine; samples=100 shows"
+    assert repr(run).startswith(says)
+    assert "median" not in repr(run)
+    note = error_panel(run)["note"]  # type: ignore[index]
+    assert note.startswith(f"E {E} deg")
+    assert "95 %" not in note
+    result = planner.compare(calm.problem, ["polynomial"], machine=PROTOTYPE, samples=1)
+    text = " ".join(result.markdown().split())
+    assert "over 1 machines" not in text
+    assert "one machine" in text.split("has no percentiles")[0]
+    assert "95 %" not in answer(result, result.rows[0])
 
 
 def test_the_motors_rest_when_the_plan_is_over(calm: Plan) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import count
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -73,21 +75,45 @@ def test_a_plan_found_without_a_requirement_that_keeps_it_is_the_answer(
     assert advise(refusal(), paper, lambda _: plan, 1.0) is plan
 
 
-def test_tries_take_a_few_times_as_long_as_the_refusal(paper: Problem) -> None:
+def test_tries_take_a_few_times_the_work_of_the_refusal(paper: Problem) -> None:
+    """Each does all the work that it may, half of what is left."""
     left = []
 
     def attempt(change: Change) -> Plan:
         left.append(deadline.remaining())
+        deadline.spend(left[-1])
         raise TimeUpError
 
     error = refusal()
-    advise(error, paper, attempt, 100.0)
-    assert all(
-        seconds <= refusals.MOST_TIMES_REFUSAL * 100 * refusals.TRY_SHARE for seconds in left
-    )
-    assert len(left) == len(CHANGES)
-    assert "not tried for lack of time: limits.joint_deg = 80.0" in str(error.advice)
+    advise(error, paper, attempt, 10.0)
+    most = refusals.MOST_TIMES_REFUSAL * 10
+    assert left == [most / 2, most / 4, most / 8, most / 16]
+    tried = "limits.joint_deg = 80.0, limits.joint_deg = 81.0, limits.joint_deg = 82.0"
+    assert str(error.advice).startswith(f"luck; not tried, or not to the end: {tried}")
     assert "larger time limit" not in str(error.advice)
+
+
+def test_advice_does_not_depend_on_how_fast_the_computer_is(
+    paper: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An hour passes between any two looks at the clock, of the wall or of the processor."""
+    slow = paper.changed({"goal.duration": 2.9})
+    narrow = {"goal.travel": 0.7, "limits.joint_deg": 30}
+    cases = [(slow, {}), (paper.changed(narrow), {"start": "straight", "max_iterations": 2})]
+
+    def texts() -> list[str]:
+        out = []
+        for problem, options in cases:
+            with pytest.raises(NoPlanError) as caught:
+                planner.solve(problem, **options)  # type: ignore[arg-type]
+            out.append(str(caught.value))
+        return out
+
+    monkeypatch.setattr(deadline, "DEFAULT_SEARCH_S", 1e9)  # the one limit that is in time
+    usual, hours = texts(), count(0, 3600)
+    clock = SimpleNamespace(monotonic=lambda: next(hours), process_time=lambda: next(hours))
+    monkeypatch.setattr(deadline, "time", clock)
+    assert texts() == usual
 
 
 def test_tries_end_with_the_time_limit_given(paper: Problem) -> None:
@@ -103,9 +129,8 @@ def test_tries_end_with_the_time_limit_given(paper: Problem) -> None:
         advise(error, paper, attempt, 1.0)
     assert asked == CHANGES[:1]
     assert str(error.advice).startswith("a larger time limit")
-    assert "not tried for lack of time: limits.joint_deg = 80.0, limits.joint_deg = 81.0" in str(
-        error
-    )
+    tried = "limits.joint_deg = 80.0, limits.joint_deg = 81.0"
+    assert f"not tried, or not to the end: {tried}" in str(error)
 
 
 def test_other_methods_are_named_and_not_called(

@@ -16,7 +16,7 @@ from planner import InputError
 from planner.support import deadline
 from planner.support.deadline import TimeUpError, time_limit, time_share
 from planner.support.interrupts import hold_signals
-from planner.support.solver_calls import NlpCall, call_within
+from planner.support.solver_calls import ITERATION_S, NlpCall, call_within
 
 
 def rosenbrock(size: int, iterations: int) -> NlpCall:
@@ -92,14 +92,56 @@ def test_a_share_of_processor_time_does_not_pass_by_the_clock(
 
 def test_what_is_cut_short_is_known_outside() -> None:
     assert not deadline.is_over()
-    with time_limit(100.0) as outer, time_limit(1e-9) as inner:
-        assert deadline.is_over()
-        with pytest.raises(TimeUpError):
-            deadline.check()
+    with time_limit(100.0) as outer, time_limit(1e-9) as limited, time_share(0.5) as share:
+        with time_limit(None) as inner:
+            assert deadline.is_over()
+            with pytest.raises(TimeUpError):
+                deadline.check()
         assert inner.was_reached
-        assert outer.was_reached
-        assert inner.why == "the time limit of 1e-09 s"
+        assert share.was_reached
+        assert limited.was_reached
+        assert not outer.was_reached  # its own limit cuts nothing short
+        assert limited.why == "the time limit of 1e-09 s"
         assert outer.why == "the time limit of 100 s"
+
+
+def test_a_share_that_is_over_cuts_the_whole_block_short() -> None:
+    with time_limit(100.0) as outer, time_limit(None) as search:  # noqa: SIM117
+        with time_share(1e-12), time_share(0.5), pytest.raises(TimeUpError):
+            deadline.check()
+    assert search.was_reached
+    assert outer.was_reached
+
+
+def test_a_limit_of_work_reads_no_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work counts in every block around the solver, and a share of the work left is work too."""
+    clock_s = 0.0
+    for name in ("monotonic", "process_time"):
+        monkeypatch.setattr(time, name, lambda: clock_s)
+    with time_limit(None) as outer, deadline.work_limit(8.0, "work") as limited:
+        clock_s = 1e6
+        deadline.check()
+        deadline.spend(2.0)
+        with time_share(0.5) as share:
+            assert deadline.remaining() == 3.0
+            deadline.spend(3.0)
+            with pytest.raises(TimeUpError):
+                deadline.check()
+        assert (share.was_reached, limited.was_reached, outer.was_reached) == (True, True, False)
+        assert deadline.remaining() == 3.0
+    assert outer.work == 5.0
+    assert limited.why == "work"
+
+
+def test_a_solver_counts_its_work_by_iterations_alone() -> None:
+    solver = rosenbrock(40, 5)
+    with deadline.work_limit(1.0, "work") as block:
+        solver(x0=np.full(40, -1.3))
+    each = ITERATION_S * 40
+    assert block.work == pytest.approx(each * (solver.stats()["iter_count"] + 1))
+    with pytest.raises(TimeUpError), deadline.work_limit(2.5 * each, "work") as short:
+        solver(x0=np.full(40, -1.3))
+    assert short.work == pytest.approx(3 * each)
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, np.nan, np.inf, True, "5"])

@@ -40,8 +40,10 @@ from planner.systems.manipulator import Manipulator
 
 CUT_SHORT = "ended the search; this is the best motion found so far"
 
-THICK_SHARE = 0.5
-"""Largest share of the remaining time for a search with thickened discs, which may find nothing."""
+THICK_SHARE, THICK_WORK_S = 0.5, 15.0
+"""Largest share of the remaining time, and most work, s (`planner.support.deadline.spend`), for a
+search with thickened discs, which may find nothing. Without a limit of the user the work ends it
+first."""
 
 
 def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
@@ -68,7 +70,11 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
         possible = why_too_short(problem) is None
         for each, is_searched in thicknesses(problem) if possible else []:
             for plan in [plans[0], None] if plans else [None]:
-                with suppress(NoPlanError, TimeUpError), deadline.time_share(THICK_SHARE):
+                with (
+                    suppress(NoPlanError, TimeUpError),
+                    deadline.time_share(THICK_SHARE),
+                    deadline.work_limit(THICK_WORK_S, "the limit of work for thicker discs"),
+                ):
                     if plan is not None:
                         plans += _shrink(plan, each, options)
                     elif is_searched:

@@ -17,8 +17,9 @@ from planner.methods.collocation.transcription.bounds import Bounds
 from planner.methods.collocation.transcription.form import TERMS
 from planner.methods.collocation.transcription.transcription import Program, Transcription
 from planner.problem.tables.method_options import SolverName
+from planner.support import deadline
 from planner.support.arrays import Array
-from planner.support.solver_calls import NlpCall, call_within
+from planner.support.solver_calls import NlpCall, call_within, iteration_work
 
 NEAR_DISTANCE = 1e-4
 """Initial distance of the unknowns from their bounds if the start is near the answer."""
@@ -254,7 +255,9 @@ class _Fatrop:
         finally:
             if answer is None:
                 self._fresh()
-        return answer or SolverAnswer(start, False, "Does_Not_Return", 0)
+        answer = answer or SolverAnswer(start, False, "Does_Not_Return", 0)
+        deadline.spend(answer.iterations * iteration_work(self._nlp.program.problem))
+        return answer
 
     def _answer(self, start: Array, data: Bounds) -> SolverAnswer:
         bounds = _draw_in(data.lower, data.upper), _draw_in(data.row_lower, data.row_upper)

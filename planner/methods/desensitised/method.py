@@ -37,7 +37,7 @@ from planner.methods.collocation.transcription.bounds import InputDemands
 from planner.methods.collocation.transcription.form import Form, uniform
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.plan.measures import Objective, effort, turns
-from planner.plan.plan import Plan
+from planner.plan.plan import Plan, mark_cut_short
 from planner.plan.trajectory import Trajectory
 from planner.problem.feasibility import format_value
 from planner.problem.problem import Problem
@@ -51,6 +51,8 @@ from planner.systems.triangular_system import TriangularSystem
 from planner.verification.verify import verify
 
 NAME = "desensitised"
+
+CUT_SHORT = "ended a part of the search; a longer one may find a better plan"
 
 EASY_PLAN_SHARE = 0.5
 """Fraction of a limited time that the search for the plan of least effort may take."""
@@ -110,7 +112,7 @@ def plan_desensitised(
         if span.was_reached and done.exactness < Exactness.EXACT:
             raise TimeUpError
         plan = _plan(done.task, done.solution, options)
-        return replace(
+        plan = replace(
             plan,
             problem=problem,
             solve_time_s=time.perf_counter() - began - done.task.build_time_s,
@@ -118,6 +120,7 @@ def plan_desensitised(
             iterations=search.iterations,
             notes={"start": start, "tried": log, **plan.notes, **done.notes},
         )
+        return mark_cut_short(plan, span, CUT_SHORT) if span.was_reached else plan
 
 
 def desensitised_task(problem: Problem, options: DesensitisedOptions) -> Task:

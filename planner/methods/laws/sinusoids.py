@@ -27,6 +27,7 @@ from planner.methods.laws.law import Ends, Motion, finish, solve_conditions
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import SinusoidOptions, SinusoidStepsOptions
+from planner.support import deadline
 from planner.support.arrays import Array
 from planner.support.calculus.bernstein import Bernstein
 from planner.support.calculus.chebyshev import Grid
@@ -220,10 +221,14 @@ def propagate(grid: Grid, start: Array, v1: Array, v2: Array) -> Array:
 
     Returns:
         Values of z, shape (P, DEGREE+1, N, …, C).
+
+    Raises:
+        TimeUpError: If time is up.
     """
     first = v1.reshape(*v1.shape[:2], *[1] * (v2.ndim - 3), -1)
     columns = [start[0] + grid.integral(first), start[1] + grid.integral(v2)]
     for i in range(2, len(start)):
+        deadline.check()
         columns.append(start[i] + grid.integral(columns[-1] * first))
     return np.stack(np.broadcast_arrays(*columns), axis=2)
 

@@ -220,7 +220,8 @@ def plot_errors(
 def _distribution(ax: Any, label: str, error: Array, colour: str, refused: bool) -> None:
     share = np.arange(1, len(error) + 1) / len(error)
     median, high = np.percentile(error, [50, 95])
-    text = f"{label}{REFUSED_SUFFIX * refused}: median {median:.3g}, 95 % {high:.3g} deg"
+    errors = f"median {median:.3g}, 95 % {high:.3g}" if len(error) > 1 else f"{median:.3g}"
+    text = f"{label}{REFUSED_SUFFIX * refused}: {errors} deg"
     style, fill = (":", "white") if label.endswith(FEEDBACK) else ("--" if refused else "-", colour)
     ax.step(error, share, style, where="post", color=colour, linewidth=1.8, label=text)
     ax.plot([median, high], [0.5, 0.95], "o", color=colour, markerfacecolor=fill, markersize=5)

@@ -47,7 +47,9 @@ def answer(comparison: Comparison, row: Row) -> str:
         return f"refused: {html.escape(row.why)}{note}.{more}"
     text = f"{'takes' if row.feedback else 'solved with'} effort {number(row.effort, 4)}"
     text += f" {effort_unit(comparison.problem.system)}"
-    if np.isfinite(row.E_median_deg):
+    if np.isfinite(row.E_median_deg) and comparison.samples == 1:
+        text += f"; on the machine its largest joint error is {number(row.E_median_deg)}°"
+    elif np.isfinite(row.E_median_deg):
         text += (
             f"; on the machines its largest joint error is {number(row.E_median_deg)}°"
             f"{_interval(row.E_median_interval_deg)} in the median and below"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 
@@ -37,6 +38,17 @@ def test_a_call_that_does_not_return_is_left_and_the_next_is_made() -> None:
 def test_a_loaded_machine_leaves_no_call_behind() -> None:
     """What counts is the time that the processor spends, not how long that takes."""
     assert call_within(0.1, lambda: time.sleep(0.8) or 7) == 7
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems tell no thread's time")
+def test_work_of_other_threads_leaves_no_call_behind() -> None:
+    """As that of an earlier call that was left and goes on for ever."""
+    done = threading.Event()
+    assert call_within(0.05, lambda: _busy(done)) is None
+    try:
+        assert call_within(0.3, lambda: time.sleep(1.5) or 7) == 7
+    finally:
+        done.set()
 
 
 def test_ctrl_c_does_not_wait_for_it() -> None:

@@ -137,6 +137,7 @@ def _try_settings(
             out.append(f"{change} ({words} {errors['plain_E_deg']:.2g} deg)")
         elif trial.left:
             out.append(f"{change} ({words}not tried for lack of time)")
+    return out, helps
 
 
 def _compensated_error_deg(plan: Plan) -> float:

@@ -273,7 +273,10 @@ def _follow_up(rows: Sequence[Row], row: Row) -> str:
     words = f" With feedback E is {_degrees(closed[0].E_median_deg)}."
     more = closed[0].duration_s - row.duration_s
     if more > LEAST_RUN_UP_S:
-        words += f" The controller moves the arm {more:.1f} s longer, also before the plan starts."
+        words += f" The controller moves the arm {more:.1f} s longer, also before the plan starts"
+        low, high = closed[0].swing_deg
+        swings = f"; stand clear: joint 1 then swings from {low:.0f} to {high:.0f} deg"
+        words += f"{swings * bool(high - low > LEAST_SWING_DEG)}."
     return words + _caution(closed[0])
 
 

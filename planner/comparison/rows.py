@@ -70,6 +70,8 @@ class Row(PlanFigures):
         beyond_limits: Percent of the machines that break a limit of joints, obstacles, links or
             chained coordinates.
         beyond_physical: Percent of the machines that break one that is not of chained coordinates.
+        swing_deg: Least and greatest angle of joint 1 on the machines before the plan's start,
+            during the preparation of a compensated plan or of feedback, degrees.
         E_median_interval_deg: 95 % confidence interval of `E_median_deg`.
         E_p95_interval_deg: 95 % confidence interval of `E_p95_deg`; NaN if there are too few
             machines.
@@ -108,6 +110,14 @@ class Row(PlanFigures):
         replay=lambda run: 100 * run.physical_share,
         files=True,
         sweep=False,
+    )
+    swing_deg: tuple[float, float] = figure(
+        Heading("swing from", "deg", key="swing_from_deg"),
+        Heading("swing to", "deg", key="swing_to_deg"),
+        replay=lambda run: run.swing_deg,
+        files=True,
+        sweep=False,
+        default=(np.nan, np.nan),
     )
     E_median_interval_deg: tuple[float, float] = _interval("median")
     E_p95_interval_deg: tuple[float, float] = _interval("p95")

@@ -87,7 +87,7 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
     if run is None or not run.angles:
         return None
     target = run.plan.wanted(run.t)  # NaN during the preparation of a compensated plan
-    under_way = np.isfinite(target).all(axis=1)
+    under_way = np.isfinite(target).all(axis=1) & (run.t >= 0)
     error = np.rad2deg(np.abs(run.q - target)[:, under_way][:, :, list(run.angles)]).max(axis=2)
     low, middle, high = np.percentile(error, [5, 50, 95], axis=0)
     t = run.t[under_way] - run.plan.lead_s

@@ -44,7 +44,7 @@ class MachineLimit:
         sample: Number of the machine with the worst value.
         t_s: Time of the worst value, s.
         sweep: 95th percentile over the machines of how much closer a machine comes to the limit
-            than the plan, in the part's unit.
+            than the plan, in the part's unit; a preparatory motion of feedback counts too.
     """
 
     requirement: Requirement
@@ -175,6 +175,8 @@ def _furthest(violations: Sequence[MachineLimit]) -> list[MachineLimit]:
 def _advice(each: MachineLimit) -> str:
     """Return the setting that would keep 95 % of machines clear of a limit, in words, or ""."""
     requirement = each.requirement
+    if each.t_s < 0:  # the settings below are for the plan, not for the motion before it
+        return ""
     if isinstance(requirement, Obstacle):
         return f"clearance_m = {_round_up(each.sweep)} of obstacle {requirement.number}"
     if isinstance(requirement, SelfCollision):

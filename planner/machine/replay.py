@@ -47,7 +47,9 @@ class Replay(Recording):
         machine: The machine from whose distribution the samples are drawn.
         seed: Random seed; together with `numbers` it reproduces every sample.
         numbers: Sample numbers, shape (S,).
-        t: Recorded times, shape (R,), s; the last one is `settle_s` after the plan's end.
+        t: Recorded times, shape (R,), s; 0 is the plan's start. The first is the beginning of the
+            controller's preparatory motion, if it makes one, and the last `settle_s` after the
+            plan's end.
         q: True coordinates of the first M samples, whose motions are kept (by default all), shape
             (M, R, N), in the coordinates' units; `motion` gives those of any sample.
         motor_rates: Speeds of both motors of these samples, shape (M, R, 2), rad/s.
@@ -114,7 +116,8 @@ class Replay(Recording):
 
         The limits are checked at the recorded times; there are none with `record_s=None`.
         """
-        times, shape = self.t[self.t <= self.plan.duration], (1, self.margin.shape[1])
+        under_way = (self.t >= 0) & (self.t <= self.plan.duration)
+        times, shape = self.t[under_way], (1, self.margin.shape[1])
         planned, when = np.full(shape, np.inf), np.zeros(shape)
         lower_margins(planned, when, self.plan.problem, self.plan.q(times)[None], times)
         margins = planned[0], self.margin, self.margin_s
@@ -161,6 +164,16 @@ class Replay(Recording):
     def draws(self) -> Draws:
         """Parameters of each sample, drawn again from the seed and the sample numbers."""
         return draw(self.machine, self.plan.problem.system.size - 1, self.numbers, self.seed)
+
+    @property
+    def swing_deg(self) -> tuple[float, float]:
+        """Least and greatest angle of joint 1 before the plan's start, degrees, on the machines
+        whose motions are kept; NaN without a recorded preparatory motion of an arm."""
+        early = self.t < self.plan.lead_s
+        if not (early.any() and self.angles and len(self.q)):
+            return np.nan, np.nan
+        before = np.rad2deg(self.q[:, early, self.angles[0]])
+        return float(before.min()), float(before.max())
 
     def motion(self, place: int) -> Array:
         """Return the true coordinates of the sample at index `place` of `numbers`, shape (R, N).
@@ -361,7 +374,7 @@ def replay(
             `planner.machine.closed_loop.Feedback`.
         settle_s: Time with zero command after the plan's end, s. This time keeps servo lag out of
             the terminal error.
-        record_s: Time between recorded instants, s; None records only the start, the plan's end and
+        record_s: Time between recorded instants, s; None records only the plan's start, its end and
             the final instant. Errors use all simulation steps, recorded or not.
         motions: Number of samples, from the first, whose motions are kept; all by default. Errors
             are kept for all samples, some hundred bytes each.

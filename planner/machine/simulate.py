@@ -50,8 +50,8 @@ BLOCK_BYTES = 250_000_000
 """Limit on the memory for the motions of one block in one stretch."""
 
 FEWEST_TIMES = 3
-"""Number of times that are always recorded (start, end and rest): too few to show whether a motion
-keeps its limits."""
+"""Number of times of the plan that are always recorded (start, end and rest): too few to show
+whether a motion keeps its limits."""
 
 Progress = Callable[[int, int], None]
 Tell = Callable[[float], None]
@@ -131,8 +131,9 @@ def simulate(
     """
     count = draws.count
     records = count if motions is None else min(motions, count)
-    _refuse_too_large(plan, records, settle_s, record_s)
-    times = _record_times(plan.duration, settle_s, record_s)
+    lead = feedback.start(plan, machine, draws.numbers[:1]).lead_s if feedback else 0.0
+    _refuse_too_large(plan, records, lead + settle_s, record_s)
+    times = _record_times(lead, plan.duration, settle_s, record_s)
     whole = _blank(plan, times, count, records, feedback is not None)
     run = _ReplayRun(plan, machine, draws, whole)
     block = max(1, min(CHUNK_SAMPLES, count, int(BLOCK_BYTES / (run.most_rows * _row_bytes(plan)))))
@@ -143,7 +144,7 @@ def simulate(
             run.open_loop(chosen, tell)
         else:
             whole = replace(whole, run_s=run.closed_loop(chosen, tell, feedback))
-    if len(times) <= FEWEST_TIMES:
+    if np.sum(times >= 0) <= FEWEST_TIMES:
         whole.margin[:] = np.nan
     return whole
 
@@ -184,13 +185,14 @@ def _row_bytes(plan: Plan) -> int:
     return 8 * (plan.problem.system.size + 2)
 
 
-def _refuse_too_large(plan: Plan, records: int, settle: float, record: float | None) -> None:
-    """Refuse to record motions that need too much memory.
+def _refuse_too_large(plan: Plan, records: int, beside: float, record: float | None) -> None:
+    """Refuse to record motions that need too much memory, with `beside` s before and after the
+    plan.
 
     Raises:
         InputError: If the motions to keep, or a single motion, would take more than `MOST_BYTES`.
     """
-    span, width = plan.duration + settle, _row_bytes(plan)
+    span, width = plan.duration + beside, _row_bytes(plan)
     rows = 3 if record is None else 3 + span / record
     room = int(MOST_BYTES / (rows * width))
     if room >= max(records, 1):
@@ -221,7 +223,7 @@ class _ReplayRun:
 
     def __init__(self, plan: Plan, machine: Machine, draws: Draws, whole: Recording) -> None:
         self._plan, self._machine, self._draws, self._whole = plan, machine, draws, whole
-        spacing = float(whole.t[-1]) / len(whole.t)
+        spacing = float(whole.t[-1] - whole.t[0]) / len(whole.t)
         self._longest = STRETCH_STEPS * min(machine.step_s, max(spacing, ROUNDING))
         self.most_rows = min(len(whole.t), int(self._longest / spacing) + 1) if spacing else 1
         period = machine.effects.get("control_period_s")
@@ -316,7 +318,7 @@ def _begin(
 ) -> None:
     """Begin a stretch of a simulation, in which the entries `rows` of `times` are recorded."""
     desired = plan.wanted(orders.t)[:, 1:, None]
-    desired[orders.t < times[0]] = np.nan  # ignore deviations before the plan's start
+    desired[orders.t < 0] = np.nan  # ignore deviations before the plan's start
     motion.begin(orders, desired, np.searchsorted(orders.t, times[rows]))
 
 
@@ -349,12 +351,14 @@ def _start(plan: Plan, draws: Draws) -> Array:
     return q
 
 
-def _record_times(duration: float, settle: float, record: float | None) -> Array:
-    """Return the times to record, s: start, end, rest, and every `record` seconds between them."""
-    ends = merge_times(np.array([0.0, duration, duration + settle]))
+def _record_times(lead: float, duration: float, settle: float, record: float | None) -> Array:
+    """Return the times to record, s: start, end and rest, and unless `record` is None the beginning
+    `lead` before the start and every `record` seconds."""
     if record is None:
-        return ends
-    ticks: Array = np.arange(np.ceil((duration + settle) / record), dtype=np.float64) * record
+        return merge_times(np.array([0.0, duration, duration + settle]))
+    ends = merge_times(np.array([-lead, 0.0, duration, duration + settle]))
+    first, last = np.floor(-lead / record) + 1, np.ceil((duration + settle) / record)
+    ticks: Array = np.arange(min(first, 0.0), last, dtype=np.float64) * record
     close, far = ROUNDING * max(1.0, float(ends[-1])), np.ones(len(ticks), dtype=bool)
     for end in ends:
         far[slice(*np.searchsorted(ticks, [end - close, end + close]))] = False

@@ -144,11 +144,13 @@ def test_a_controller_may_begin_before_and_end_after_the_plan(plan: Plan) -> Non
     run = replay(plan, machine, feedback=rest, record_s=0.1, settle_s=0.5)
     assert rest.read[0][0] == -0.5
     assert rest.read[-1][0] == pytest.approx(2.2)
-    begin, rate = run.q[0, 0, 1], 0.11  # the drive runs, bias and all, as long as the controller
-    assert begin == pytest.approx(np.deg2rad(10) + 0.5 * rate)
+    later, rate = run.t >= 0, 0.11  # the drive runs, bias and all, as long as the controller
+    assert run.q[0, 0, 1] == pytest.approx(np.deg2rad(10))
+    assert run.q[0, later, 1][0] == pytest.approx(np.deg2rad(10) + 0.5 * rate)
     assert run.q[0, -1, 1] == pytest.approx(np.deg2rad(10) + 2.8 * rate)
-    assert run.t[[0, -1]].tolist() == [0.0, 2.5]
-    apart = np.abs(run.q[0, :, 1] - plan.trajectory.q(run.t)[:, 1])
+    assert run.t[:7] == pytest.approx([-0.5, -0.4, -0.3, -0.2, -0.1, 0.0, 0.1])
+    assert run.t[-1] == 2.5
+    apart = np.abs(run.q[0, later, 1] - plan.trajectory.q(run.t[later])[:, 1])
     assert run.deviation[0, 0] == pytest.approx(np.max(apart), abs=1e-3)
 
 

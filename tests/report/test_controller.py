@@ -109,6 +109,10 @@ def test_it_passes_its_own_test_and_a_wrong_tracker_does_not(
 ) -> None:
     folder = made(name, real)
     told = (folder / "README.md").read_text()
+    swings = (
+        "- Stand clear: before the plan starts, the joints move within theta1 from -1 to 62 deg"
+    )
+    assert (swings in told) == (name == "lost")
     words = re.search(r"cc (-std=c99 .* -pedantic) (selftest.c.*) -lm", told)
     compile_c(folder, [*words[1].split(), *words[2].split(), "-o", "selftest"])
     done = subprocess.run([folder / "selftest"], capture_output=True, text=True, check=False)

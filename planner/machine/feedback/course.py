@@ -50,6 +50,7 @@ class Course:
         begin: Time at which the course begins, s, in the plan's time; at most 0.
         start: Time at which the motion whose errors are measured starts, s.
         end: Time at which that motion ends, s.
+        swing: Least and greatest θ₁ before the start, (2,), rad; infinite without a run-up.
     """
 
     def __init__(self, plan: Plan, run_up: RunUp | None, shift: Array, play: Array) -> None:
@@ -57,6 +58,9 @@ class Course:
         self.start, self.end = plan.lead_s, plan.duration - plan.tail_s
         if turns_back(plan):  # the predicted motion continues until the plan's end
             self.end = plan.duration
+        self.swing: Array = np.array([-np.inf, np.inf])
+        if run_up is not None:
+            self.swing = np.array([run_up.q[:, 1].min(), run_up.q[:, 1].max()])
         self.begin = 0.0 if run_up is None else min(0.0, float(self.start + run_up.t[0]))
         self.is_predicted = plan.compensates is not None and (run_up is None or turns_back(plan))
         self._followed, self._late = plan, 0.0

@@ -44,6 +44,10 @@ from planner.systems.triangular_system import TriangularSystem
 LEFT_JOINT_RAD = float(np.deg2rad(0.05))
 """Distance from which an axis counts as having left its joint, rad."""
 
+SWING_ROOM_RAD = float(np.deg2rad(1.0))
+"""Angle by which θ₁ may leave the range of the run-up, rad. Without this limit the tracker's
+corrections bring the arm up to 0.6 m nearer to a post than the nominal run-up."""
+
 RESTING_SHARE = 1e-3
 """Largest speed of a resting drive as a fraction of its limit, less than a command's resolution."""
 
@@ -155,7 +159,7 @@ def reference(
     low, high = _bounds(feed, limit, np.where(is_counted, least_speed, 0.0))
     rests = (s[1:] <= course.start) & np.all(feed[:, :, 0] == 0, axis=1)
     high[rests, 0], low[rests, 0] = RESTING_SHARE * limit[0], -RESTING_SHARE * limit[0]
-    rows, floor, ceiling = _state_limits(problem, q[1:], s[1:] >= course.start)
+    rows, floor, ceiling = _state_limits(problem, q[1:], s[1:] >= course.start, course.swing)
     last = np.ceil((course.end - timing.shift - timing.begin) / tick - 1e-6)
     return Reference(
         timing=timing,
@@ -297,26 +301,31 @@ def _second(system: TriangularSystem) -> Pointwise:
 
 
 def _state_limits(
-    problem: Problem, q: Array, begun: NDArray[np.bool_]
+    problem: Problem, q: Array, begun: NDArray[np.bool_], swing: Array
 ) -> tuple[Array, Array, Array]:
     """Return the unit rows (K, c, N) with least and greatest values (K, c) at the course's q (K,
     N).
 
-    There is one row for each coordinate with a limit and, if z₂ has a margin, one along the
-    gradient of z₂ (linearised, and not before the plan's start).
+    There is one row for each coordinate with a limit, which before the start keeps θ₁ near the
+    range `swing` (2,) of the run-up, and, if z₂ has a margin, one along the gradient of z₂
+    (linearised, and not before the plan's start).
     """
     limits, count = problem.limits, len(q)
-    chosen = np.nonzero(np.isfinite(limits.joint))[0]
+    most = np.repeat(limits.joint[None], count, axis=0)
+    least = -most
+    least[~begun, 1] = np.maximum(least[~begun, 1], swing[0] - SWING_ROOM_RAD)
+    most[~begun, 1] = np.minimum(most[~begun, 1], swing[1] + SWING_ROOM_RAD)
+    chosen = np.nonzero(np.isfinite(most).any(axis=0))[0]
     rows = np.broadcast_to(np.eye(q.shape[1])[chosen], (count, len(chosen), q.shape[1]))
-    floor, ceiling = -limits.joint[chosen] - q[:, chosen], limits.joint[chosen] - q[:, chosen]
+    floor, ceiling = (least - q)[:, chosen], (most - q)[:, chosen]
     if limits.z2_margin is None:
         return rows, floor, ceiling
     out = _second(problem.system)(q)
     z2, gradient = problem.z2_sign * out[:, 0], problem.z2_sign * out[:, 1:]
     steep = np.maximum(np.linalg.norm(gradient, axis=1), 1e-9)
-    least = np.where(begun, (limits.z2_margin - z2) / steep, -np.inf)
+    bound = np.where(begun, (limits.z2_margin - z2) / steep, -np.inf)
     rows = np.concatenate([rows, (gradient / steep[:, None])[:, None]], axis=1)
-    floor = np.concatenate([floor, least[:, None]], axis=1)
+    floor = np.concatenate([floor, bound[:, None]], axis=1)
     ceiling = np.concatenate([ceiling, np.full((count, 1), np.inf)], axis=1)
     return rows, floor, ceiling
 

@@ -12,6 +12,8 @@ one drive brings both joints to their start, in stages between which θ₁ swing
     forward, as θ₁ goes to its start    both arrive; the remaining distances are known by now
 
 The angle of each stage is computed with the machine's mean backlash; the tracker corrects the rest.
+cosθ₁ is even, so the swing may go to either side; a smaller swing costs accuracy. The first of
+`SHAPES` that keeps clear of every limit is taken; if none does, there is no run-up.
 
 It has to move back: only a drive through the full backlash corrects a joint that stands ahead of
 its start (0.2 degrees at random). Without moving back the two joints cannot be brought into contact
@@ -35,6 +37,7 @@ from planner.machine.feedback.means import (
     lost_motion,
     lost_spread,
 )
+from planner.machine.limits import lower_margins, parts_of
 from planner.machine.machine import Machine
 from planner.plan.measures import excess_share, peak_inputs
 from planner.plan.plan import Plan
@@ -62,6 +65,21 @@ LEGS = np.array(
 θ₁, at large θ₁, and the last. θ₁ = 0 drives joint 2 fastest. Beyond 62 degrees the swing costs more
 time than it gains; below 60 degrees the drive of joint 3 moves joint 2 too much (E 0.27 degrees
 instead of 0.23, 95 %; on the paper's problem, where the run-up takes 8 s)."""
+
+SHAPES = tuple((most, side) for most in (62.0, 55.0, 50.0, 45.0) for side in (1, -1))
+"""Largest |θ₁|, degrees, and side (1 for the start's, −1 for the other) of the run-ups to try in
+turn. On the paper's problem E is 0.22, 0.31, 0.34 and 0.36 degrees (95 %) on the start's side,
+0.22, 0.26, 0.36 and 0.39 on the other; from (30, 30, 30) to (1, 1, 1) 0.58, 0.80, 1.4 and 2.7 on
+the start's side. Without run-up it is 3.8 and 3.7. A plan that straightens joint 2 takes the
+start's side only: on the other, machines with a large lost motion had E of 6 to 16 degrees, where
+plans that bend joint 2 had 0.2."""
+
+ROUNDING = 1e-9
+"""Excess over a limit that counts as rounding, in its unit."""
+
+ROOM_SHARE, ROOM_DEG = 0.05, 1.0
+"""Room that the nominal run-up keeps to each limit, or as much as the plan's start has if that is
+less: a share of the arm's length to obstacles and links, or its `clearance`; degrees to joints'."""
 
 BACK_DEG, BACK_SPREADS, FINAL_BACK_DEG = 8.0, 10.0, 4.0
 """Least distance that the last joint goes back so that its lost motion w is measured, first in
@@ -91,26 +109,67 @@ def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None
     """Return the run-up of a plan on a machine; None if it is not wanted or would not help.
 
     Raises:
-        InputError: If the run-up is requested and the arm has more than three joints.
+        InputError: If the run-up is requested, and the arm has more than three joints or no room.
     """
+    if not options.run_up:
+        return None
+    found, why = _search(plan, machine, wanted=options.run_up is True)
+    if why and options.run_up is True:
+        raise InputError(f"feedback.run_up = true: {why}")
+    return found
+
+
+def hindrance(plan: Plan, machine: Machine) -> str:
+    """Return why a run-up cannot take up the play before a plan, in words; "" if it can, or without
+    play."""
+    return _search(plan, machine)[1]
+
+
+def _search(plan: Plan, machine: Machine, *, wanted: bool = False) -> tuple[RunUp | None, str]:
+    """Return the first run-up of `SHAPES` that fits, or None and why there is none ("" without
+    play); if `wanted`, one before a plan that reverses, too."""
     system = plan.problem.system
-    if not options.run_up or not isinstance(system, Manipulator):
-        return None
-    lost, first = lost_motion(system, machine), first_motion(plan)
-    if not lost.any() or first[0] == 0:
-        return None
-    if options.run_up == "auto" and hindrance(plan, machine):
-        return None
+    if not isinstance(system, Manipulator) or not (lost := lost_motion(system, machine)).any():
+        return None, ""
     if system.n > 3:
-        raise InputError(
-            f"feedback.run_up = true: one drive cannot bring {system.n - 1} passive joints to their"
-            " start one by one; the run-up works for arms of two or three joints"
+        return None, (
+            f"one drive cannot take up the play of {system.n - 1} joints before the start; the"
+            " run-up works for arms of two or three joints"
         )
+    if turns_back(plan) and plan.compensates is None and not wanted:
+        why = "the drive reverses during the plan, and every joint must then cross its play again"
+        return None, why
+    if (first := first_motion(plan))[0] == 0:
+        return None, ""
     speed = np.array([DRIVE_SHARE, SWING_SHARE]) * input_scale(plan, machine)
     speed = np.minimum(speed, np.maximum(_coasting_speed(machine), LEAST_SPEED_SHARE * speed))
     lost = np.concatenate([gearhead_play(system, machine) / 2, lost])
     behind = max(np.deg2rad(BACK_DEG), BACK_SPREADS * float(lost_spread(machine, system.n).max()))
-    return _Approach(plan, lost, first, speed, behind).solve()
+    why, straightens = "", first[0] * plan.q(plan.lead_s)[2] < 0
+    for most_deg, side in SHAPES if system.n == 3 else SHAPES[:1]:
+        if side < 0 and straightens:
+            continue
+        found = _Approach(plan, lost, first, speed, behind, most_deg, side).solve()
+        if not (way := _breach(plan, system, found)):
+            return found, ""
+        why = why or f"there is no room to take up the play before the start: {way}"
+    return None, why
+
+
+def _breach(plan: Plan, system: Manipulator, found: RunUp) -> str:
+    """Return the limit to which a run-up does not keep its room, and the room, in words; or ""."""
+    parts = [(part, each) for each, part, *_ in parts_of(plan.problem)]
+    least, at_start, when = np.full((3, 1, len(parts)), np.inf)
+    lower_margins(least, when, plan.problem, found.q[None], found.t)
+    lower_margins(at_start, when, plan.problem, found.q[None, -1:], found.t[-1:])
+    reach = float(np.sum(system.link_lengths))
+    for (part, each), margin, start in zip(parts, least[0], at_start[0], strict=True):
+        room = max(ROOM_SHARE * reach, getattr(each, "clearance", 0.0))
+        room = {"m": room, "rad": np.deg2rad(ROOM_DEG)}.get(part.unit, 0.0)
+        if each.physical and margin < min(room, start) - ROUNDING:
+            scale, unit = (180 / np.pi, "deg") if part.unit == "rad" else (1.0, part.unit)
+            return f"{part.label} would have {scale * margin:.3g} {unit}, {scale * room:.3g} wanted"
+    return ""
 
 
 def _coasting_speed(machine: Machine) -> Array:
@@ -129,19 +188,6 @@ def _coasting_speed(machine: Machine) -> Array:
     return np.array([speed / 2, speed])
 
 
-def hindrance(plan: Plan, machine: Machine) -> str:
-    """Return why a run-up cannot take up the play before a plan, in words; "" if it can, or without
-    play."""
-    system = plan.problem.system
-    if not isinstance(system, Manipulator) or not lost_motion(system, machine).any():
-        return ""
-    if system.n > 3:
-        return f"one drive cannot take up the play of {system.n - 1} joints before the start"
-    if turns_back(plan) and plan.compensates is None:
-        return "the drive reverses during the plan, and every joint must then cross its play again"
-    return ""
-
-
 class _Approach:
     """The run-up's inputs and nominal motion as functions of the drive's travel in each stage.
 
@@ -151,14 +197,27 @@ class _Approach:
         way: Signs of the plan's first inputs, (2,).
         speed: Speeds of the drive and of the swings of θ₁, (2,), rad/s.
         behind: Distance that the last joint goes back, rad.
+        most_deg: Largest |θ₁|, degrees.
+        side: Whether θ₁ swings to the start's side, 1, or to the other, −1.
     """
 
-    def __init__(self, plan: Plan, lost: Array, way: Array, speed: Array, behind: float) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        lost: Array,
+        way: Array,
+        speed: Array,
+        behind: float,
+        most_deg: float,
+        side: int,
+    ) -> None:
         self._rates, self._lost = plan.problem.system.rates, lost
         begins = plan.q if turns_back(plan) else plan.wanted  # as in `Course`
         self._start, self._way, self._speed = begins(plan.lead_s), way, speed
         self._rate = plan.problem.limits.input_rate
-        self._most = plan.problem.limits.joint[1] - np.deg2rad(APPROACH_DEG)
+        most = min(np.deg2rad(most_deg), plan.problem.limits.joint[1] - np.deg2rad(APPROACH_DEG))
+        side *= 1 if self._start[1] >= 0 else -1
+        self._places = side * np.minimum(np.deg2rad(LEGS[:, 0]), most)
         self._back = self._drive(34.0, -1, float(lost[-1]) + behind)
 
     def solve(self) -> RunUp:
@@ -189,7 +248,7 @@ class _Approach:
         if len(self._lost) > 3:
             at_last = self._drive(20.0, 2, np.deg2rad(FINAL_BACK_DEG))
             travels = LEGS[:, 1:] @ np.array([-self._back, *drives, at_last])
-            places = np.minimum(np.deg2rad(LEGS[:, 0]), self._most) * (1 if start >= 0 else -1)
+            places = self._places
         else:
             travels, places = np.array([-self._back, drives[0]]), np.array([start, start])
         swings = np.diff([start, *places, before])

@@ -119,8 +119,8 @@ class FeedbackTable(Table):
         description="Whether a preparatory motion before the plan takes up and measures backlash"
         " and shaft torsion: the arm goes back and returns to the start. auto: if the machine has"
         " backlash or soft shafts, there are at most two passive joints, and the plan's drive"
-        " never reverses or the plan is compensated. Without it a compensated plan prepares as it"
-        " does in open loop.",
+        " never reverses or the plan is compensated, and if there is room between obstacles."
+        " Without it a compensated plan prepares as it does in open loop.",
     )
     path_error_deg: Annotated[float, Field(gt=0)] = Field(
         0.1,

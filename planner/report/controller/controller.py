@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError
 from planner.machine.closed_loop import Controller, Feedback
 from planner.machine.feedback import estimate, programme, tracker
+from planner.machine.feedback.run_up import hindrance
 from planner.machine.feedback.tracker import Tracker, TrackerDesign
 from planner.machine.machine import Machine, machine_for
 from planner.machine.replay import replay
@@ -348,6 +349,7 @@ def _readme(plan: Plan, machine: Machine, design: TrackerDesign, real: str) -> s
         duration=f"{len(ref.feed) * clock.period + clock.wait:.4g}",
         periods=len(ref.feed),
         lead=f"{-clock.begin:.4g}",
+        before=_before(plan, machine, design),
         over=f"{max(0.0, ref.s[-1] - plan.duration):.2g}",
         order=order,
         inputs=", ".join(
@@ -360,6 +362,23 @@ def _readme(plan: Plan, machine: Machine, design: TrackerDesign, real: str) -> s
         work_kb=f"{work * size / 1024:.0f}",
         most_steps=MAX_STEPS,
     )
+
+
+def _before(plan: Plan, machine: Machine, design: TrackerDesign) -> str:
+    """Say between which angles the joints move before the plan's start, or why they do not."""
+    ref = design.ref
+    angles = np.column_stack([ref.q[:, 1], ref.joints])[:-1]
+    early = np.rad2deg(angles[~ref.is_counted])
+    if not len(early):
+        why = hindrance(plan, machine)
+        return f"Nothing moves before the plan starts{f': {why}' if why else ''}."
+    names = [c.name for c in plan.problem.system.coordinates[1:]]
+    ends = zip(names, early.min(axis=0), early.max(axis=0), strict=True)
+    ranges = ", ".join(
+        f"{name} from {np.floor(low):.0f} to {np.ceil(high):.0f} degrees"
+        for name, low, high in ends
+    )
+    return f"Stand clear: before the plan starts, the joints move within {ranges}."
 
 
 def _place(value: float, unit: str) -> str:

@@ -89,6 +89,7 @@ def _draw_replay(axes: Any, run: Replay, colour: str) -> None:
     t = run.t - plan.lead_s
     part = "" if len(run.q) == len(run.numbers) else f"first {len(run.q)} "
     planned = np.rad2deg(plan.trajectory.q(run.t))
+    planned[run.t < 0] = np.nan
     for ax, i in zip(axes, run.angles, strict=True):
         shade_holds(ax, plan)
         low, middle, high = np.rad2deg(np.percentile(run.q[:, :, i], [5, 50, 95], axis=0))

@@ -1,4 +1,4 @@
-"""Run cases in this process, in processes of this computer, or on a Dask cluster.
+"""Run cases in this process, or in processes of this computer; `cluster` has a third kind of pool.
 
 A process of this computer runs `serve`: prints `ready`, then reads one request per line from
 standard input and prints one row per line on standard output, both JSON. The process ends when its
@@ -8,9 +8,7 @@ standard input closes, so that it never outlives its parent.
 from __future__ import annotations
 
 import json
-import logging
 import os
-import socket
 import subprocess
 import sys
 import tempfile
@@ -21,8 +19,7 @@ from queue import SimpleQueue
 from typing import Protocol
 
 from planner.errors import InputError
-from planner.support.package import ROOT, how_to_install
-from planner.support.tables import shorten
+from planner.support.package import ROOT
 from planner.sweep.case import RESULTS, Request, Row, run_case
 
 ONE_THREAD_ENVIRONMENT = dict.fromkeys(
@@ -67,6 +64,13 @@ class Pool(Protocol):
     def submit(self, request: Request) -> Future[Row]:
         """Submit a case; the returned future raises only if the pool itself has failed."""
 
+    def trouble(self) -> str:
+        """Return in a sentence why the pool stands still; "" if it does not.
+
+        Raises:
+            InputError: If the pool cannot be used.
+        """
+
     def close(self) -> None:
         """Cancel running and waiting cases, and release processes and connections."""
 
@@ -81,6 +85,10 @@ class SerialPool:
         future: Future[Row] = Future()
         future.set_result(run_case(request))
         return future
+
+    def trouble(self) -> str:
+        """Return "": this process does not stand still."""
+        return ""
 
     def close(self) -> None:
         """Do nothing, because no process or connection is open."""
@@ -105,6 +113,10 @@ class LocalPool:
     def submit(self, request: Request) -> Future[Row]:
         """Submit a case to the next free worker process."""
         return self._threads.submit(self._run, request)
+
+    def trouble(self) -> str:
+        """Return "": a process that ends is noticed at once."""
+        return ""
 
     def close(self) -> None:
         """Kill the worker processes at once, and cancel waiting cases."""
@@ -233,124 +245,3 @@ def death_row(what: str, status: int | None = None, words: str = "") -> Row:
         "why": f"{what}{signal}{ended}",
         "traceback": words or None,
     }
-
-
-CLUSTER_WINDOW = 500
-"""Number of cases submitted to the scheduler at once; the number of workers may change."""
-
-SCHEDULER_WAIT_S = 4.0
-"""Longest wait for an answer of the scheduler, in seconds."""
-
-WORKER_WAIT_S = 15.0
-"""Longest wait for the first worker, in seconds."""
-
-
-class ClusterPool:
-    """A pool that runs cases on Dask's workers, each started with `dask worker --nthreads 1`.
-
-    If a worker dies, Dask moves its case to another worker, at most three times.
-
-    Args:
-        address: Address of the scheduler, as in "tcp://host:8786".
-
-    Raises:
-        InputError: If Dask is not installed, the scheduler does not answer or has no workers, or
-            the workers lack this package.
-    """
-
-    window = CLUSTER_WINDOW
-
-    def __init__(self, address: str) -> None:
-        _refuse_junk(address)
-        try:
-            import distributed
-        except ImportError:
-            raise InputError(
-                f"--cluster needs Dask; install it with: {how_to_install('cluster')}"
-            ) from None
-        # We report a lost connection in one message; silence the pages that Dask logs about it.
-        for part in ("client", "core", "utils"):
-            logging.getLogger(f"distributed.{part}").setLevel(logging.CRITICAL)
-        try:
-            self._client = distributed.Client(
-                address, timeout=SCHEDULER_WAIT_S, set_as_default=False
-            )
-        # Dask documents no exception for a failed connection.
-        except Exception as error:
-            raise InputError(
-                f"no Dask scheduler answers at {shorten(address)}: {shorten(str(error), 200)}"
-            ) from None
-        try:
-            self._refuse_unable_workers(address)
-        except BaseException:
-            self._client.close()
-            raise
-        self._failure = (
-            f"the Dask cluster at {address} has failed; finished cases are saved, and the same"
-            " command runs the rest"
-        )
-        self._executor = self._client.get_executor(pure=False)
-        self._killed: type[Exception] = distributed.scheduler.KilledWorker
-
-    def _refuse_unable_workers(self, address: str) -> None:
-        try:
-            self._client.wait_for_workers(1, timeout=WORKER_WAIT_S)
-        except TimeoutError:
-            raise InputError(
-                f"the Dask scheduler at {address} has no workers; start some with"
-                f" 'dask worker {address} --nthreads 1'"
-            ) from None
-        try:
-            self._client.submit(_probe_worker, pure=False).result(timeout=4 * WORKER_WAIT_S)
-        except Exception as error:
-            raise InputError(
-                f"the workers of {address} cannot run this package ({type(error).__name__}:"
-                f" {error}); install the same planner there"
-            ) from None
-
-    def submit(self, request: Request) -> Future[Row]:
-        """Submit a case to the cluster."""
-        answer: Future[Row] = Future()
-
-        def done(future: Future[Row]) -> None:
-            if future.cancelled():
-                answer.set_exception(InputError(self._failure))
-                return
-            error = future.exception()
-            if error is None:
-                answer.set_result(future.result())
-            elif isinstance(error, self._killed):
-                answer.set_result(death_row("every worker that ran the case died"))
-            else:
-                words = f"{self._failure} ({type(error).__name__}: {error})"
-                answer.set_exception(InputError(words))
-
-        self._executor.submit(run_case, request).add_done_callback(done)
-        return answer
-
-    def close(self) -> None:
-        """Cancel running and waiting cases, and disconnect from the cluster."""
-        self._executor.shutdown(wait=False)
-        self._client.close()
-
-
-def _refuse_junk(address: str) -> None:
-    """Refuse an invalid address of a scheduler at once; Dask would try until its timeout."""
-    scheme, prefix, place = address.rpartition("://")
-    host, colon, port = place.rpartition(":")
-    numbered = colon and port.isascii() and port.isdigit() and 0 < int(port[:6]) < 65536
-    is_scheme = not prefix or scheme in ("tcp", "tls", "ws", "wss", "ucx")
-    if not (is_scheme and host and numbered and host.isprintable() and " " not in host):
-        raise InputError(
-            f"--cluster {shorten(address)!r} is not the address of a Dask scheduler, as in"
-            " tcp://host:8786"
-        )
-    try:
-        socket.getaddrinfo(host.strip("[]"), int(port), type=socket.SOCK_STREAM)
-    except (OSError, UnicodeError) as error:
-        raise InputError(f"no Dask scheduler answers at {shorten(address)}: {error}") from None
-
-
-def _probe_worker() -> bool:
-    """Return True on a worker that has this package; any other worker cannot load this function."""
-    return True

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import os
 import time
+import warnings
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from planner.errors import InputError
+from planner.errors import InputError, InputWarning
 from planner.problem.tables.kinds import local_only
 from planner.support.interrupts import Terminated, hold_signals
 from planner.support.progress import Tell, expect_listener
 from planner.sweep.case import Case, Row, case_at, cases
+from planner.sweep.clients import Client
+from planner.sweep.cluster import ClusterPool
 from planner.sweep.description import Sweep
-from planner.sweep.pools import ClusterPool, LocalPool, Pool, SerialPool
+from planner.sweep.pools import LocalPool, Pool, SerialPool
 from planner.sweep.store import Store
 from planner.sweep.sweep_file import flatten
 
@@ -37,7 +39,7 @@ class Outcome:
         sweep: Number of the sweep in the file, for `planner.load_sweep`.
         points: Number of points of the sweep times number of methods.
         cases: Number of different cases among these points and methods.
-        kept: Number of cases that were already in the file.
+        kept: Number of cases that were already in the file, or that another run added meanwhile.
         ran: Number of cases that this run added.
         statuses: How many of the sweep's cases ended in each status.
         elapsed_s: Duration of the run in seconds.
@@ -69,8 +71,9 @@ def run_sweep(
 ) -> Outcome:
     """Run those cases of a sweep that are not yet in a database file.
 
-    Each finished case is saved at once. After any interruption the same call runs the rest. A
-    refusal is a result too: see the columns `status` and `why`.
+    Each finished case is saved at once. After any interruption the same call runs the rest. Several
+    runs may share one file at the same time: each case is run by one of them. A refusal is a result
+    too: see the columns `status` and `why`.
 
     Args:
         sweep: A `Sweep`, a sweep file, or its tables.
@@ -94,24 +97,23 @@ def run_sweep(
     with Store(db, create=True) as store:
         index = store.register(sweep, cases(sweep))
         positions = store.positions(index)
-        done = positions.keys() & store.finished_keys(retry, sweep.plans)
-        missing = (position for key, position in positions.items() if key not in done)
-        waiting = (case_at(sweep, position) for position in missing)
-        run = _SweepRun(store, waiting, len(positions) - len(done), tell)
+        wanted = store.unfinished(index, retry, sweep.plans)
+        run = _SweepRun(store, sweep, positions, wanted, len(wanted), tell)
         if run.total:
             if workers != 0:
                 _refuse_local_plugins(sweep)
-            pool = _pool(workers, cluster, run.total)
-            try:
-                run.drive(pool)
-            finally:
-                with hold_signals():  # else a worker process may run on
-                    pool.close()
+            with Client(store.path) as client:
+                pool = _pool(workers, cluster, run.total)
+                try:
+                    run.drive(pool, client.name)
+                finally:
+                    with hold_signals():  # else a worker process may run on
+                        pool.close()
         store.refuse_lost()
         statuses = store.statuses(index)
         if sum(statuses.values()) < len(positions):
             raise InputError(f"{db} has lost cases while the sweep ran; run the same command again")
-    counts = len(sweep), len(positions), len(done), run.done
+    counts = len(sweep), len(positions), len(positions) - run.done, run.done
     return Outcome(str(db), index, *counts, statuses, time.perf_counter() - start)
 
 
@@ -154,28 +156,44 @@ def _refuse_local_plugins(sweep: Sweep) -> None:
 
 @dataclass
 class _SweepRun:
-    """State of a sweep that runs: its waiting, running and finished cases."""
+    """State of a sweep that runs.
+
+    Attributes:
+        wanted: Keys of the cases that are neither finished nor run by this client, each with the
+            number of its row; see `Store.unfinished`.
+        total: Number of unfinished cases at the start.
+        done: Number of cases that this client has finished.
+        running: Number of cases that it has submitted.
+        is_idle: Whether it waits, because other clients run all cases that are left.
+        trouble: Why the pool stands still; or "".
+        statuses: How many of them ended in each status.
+        finished: Finished cases that are not saved yet.
+    """
 
     store: Store
-    waiting: Iterator[Case]
+    sweep: Sweep
+    positions: Mapping[str, int]
+    wanted: dict[str, int]
     total: int
     tell: Tell
     done: int = 0
+    running: int = 0
+    is_idle: bool = False
+    trouble: str = ""
     statuses: Counter[str] = field(default_factory=Counter)
     finished: SimpleQueue[tuple[Case, Future[Row]]] = field(default_factory=SimpleQueue)
 
-    def drive(self, pool: Pool) -> None:
-        """Submit waiting cases as earlier cases finish, and save each finished case at once."""
-        self._report()
-        running = sum(self._launch(pool, case) for case in islice(self.waiting, pool.window))
+    def drive(self, pool: Pool, client: str) -> None:
+        """Submit cases as earlier cases finish, and save each finished case at once."""
+        self._report(pool)
+        self._launch(pool, client)
         try:
-            while running:
+            while self.running or self.wanted:
                 with suppress(Empty):
                     self._keep(*self.finished.get(timeout=PROGRESS_INTERVAL_S))
-                    running -= 1
-                self._report()
-                room = pool.window - running
-                running += sum(self._launch(pool, case) for case in islice(self.waiting, room))
+                    self.running -= 1
+                self._report(pool)
+                self._launch(pool, client)
         except (KeyboardInterrupt, Terminated):
             while not self.finished.empty():
                 self._keep(*self.finished.get())
@@ -190,12 +208,30 @@ class _SweepRun:
         self.done += 1
         self.statuses[future.result()["status"]] += 1
 
-    def _launch(self, pool: Pool, case: Case) -> int:
+    def _launch(self, pool: Pool, client: str) -> None:
+        room = pool.window - self.running
+        claimed, finished = self.store.claim(self.wanted, self.sweep.plans, client, room)
+        for key in (*claimed, *finished):
+            del self.wanted[key]
+        for key in claimed:
+            self._submit(pool, case_at(self.sweep, self.positions[key]))
+        self.is_idle = bool(self.wanted) and not self.running
+
+    def _submit(self, pool: Pool, case: Case) -> None:
+        self.running += 1
         future = pool.submit(case.request)
         future.add_done_callback(lambda future: self.finished.put((case, future)))
-        return 1
 
-    def _report(self) -> None:
+    def _report(self, pool: Pool) -> None:
+        trouble = pool.trouble()
+        if trouble and not self.trouble:
+            warnings.warn(trouble, InputWarning, stacklevel=4)
+        self.trouble = trouble
         counts = ", ".join(f"{n} {status.replace('_', ' ')}" for status, n in self.statuses.items())
-        doing = f"{self.done} of {self.total} cases" + (f" ({counts})" if counts else "")
-        self.tell(doing, self.done / self.total)
+        over = self.total - len(self.wanted) - self.running
+        doing = f"{over} of {self.total} cases" + (f" ({counts})" if counts else "")
+        if self.is_idle:
+            doing += "; waiting for those of another run"
+        if trouble:
+            doing += "; the cluster stands still"
+        self.tell(doing, over / self.total)

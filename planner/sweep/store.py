@@ -1,17 +1,18 @@
 """The database file of sweeps (SQLite). Each finished case is saved at once in its own transaction.
 
-`cases` has one row per case, by its key; `points` lists the cases of each sweep in the file. With
-write-ahead logging a commit survives any end of the process. A file of another kind is refused and
-not changed.
+`cases` has one row per case, by its key; `points` lists the cases of each sweep in the file, and
+`claims` those that a client is running (see `clients`). With write-ahead logging a commit survives
+any end of the process. A file of another kind is refused and not changed.
 """
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import sqlite3
 import time
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,6 +22,7 @@ from planner.errors import InputError
 from planner.support.files import expect_path, parse_json, refuse_unwritable, written_paths
 from planner.support.interrupts import hold_signals
 from planner.sweep.case import RESULTS, Case, Row
+from planner.sweep.clients import is_alive
 from planner.sweep.description import Sweep
 from planner.sweep.sweep_file import canonical_json, digest
 
@@ -59,6 +61,9 @@ CREATE TABLE points (
     PRIMARY KEY (sweep, position)
 ) WITHOUT ROWID;
 """
+_CLAIMS = """
+CREATE TABLE IF NOT EXISTS claims (key TEXT PRIMARY KEY, client TEXT NOT NULL) WITHOUT ROWID
+"""
 _FORMAT = "planner-sweep"
 
 
@@ -76,6 +81,7 @@ class Store:
 
     def __init__(self, path: str | Path, create: bool = False) -> None:
         self.path = expect_path(path)
+        self._index, self._is_writable = Path(f"{self.path}-shm"), False
         if create:
             refuse_unwritable(path)
         new = not os.path.exists(path)
@@ -93,6 +99,7 @@ class Store:
         try:
             with self.explain_errors():
                 self._prepare(create)
+            self._is_writable = os.access(self._index, os.W_OK)
         except BaseException:
             empty = new and self._is_empty()
             self.db.close()
@@ -105,7 +112,10 @@ class Store:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self.db.close()
+        if self._is_frozen():  # closing writes, too: keep it open until the process ends
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(self.db))
+        else:
+            self.db.close()
 
     def _prepare(self, create: bool) -> None:
         (tables,) = self.db.execute("SELECT count(*) FROM sqlite_master").fetchone()
@@ -121,6 +131,8 @@ class Store:
                     )
         self._refuse_foreign()
         self._add_columns()
+        if create:  # with the tables, or in a file of an older version of planner
+            self.db.execute(_CLAIMS)
         # A commit survives the end of the process, not a power cut; that would cost 10 ms per case.
         self.db.execute("PRAGMA synchronous = NORMAL")
 
@@ -199,9 +211,22 @@ class Store:
                     self.db.execute("ROLLBACK")
                 raise
 
+    def _is_frozen(self) -> bool:
+        """Return whether the index of the log (-shm), once writable, has become read-only.
+
+        SQLite has the index in its memory, without a check: the first write to it would then kill
+        the process with the signal SIGBUS, as after `chattr +i`.
+        """
+        return self._is_writable and not os.access(self._index, os.W_OK)
+
     @contextmanager
     def explain_errors(self) -> Iterator[None]:
-        """Convert errors of SQLite into an `InputError` that names the file."""
+        """Convert errors of SQLite into an `InputError` that names the file.
+
+        A database that has become read-only is refused first.
+        """
+        if self._is_frozen():
+            raise InputError(f"cannot use the database {self.path}: {self._index} is read-only now")
         try:
             yield
         except (sqlite3.Error, UnicodeDecodeError, OSError) as error:
@@ -250,15 +275,56 @@ class Store:
             )
         return int(number)
 
+    def claim(
+        self, wanted: Mapping[str, int], plans: bool, client: str, most: int
+    ) -> tuple[list[str], list[str]]:
+        """Claim cases for a client, except those that another living client has claimed.
+
+        Args:
+            wanted: Keys of the cases, each with the number of its row; see `unfinished`.
+            plans: Whether a solved case without a saved plan counts as unfinished.
+            client: Name of the client.
+            most: Most cases to claim.
+
+        Returns:
+            The keys of the claimed cases, and of those that another client has finished meanwhile.
+        """
+        claimed, finished, alive = list[str](), list[str](), dict[str, bool]()
+        with self.transaction():
+            for key, before in wanted.items():
+                if len(claimed) == most:
+                    break
+                ((holder, row),) = self._select(
+                    "SELECT (SELECT client FROM claims WHERE key = ?), (SELECT rowid FROM cases"
+                    " WHERE key = ? AND NOT (? AND solved AND plan IS NULL))",
+                    *(key, key, plans),
+                )
+                if row not in (None, before):
+                    finished.append(key)
+                    continue
+                if holder is not None and holder not in alive:
+                    alive[holder] = is_alive(holder, self.path)
+                if holder is None or not alive[holder]:
+                    self.db.execute("INSERT OR REPLACE INTO claims VALUES (?, ?)", (key, client))
+                    claimed.append(key)
+        return claimed, finished
+
     def add(self, case: Case, row: Row) -> None:
-        """Save a finished case; replace an earlier case with the same key."""
+        """Save a finished case in a new row, and end its claim.
+
+        An earlier row of the same key is replaced, but a solved case keeps its saved plan.
+        """
         names = ["key", "description", "finished_at", *RESULTS]
-        values = [case.key, case.description, _now(), *(row[name] for name in RESULTS)]
         marks = ", ".join("?" * len(names))
         with self.transaction():
+            if row["solved"] and row["plan"] is None:
+                saved = self._select("SELECT plan FROM cases WHERE key = ?", case.key)
+                row = {**row, "plan": saved[0][0] if saved else None}
+            values = [case.key, case.description, _now(), *(row[name] for name in RESULTS)]
             self.db.execute(
                 f"INSERT OR REPLACE INTO cases ({', '.join(names)}) VALUES ({marks})", values
             )
+            self.db.execute("DELETE FROM claims WHERE key = ?", (case.key,))
 
     # -- reading -------------------------------------------------------------------------------
 
@@ -277,21 +343,26 @@ class Store:
             )
         )
 
-    def finished_keys(self, retry: Collection[str], plans: bool) -> set[str]:
-        """Return the keys of the finished cases.
+    def unfinished(self, sweep: int, retry: Collection[str], plans: bool) -> dict[str, int]:
+        """Return the unfinished cases of a sweep by key, each with the number of its row, or 0.
+
+        A case that is run again gets a new row, so its number tells whether that has happened.
 
         Args:
+            sweep: The sweep's number.
             retry: Statuses that do not count as finished.
-            plans: Whether solved cases without a saved plan count as unfinished.
+            plans: Whether a solved case without a saved plan counts as unfinished.
         """
         marks = ", ".join("?" * len(retry))
-        rows = self._select(
-            "SELECT key FROM cases WHERE NOT (? AND solved AND plan IS NULL)"
-            f" AND status NOT IN ({marks})",
-            plans,
-            *retry,
+        return dict(
+            self._select(
+                "SELECT points.key, coalesce(cases.rowid, 0) FROM points"
+                " LEFT JOIN cases ON cases.key = points.key WHERE sweep = ? AND (cases.key IS NULL"
+                f" OR (? AND solved AND plan IS NULL) OR status IN ({marks}))"
+                " GROUP BY points.key ORDER BY min(position)",
+                *(sweep, plans, *retry),
+            )
         )
-        return {key for (key,) in rows}
 
     def statuses(self, sweep: int) -> dict[str, int]:
         """Return the number of different cases of a sweep by status."""

@@ -290,7 +290,7 @@ def test_an_interrupt_keeps_what_is_done_for_exports_too(
     assert run_sweep(tables, db, workers=0).ran == 6
 
 
-@pytest.mark.parametrize("step", ["BEGIN IMMEDIATE", "INSERT OR REPLACE", "COMMIT"])
+@pytest.mark.parametrize("step", ["BEGIN IMMEDIATE", "INSERT OR REPLACE INTO cases", "COMMIT"])
 @pytest.mark.parametrize("heard", [True, False], ids=["command", "library"])
 def test_an_interrupt_between_two_steps_of_a_transaction_loses_nothing(
     tables: Tables, db: Path, monkeypatch: pytest.MonkeyPatch, step: str, heard: bool
@@ -303,7 +303,7 @@ def test_an_interrupt_between_two_steps_of_a_transaction_loses_nothing(
             done = super().execute(statement, *values)
             if statement.startswith(step):
                 steps.append(step)
-                if len(steps) == 7:
+                if len(steps) == (7 if "cases" in step else 12):
                     signal.raise_signal(signal.SIGINT)
             return done
 

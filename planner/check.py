@@ -37,6 +37,7 @@ from planner.solve import solve, solve_and_check
 from planner.support.deadline import time_limit, time_share
 from planner.support.progress import expect_listener
 from planner.verification.summary import plan_summary, refusal_summary
+from planner.verification.verify import verify
 
 Progress = Callable[[str], None]
 
@@ -97,6 +98,8 @@ class Analysis:
         refusals: The refusal of each method that has no plan, by the method's name.
         remedy: A change of the problem with which a method has a plan; None if a method has a plan
             of the unchanged problem, or if no change helped.
+        in_the_way: The bodies without which a method has a plan, in words, if no change helped;
+            else empty.
         ended_early: What ended the search early, in words; None if the search was completed.
     """
 
@@ -112,6 +115,7 @@ class Analysis:
     outcomes: tuple[dict[str, Any], ...]
     refusals: Mapping[str, NoPlanError]
     remedy: Remedy | None
+    in_the_way: str = ""
     ended_early: str | None = None
 
     def __repr__(self) -> str:
@@ -143,6 +147,7 @@ class Analysis:
             text = f"{proof[0].upper()}{proof[1:]}."
         elif self.ended_early:
             text += f" ({self.ended_early[0].upper()}{self.ended_early[1:]}.)"
+        text += f" {self.in_the_way}" if self.in_the_way else ""
         return text if self.remedy is None else f"{text} Change {self.remedy}."
 
     def to_dict(self) -> dict[str, Any]:
@@ -165,6 +170,7 @@ class Analysis:
             "not_promised": {name: list(labels) for name, labels in self.not_promised.items()},
             "methods": list(self.outcomes),
             "remedy": None if self.remedy is None else self.remedy.to_dict(),
+            "in_the_way": self.in_the_way or None,
             "ended_early": self.ended_early,
         }
 
@@ -194,7 +200,8 @@ def check(
     unrefined = [name for name, method in METHODS.items() if method.refines is None]
     names = unrefined if methods is None else [find_method(m).name for m in methods]
     window, reach = travel_window(problem), goal_reach(problem)
-    outcomes, refusals, remedy = [], dict[str, NoPlanError](), None
+    outcomes, refusals = [], dict[str, NoPlanError]()
+    remedy, in_the_way = None, ""
     with time_limit(time_limit_s) as span:
         words = f"its share of {span.why}" if time_limit_s is not None else ""
         for k, name in enumerate(names):
@@ -202,7 +209,7 @@ def check(
             with time_share(1 / (len(names) - k + 1), words):
                 outcomes.append(_outcome(problem, name, refusals))
         if not any(o["verified"] for o in outcomes):
-            remedy = find_remedy(problem, names, say, reach)
+            remedy, in_the_way = find_remedy(problem, names, say, reach)
     say("checking the plain polynomial")
     singular = any(o["method"] == "polynomial" and o["status"] == "singular" for o in outcomes)
     return Analysis(
@@ -218,14 +225,18 @@ def check(
         outcomes=tuple(outcomes),
         refusals=refusals,
         remedy=remedy,
+        in_the_way=in_the_way,
         ended_early=f"{span.why} ended the search" if span.was_reached else None,
     )
 
 
 def find_remedy(
     problem: Problem, names: Sequence[str], say: Progress, reach: Reach | None = None
-) -> Remedy | None:
-    """Return the first change of the problem that gives a method a verified plan, or None."""
+) -> tuple[Remedy | None, str]:
+    """Return the first change of the problem that gives a method a verified plan, or None.
+
+    If only a change that removes bodies gives a plan, return what that plan meets, in words.
+    """
 
     def attempt(change: Change) -> Plan:
         return solve_and_check(problem.changed(change.keys), change.method, advice=False)[0]
@@ -233,12 +244,19 @@ def find_remedy(
     nearer = reach_changes(problem, reach) if reach else []
     able = sorted(names, key=lambda name: name != "collocation")  # the most general method first
     every = (*nearer, *duration_changes(problem), *path_changes(problem))
-    changes = [replace(change, method=name) for change in every for name in able]
+    ordered = sorted(every, key=lambda change: change.solid)
+    changes = [replace(change, method=name) for change in ordered for name in able]
     result = try_changes(changes, attempt, say)
     if result.change is None or result.plan is None:
-        return None
+        return None, ""
+    if result.change.solid:
+        broken = verify(replace(result.plan, problem=problem)).violations
+        met = ", ".join(str(v) for v in broken if v.demand is not None and v.demand.solid)
+        way = f"Without {result.change.without} the method '{result.change.method}' has a plan"
+        return None, f"{way}, in which {met}."
     words = str(replace(result.change, method=""))
-    return Remedy(result.change.keys, result.change.method, plan_summary(result.plan), words)
+    remedy = Remedy(result.change.keys, result.change.method, plan_summary(result.plan), words)
+    return remedy, ""
 
 
 def _outcome(problem: Problem, name: str, refusals: dict[str, NoPlanError]) -> dict[str, Any]:

@@ -293,7 +293,8 @@ class NoPlanError(PlannerError):
         others = (advice,) if isinstance(advice, str) else advice or ()
         self.otherwise = "; or ".join(others) or None
         super().__init__()
-        self.advise(*(str(change) for change in changes if not change.method), *others)
+        named = (str(change) for change in changes if not (change.method or change.solid))
+        self.advise(*named, *others)
 
     def advise(self, *words: str | None) -> None:
         """Set the advice: first `words`, then each of `changes` that uses another method."""

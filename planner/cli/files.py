@@ -10,6 +10,7 @@ import typer
 
 from planner.cli.arguments import PlanPath, out_option
 from planner.cli.output import finish, job, number
+from planner.cli.plan import touch_facts
 from planner.plan.plan import Plan
 from planner.plan.samples import RATE_HZ, held_miss, sample
 from planner.report.export import FORMATS, Real, find_format, fitting, refuse_target
@@ -80,16 +81,18 @@ def export(
         motion = load_plan(plan, strict=True)
         written = write(motion, out, name, rate_hz=rate, joint_names=names, real=real)
         miss = _held_miss(motion, rate) if FORMATS[name].sample_and_hold else {}
+        touch = touch_facts(motion) if FORMATS[name].is_command else (None, "")
     sent = " and ".join(FORMATS[name].command_columns(motion))
     data = {"plan": plan, "format": name, "written": written, "held_miss": miss or None}
     data |= {"only_sampled": motion.only_sampled, "claimed": motion.claimed}
+    data |= {"jumps": motion.jump_words or None, "on_machines": touch[0]}
     words = f"; send the motors {sent}" * bool(sent)
     if miss:
         off = ", ".join(f"{each} {number(value)}" for each, value in miss.items())
         step = 1e3 * float(sample(motion, rate).t[1])  # the rate is adapted to the duration
         words += f"{' and' if sent else ';'} hold each row until the next, {step:.4g} ms:"
         words += f" on an ideal machine the end is off by {off}"
-    reservations = "".join(f"; {each}" for each in motion.reservations)
+    reservations = "".join(f"; {each}" for each in [*motion.reservations, touch[1]] if each)
     words += reservations.replace("{", "{{").replace("}", "}}")
     return finish(data, where="written to {}" + words)
 

@@ -93,6 +93,7 @@ def plan(
             motion, check = solve_and_check(task, name, time_limit_s=time_limit)
             took = time.perf_counter() - began
             summary = plan_summary(motion, check)
+            summary["on_machines"], touch = touch_facts(motion) if motion.verified else (None, "")
     except NoPlanError as error:
         return _report_refusal(task, name, error)
     summary |= _heading(task) | {"written": out and motion.save(out)}
@@ -100,9 +101,24 @@ def plan(
     if search_ended_early():
         status = ReportedStatus(INTERRUPT_STATUS)
         say("planner: interrupted: this is the best plan found so far")
-    table = facts(_properties(task, motion, summary, took))
-    parts = (f"{task.name}: {name}", table, "", _verdict(motion))
+    rows = [*_properties(task, motion, summary, took), *[("emulated", touch)] * bool(touch)]
+    parts = (f"{task.name}: {name}", facts(rows), "", _verdict(motion))
     return finish(summary, *parts, status=status, where="plan written to {}")
+
+
+def touch_facts(plan: Plan) -> tuple[dict[str, Any] | None, str]:
+    """Return on how many emulated machines a plan's links touch something, as data and in words.
+
+    Return None and "" if the problem has no obstacles and no clearance of the links.
+    """
+    from planner.machine.replay import replay_beside_bodies  # slow to import
+
+    run = replay_beside_bodies(plan)
+    if run is None:
+        return None, ""
+    count, words = len(run.numbers), run.touch_words
+    data = {"machines": count, "touching": run.touching, "words": words or None}
+    return data, words or f"none of {count} machines touches an obstacle or itself"
 
 
 def _report_refusal(problem: Problem, method: str, error: NoPlanError) -> int:
@@ -124,6 +140,8 @@ def _verdict(plan: Plan) -> str:
         if plan.compensates is not None:
             how = "verified on the nominal machine, for which it is compensated"
         text = f"The plan reaches the goal and keeps every limit ({how})."
+        if plan.jump_words:
+            text += f"\nIt {plan.jump_words}: limits on input rates hold from its start to its end."
         if why := str(plan.notes.get("ended_early", "")):
             text += f"\n{why[0].upper()}{why[1:]}; more time may find a better one."
         return text

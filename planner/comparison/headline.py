@@ -252,14 +252,15 @@ def _costs(row: Row, other: Row) -> str:
 
 
 def _caution(row: Row) -> str:
-    """Return a warning if machines break limits that the plan keeps; else ""."""
+    """Warn of a plan that jumps at an end, and of machines that break limits that it keeps."""
+    jumps = f" {row.label} {row.plan.jump_words}." if row.plan and row.plan.jump_words else ""
     if not row.beyond_limits > 0:
-        return ""
+        return jumps
     words = f" On {number(row.beyond_limits)} % of the machines {row.label} breaks a limit"
     if not row.breaks_alike:
         words += f", on {number(row.beyond_physical)} % a physical one"
         words += " (breaking one of chained coordinates harms nothing)"
-    return f"{words}."
+    return f"{jumps}{words}."
 
 
 def _follow_up(rows: Sequence[Row], row: Row) -> str:

@@ -171,6 +171,8 @@ class Row(PlanFigures):
         words = [self.why] if self.why else []
         if self.solved and self.domain_ok is False:
             words.append("leaves the chart, as this method may")
+        if self.solved and self.plan is not None and self.plan.jump_words:
+            words.append(self.plan.jump_words)
         if self.solved and self.beyond_limits > 0:
             few = "" if self.breaks_alike else f", {number(self.beyond_physical)} % a physical one"
             words.append(f"{number(self.beyond_limits)} % of machines break a limit{few}")

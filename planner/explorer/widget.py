@@ -164,11 +164,15 @@ class Explorer(anywidget.AnyWidget):
         return self._shown_screen
 
     def _hear(self, _: Any, content: Mapping[str, Any], buffers: Any) -> None:
-        """Handle a message from the browser: stop the current answer, or queue the next answer."""
+        """Handle a message from the browser: stop the current answer, or queue the next answer.
+
+        Each request is confirmed at once: a page whose kernel was restarted would wait for ever.
+        """
         if content.get("ask") == "stop":
             if self._answer_in_work is not None:
                 worker().stop(self._answer_in_work, at_once=bool(content.get("at_once")))
         else:
+            self.send({"number": content.get("number"), "heard": True})
             self._answer_in_work = worker().do(lambda: self._reply(content))
 
     def _reply(self, content: Mapping[str, Any]) -> None:

@@ -24,6 +24,7 @@ from planner.machine.machine import Draws, Machine, draw, machine_for, sample_nu
 from planner.machine.simulate import Progress, Recording, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.plan.samples import import_library, plan_facts
+from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
 from planner.support.progress import expect_listener
 
@@ -137,7 +138,7 @@ class Replay(Recording):
         harm: its rates, eq. (6), are smooth in q and contain no z₂, and only cosθ = 0 stops a
         joint. At most the change of coordinates from z to q is singular there.
         """
-        return float(np.mean(self._beyond(physical=True))) if self.limits else np.nan
+        return float(np.mean(self._beyond(lambda each: each.physical))) if self.limits else np.nan
 
     @property
     def limit_words(self) -> str:
@@ -145,15 +146,25 @@ class Replay(Recording):
         kinds = [
             limit_words(
                 [each for each in self.limits if each.requirement.physical == kind],
-                int(np.sum(self._beyond(physical=kind))),
+                int(np.sum(self._beyond(lambda each, kind=kind: each.physical == kind))),  # type: ignore[misc]
             )
             for kind in (True, False)
         ]
         return "; ".join(filter(None, kinds))
 
-    def _beyond(self, *, physical: bool) -> NDArray[np.bool_]:
+    @property
+    def touching(self) -> int:
+        """Number of machines whose links touch an obstacle or each other."""
+        return int(np.sum(self._beyond(lambda each: each.solid)))
+
+    @property
+    def touch_words(self) -> str:
+        """Words on how many machines touch what, and what clearance would help; "" if none does."""
+        return limit_words([each for each in self.limits if each.requirement.solid], self.touching)
+
+    def _beyond(self, kind: Callable[[Requirement], bool]) -> NDArray[np.bool_]:
         """Return which machines break a limit of one kind, (S,)."""
-        kinds = [each.physical == physical for each, *_ in parts_of(self.plan.problem)]
+        kinds = [kind(each) for each, *_ in parts_of(self.plan.problem)]
         return np.asarray(np.any(self.margin[:, kinds] < 0, axis=1))
 
     def percentile(self, percent: float) -> float:
@@ -410,6 +421,21 @@ def replay(
     return Replay(
         **vars(recording), plan=plan, machine=used, seed=seed, numbers=numbers, again=again
     )
+
+
+TOUCH_MACHINES, TOUCH_INSTANTS = 100, 500
+"""Numbers of machines and of recorded instants in `replay_beside_bodies`."""
+
+
+def replay_beside_bodies(plan: Plan) -> Replay | None:
+    """Replay a plan on machines of its problem to see whether they touch what the plan passes.
+
+    Return None if the problem has no obstacles and no clearance of the links.
+    """
+    if not any(each.solid for each in plan.problem.requirements):
+        return None
+    record_s = max(RECORD_S, plan.duration / TOUCH_INSTANTS)
+    return replay(plan, samples=TOUCH_MACHINES, record_s=record_s, motions=0)
 
 
 def feedback_of(plan: Plan, feedback: bool | Feedback) -> Feedback | None:

@@ -33,6 +33,8 @@ class Change:
         words: Text to show instead of the keys; for a change of method, text after its name.
         without: The requirement that the change removes, in words; named as the cause if the change
             leads to a plan.
+        solid: Whether this requirement keeps bodies apart. Such a change is tried last, and only to
+            tell what is in the way.
         method: Another method to use, or "" for the same method.
         defaults: Whether to use the method's default options instead of the given ones.
     """
@@ -40,6 +42,7 @@ class Change:
     keys: Mapping[str, Any] = field(default_factory=dict)
     words: str = ""
     without: str = ""
+    solid: bool = False
     method: str = ""
     defaults: bool = False
 
@@ -104,7 +107,7 @@ def path_changes(problem: Problem) -> list[Change]:
     for demand in problem.demands if blocked else reversed(problem.demands):
         if removal := demand.removal():
             keys, words, what = removal
-            out[what] = Change(keys, words, what)
+            out[what] = Change(keys, words, what, demand.solid)
     return list(out.values())
 
 
@@ -185,6 +188,7 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, work: float) 
         A plan of the original problem, if a try happened to find one; else None.
     """
     changes = [change for change in error.changes if not change.method]
+    changes.sort(key=lambda change: change.solid)
     if not changes:
         return None
     allowed = min(max(LEAST_S, MOST_TIMES_REFUSAL * work), MOST_S)
@@ -192,10 +196,10 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, work: float) 
         tries = try_changes(changes, attempt, lambda doing: progress.tell(f"no plan; {doing}"))
     if tries.change is None or tries.plan is None:
         said = [error.otherwise] if error.otherwise else []
-        if tries.vain:
-            said.append(f"tried without success: {', '.join(map(str, tries.vain))}")
-        if tries.left:
-            said.append(f"not tried, or not to the end: {', '.join(map(str, tries.left))}")
+        if vain := [str(change) for change in tries.vain if not change.solid]:
+            said.append(f"tried without success: {', '.join(vain)}")
+        if left := [str(change) for change in tries.left if not change.solid]:
+            said.append(f"not tried, or not to the end: {', '.join(left)}")
         error.advise(time_advice() if remaining() <= 0 else None, "; ".join(said))
         return None
     shown = replace(tries.plan, problem=problem, verified=False, certificate=None)
@@ -204,8 +208,11 @@ def advise(error: NoPlanError, problem: Problem, attempt: Attempt, work: float) 
         return tries.plan  # a plan with other options does not answer the request
     words, change = changed_words(shown, violations), str(tries.change)
     wider = f" with {change}" if words and change.startswith("limits.") else ""
-    error.advise(f"{words or change} (tried{wider})")
-    error.has_remedy = True
+    if any(v.demand is not None and v.demand.solid and v.value <= 0 for v in violations):
+        error.advise(error.otherwise, words if words != error.otherwise else None)
+    else:
+        error.advise(f"{words or change} (tried{wider})")
+        error.has_remedy = True
     if tries.change.without:
         error.blame(tries.change.without, replace(shown, status=error.status), violations)
     return None

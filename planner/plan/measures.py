@@ -192,6 +192,23 @@ def peak_inputs(trajectory: Trajectory) -> Array:
     return largest(reading.cells, reading.u)
 
 
+REST_SHARE = 1e-6
+"""Largest |u| that counts as rest, relative to the input's peak."""
+
+
+def moving_inputs(trajectory: Trajectory, time: float) -> list[str]:
+    """Return a text such as "|u1| = 0.5 rad/s" for each input that is not zero at a time.
+
+    An undefined input (NaN) counts as not zero.
+    """
+    u, peaks = np.abs(trajectory.u(time)), np.maximum(peak_inputs(trajectory), 1e-12)
+    return [
+        f"|{each.name}| = {u[i]:.4g} {each.unit}"
+        for i, each in enumerate(trajectory.system.inputs)
+        if not u[i] <= REST_SHARE * peaks[i]
+    ]
+
+
 def peak_rates(trajectory: Trajectory) -> Array:
     """Return the largest |du₁/dt| and |du₂/dt|, shape (2,); infinite where an input jumps."""
     reading = read_trajectory(trajectory)

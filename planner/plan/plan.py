@@ -22,6 +22,7 @@ from planner.plan.measures import (
     domain_report,
     effort,
     effort_unit,
+    moving_inputs,
     peak_inputs,
 )
 from planner.plan.trajectory import Trajectory
@@ -142,9 +143,25 @@ class Plan:
 
     @property
     def reservations(self) -> list[str]:
-        """Phrases on requirements that are only sampled and figures that only the file claims."""
+        """Phrases on requirements that are only sampled, figures that only the file claims, and
+        inputs that jump at an end."""
         said = {"only sampled": self.only_sampled, "only its file says": self.claimed}
-        return [f"{words}: {shown_labels(labels)}" for words, labels in said.items() if labels]
+        said_of = [f"{words}: {shown_labels(labels)}" for words, labels in said.items() if labels]
+        return [*said_of, *[self.jump_words] * bool(self.jump_words)]
+
+    @property
+    def jump_words(self) -> str:
+        """Words on inputs that jump from rest at the start or to rest at the end, although the
+        problem limits their rates; else "".
+
+        Such a limit holds from the start to the end of a plan; only `rest` demands rest there.
+        """
+        if not (self.executable and self.problem.reads("du")):
+            return ""
+        ends = {"starts": 0.0, "ends": self.duration}
+        moving = {verb: moving_inputs(self.trajectory, time) for verb, time in ends.items()}
+        said = (f"{verb} with a jump ({', '.join(at)})" for verb, at in moving.items() if at)
+        return " and ".join(said)
 
     def __str__(self) -> str:
         """Return a summary: method, state, effort and peak inputs if the inputs exist, problem."""

@@ -23,7 +23,7 @@ import numpy as np
 
 from planner.errors import InputError, InputWarning
 from planner.machine.machine import Machine
-from planner.plan.measures import peak_inputs
+from planner.plan.measures import REST_SHARE, moving_inputs, peak_inputs
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.samples import ARRAYS, RATE_HZ, Samples, commands, held_miss, motor_angles, sample
 from planner.report.result_folder import folder, refuse_unwritable_folder
@@ -167,7 +167,7 @@ def export(
     options = ExportOptions(rate_hz, joint_names, real, machine)
     _refuse_options(name, options)
     content = FORMATS[name].content(plan, options)
-    if FORMATS[name].is_command and (moving := moving_inputs(plan, 0.0)):
+    if FORMATS[name].is_command and (moving := moving_inputs(plan.trajectory, 0.0)):
         warnings.warn(
             f"this {plan.method} plan does not start at rest: {', '.join(moving)} at t = 0;"
             f" {HELD_REST_ADVICE if plan.compensates else REST_ADVICE}",
@@ -243,7 +243,7 @@ def _mat(plan: Plan, samples: Samples, rate_hz: float) -> bytes:
         "method": plan.method,
         "status": plan.status,
         "verified": plan.verified,
-        "starts_at_rest": not moving_inputs(plan, 0.0),
+        "starts_at_rest": not moving_inputs(plan.trajectory, 0.0),
         "duration_s": plan.duration,
         "held_miss": held_miss(plan, rate_hz),
         "objective": plan.objective,
@@ -269,9 +269,6 @@ HELD_REST_ADVICE = (
     "limit the input rates of the original plan (--set limits.input_rate_rad_s2=2.0); the"
     " preparatory motion respects this limit too"
 )
-
-REST_SHARE = 1e-6
-"""Largest |u| at an end that counts as rest, relative to the input's peak."""
 
 DIFFERENCE_SHARE = 1e-6
 """Half width of difference quotients for accelerations, as a fraction of a plan's smooth piece."""
@@ -352,19 +349,6 @@ def time_slopes(plan: Plan, function: Callable[[Array], Array], t: Array) -> Arr
     return np.asarray((function(after) - function(before)) / (after - before)[:, None])
 
 
-def moving_inputs(plan: Plan, time: float) -> list[str]:
-    """Return a text such as "|u1| = 0.5 rad/s" for each input that is not zero at a time.
-
-    An undefined input (NaN) counts as not zero.
-    """
-    u, peaks = np.abs(plan.u(time)), np.maximum(peak_inputs(plan.trajectory), 1e-12)
-    return [
-        f"|{each.name}| = {u[i]:.4g} {each.unit}"
-        for i, each in enumerate(plan.problem.system.inputs)
-        if not u[i] <= REST_SHARE * peaks[i]
-    ]
-
-
 def _refuse_unfit(plan: Plan) -> None:
     """Refuse a plan that a robot's trajectory controller cannot follow; for any robot format."""
     check = verify(plan)
@@ -378,7 +362,7 @@ def _refuse_unfit(plan: Plan) -> None:
             " but a robot's controller interpolates between points; export it as csv"
         )
     for time, when in ((0.0, "start"), (plan.duration, "end")):
-        if moving := moving_inputs(plan, time):
+        if moving := moving_inputs(plan.trajectory, time):
             raise InputError(
                 f"this {plan.method} plan does not {when} at rest: {moving[0]} at its {when};"
                 f" {REST_ADVICE}"

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import NoPlanError, Violation
-from planner.plan.measures import effort, effort_unit, peak_inputs
+from planner.plan.measures import effort, effort_unit, moving_inputs, peak_inputs
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
 from planner.support.calculus.extremes import sample_times
@@ -135,7 +135,8 @@ _OF_PLAN = ("method", "status", "verified", "objective", "objective_name", "solv
 
 SUMMARY_KEYS = (
     *_OF_PLAN, *OF_EVERY_PLAN, "direction", "terminal_error", "peak_u_rad_s", "executable",
-    "z2_max", "singular_times_s", "reason", "violations", "advice", "certificate", "notes",
+    "starts_at_rest", "ends_at_rest", "z2_max", "singular_times_s", "reason", "violations",
+    "advice", "certificate", "notes",
 )  # fmt: skip
 """Every key of a summary, in order. For systems whose path coordinate is a length, `travel_rad`
 and the first of `peak_u_rad_s` are in metres and metres per second. In a summary
@@ -162,6 +163,8 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
         "terminal_error": dict(zip(names, check.terminal_error.tolist(), strict=True)),
         "peak_u_rad_s": peak_inputs(plan.trajectory).tolist(),
         "executable": plan.executable,
+        "starts_at_rest": not moving_inputs(plan.trajectory, 0.0),
+        "ends_at_rest": not moving_inputs(plan.trajectory, plan.duration),
         "z2_max": plan.domain.z2_max,
         "singular_times_s": list(plan.domain.singular_times_s),
         "violations": [_violation(v) for v in check.violations],

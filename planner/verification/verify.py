@@ -80,6 +80,7 @@ class Check:
         integration_error: Estimated error of the integration, in the coordinates' units; NaN if
             nothing was integrated.
         units: Unit of each margin.
+        jumps: `Plan.jump_words`: which inputs jump at an end although their rates are limited.
     """
 
     ok: bool
@@ -90,11 +91,13 @@ class Check:
     interpolant_error: float
     integration_error: float = np.nan
     units: Mapping[str, str] = field(default_factory=dict)
+    jumps: str = ""
 
     def __repr__(self) -> str:
         if self.ok:
             worst = np.max(np.abs(self.terminal_error), initial=0.0)
-            return f"Check(ok, largest error at the goal {worst:.2g} rad or m)"
+            jumps = f", {self.jumps}" if self.jumps else ""
+            return f"Check(ok, largest error at the goal {worst:.2g} rad or m{jumps})"
         return "Check(broken: " + "; ".join(map(str, self.violations)) + ")"
 
     def _repr_html_(self) -> str:
@@ -107,7 +110,7 @@ class Check:
             Column("unit", "", lambda r: self.units.get(r[0], ""), left=True),
         ]
         broken = f"{len(texts)} of {len(self.margins)} requirements broken"
-        above = "verified" if self.ok else broken
+        above = "; ".join(filter(None, ["verified" if self.ok else broken, self.jumps]))
         above += f"; integrated to {self.integration_error:.1g} rad or m"
         return html_table(columns, self.margins.items(), above)
 
@@ -214,6 +217,7 @@ def examine(
         interpolant_error=motion.gap[0],
         integration_error=motion.error,
         units={f.part.label: f.part.unit for f in findings},
+        jumps=plan.jump_words,
     )
     return check, motion
 

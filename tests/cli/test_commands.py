@@ -21,6 +21,7 @@ import pytest
 import planner
 from planner.cli import output
 from planner.cli.arguments import parse_changes
+from planner.verification.summary import plan_summary
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 PAPER = PROBLEMS / "paper.toml"
@@ -30,6 +31,15 @@ FIGURES = {
     "travel_rad", "terminal_error_deg", "peak_u_rad_s", "domain_ok", "domain_margin", "z2_max",
     "singular_times_s", "verified", "violations", "reason", "advice", "direction", "terminal_error",
 }  # fmt: skip
+
+
+BESIDE_A_POST = """
+system = {{kind = "manipulator", joints = 2, K = [0.9], k_g = 0.7, link_lengths = [0.4, 0.3]}}
+start.theta_deg = [5, 5]
+goal = {{theta_deg = [35, 30], duration = 8.0}}
+limits = {{input_rad_s = [0.6, 0.6], joint_deg = 75}}
+obstacles = [{{centre_m = [{x}, 0.28], radius_m = 0.06, clearance_m = 0.003}}]
+"""
 
 
 def lacking(text: str, *pieces: str) -> list[str]:
@@ -51,6 +61,55 @@ def test_a_plan_for_people(run: Callable) -> None:
     assert float(took) > float(solved)
     assert "\x1b" not in result.out
     assert all(line == line.rstrip() for line in result.out.splitlines())
+
+
+def test_a_plan_that_starts_with_a_jump_says_so(run: Callable, tmp_path: Path) -> None:
+    """Limits on input rates hold from its start to its end, and do not say how it gets there."""
+    out, rates = tmp_path / "plan.json", {"limits.input_rate_rad_s2": 0.5, "goal.duration": "free"}
+    settings = [word for key, x in rates.items() for word in ("--set", f"{key}={x}")]
+    shown = run("plan", PAPER, "-m", "sinusoid", *settings, "--out", out)
+    plan = planner.load_plan(out)
+    speeds = [rf"\|u{k}\| = {abs(plan.u(0.0)[k - 1]):.4g} rad/s" for k in (1, 2)]
+    words = rf"starts with a jump \({', '.join(speeds)}\) and ends with a jump \("
+    assert re.search(f"keeps every limit .*It {words}", " ".join(shown.out.split()))
+    assert re.search(words, repr(plan))
+    assert re.search(words, repr(planner.verify(plan)))
+    assert re.search(words, planner.verify(plan)._repr_html_())
+    data = run("plan", PAPER, "-m", "sinusoid", *settings, "--json").json
+    assert (data["starts_at_rest"], data["ends_at_rest"]) == (False, False)
+    assert data["on_machines"] is None
+    assert re.search(words, run("export", out, "--out", tmp_path / "x.mat", "--json").json["jumps"])
+    result = planner.compare(plan.problem, ["sinusoid"], samples=2)
+    assert re.search(words, result.rows[0].remark)
+    assert re.search(f"sinusoid {words}", result.headline)
+    rest = planner.load_problem(PAPER, rates | {"goal.duration": 30})
+    slow = planner.solve(rest, "convex")
+    assert slow.jump_words == ""
+    assert plan_summary(slow)["starts_at_rest"]
+    free = planner.solve(planner.load_problem(PAPER), "collocation")
+    assert free.jump_words == "", "nothing limits its rates"
+
+
+def test_plan_and_export_say_how_many_machines_hit_a_post(run: Callable, tmp_path: Path) -> None:
+    """A plan may graze a post; nearly every machine then hits it."""
+    file, out = tmp_path / "post.toml", tmp_path / "plan.json"
+    file.write_text(BESIDE_A_POST.format(x=0.69))
+    data = run("plan", file, "--out", out, "--json").json["on_machines"]
+    plan = planner.load_plan(out)
+    runs = planner.replay(plan, samples=100)
+    assert (data["machines"], data["touching"]) == (100, runs.touching)
+    assert 0 < runs.touching < 100
+    words = rf"{runs.touching} of 100 machines break a limit: clearance of link \d from obstacle 1"
+    assert re.match(words, data["words"])
+    assert re.search(r"about clearance_m = [\d.]+ of obstacle 1", data["words"])
+    assert re.search(words, " ".join(run("plan", file).out.split()))
+    for name, known in (("x.csv", data), ("x.json", None)):
+        exported = run("export", out, "--out", tmp_path / name, "--json").json["on_machines"]
+        assert exported == known, "said where motors may execute the file"
+    assert re.search(words, run("export", out, "--out", tmp_path / "y.csv").err)
+    file.write_text(BESIDE_A_POST.format(x=-0.6))
+    far = run("plan", file, "--json").json
+    assert far["on_machines"] == {"machines": 100, "touching": 0, "words": None}
 
 
 def test_a_plan_as_json_and_file(run: Callable, tmp_path: Path) -> None:

@@ -33,8 +33,25 @@ def done() -> None:
 def sent(monkeypatch: pytest.MonkeyPatch, paper: planner.Problem) -> tuple[Any, list[Any]]:
     widget = planner.explore(paper.changed({"goal.travel": 0.82}), samples=2)
     messages: list[Any] = []
-    monkeypatch.setattr(widget, "send", messages.append)
+    monkeypatch.setattr(widget, "send", lambda m: None if "heard" in m else messages.append(m))
     return widget, messages
+
+
+def test_a_request_is_confirmed_before_it_is_worked_on(
+    monkeypatch: pytest.MonkeyPatch, paper: planner.Problem
+) -> None:
+    """Also while another takes long: a page that hears nothing says that the kernel is gone."""
+    widget, free, messages = planner.explore(paper), threading.Event(), list[Any]()
+    monkeypatch.setattr(widget, "send", messages.append)
+    earlier = worker().do(lambda: free.wait(60))
+    try:
+        widget._hear(widget, {"ask": "picture", "number": 8}, [])
+        assert messages == [{"number": 8, "heard": True}]
+    finally:
+        free.set()
+    earlier.result(60)
+    done()
+    assert [m["number"] for m in messages] == [8, 8]
 
 
 def test_each_question_has_one_answer_with_its_number(sent: tuple[Any, list[Any]]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import count
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -131,6 +132,46 @@ def test_tries_end_with_the_time_limit_given(paper: Problem) -> None:
     assert str(error.advice).startswith("a larger time limit")
     tried = "limits.joint_deg = 80.0, limits.joint_deg = 81.0"
     assert f"not tried, or not to the end: {tried}" in str(error)
+
+
+def test_what_is_in_the_way_is_named_and_never_left_out() -> None:
+    """By a method that knows no obstacles, before and after changes are tried, and by `check`."""
+    problem = planner.load_problem(Path(__file__).parents[2] / "problems/obstacle.toml")
+    with pytest.raises(NoPlanError) as caught:
+        planner.solve(problem, "convex")
+    assert str(caught.value.advice).startswith("obstacle 1 elsewhere")
+    without = [change for change in path_changes(problem) if change.solid]
+    assert [change.keys for change in without] == [{"obstacles": []}]
+    assert NotConvergedError("none", changes=without, advice="luck").advice == "luck"
+    found = planner.check(problem, ["convex"])
+    assert found.remedy is None
+    assert "Without the obstacles the method 'convex' has a plan, in which clearance of link" in (
+        found.verdict
+    )
+    assert found.to_dict()["in_the_way"] == found.in_the_way
+
+
+def test_bodies_are_taken_away_last_and_only_to_tell_what_is_in_the_way(
+    paper: Problem, plan: Plan
+) -> None:
+    post = {"obstacles": [{"centre_m": [2.2, 1.0], "radius_m": 0.2}]}
+    links = {"system": {**paper.to_dict()["system"], "link_lengths": [1.0, 1.0, 1.0]}}
+    problem = paper.changed({**post, **links})
+    shown = replace(plan, problem=problem)
+    assert [v.value < 0 for v in planner.verify(shown).violations] == [True]
+    asked, bodies = [], Change({"obstacles": []}, "", "the obstacles", solid=True)
+
+    def attempt(change: Change) -> Plan:
+        asked.append(change)
+        if change is bodies:
+            return replace(plan, problem=problem)
+        raise NoPlanError("none")
+
+    error = NotConvergedError("none", changes=[bodies, CHANGES[0]], advice="luck")
+    assert advise(error, problem, attempt, 1.0) is None
+    assert asked == [CHANGES[0], bodies]
+    assert error.advice == "luck; or obstacle 1 elsewhere"
+    assert error.reason == "none; without the obstacles there is a plan, which breaks:"
 
 
 def test_other_methods_are_named_and_not_called(

@@ -407,7 +407,7 @@ def test_a_disc_out_of_reach_is_settled_and_one_in_reach_is_named_by_link() -> N
         == "at the start link 2 reaches 0.0625 m into obstacle 2; move the start or the obstacle"
     )
     both = [_broken(Obstacle(n, 3, 1.0, 1.0, 0.2), -0.1) for n in (2, 1, 2)]
-    assert Obstacle.easing(both) == "leave out [[obstacles]] 1 and 2"
+    assert Obstacle.easing(both) == "obstacles 1 and 2 elsewhere"
 
 
 def test_a_clearance_is_kept_beyond_the_disc() -> None:

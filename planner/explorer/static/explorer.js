@@ -33,7 +33,8 @@ class DragChart extends TimeChart {
 
 const SOON = 250; // ms; a request that takes longer is shown as running and can be stopped
 const LONG = 1000; // ms; after this time new settings stop the running plan instead of waiting
-const PATIENCE = 10000; // ms; a stopped search should have answered by then
+const PATIENCE = 10000; // ms; the kernel hears a request at once, and a stopped search should have answered by then
+const SILENT = "The kernel does not answer: it is busy, or it was restarted. After a restart run this cell again.";
 const DOING = { judge: "verifying", errors: "on the machines", texts: "writing", mechanism: "drawing" };
 
 function render({ model, el }) {
@@ -101,7 +102,7 @@ function render({ model, el }) {
 
   function begin(kind, began, more = {}) {
     clearTimeout(resting);
-    busy = { kind, number: ++number, began, stopped: 0 };
+    busy = { kind, number: ++number, began, sent: performance.now(), heard: false, stopped: 0 };
     root.dataset.open = 1;
     if (!(kind in DOING)) old();
     model.send({ ask: kind, number, ...more });
@@ -121,14 +122,18 @@ function render({ model, el }) {
     const ms = performance.now() - busy.began;
     if (ms < SOON) return;
     const { kind } = busy;
+    const since = (moment) => performance.now() - moment;
+    if (busy.heard ? busy.stopped && since(busy.stopped) > PATIENCE : since(busy.sent) > PATIENCE) {
+      verdict.textContent = SILENT;
+      return;
+    }
     const plans = !(kind in DOING);
     root.classList.toggle("px-busy", plans);
     charts.get("error")?.host.classList.toggle("px-past", plans || kind === "errors");
     if (plans) words.textContent = facts.textContent = "";
     if (plans || root.dataset.kind === "not judged yet") {
       const doing = busy.stopped ? "stopping" : (DOING[kind] ?? "planning");
-      const silent = busy.stopped && performance.now() - busy.stopped > PATIENCE ? ": the kernel is busy or gone" : "";
-      verdict.textContent = `${doing}, ${Math.floor(ms / 1000)} s${silent}`;
+      verdict.textContent = `${doing}, ${Math.floor(ms / 1000)} s`;
     }
     stopper.hidden = kind === "texts" || kind === "mechanism";
     if (plans && waiting.size && ms > LONG) stop(true); // its answer would belong to other settings
@@ -144,6 +149,7 @@ function render({ model, el }) {
 
   function answered(reply) {
     if (!busy || reply.number !== busy.number) return;
+    if (reply.heard) return (busy.heard = true);
     if (reply.more) return fill(reply.controls, new Set(waiting.keys()));
     const done = busy;
     busy = null;

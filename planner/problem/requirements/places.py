@@ -42,7 +42,8 @@ class Waypoint(Demand):
     @classmethod
     def easing(cls, breaches: Sequence[Violation]) -> str:
         """Advise to leave out the waypoints that the motion misses."""
-        return _omission("waypoints", breaches)
+        numbers = sorted({v.demand.number for v in breaches})
+        return f"leave out [[waypoints]] {' and '.join(map(str, numbers))}"
 
     def removal(self) -> tuple[dict[str, Any], str, str] | None:
         """Return the change that removes all waypoints."""
@@ -89,7 +90,7 @@ class Obstacle(Requirement):
 
     reads = frozenset({"q"})
     row_fields = ("x", "y", "radius", "clearance")
-    divides, smooth = True, False
+    divides, smooth, solid = True, False, True
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -107,10 +108,10 @@ class Obstacle(Requirement):
 
     @classmethod
     def easing(cls, breaches: Sequence[Violation]) -> str:
-        """Advise a smaller clearance, or to leave out the discs that links touch."""
-        touched = [v for v in breaches if v.value <= 0]
-        if touched:
-            return _omission("obstacles", touched)
+        """Advise a smaller clearance; name the discs if links touch them."""
+        if touched := {v.demand.number for v in breaches if v.value <= 0}:
+            several = "s" if len(touched) > 1 else ""
+            return f"obstacle{several} {' and '.join(map(str, sorted(touched)))} elsewhere"
         return f"obstacles.clearance_m = {0.999 * min(v.value for v in breaches):.4g} or less"
 
     def removal(self) -> tuple[dict[str, Any], str, str] | None:
@@ -183,8 +184,3 @@ def nearest_on_segment(point: Array, first: Array, last: Array) -> Array:
     length = np.sum(step**2, axis=-1)
     share = np.sum((point - first) * step, axis=-1) / np.where(length > 0, length, 1.0)
     return np.asarray(first + np.clip(share, 0.0, 1.0)[..., None] * step)
-
-
-def _omission(table: str, breaches: Sequence[Violation]) -> str:
-    numbers = sorted({v.demand.number for v in breaches})
-    return f"leave out [[{table}]] {' and '.join(map(str, numbers))}"

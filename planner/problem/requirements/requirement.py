@@ -55,12 +55,14 @@ class Demand(ABC):
         physical: Whether a machine that breaks the demand may break something; False if the demand
             limits chained coordinates, which are the methods' own.
         key: Key in the `[limits]` table, for a kind that applies to all systems.
+        solid: Whether the demand keeps bodies apart. Leaving it out only tells what is in the way.
     """
 
     in_chart: ClassVar[bool] = False
     at_goal: ClassVar[bool] = False
     physical: ClassVar[bool] = True
     key: ClassVar[str] = ""
+    solid: ClassVar[bool] = False
 
     @property
     @abstractmethod

@@ -93,15 +93,15 @@ class SelfCollision(Requirement):
 
     @classmethod
     def easing(cls, breaches: Sequence[Violation]) -> str:
-        """Advise a smaller clearance of the links, or no clearance if links cross."""
+        """Advise a smaller clearance of the links, or another motion if links cross."""
         least = min(v.value for v in breaches)
         if least > 0:
             return f"limits.{cls.key} = {0.999 * least:.4g} or less"
-        return f"leave out limits.{cls.key}"
+        return "another start or goal"
 
     def removal(self) -> tuple[dict[str, Any], str, str] | None:
         """Return the change of the problem file that removes the links' clearance."""
-        return {f"limits.{self.key}": None}, f"leave out limits.{self.key}", "the links' clearance"
+        return {f"limits.{self.key}": None}, "", "the links' clearance"
 
     def rows(self, point: MotionPoint) -> Sequence[Any]:
         """Return for each part an expression that is close to the distance near the clearance c.

@@ -103,7 +103,7 @@ class Violation:
         """
         angle = self.unit == "rad"
         value, limit = (math.degrees(v) if angle else v for v in (self.value, self.limit))
-        while f"{value:.{digits}g}" == f"{limit:.{digits}g}" and value != limit and digits < 12:
+        while f"{value:.{digits}g}" == f"{limit:.{digits}g}" and value != limit and digits < 17:
             digits += 1
         unit = " deg" if angle else f" {self.unit}" if self.unit else ""
         return f"{value:.{digits}g}", f"{limit:.{digits}g}", unit

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import io
+import math
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -39,6 +40,13 @@ MISS_BLOCK = 5000
 
 ARRAYS = ("t", "q", "u", "motors", "z", "v")
 """Arrays of `Samples`, in the order of its columns."""
+
+
+LISTS = ("coordinates", "inputs", "axes")
+MAT_NAMES = (*ARRAYS, *LISTS)
+"""Variables of a MATLAB file that are read."""
+
+MOST_COORDINATES = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,18 +230,34 @@ def _from_csv(path: Path) -> Samples:
 
 
 def _from_mat(path: Path) -> Samples:
-    from scipy.io import loadmat
+    from scipy.io import loadmat, whosmat
     from scipy.io.matlab import MatReadError
 
     try:
         content = io.BytesIO(read_bytes(path, SAMPLES_BYTES))
-        data: dict[str, Any] = loadmat(content, simplify_cells=True)
+        _refuse_misfits({name: math.prod(shape) for name, shape, _ in whosmat(content)})
+        data: dict[str, Any] = loadmat(content, variable_names=MAT_NAMES, simplify_cells=True)
     except (MatReadError, zlib.error) as error:
         raise ValueError(error) from None
     arrays = [np.asarray(data[name], dtype=float) for name in ARRAYS]
-    names = [tuple(map(str, data[name])) for name in ("coordinates", "inputs", "axes")]
+    names = [tuple(map(str, data[name])) for name in LISTS]
     samples = Samples(*names, *arrays)  # type: ignore[arg-type]
     return Samples.from_table(samples.columns, samples.table)
+
+
+def _refuse_misfits(sizes: dict[str, int]) -> None:
+    """Raise a ValueError, before they are read, if the sizes of arrays are not those of samples.
+
+    Compressed zeros take a thousandth of their size in a file.
+    """
+    if missing := [name for name in MAT_NAMES if name not in sizes]:
+        raise ValueError(f"it lacks {', '.join(missing)}")
+    rows, n = sizes["t"], sizes["coordinates"]
+    columns = dict(zip(ARRAYS, (1, n, 2, 2, n, 2), strict=True))
+    misfits = [name for name, wide in columns.items() if sizes[name] != rows * wide]
+    if misfits or rows > MAX_ROWS or n > MOST_COORDINATES:
+        told = ", ".join(f"{name} {sizes[name]}" for name in MAT_NAMES)
+        raise ValueError(f"its arrays have other numbers of values than samples have: {told}")
 
 
 def _travel_unit(rate: Coordinate) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from planner.errors import InputError, MethodError, expect
 from planner.problem.requirements.ends import TipGoal
 from planner.problem.requirements.places import Obstacle, Waypoint
-from planner.problem.requirements.requirement import Requirement
+from planner.problem.requirements.requirement import ROUNDING, Requirement
 from planner.problem.tables.kinds import KIND_LIMITS
 from planner.problem.tables.problem_file import ProblemFile
 from planner.support.arrays import Array
@@ -157,7 +157,7 @@ def tip_of(
         return tip
     away, least = float(np.hypot(*tip.place)), float(2 * np.max(lengths) - reach)
     where = f"goal.tip_m = [{tip.place[0]:g}, {tip.place[1]:g}]"
-    if away > reach:
+    if away > reach * (1 + ROUNDING):
         nearest = tip.place * (reach / away)
         small = SMALL_UNITS.items() if away > 10 * reach else ()
         unit = next((unit for factor, unit in small if away / factor <= reach), "")
@@ -176,7 +176,7 @@ def tip_of(
         )
     for disc in discs:
         apart = disc.radius + disc.clearance
-        if (inside := apart - float(np.hypot(*(tip.place - disc.centre)))) > 0:
+        if (inside := apart - float(np.hypot(*(tip.place - disc.centre)))) > ROUNDING * reach:
             extra = " and its clearance" if disc.clearance else ""
             raise InputError(
                 f"{where} lies {inside:.3g} m inside obstacle {disc.number}{extra};"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -58,6 +59,10 @@ from planner.systems.triangular_system import TriangularSystem
 WIDEST_FREE_JOINT_RAD = np.deg2rad(88.0)
 """Largest |θ| at the goal for a joint that the goal leaves free, unless the joint's limit is
 smaller. At 90 degrees the drive of an arm stands still."""
+
+
+POSE_NOISE_DEG = 0.05
+"""Most by which a measured pose may exceed a joint's limit: half a step of a common encoder."""
 
 
 @factory("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")
@@ -292,13 +297,24 @@ class Problem:
         `InputWarning`. After homing, angles may be negative, so that z₂ has different signs at
         start and goal; only plans in chained coordinates need the same sign.
 
+        A joint that stands beyond its limit by no more than an encoder's noise is taken to stand at
+        the limit.
+
         Args:
             theta_deg: θ₁ … θₙ, degrees.
 
         Raises:
             InputError: As for `from_dict`.
         """
-        changes = {"start.theta_deg": plain(theta_deg)}
+        pose, most = plain(theta_deg), np.rad2deg(self.limits.joint[1:]).tolist()
+        if isinstance(pose, list) and len(pose) == len(most):
+            pose = [
+                math.copysign(limit, a)
+                if isinstance(a, float | int) and limit < abs(a) <= limit + POSE_NOISE_DEG
+                else a
+                for a, limit in zip(pose, most, strict=True)
+            ]
+        changes = {"start.theta_deg": pose}
         there = self.changed({**changes, "limits.z2_margin": None})
         if self.limits.z2_margin is None:
             return there

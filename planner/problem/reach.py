@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.problem.problem import Problem, expect_problem
-from planner.problem.requirements.requirement import MotionPoint
+from planner.problem.requirements.requirement import ROUNDING, MotionPoint
 from planner.support.arrays import Array
 
 START_POINTS = 256
@@ -181,7 +181,7 @@ def keeps_requirements(problem: Problem, q: Array) -> NDArray[np.bool_]:
     for requirement in problem.requirements:
         if requirement.reads == {"q"}:
             low, high, scale = requirement.bounds
-            values, slack = np.stack(requirement.values(points), axis=1), 1e-9 * scale
+            values, slack = np.stack(requirement.values(points), axis=1), ROUNDING * scale
             out &= np.all((values >= low - slack) & (values <= high + slack), axis=1)
     return out
 

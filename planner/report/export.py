@@ -25,7 +25,16 @@ from planner.errors import InputError, InputWarning
 from planner.machine.machine import Machine
 from planner.plan.measures import REST_SHARE, moving_inputs, peak_inputs
 from planner.plan.plan import Plan, expect_plan
-from planner.plan.samples import ARRAYS, RATE_HZ, Samples, commands, held_miss, motor_angles, sample
+from planner.plan.samples import (
+    ARRAYS,
+    LISTS,
+    RATE_HZ,
+    Samples,
+    commands,
+    held_miss,
+    motor_angles,
+    sample,
+)
 from planner.report.result_folder import folder, refuse_unwritable_folder
 from planner.report.urdf import urdf_text
 from planner.support.arrays import Array
@@ -253,8 +262,7 @@ def _mat(plan: Plan, samples: Samples, rate_hz: float) -> bytes:
         "problem_json": json.dumps(plan.problem.to_dict()),
     }
     arrays = {name: getattr(samples, name) for name in ARRAYS}
-    lists = ("coordinates", "inputs", "axes")
-    names = {name: np.array(getattr(samples, name), dtype=object) for name in lists}
+    names = {name: np.array(getattr(samples, name), dtype=object) for name in LISTS}
     stream = io.BytesIO()
     savemat(stream, {**arrays, **names, "about": about}, oned_as="column", do_compression=True)
     return stream.getvalue()

@@ -16,6 +16,10 @@ from planner.support.arrays import Array
 from planner.support.casadi import ca
 from planner.systems.triangular_system import TriangularSystem
 
+ROUNDING = 1e-9
+"""Excess over a limit, relative to its scale, that is taken for rounding of a place in a file; the
+judge allows a motion a thousand times as much."""
+
 
 @dataclass(frozen=True, eq=False)
 class MotionPoint:
@@ -171,7 +175,8 @@ class Requirement(Demand):
             return None
         violations = []
         for part, value in zip(self.parts, self.values(MotionPoint.of(system, q)), strict=True):
-            if value < part.low or value > part.high:  # false for NaN
+            slack = ROUNDING * part.scale
+            if value < part.low - slack or value > part.high + slack:  # false for NaN
                 limit = part.low if value < part.low else part.high
                 violations.append(Violation(part, float(value), limit, demand=self))
         if not violations:

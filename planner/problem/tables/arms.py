@@ -5,12 +5,14 @@ Both have start, goal and limits in joint angles.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from planner.problem.requirements.requirement import ROUNDING
 from planner.problem.tables.problem_file import (
     MOST_OBSTACLES,
     MOST_WAYPOINTS,
@@ -209,19 +211,38 @@ class ArmFile(ProblemFile):
         theta_deg = self.goal.theta_deg
         return ["free"] * self.system.joints if theta_deg is None else theta_deg
 
+    @property
+    def _stretched_deg(self) -> list[float] | None:
+        """Angles at a goal of the tip at full reach, degrees: the arm is straight. Else None.
+
+        There the tip's place has no derivative along the arm, which a search for angles needs.
+        """
+        place, lengths = self.goal.tip_m, self.system.link_lengths
+        if place is None or lengths is None:
+            return None
+        if abs(math.hypot(*place) - sum(lengths)) > ROUNDING * sum(lengths):
+            return None
+        angles = [float(np.rad2deg(np.arctan2(place[1], place[0]))), *[0.0] * (len(lengths) - 1)]
+        given = [*zip(self._goal_deg, angles, strict=True), (self.goal.tip_angle_deg, angles[0])]
+        known = all(abs(a - b) < ROUNDING * 90 for a, b in given if isinstance(a, float | int))
+        return angles if known else None
+
     def start_state(self) -> Array:
         """Return q(0), shape (n+1,), radians."""
         return np.array([self.start.phi_rad, *np.deg2rad(self.start.theta_deg)])
 
     def user_goal(self) -> Array:
         """Return q(T), shape (n+1,), radians, NaN if free."""
-        angles = [np.nan if isinstance(a, str) else a for a in self._goal_deg]
+        goal = self._stretched_deg or self._goal_deg
+        angles = [np.nan if isinstance(a, str) else a for a in goal]
         travel = np.nan if self.goal.travel == "free" else self.goal.travel
         return np.array([self.start.phi_rad + travel, *np.deg2rad(angles)])
 
     def tip(self) -> dict[str, float]:
         """Return the given quantities of the tip: "x" and "y" in metres, "angle" in radians."""
         out = dict[str, float]()
+        if self._stretched_deg:  # then the goal gives every joint
+            return out
         if self.goal.tip_m is not None:
             out |= dict(zip("xy", self.goal.tip_m, strict=True))
         if self.goal.tip_angle_deg is not None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import shlex
 import subprocess
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 
 import planner
 from planner.cli.app import COMMANDS
+from planner.cli.arguments import read_problem
 from planner.paper.reproduce import MISPRINTS
 from planner.plan.measures import peak_inputs
 from planner.support.package import provenance
@@ -138,3 +141,51 @@ def test_k_g_is_the_printed_square_and_no_path_depends_on_it(name: str) -> None:
     other = planner.Manipulator(system.K, float(np.sqrt(square)))
     q = np.array([0.0, 0.2, 0.3, 0.4])
     np.testing.assert_array_equal(system.slopes(q), other.slopes(q))
+
+
+def test_the_swing_to_stand_clear_of_is_the_compensated_plans(paper: planner.Problem) -> None:
+    """Wherever it is told; the notebook prints its own."""
+    plan = planner.compensate(planner.solve(paper, "collocation"))
+    theta1 = np.rad2deg(plan.q(np.linspace(0.0, 4.0, 2001))[:, 1])
+    assert theta1[-1] < 0.5 * theta1.max()  # it has come back
+    for page, words in (
+        ("README.md", r"joint 1 first swings\s+to (\d+)° and back"),
+        (
+            "docs/howto/bench.md",
+            r"joint 1 \(in the paper's example from 1° to (\d+)° and back",
+        ),
+    ):
+        assert int(re.findall(words, read(page))[0]) == round(theta1.max())
+
+
+def test_the_excitation_reverses_as_often_as_is_told(paper: planner.Problem) -> None:
+    motion = planner.excitation(paper)
+    u1 = motion.u(np.linspace(0.0, motion.duration, 30_001))[:, 0]
+    signs = np.sign(u1[np.abs(u1) > 1e-6])
+    assert np.count_nonzero(np.diff(signs)) == 11
+    assert "reverses the drive eleven times" in read("docs/howto/bench.md")
+
+
+def test_the_explorers_travel_is_in_the_domain(paper: planner.Problem) -> None:
+    low, high = re.findall(
+        r"\*travel\* from ([\d.]+) up to ([\d.]+)", read("docs/howto/explore.md")
+    )[0]
+    for travel in (low, high):
+        free = paper.changed({"limits": {}}).with_travel(float(travel))
+        assert planner.solve(free, "polynomial").domain.ok
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "problems").glob("*.toml")), ids=lambda p: p.stem)
+def test_commands_in_problem_files_are_accepted(path: Path) -> None:
+    told = re.findall(r"^# *planner (.*)$", path.read_text("utf-8"), flags=re.M)
+    for command in told:
+        name, file, *options = shlex.split(command)
+        assert name in COMMANDS
+        sets = [value for key, value in pairwise(options) if key == "--set"]
+        read_problem(ROOT / file, sets)
+
+
+def test_gear_constants_of_the_prototype_continue_by_one_rule() -> None:
+    for name in ("four-joint", "self-collision"):
+        K = planner.load_problem(ROOT / f"problems/{name}.toml").system.K
+        assert K[2] == pytest.approx(K[1] ** 2 / K[0], abs=5e-7)

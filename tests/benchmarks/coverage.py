@@ -32,7 +32,7 @@ SECONDS = {3: 30.0, 4: 120.0}
 """Duration given. Four joints need about four times as long for angles of any sign."""
 
 METHODS = {
-    "polynomial": "polynomial:travel=middle",
+    "polynomial, travel in the middle": "polynomial:travel=middle",
     "polynomial, points": "polynomial:points=auto",
     "sinusoid": "sinusoid",
     "convex": "convex",
@@ -207,7 +207,9 @@ HEAD = f"""# Which goals each method reaches
 Random pairs of start and goal, every joint uniform in the given range; inputs up to
 {INPUT:g} rad/s, joints within {WIDE:g} degrees, {SECONDS[3]:g} s for three joints and
 {SECONDS[4]:g} s for four, travel free. The arm has the prototype's proportions. "Solved" are plans
-that are verified. Effort is relative to that of collocation, if both have a plan. Times are
+that are verified. "Travel in the middle" is the
+textbook's choice; the method's default searches for the travel. Effort is relative to that of
+collocation, if both have a plan. Times are
 from a busy computer: compare them only with each other. Collocation refuses {{refused}} pairs,
 {{too_short}} of them because the fastest motion that it finds takes longer than the given duration.
 

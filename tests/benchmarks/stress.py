@@ -201,7 +201,7 @@ by a factor of two. "Motion" is the duration
 in s where it is free, the effort in rad²/s (or what the inputs have) where it is given.
 Percentages are of the cases ordered: half, or 95 % of them, stay below.
 
-Versions: {versions}.
+Versions: {versions}. Each case is of one of them, and the counts add up all.
 """
 
 

@@ -5,6 +5,7 @@ No other file of the suite uses anything from there.
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -22,6 +23,7 @@ from planner.machine import compiled
 
 sys.path += [str(Path(__file__).parent / name) for name in ("benchmarks", "installed")]
 
+import bench_report
 import collocation
 import frameworks
 import gallery
@@ -103,6 +105,14 @@ def test_a_fingerprint_is_the_same_on_every_python(tmp_path: Path) -> None:
         words = [python, "-c", code]
         said = subprocess.run(words, cwd=pages.__file__.rpartition("/")[0], capture_output=True)
         assert said.stdout.decode().strip() == pages.fingerprint(here), python
+
+
+def test_the_page_of_the_speed_says_which_aims_are_missed() -> None:
+    folder = pages.RESULTS / "benchmarks"
+    found = json.loads((folder / "numbers.json").read_text("utf-8"))
+    said = bench_report._targets({**found, "convex": 0.0}).split("- Convex")[0]
+    assert said.count("miss") == 7
+    assert said in (folder / "README.md").read_text("utf-8")
 
 
 def test_a_page_is_signed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -75,7 +75,7 @@ def test_a_post_in_the_usual_swing_is_passed_on_the_other_side(
     assert run.physical_share == 1
     worst = min((each for each in run.limits if each.requirement.physical), key=lambda m: m.worst)
     assert worst.broken == len(run.numbers)
-    assert worst.t_s == pytest.approx(-2.9, abs=0.1)
+    assert -4 < worst.t_s < -2
     assert worst.worst == pytest.approx(room(hit, run.q).min(), abs=1e-3) < -0.1
     assert f"{worst}" in run.limit_words
     assert "clearance_m" not in run.limit_words  # it is for the plan

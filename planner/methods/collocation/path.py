@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -69,24 +69,19 @@ class SeedPath:
     clear: bool
 
 
-@dataclass(eq=False)
-class PathSearch:
-    """The state and result of a search for paths.
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """The result of a search for paths.
 
     Attributes:
         solved: Paths in the order in which they were found.
         failure: The last solution that failed, or None.
-        log: One entry per seed, JSON-ready.
-        latest: The result of the last seed with its task: a failed path; or the path as a motion of
-            the job, to be used if no time is left for a better motion. None without either.
-        clear: Number of paths found whose links clear all discs.
+        log: One entry per guess, JSON-ready.
     """
 
-    solved: list[SeedPath] = field(default_factory=list)
+    solved: tuple[SeedPath, ...] = ()
     failure: Solution | None = None
-    log: list[dict[str, Any]] = field(default_factory=list)
-    latest: tuple[Task, Solution] | None = None
-    clear: int = 0
+    log: tuple[dict[str, Any], ...] = ()
 
     @property
     def distinct(self) -> list[SeedPath]:
@@ -97,56 +92,91 @@ class PathSearch:
                 distinct.append(path)
         return distinct
 
+    def adding(self, path: SeedPath) -> Paths:
+        """Return these paths and one more, or its failure."""
+        solution, ok = path.solution, path.solution.ok
+        effort = solution.objective if ok else None
+        entry = {"start": path.seed, "status": solution.status, "path_effort": effort}
+        log = *self.log, {**entry, "iterations": solution.iterations}
+        if not ok:
+            return Paths(self.solved, solution, log)
+        return Paths((*self.solved, path), self.failure, log)
 
-def search(
-    job: Task,
-    seeds: Sequence[Seed],
-    enough: int,
-    simple: bool = False,
-    longest: float = math.inf,
-) -> Iterator[PathSearch]:
-    """Solve the task's path problem from one seed after the other until enough have converged.
 
-    With `simple`, the search ends with the first path whose drive never reverses, or with `ALIKE`
-    paths that all need more than `longest` intervals (see `path_intervals`); and no seed follows a
-    path that is found repeatedly. The search also ends if the first two thirds of the seeds are
-    infeasible. A path whose links pass through a disc between two nodes may become clear when it is
-    timed, but counts only half. If the seeds lead to different paths and the search is `simple`,
-    random loops about the shortest path follow.
+@dataclass(frozen=True)
+class Enough:
+    """The rules that end a search. It also ends if the first two thirds of the guesses fail.
 
-    Yields:
-        The search so far, always the same object, before the first seed and after each guess.
+    Attributes:
+        clear: Number of paths that clear all discs.
+        simple: Whether the first path whose drive never reverses is enough, and so is a path that
+            is found repeatedly; then loops about the shortest path follow many different ones.
+        longest: Number of intervals (`path_intervals`): `ALIKE` paths that all need more end a
+            search that is `simple`.
+        most: Number of paths, clear or not; by default twice `clear`, since a path whose links pass
+            through a disc between two nodes may become clear when it is timed.
     """
-    free, state = path_task(job), PathSearch()
-    yield state
-    for count, seed in enumerate(seeds, 1):
-        solution = _try(job, free, state, seed)
-        yield state
-        hopeless = 3 * count >= 2 * len(seeds)
-        if hopeless and all(entry["status"] == INFEASIBLE for entry in state.log):
-            return
-        if simple and solution.ok:
-            one_way = is_sure(job.problem) and never_reverses(solution.iterate)
-            if one_way and count >= sides(job.problem):
-                return
-            best = state.distinct[0]
-            many = len(state.solved) >= ALIKE
-            if many and path_intervals(free, best.solution.iterate) > longest:
-                return
-        is_repeated = simple and solution.ok and _repeats_shortest(state.solved)
-        if is_repeated or state.clear >= enough or len(state.solved) >= 2 * enough:
+
+    clear: int
+    simple: bool = False
+    longest: float = math.inf
+    most: int | None = None
+
+    def settles(self, job: Task, free: Task, paths: Paths, path: SeedPath, guesses: int) -> bool:
+        """Return whether after this latest path neither guesses nor loops can help."""
+        count = len(paths.log)
+        if 3 * count >= 2 * guesses and all(e["status"] == INFEASIBLE for e in paths.log):
+            return True
+        if not (self.simple and path.solution.ok):
+            return False
+        one_way = is_sure(job.problem) and never_reverses(path.solution.iterate)
+        if one_way and count >= sides(job.problem):
+            return True
+        shortest = paths.distinct[0].solution.iterate
+        return len(paths.solved) >= ALIKE and path_intervals(free, shortest) > self.longest
+
+    def reached(self, paths: Paths, path: SeedPath) -> bool:
+        """Return whether no further guess is needed after this latest path."""
+        if self.simple and path.solution.ok and _repeats_shortest(paths.solved):
+            return True
+        clear = sum(each.clear for each in paths.solved)
+        return clear >= self.clear or len(paths.solved) >= (self.most or 2 * self.clear)
+
+
+Keep = Callable[[Task, Solution, str], object]
+"""Receives the result of each guess, with its task and the guess's name, in case time is up: a
+failed path, or a path as a motion of the job."""
+
+
+def search(job: Task, seeds: Sequence[Seed], enough: Enough, keep: Keep | None = None) -> Paths:
+    """Solve the task's path problem from one guess after the other until there are enough paths."""
+    free, paths = path_task(job), Paths()
+    for seed in seeds:
+        path = _try(job, free, seed, keep)
+        paths = paths.adding(path)
+        if enough.settles(job, free, paths, path, len(seeds)):
+            return paths
+        if enough.reached(paths, path):
             break
-    if not simple or len(state.solved) < LEAST_PATHS:
-        return
-    loops, failures, first = map(wander, itertools.count()), 0, [*state.solved]
-    while failures < MOST_FAILURES:
-        best, loop = state.distinct[0], next(loops)
+    if enough.simple and len(paths.solved) >= LEAST_PATHS:
+        return _shorten(job, free, paths, keep)
+    return paths
+
+
+def _shorten(job: Task, free: Task, paths: Paths, keep: Keep | None) -> Paths:
+    """Return the paths and the shortest one that random loops about the shortest path lead to."""
+    first, failures = paths.solved, 0
+    for loop in map(wander, itertools.count()):
+        best = paths.distinct[0]
         seed = replace(loop, name=f"{best.seed.removesuffix(SUFFIX)}{SUFFIX}")
-        _try(job, free, state, seed, free.curve(best.solution.iterate))
-        shortest = state.distinct[0]  # the only one of these to keep, so that others are timed too
-        state.solved = first if shortest in first else [*first, shortest]
+        path = _try(job, free, seed, keep, free.curve(best.solution.iterate))
+        paths = paths.adding(path)
+        shortest = paths.distinct[0]  # the only one of these to keep, so that others are timed too
+        paths = replace(paths, solved=first if shortest in first else (*first, shortest))
         failures = failures + 1 if same_path(shortest.solution.objective, best) else 0
-        yield state
+        if failures == MOST_FAILURES:
+            break
+    return paths
 
 
 def is_sure(problem: Problem) -> bool:
@@ -155,41 +185,22 @@ def is_sure(problem: Problem) -> bool:
 
 
 def _try(
-    job: Task,
-    free: Task,
-    state: PathSearch,
-    seed: Seed,
-    about: StateTrajectory | None = None,
-) -> Solution:
-    """Solve the path problem from a first guess, and record the result.
-
-    Args:
-        job: The task.
-        free: The path problem of the task.
-        state: The search, which is updated.
-        seed: The first guess.
-        about: The motion to which the seed is added; by default a straight line.
-    """
+    job: Task, free: Task, seed: Seed, keep: Keep | None, about: StateTrajectory | None = None
+) -> SeedPath:
+    """Solve the path problem `free` of a job from a guess, added to a straight line or `about`."""
     progress.tell(f"searching a path from the first guess '{seed.name}'")
     solution = free.solve(guess(free.problem, free.nlp, free.mesh, seed, about))
-    effort = solution.objective if solution.ok else None
-    entry = {"start": seed.name, "status": solution.status, "path_effort": effort}
-    state.log.append({**entry, "iterations": solution.iterations})
-    state.latest = None
-    is_clear = solution.ok and clears(free, solution)
-    if solution.ok:
-        state.solved.append(SeedPath(seed.name, solution, is_clear))
-    else:
-        state.failure, state.latest = solution, (free, solution)
-    if is_clear:
-        state.clear += 1
+    path = SeedPath(seed.name, solution, solution.ok and clears(free, solution))
+    if keep and not solution.ok:
+        keep(free, solution, seed.name)
+    elif keep and path.clear:
         needed = needed_duration(job.problem, job.mesh, solution.iterate)
         wanted = job.problem.duration
         if wanted is None or needed <= wanted:
             duration = wanted or needed or solution.iterate.duration
             motion = stretch_to(transfer(free, solution.iterate, job), duration)
-            state.latest = job, job.judge(motion)
-    return solution
+            keep(job, job.judge(motion), seed.name)
+    return path
 
 
 def path_task(job: Task) -> Task:

@@ -42,6 +42,7 @@ from planner.methods.collocation.guesses import (
 from planner.methods.collocation.long_arms.exact_motion import exact_motion
 from planner.methods.collocation.long_arms.ladder import find_arm_path, has_ladder, time_arm_path
 from planner.methods.collocation.path import (
+    Enough,
     SeedPath,
     is_sure,
     never_reverses,
@@ -217,7 +218,7 @@ class Pipeline:
             if by_legs := self._leg_motion(k, job):
                 yield by_legs
                 motions.append(by_legs.solution)
-            paths = yield from self._find_paths(k, job, 2 if by_legs else 1)
+            paths = self._find_paths(k, job, 2 if by_legs else 1)
             log = [dict(entry) for entry in paths.search.log]
             progress.tell("timing the most promising paths")
             for path, path_job, start in paths.starts(job, motions):
@@ -243,9 +244,7 @@ class Pipeline:
                 self.last = next((Candidate(paths.free, one) for one in failed if one), self.last)
             self.log += [entry | {"start": entry["start"] + _goal_words(problem)} for entry in log]
 
-    def _find_paths(
-        self, k: int, job: Task, part: int = 1
-    ) -> Generator[Candidate, None, RoutePaths]:
+    def _find_paths(self, k: int, job: Task, part: int = 1) -> RoutePaths:
         """Search the paths of route `k` from 1/`part` of the guesses; refine the most promising."""
         if k in self.paths:
             return self.paths[k]
@@ -255,12 +254,15 @@ class Pipeline:
         enough = 1 if quick else enough
         enough = -(-enough // len(self.routes)) if problem.free else enough
         guesses = seeds(options.start, options.attempts // part, sides(problem))
-        simple = self._free and not problem.divided
         ladder = self._free and has_ladder(job)
         most = LADDER_INTERVALS["soon" if quick else "best"] if ladder else math.inf
-        for result in search(job, guesses, enough, simple, most):
-            if result.latest:
-                yield Candidate(*result.latest, result.log[-1]["start"], "guesses", k, final=False)
+
+        def keep(task: Task, solution: Solution, name: str) -> None:
+            if self.best:
+                self.best.take(Candidate(task, solution, name, "guesses", k))
+
+        rules = Enough(enough, self._free and not problem.divided, most)
+        result = search(job, guesses, rules, keep)
         mesh_given = bool(job.mesh.marks) or options.intervals != "auto"
         self.paths[k] = RoutePaths.of(job, result, mesh_given, most)
         return self.paths[k]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.methods.collocation.path import (
-    PathSearch,
+    Paths,
     SeedPath,
     clock,
     clock_times,
@@ -82,13 +82,11 @@ class RoutePaths:
     """
 
     free: Task
-    search: PathSearch
+    search: Paths
     refined: list[RefinedPath] | None
 
     @classmethod
-    def of(
-        cls, job: Task, paths: PathSearch, mesh_given: bool, most: float = math.inf
-    ) -> RoutePaths:
+    def of(cls, job: Task, paths: Paths, mesh_given: bool, most: float = math.inf) -> RoutePaths:
         """Refine the most promising paths of a search, unless the user gives the mesh.
 
         Paths that need more than `most` intervals are left to the ladder.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,9 +11,10 @@ from typing import Any
 import pytest
 
 import planner
-from planner.methods.collocation import best, pipeline, task
+from planner.methods.collocation import best, path, pipeline, task
 from planner.methods.collocation.best import Best, Candidate, Exactness
-from planner.methods.collocation.path import PathSearch, SeedPath
+from planner.methods.collocation.guesses import seeds
+from planner.methods.collocation.path import Enough, Paths, SeedPath, search
 from planner.methods.collocation.pipeline import Pipeline
 from planner.methods.collocation.solvers import Settings
 from planner.methods.collocation.task import Solution
@@ -54,8 +56,32 @@ def test_a_search_among_random_starts_does_not_end_early() -> None:
 
 def test_paths_that_differ_are_counted_once() -> None:
     efforts: list[Any] = [SimpleNamespace(objective=effort) for effort in (3.0, 1.0, 2.0, 3.0, 2.0)]
-    found = PathSearch(solved=[SeedPath(str(k), effort, True) for k, effort in enumerate(efforts)])
+    found = Paths(tuple(SeedPath(str(k), effort, True) for k, effort in enumerate(efforts)))
     assert [path.seed for path in found.distinct] == ["1", "2", "0"]
+
+
+def test_of_the_loops_only_the_shortest_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    guesses, loops = [9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0], [2.5, 1.5, 0.9, 2.7, 0.8]
+    efforts = itertools.chain(guesses, loops, itertools.repeat(1.7))
+    free: Any = SimpleNamespace(curve=lambda iterate: None)
+
+    def found(job: Any, free: Any, seed: Any, *_: Any) -> SeedPath:
+        no_iterate: Any = None
+        return SeedPath(seed.name, Solution(no_iterate, next(efforts), 0.0, True, "", 0), True)
+
+    for name, stub in (
+        ("path_task", lambda job: free),
+        ("_try", found),
+        ("is_sure", lambda _: False),
+    ):
+        monkeypatch.setattr(path, name, stub)
+    monkeypatch.setattr(path, "path_intervals", lambda *_: 20)
+    monkeypatch.setattr(path, "MOST_FAILURES", 3)
+    job: Any = SimpleNamespace(problem=None)
+    paths = search(job, seeds("auto", 9), Enough(9, simple=True))
+    assert [each.solution.objective for each in paths.solved] == [*guesses, 0.8]
+    assert len(paths.log) == len(guesses) + len(loops) + 3
+    assert paths.distinct[0].seed.endswith(", moved")
 
 
 @pytest.mark.parametrize(
@@ -67,9 +93,9 @@ def test_branches_of_a_goal_share_the_starts_and_a_proven_refusal_needs_one(
 ) -> None:
     asked: list[int] = []
 
-    def nothing(job: Any, guesses: Any, enough: int, *_: Any) -> Any:
-        asked.append(enough)
-        yield PathSearch()
+    def nothing(job: Any, guesses: Any, enough: Enough, *_: Any) -> Paths:
+        asked.append(enough.clear)
+        return Paths()
 
     monkeypatch.setattr(pipeline, "search", nothing)
     monkeypatch.setattr(pipeline, "why_too_short", lambda _: proof)
@@ -77,8 +103,8 @@ def test_branches_of_a_goal_share_the_starts_and_a_proven_refusal_needs_one(
     monkeypatch.setattr(pipeline, "has_ladder", lambda _: False)
     goal: Any = SimpleNamespace(free=(2,), divided=False, system=None)
     job: Any = SimpleNamespace(mesh=SimpleNamespace(marks=()))
-    search = Pipeline([goal] * branches, CollocationOptions(starts=7, attempts=9), Best(1e-6))
-    assert [*search._find_paths(0, job)] == []
+    run = Pipeline([goal] * branches, CollocationOptions(starts=7, attempts=9), Best(1e-6))
+    run._find_paths(0, job)
     assert asked == [enough]
 
 

@@ -16,6 +16,7 @@ from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.guesses import seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain, cut_finer, ends_of
 from planner.methods.collocation.path import (
+    Enough,
     clock,
     needed_duration,
     path_intervals,
@@ -49,17 +50,21 @@ def job() -> Task:
 @pytest.fixture(scope="module")
 def found(job: Task) -> Any:
     """What six guesses lead to."""
-    return [*search(job, seeds("auto", 6), 6)][-1]
+    return search(job, seeds("auto", 6), Enough(6))
 
 
 def test_the_same_guesses_find_the_same_paths_whatever_the_duration_is() -> None:
     problems = [ARM, *(ARM.changed({"goal.duration": T}) for T in (20.0, 200.0))]
     jobs = [collocation_task(problem, OPTIONS, 40) for problem in problems]
-    ends = [[*search(job, seeds("auto", 2), 2)][-1] for job in jobs]
+    kept: list[list[Solution]] = [[] for _ in jobs]
+    ends = [
+        search(job, seeds("auto", 2), Enough(2), lambda _, motion, name, to=to: to.append(motion))
+        for job, to in zip(jobs, kept, strict=True)
+    ]
     assert ends[0].log == ends[1].log == ends[2].log
     needed = needed_duration(ARM, jobs[0].mesh, ends[0].solved[-1].solution.iterate)
     assert 20 < needed < 200
-    held = [end.latest and end.latest[1].iterate.duration for end in ends]
+    held = [motions[-1].iterate.duration if motions else None for motions in kept]
     assert held == [pytest.approx(needed), None, 200.0]
 
 
@@ -105,7 +110,7 @@ def test_a_refined_path_keeps_between_its_nodes_what_a_coarse_one_leaves(
 def test_a_path_that_is_its_true_motion_is_refined_no_further() -> None:
     problem = planner.Problem.manipulator([1, 1, 1], [30, 30, 30], duration=None, joint_deg=80)
     job = collocation_task(problem, OPTIONS, 40)
-    *_, found = search(job, seeds("straight"), 1)
+    found = search(job, seeds("straight"), Enough(1))
     free, solution = path_task(job), found.solved[0].solution
     assert refine_path(free, solution) == (free, solution)
 
@@ -146,7 +151,7 @@ def test_a_search_ends_after_five_paths_that_the_ladder_replaces() -> None:
         [20, -30, 30, -20], [-30, 20, -10, 30], duration=None, joint_deg=40
     )
     job = collocation_task(problem, OPTIONS, 40)
-    *_, found = search(job, seeds("auto", 16), 9, simple=True, longest=40)
+    found = search(job, seeds("auto", 16), Enough(9, simple=True, longest=40))
     assert len(found.solved) == 5
 
 

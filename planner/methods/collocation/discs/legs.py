@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from planner.methods.collocation.between_nodes import clears, inspect
 from planner.methods.collocation.discs.thin_discs import THICKNESSES
 from planner.methods.collocation.guesses import Seed
-from planner.methods.collocation.path import needed_duration, path_task, search
+from planner.methods.collocation.path import Enough, needed_duration, path_task, search
 from planner.methods.collocation.task import Solution, Task, stretch_to, transfer
 from planner.methods.collocation.transcription.form import Mesh, fastest
 from planner.methods.collocation.transcription.unknowns import Iterate
@@ -86,10 +86,10 @@ def _find_legs(job: Task, seeds: Sequence[Seed], corners: Array) -> list[tuple[T
         end = problem.goal[0] if k == len(corners) - 1 else np.nan
         part = replace(problem.likely, start=here, user_goal=np.append(end, corner))
         own = job.for_problem(part, job.objective)
-        few = seeds[:LEG_SEEDS]
-        paths = (each.distinct[0] for each in search(own, few, len(few)) if each.clear)
-        if (path := next(paths, None)) is None:
+        found = search(own, seeds[:LEG_SEEDS], Enough(1, most=LEG_SEEDS)).distinct
+        if not found or not found[0].clear:
             return []
+        path = found[0]
         legs.append((path_task(own), path.solution))
         here = path.solution.iterate.nodes[-1, : problem.system.size]
     return legs

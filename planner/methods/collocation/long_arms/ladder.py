@@ -31,7 +31,7 @@ from planner.methods.collocation.long_arms.bridges import (
     ends_of,
 )
 from planner.methods.collocation.long_arms.exact_motion import chain_of, follow, has_only_limits
-from planner.methods.collocation.path import path_task, search, solve_timing
+from planner.methods.collocation.path import Enough, path_task, search, solve_timing
 from planner.methods.collocation.solvers import LADDER_ITERATIONS, strategy
 from planner.methods.collocation.task import ACCEPTED_RESIDUAL, Solution, Task, stretch_to, task
 from planner.methods.collocation.transcription.bounds import InputDemands
@@ -154,7 +154,7 @@ def _search_path(job: Task) -> tuple[PieceChain, int] | None:
     guesses = strategy(job.nlp, job.settings).guesses
     settings = replace(job.settings, max_iterations=LADDER_ITERATIONS["guess"])
     job = path_task(replace(job, settings=settings))
-    *_, paths = search(job, seeds("auto", guesses), ENOUGH_PATHS, simple=True)
+    paths = search(job, seeds("auto", guesses), Enough(ENOUGH_PATHS, simple=True))
     if not paths.solved:
         return None
     system, coarse = job.problem.system, chain_of(job, paths.distinct[0].solution)

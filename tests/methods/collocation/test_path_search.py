@@ -117,7 +117,7 @@ def test_where_time_is_short_the_best_exact_motion_is_held(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """One is made as soon as there is a path; else there is time for it at the end."""
-    job: Any = SimpleNamespace(objective=SimpleNamespace(name="effort"), requirements=[])
+    job: Any = SimpleNamespace(objective=SimpleNamespace(kind="effort"), requirements=[])
     no_iterate: Any = None
 
     def solution(objective: float) -> Solution:
@@ -176,7 +176,7 @@ def test_nothing_worse_is_delivered_than_was_held(
     monkeypatch: pytest.MonkeyPatch, held: float, delivered: float
 ) -> None:
     """What a stage has on the way is refined too, if it saves more than a thousandth."""
-    job: Any = SimpleNamespace(objective=SimpleNamespace(name="effort"), requirements=[])
+    job: Any = SimpleNamespace(objective=SimpleNamespace(kind="effort"), requirements=[])
     no_iterate: Any = None
 
     def motion(objective: float, final: bool) -> Candidate:

@@ -43,7 +43,6 @@ class Candidate:
         start: Name of the first guess.
         stage: Name of the stage that found the solution.
         route: Index of the variant of the problem (order of waypoints, branch of the goal).
-        final: Whether the solution is the answer of the stage, not an intermediate result.
         checked: Exactness of the candidate if the solution is ok.
         notes: Facts of the refinement, JSON-ready.
     """
@@ -53,7 +52,6 @@ class Candidate:
     start: str = ""
     stage: str = ""
     route: int = 0
-    final: bool = True
     checked: Exactness = Exactness.SOLVED
     notes: dict[str, Any] = field(default_factory=dict)
 

@@ -1,4 +1,4 @@
-"""The search for a motion: a few stages, each of which yields candidates.
+"""The search for a motion: a few stages, each of which returns its motions.
 
     plan to start from -> straight line -> paths -> slower motions, or ladder
 
@@ -22,7 +22,7 @@ are refined instead, so that the result is never worse than the best motion held
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -109,13 +109,8 @@ class Pipeline:
         best = self.best or Best(0.0)  # which stays empty
         tried = set[Solution]()
         for stage in self._stages():
-            answers = list[Candidate]()
             with deadline.time_share(condition=best.holds):  # keep time to refine a result
-                for candidate in stage:
-                    if self.best:
-                        best.take(candidate)
-                    if candidate.final and candidate.solution.ok:
-                        answers.append(candidate)
+                answers = [each for each in stage() if each.solution.ok]
             least = min((each.solution.objective for each in answers), default=-math.inf)
             top = best.candidates.get(Exactness.SOLVED)
             if top and top.solution not in tried and top.solution.objective < least * (1 - GAIN):
@@ -146,35 +141,41 @@ class Pipeline:
                 self.last = done
         return refined
 
-    def _stages(self) -> Iterator[Iterator[Candidate]]:
+    def _take(self, candidate: Candidate) -> Candidate:
+        """Return a candidate after offering it to `best`, in case time is up."""
+        if self.best:
+            self.best.take(candidate)
+        return candidate
+
+    def _stages(self) -> Iterator[Callable[[], list[Candidate]]]:
         """Yield the stages in turn.
 
         Any motion can be slowed down. So if the paths lead to no motion in the given duration, the
         search is repeated with a free duration, and its motion is slowed down. With a free duration
         the ladder follows, which finds paths of long arms where all guesses fail.
         """
-        yield self._near_motions()
+        yield self._near_motions
         if self.options.start in ("auto", "straight"):
-            yield self._straight_motions()
-        yield self._path_motions(range(len(self.routes)))
+            yield self._straight_motions
+        yield self._path_motions
         if self.routes[0].duration is not None:
-            yield self._slower_motions()
+            yield self._slower_motions
         elif self._free:
-            yield self._ladder_motions()
+            yield self._ladder_motions
 
-    def _near_motions(self) -> Iterator[Candidate]:
-        for candidate in self.near:
-            if candidate.solution.ok:
-                self._log_motion(candidate)
-            yield candidate
+    def _near_motions(self) -> list[Candidate]:
+        """Return the motions near an existing plan."""
+        return [self._take(self._logged(each) if each.solution.ok else each) for each in self.near]
 
-    def _log_motion(self, motion: Candidate) -> None:
+    def _logged(self, motion: Candidate) -> Candidate:
+        """Return a motion after noting it in the log."""
         solution = motion.solution
         entry = {"start": motion.start, "status": solution.status}
         self.log.append({**entry, "objective": solution.objective})
+        return motion
 
-    def _straight_motions(self) -> Iterator[Candidate]:
-        """Yield motions solved directly from the straight line.
+    def _straight_motions(self) -> list[Candidate]:
+        """Return motions solved directly from the straight line.
 
         With the start "auto", there are none if a route cannot be one-way. With a free duration
         only motions without reversal count. If the goal is given, every order of waypoints must
@@ -184,7 +185,7 @@ class Pipeline:
         motions = list[Candidate]()
         for k, problem in enumerate(self.routes):
             if self._free and not _can_go_one_way(problem):
-                return
+                return []
             plain = problem.duration is not None and self.options.input != "constant"
             few = DIRECT_INTERVALS if plain else search_intervals(problem)
             job, solutions = collocation_task(problem, self.options, few, True), list[Candidate]()
@@ -192,46 +193,43 @@ class Pipeline:
             for seed in seeds("straight", sides=sides(problem)):
                 solution = job.solve(guess(job.problem, job.nlp, job.mesh, seed))
                 name = seed.name + _goal_words(problem)
-                motion = Candidate(later, solution, name, "straight line", k, final=False)
-                yield motion
+                motion = self._take(Candidate(later, solution, name, "straight line", k))
                 if solution.ok and (problem.duration or never_reverses(solution.iterate)):
-                    self._log_motion(motion)
-                    solutions.append(motion)
+                    solutions.append(self._logged(motion))
             if not solutions and not problem.free:
-                return
+                return []
             motions += solutions
-        for motion in motions:
-            yield from self._share_time(motion)
-        if motions:
-            straight = {motion.route for motion in motions if is_sure(motion.task.problem)}
-            yield from self._path_motions([k for k in range(len(self.routes)) if k not in straight])
+        if not motions:
+            return []
+        straight = {motion.route for motion in motions if is_sure(motion.task.problem)}
+        others = [k for k in range(len(self.routes)) if k not in straight]
+        return [self._share_time(motion) for motion in motions] + self._path_motions(others)
 
-    def _path_motions(self, routes: Sequence[int]) -> Iterator[Candidate]:
-        """Yield motions of these routes along the paths found from guesses.
+    def _path_motions(self, routes: Sequence[int] | None = None) -> list[Candidate]:
+        """Return motions of these routes, or of all, along the paths found from guesses.
 
         The branches of one goal share the usual number of paths, and no path is timed twice.
         """
-        motions, timed = list[Solution](), list[SeedPath]()
-        for k in routes:
+        motions, timed = list[Candidate](), list[SeedPath]()
+        for k in range(len(self.routes)) if routes is None else routes:
             problem = self.routes[k]
             job = collocation_task(problem, self.options, search_intervals(problem))
             if by_legs := self._leg_motion(k, job):
-                yield by_legs
-                motions.append(by_legs.solution)
+                motions.append(self._take(by_legs))
             paths = self._find_paths(k, job, 2 if by_legs else 1)
             log = [dict(entry) for entry in paths.search.log]
             progress.tell("timing the most promising paths")
-            for path, path_job, start in paths.starts(job, motions):
+            found = [each.solution for each in motions]
+            for path, path_job, start in paths.starts(job, found):
                 if problem.free and any(same_path(path.solution.objective, one) for one in timed):
                     continue
                 timed.append(path)
                 solution = solve_timing(path_job, start)
                 name = path.seed + _goal_words(problem)
-                motion = Candidate(path_job, solution, name, "guesses", k, final=False)
-                yield motion
+                motion = self._take(Candidate(path_job, solution, name, "guesses", k))
                 if solution.ok and clears(path_job, solution):
-                    motion = yield from self._share_time(motion)
-                    motions.append(motion.solution)
+                    motions.append(self._share_time(motion))
+                    found.append(motions[-1].solution)
                     self.pathless = False
                 elif not solution.ok:
                     self.pathless, self.last = False, motion
@@ -243,6 +241,7 @@ class Pipeline:
                 failed = [paths.search.failure, *(path.solution for path in paths.search.distinct)]
                 self.last = next((Candidate(paths.free, one) for one in failed if one), self.last)
             self.log += [entry | {"start": entry["start"] + _goal_words(problem)} for entry in log]
+        return motions
 
     def _find_paths(self, k: int, job: Task, part: int = 1) -> RoutePaths:
         """Search the paths of route `k` from 1/`part` of the guesses; refine the most promising."""
@@ -258,8 +257,7 @@ class Pipeline:
         most = LADDER_INTERVALS["soon" if quick else "best"] if ladder else math.inf
 
         def keep(task: Task, solution: Solution, name: str) -> None:
-            if self.best:
-                self.best.take(Candidate(task, solution, name, "guesses", k))
+            self._take(Candidate(task, solution, name, "guesses", k))
 
         rules = Enough(enough, self._free and not problem.divided, most)
         result = search(job, guesses, rules, keep)
@@ -278,32 +276,28 @@ class Pipeline:
             return None
         motion = Candidate(*found, "legs between discs", "legs", k)
         self.pathless = False
-        self._log_motion(motion)
-        return polish(motion, options.accuracy, options.refinements)
+        return polish(self._logged(motion), options.accuracy, options.refinements)
 
-    def _ladder_motions(self) -> Iterator[Candidate]:
-        """Yield the motion along a path found by the ladder; first the path itself as a motion."""
+    def _ladder_motions(self) -> list[Candidate]:
+        """Return the motion along a path found by the ladder; keep the path itself first."""
         problem = self.routes[0].likely
         job = collocation_task(problem, self.options, search_intervals(problem))
         path = find_arm_path(job)
         if path is None:
-            return
+            return []
         chain, joints = path
         exact = exact_motion(job, chain, self.options.accuracy)
         origin = f"lifted from {joints} joints", "ladder"
         if exact:
-            yield Candidate(*exact, *origin, final=False, checked=Exactness.EXACT)
-        if pair := time_arm_path(job, chain) or exact:
-            motion = Candidate(*pair, *origin)
-            self._log_motion(motion)
-            yield motion
+            self._take(Candidate(*exact, *origin, checked=Exactness.EXACT))
+        pair = time_arm_path(job, chain) or exact
+        return [self._take(self._logged(Candidate(*pair, *origin)))] if pair else []
 
-    def _slower_motions(self) -> Iterator[Candidate]:
-        """Yield the fastest motion, slowed to the given duration and optimised there, or only
-        slowed."""
+    def _slower_motions(self) -> list[Candidate]:
+        """Return the fastest motion, slowed to the given duration: only slowed, and optimised."""
         target, limits = self.routes[0].duration, self.routes[0].limits
         if any(point.time_s is not None for point in self.routes[0].waypoints):
-            return
+            return []
         assert target is not None
         free = [replace(problem, duration=None) for problem in self.routes]
         kind = "time" if np.isfinite(limits.input).all() else "mixed"
@@ -315,21 +309,20 @@ class Pipeline:
         self.log += hasty.log
         if self.fastest is None:
             self.pathless, self.last = hasty.pathless and self.pathless, self.last or hasty.last
-            return
+            return []
         self.last = fastest = self.fastest
         iterate = fastest.solution.iterate
         if iterate.duration * LEAST_TIME_RATIO > target:
-            return
+            return []
         problem = self.routes[fastest.route]
         goal = objective(problem, self.options)
         goal_job = fastest.task.for_problem(problem, goal)
         slowed, origin = stretch_to(iterate, target), (fastest.start, "slowed down", fastest.route)
-        if iterate.duration <= target:
-            yield Candidate(goal_job, goal_job.judge(slowed), *origin)
-        yield Candidate(goal_job, goal_job.solve(slowed), *origin)
+        rates = [goal_job.judge] * (iterate.duration <= target) + [goal_job.solve]
+        return [self._take(Candidate(goal_job, rate(slowed), *origin)) for rate in rates]
 
-    def _share_time(self, motion: Candidate) -> Generator[Candidate, None, Candidate]:
-        """Yield and return the motion with the best times of the parts between waypoints."""
+    def _share_time(self, motion: Candidate) -> Candidate:
+        """Return the motion with the best times of the parts between waypoints."""
         for _ in range(MOST_REBALANCINGS if motion.task.mesh.marks else 0):
             pair = rebalance(motion.task, motion.solution.iterate)
             if pair is None:
@@ -338,9 +331,7 @@ class Pipeline:
             if not solution.ok or solution.objective >= motion.solution.objective:
                 break
             motion = replace(motion, task=pair[0], solution=solution)
-        motion = replace(motion, final=True)
-        yield motion
-        return motion
+        return self._take(motion)
 
 
 def _goal_words(problem: Problem) -> str:

@@ -179,14 +179,22 @@ def test_nothing_worse_is_delivered_than_was_held(
     job: Any = SimpleNamespace(objective=SimpleNamespace(kind="effort"), requirements=[])
     no_iterate: Any = None
 
-    def motion(objective: float, final: bool) -> Candidate:
-        solution = Solution(no_iterate, objective, 0.0, True, "", 0)
-        return Candidate(job, solution, "straight", "guesses", final=final)
+    def motion(objective: float) -> Candidate:
+        return Candidate(
+            job, Solution(no_iterate, objective, 0.0, True, "", 0), "straight", "guesses"
+        )
 
-    first, second = [motion(held, False)], [motion(2.0, True), motion(2.5, True)]
-    monkeypatch.setattr(Pipeline, "_stages", lambda _: iter([iter(first), iter(second)]))
-    monkeypatch.setattr(pipeline, "polish", lambda each, *_: replace(each, checked=Exactness.EXACT))
     routes: Any = [SimpleNamespace()]
+    search = Pipeline(routes, CollocationOptions(), Best(1e-6))
+
+    def on_the_way() -> list[Candidate]:
+        search._take(motion(held))
+        return []
+
+    answers = [motion(2.0), motion(2.5)]
+    stages = on_the_way, lambda: [search._take(each) for each in answers]
+    monkeypatch.setattr(search, "_stages", lambda: iter(stages))
+    monkeypatch.setattr(pipeline, "polish", lambda each, *_: replace(each, checked=Exactness.EXACT))
     with progress.progress_listener(None):
-        found = Pipeline(routes, CollocationOptions(), Best(1e-6)).run()
+        found = search.run()
     assert max(found, key=lambda each: each.rank).solution.objective == delivered

@@ -33,6 +33,7 @@ from planner.machine.replay import STATISTICS
 from planner.methods.desensitised.method import spreads
 from planner.methods.registry import find_method
 from planner.plan.plan import Plan
+from planner.plan.spec import Spec
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.report.figures.robustness import entry_name, knee_sentence, size_of
 from planner.report.folders import save_sensitivities, save_sensitivity
@@ -225,7 +226,7 @@ def _advice(responses: Sensitivity) -> str:
     """Return a sentence with the command to run next."""
     plan = responses.plan
     calm = [plan.method] if plan.method == "desensitised" else [plan.method, "desensitised"]
-    return next_step(plan.problem, *calm)
+    return next_step(plan.problem, *map(Spec, calm))
 
 
 def _machine_table(responses: MachineSensitivity) -> Table:
@@ -357,5 +358,8 @@ def _use(curve: TradeOff, file: Path) -> str:
         change = f"{number(before)} deg at the first point, {number(after)} at the knee"
         lines += [f"Compensated, the error at the end on the machine (95 %) is {change}."]
     table = shlex.join(["planner", "export", str(file), "--out", str(file.with_suffix(".csv"))])
-    lines += [f"Knee plan: {file}; as a table: {table}", next_step(curve.problem, "collocation")]
+    lines += [
+        f"Knee plan: {file}; as a table: {table}",
+        next_step(curve.problem, Spec("collocation")),
+    ]
     return "\n".join([*lines, MEANINGS])

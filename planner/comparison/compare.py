@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import FEEDBACK, Row, machine_figures, plain_label
+from planner.comparison.rows import Row, machine_figures
 from planner.compensation import compensate_in_time
 from planner.errors import (
     InfeasibleError,
@@ -30,8 +29,9 @@ from planner.machine.machine import Machine, machine_for, sample_numbers
 from planner.machine.replay import RECORD_S
 from planner.machine.replay import replay as run_replay
 from planner.methods.registry import ALL, METHODS, find_method, merged_options
-from planner.methods.spec import Spec, parse_specs
-from planner.plan.plan import COMPENSATED, Plan
+from planner.methods.spec import parse_specs
+from planner.plan.plan import Plan
+from planner.plan.spec import Spec
 from planner.problem.feasibility import why_too_short
 from planner.problem.problem import Problem, expect_problem
 from planner.solve import solve_and_check
@@ -96,10 +96,10 @@ def compare(
     chosen = None if isinstance(samples, int) else tuple(numbers.tolist())
     if not threshold_deg >= 0:
         raise InputError(f"threshold_deg = {threshold_deg}: must be degrees, at least 0")
-    feedback_labels = [spec.label for spec in requests if feedback]
-    feedback_labels = feedback_labels[-1:] if methods is None else feedback_labels
+    closed = [spec for spec in requests if feedback]
+    closed = closed[-1:] if methods is None else closed
     run = _ComparisonRun(
-        problem, distribution, numbers.tolist(), seed, feedback_labels, methods, time_limit_s
+        problem, distribution, numbers.tolist(), seed, closed, methods, time_limit_s
     )
     complete = False
     try:
@@ -128,7 +128,7 @@ class _ComparisonRun:
     machine: Machine
     numbers: Sequence[int]
     seed: int
-    feedback_labels: Sequence[str]
+    closed: Sequence[Spec]
     methods: str | Sequence[str] | None
     time_limit_s: float | None
     rows: list[Row] = field(default_factory=list)
@@ -145,7 +145,7 @@ class _ComparisonRun:
         row = self._plan(spec, plain)
         self.rows.append(row)
         part("replaying", 0.5)
-        with_feedback = spec.label in self.feedback_labels
+        with_feedback = spec in self.closed
         half = 0.75 if with_feedback else 1.0
         self.rows[-1] = self._replay(row, part, 0.5, half)
         if with_feedback and self.rows[-1].replay is not None:
@@ -154,8 +154,7 @@ class _ComparisonRun:
 
     def _plain(self, spec: Spec) -> Row | None:
         """Return the finished row of the plan that `spec` compensates; None if it is not solved."""
-        label = plain_label(spec.label)
-        return next((row for row in self.rows if row.label == label and row.solved), None)
+        return next((row for row in self.rows if row.spec == spec.plain and row.solved), None)
 
     def _plan(self, spec: Spec, plain: Row | None) -> Row:
         try:
@@ -163,16 +162,16 @@ class _ComparisonRun:
         except InputError as error:  # with "all", some methods may not fit the problem
             if self.methods != ALL:
                 raise
-            return Row(spec.label, spec.method, False, error.sentence)
+            return Row(spec, False, error.sentence)
 
     def _feedback_row(self, row: Row, replay: Callable[[Row], Row]) -> Row:
         """Return the row of a plan with feedback; if feedback cannot follow it, with the reason."""
         assert row.plan is not None
-        label, hindered = row.label + FEEDBACK, hindrance(row.plan, self.machine)
+        spec, hindered = replace(row.spec, feedback=True), hindrance(row.plan, self.machine)
         try:
-            return replay(replace(row, label=label, feedback=True, note=hindered or row.note))
+            return replay(replace(row, spec=spec, note=hindered or row.note))
         except UntrackableError as error:
-            refusal = replace(row, label=label, feedback=True, solved=False, why=error.why)
+            refusal = replace(row, spec=spec, solved=False, why=error.why)
             return replace(refusal, effort=np.nan, peak_u=(np.nan, np.nan))
 
     def _replay(self, row: Row, part: Tell, begin: float, end: float = 1.0) -> Row:
@@ -214,7 +213,7 @@ def specs_of(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec
     if methods is None:
         return parse_specs(problem, default_methods(problem))
     if methods == ALL:
-        return [Spec(name, name, {}) for name in METHODS]
+        return [Spec(name) for name in METHODS]
     return parse_specs(problem, methods)
 
 
@@ -228,7 +227,7 @@ def default_methods(problem: Problem) -> list[str]:
     out = [plain, "polynomial:points=auto", "sinusoid", "collocation"]
     if problem.compensation.on or not compensable(problem.system):
         return out
-    return out + [re.sub(r"^\w+", rf"\g<0> {COMPENSATED}", label) for label in out[1:]]
+    return out + [replace(Spec.of_label(text), compensated=True).text for text in out[1:]]
 
 
 def plan_row(
@@ -279,9 +278,9 @@ def plan_row(
         advice = {"ways": error.ways, "has_remedy": error.has_remedy}
         motion = _whole_plan(error) or _plan_too_short(problem, spec)
         if motion is None:
-            return Row(spec.label, spec.method, False, why, took_s=took, **advice)
+            return Row(spec, False, why, took_s=took, **advice)
         plan, check = replace(motion[0], status=error.status, verified=False), motion[1]
-    row = Row.from_plan(spec.label, spec.method, plan, check, why)
+    row = Row.from_plan(spec, plan, check, why)
     return replace(row, took_s=took, **advice)
 
 

@@ -241,8 +241,8 @@ def command(comparison: Comparison, out: str | None = None, *, report: bool = Fa
     if settings is None or comparison.threshold_deg != LEAST_DIFFERENCE_DEG:
         return None
     words = ["planner", "compare", comparison.problem.source]
-    methods = dict.fromkeys(row.spec for row in comparison.rows)
-    closed = {row.spec for row in comparison.rows if row.feedback}
+    methods = dict.fromkeys(row.spec.text for row in comparison.rows)
+    closed = {row.spec.text for row in comparison.rows if row.feedback}
     by_default = closed and len(methods) > len(closed)
     if not by_default:  # with --methods, --feedback applies to all methods
         words += ["--methods", ",".join(methods)]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
-from planner.comparison.rows import FEEDBACK, Row, plain_label
+from planner.comparison.rows import Row
 from planner.machine.feedforward.legs import compensable
 from planner.plan.measures import effort_unit
 from planner.support.statistics import Difference, differences
@@ -114,7 +115,7 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
     if not np.isfinite(row.E_median_deg):
         least = f"of {len(solved)} verified plans it has the least effort."
         return f"Take {row.label}: {least}{refused}"
-    plain = next((r for r in solved if r is not row and r.label == plain_label(row.label)), None)
+    plain = next((r for r in solved if r is not row and r.spec == row.spec.plain), None)
     rival = _rival(row, solved)
     other = plain or rival or min((r for r in solved if r is not row), key=_median)
     reason = f"E {_degrees(row.E_median_deg)} in the median instead of"
@@ -138,8 +139,8 @@ def _median(row: Row) -> float:
 
 def _rival(row: Row, solved: list[Row]) -> Row | None:
     """Return the best other plan of the same kind (compensated or not); None if there is none."""
-    kind = plain_label(row.label) == row.label
-    peers = [r for r in solved if r is not row and (plain_label(r.label) == r.label) == kind]
+    alike = (r for r in solved if r.spec.compensated == row.spec.compensated)
+    peers = [r for r in alike if r is not row]
     return min(peers, key=_median, default=None)
 
 
@@ -152,7 +153,7 @@ def _against(row: Row, rival: Row, worse: bool, threshold_deg: float) -> str:
     if _breaks_limits(rival) and not _breaks_limits(row):
         return f" {name} breaks a limit on {number(rival.beyond_physical)} % of the machines."
     if worse:
-        costs, kind = _costs(row, rival), "out" if plain_label(row.label) == row.label else ""
+        costs, kind = _costs(row, rival), "" if row.spec.compensated else "out"
         best = f" The next best plan with{kind} compensation is {name}."
         return best + (f" {row.label} takes {costs}." if costs else "")
     costs = _costs(rival, row)
@@ -191,7 +192,7 @@ def _refusal(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
         return max(row.E_median_deg - each.E_median_deg, row.end_median_deg - each.end_median_deg)
 
     refused = [each for each in rows if not (each.solved or each.feedback) and each.plan]
-    nearer = [r for r in refused if plain_label(r.label) != r.label and gain(r) > threshold_deg]
+    nearer = [r for r in refused if r.spec.compensated and gain(r) > threshold_deg]
     if not nearer:
         return ""
     best = max(nearer, key=gain)
@@ -210,8 +211,8 @@ def _what_decides(solved: Sequence[Row], threshold_deg: float) -> str:
     percentile every compensated plan has a smaller E than every original plan. Compensation decides
     the accuracy if the test finds no compensated plan better than another, in E or at the end.
     """
-    rows = {row.label: row for row in solved}
-    pairs = [(rows[was], row) for row in solved if (was := plain_label(row.label)) in rows]
+    rows = {row.spec: row for row in solved}
+    pairs = [(rows[row.spec.plain], row) for row in solved if row.spec.plain in rows]
     before, better = ([pair[k] for pair in pairs if pair[0] is not pair[1]] for k in (0, 1))
     errors = [[row.E_p95_deg for row in group] for group in (before, better)]
     if len(better) < 2 or not max(errors[1]) < min(errors[0]):
@@ -268,7 +269,7 @@ def _follow_up(rows: Sequence[Row], row: Row) -> str:
 
     Return "" if the plan was not replayed with feedback.
     """
-    closed = [each for each in rows if each.label == row.label + FEEDBACK]
+    closed = [each for each in rows if each.spec == replace(row.spec, feedback=True)]
     if not closed or not np.isfinite(closed[0].E_median_deg):
         return ""
     words = f" With feedback E is {_degrees(closed[0].E_median_deg)}."

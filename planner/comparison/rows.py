@@ -10,22 +10,14 @@ from typing import Any
 import numpy as np
 
 from planner.machine.replay import STATISTICS, Replay
-from planner.plan.plan import COMPENSATED, Plan
+from planner.plan.plan import Plan
+from planner.plan.spec import Spec
 from planner.support.arrays import Array, jsonable
 from planner.support.statistics import percentile_interval
 from planner.support.tables import Column, digits, number
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.summary import Heading, PlanFigures, figure, figures
 from planner.verification.verify import Check
-
-FEEDBACK = " + feedback"
-"""The end of the label of a row with feedback."""
-
-
-def plain_label(label: str) -> str:
-    """Return a row's label without the word "compensated"."""
-    return label.replace(f" {COMPENSATED}", "", 1)
-
 
 OTHER_WAY_DEG = 2.0
 """Distance from the original path, in degrees, above which a compensated plan gets a remark."""
@@ -48,7 +40,7 @@ def _interval(name: str) -> Any:
     )
 
 
-KEPT_IN_FILES = {"plan", "replay", "machine_errors_deg"}
+KEPT_IN_FILES = {"spec", "plan", "replay", "machine_errors_deg"}
 """Fields that `Row.to_dict` leaves out; a saved folder has plans and errors in other files."""
 
 
@@ -57,8 +49,7 @@ class Row(PlanFigures):
     """Result of one method in a comparison; undefined numbers are NaN.
 
     Attributes:
-        label: The method with its options, as requested.
-        method: Name of the method.
+        spec: The method with its options, as requested.
         solved: Whether the method gave a verified plan.
         why: Reason of the refusal, in one line; for a solved row, what ended the search early, or
             empty.
@@ -82,16 +73,13 @@ class Row(PlanFigures):
         replay: The replays on the machines; None for a plan that cannot be executed.
         machine_errors_deg: E and the largest error at the end on each machine, shape (2, S); None
             without angles. A saved folder restores these errors, but not `replay`.
-        feedback: Whether the replays used feedback. If so, `effort` is the median over machines of
-            the commands' effort, and `peak_u` the largest motor speeds on any machine.
         note: Why feedback gains little, or how far a compensated plan leaves the original path;
             else empty.
         ways: For a refused plan, changes that may help, in words; tried changes are marked.
         has_remedy: Whether one of the changes was tried and works.
     """
 
-    label: str
-    method: str
+    spec: Spec
     solved: bool
     why: str
     plan: Plan | None = None
@@ -126,18 +114,16 @@ class Row(PlanFigures):
     build_time_s: float = figure(plan=lambda plan, _: plan.build_time_s, sweep=False)
     replay: Replay | None = None
     machine_errors_deg: Array | None = field(default=None, compare=False)
-    feedback: bool = False
     note: str = ""
     ways: tuple[str, ...] = ()
     has_remedy: bool = False
 
     @classmethod
-    def from_plan(cls, label: str, method: str, plan: Plan, check: Check, why: str = "") -> Row:
+    def from_plan(cls, spec: Spec, plan: Plan, check: Check, why: str = "") -> Row:
         """Return the row of a plan before its replay.
 
         Args:
-            label: The method with its options.
-            method: Name of the method.
+            spec: The method with its options.
             plan: The plan.
             check: Result of the plan's verification.
             why: Reason of the refusal, or what ended the search early.
@@ -148,7 +134,7 @@ class Row(PlanFigures):
         if plan.executable and away > OTHER_WAY_DEG:
             more = "" if away < plain else f", no better than {plain:.3g} deg uncompensated"
             values["note"] = f"leaves the original path by up to {away:.3g} deg{more}"
-        return cls(label, method, plan.verified, why, plan, **values)
+        return cls(spec, plan.verified, why, plan, **values)
 
     def __repr__(self) -> str:
         state = "solved" if self.solved else f"refused, {self.why}"
@@ -161,9 +147,20 @@ class Row(PlanFigures):
         return "; or ".join(self.ways)
 
     @property
-    def spec(self) -> str:
-        """The method and its options: the label without the end for feedback."""
-        return self.label.removesuffix(FEEDBACK)
+    def label(self) -> str:
+        """The method with its options, and whether its plan is compensated or has feedback."""
+        return self.spec.label
+
+    @property
+    def method(self) -> str:
+        """Name of the method."""
+        return self.spec.method
+
+    @property
+    def feedback(self) -> bool:
+        """Whether the replays used feedback. If so, `effort` is the median over machines of the
+        commands' effort, and `peak_u` the largest motor speeds on any machine."""
+        return self.spec.feedback
 
     @property
     def remark(self) -> str:
@@ -196,6 +193,7 @@ class Row(PlanFigures):
     def to_dict(self) -> dict[str, Any]:
         """Return the row as JSON-ready data without curves; undefined numbers are None."""
         data = {key: getattr(self, key) for key in ("label", "method", "solved", "why")}
+        data["feedback"] = self.feedback
         data |= {key: value for key, value in vars(self).items() if key not in KEPT_IN_FILES}
         data["peak_u_rad_s"] = data.pop("peak_u")
         data |= {"status": self.status, "advice": self.advice}

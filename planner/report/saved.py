@@ -14,6 +14,7 @@ from planner.comparison.comparison import FORMAT, VERSION, Comparison
 from planner.comparison.rows import KEPT_IN_FILES, Row
 from planner.errors import InputError
 from planner.machine.machine import Machine, sample_numbers
+from planner.plan.spec import Spec
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
 from planner.support.files import JSON_BYTES, expect_path, read_json, read_text
@@ -104,7 +105,7 @@ def _machine_errors(path: Path) -> dict[str, Array]:
 
 
 def _row(data: Mapping[str, Any], place: Path, problem: Problem, errors: Array | None) -> Row:
-    file = data.get("plan_file")
+    file, spec = data.get("plan_file"), Spec.of_label(_read_back(data["label"]))
     plan = None if file is None else load_plan(place / file)
     fault = "" if plan is None else plan.why
     if plan is not None and _task_tables(plan.problem) != _task_tables(problem):
@@ -113,7 +114,7 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem, errors: Array |
         fault = fault or "no verified plan is there"
     if fault:
         why = f"{file or 'comparison.json'} was changed after it was made: {fault}; compare again"
-        return Row(data["label"], data["method"], False, why, plan=plan, feedback=data["feedback"])
+        return Row(spec, False, why, plan=plan)
     names = {field.name for field in fields(Row)} - KEPT_IN_FILES
     # Earlier versions had neither of these.
     values: dict[str, Any] = {"ways": [data["advice"]] if data["advice"] else []}
@@ -121,7 +122,7 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem, errors: Array |
     values |= {**data, "peak_u": data["peak_u_rad_s"]}
     values = {k: _read_back(v) for k, v in values.items() if k in names}
     values["domain_ok"] = data["domain_ok"]
-    return Row(**values, plan=plan, machine_errors_deg=errors)
+    return Row(spec, **values, plan=plan, machine_errors_deg=errors)
 
 
 def _read_back(value: Any) -> Any:

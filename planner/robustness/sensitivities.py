@@ -6,18 +6,20 @@ block, which depends on the path.
 
 from __future__ import annotations
 
-import re
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.errors import InputError
 from planner.machine.feedforward.legs import compensable
+from planner.methods.spec import parse_spec
 from planner.plan.measures import effort, effort_unit, turns
-from planner.plan.plan import COMPENSATED, Plan, expect_plan
+from planner.plan.plan import Plan, expect_plan
+from planner.plan.spec import Spec
 from planner.problem.problem import Problem
 from planner.problem.settings import problem_words
 from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity, sensitivity
@@ -87,7 +89,8 @@ class Sensitivities:
         else:
             gain = worth(totals[cheapest], totals[calm], spent[calm] / spent[cheapest])
             text = f"{calm} instead of {cheapest}: {gain}"
-        return f"{text}. {next_step(self.plans[cheapest].plan.problem, cheapest, calm)}"
+        both = {label: self.plans[label].plan for label in (cheapest, calm)}
+        return f"{text}. {next_step(both[cheapest].problem, *map(_spec, both, both.values()))}"
 
     @property
     def sizes(self) -> list[tuple[float, str]]:
@@ -159,18 +162,27 @@ def worth(before: float, after: float, price: float, cost: str = "effort") -> st
     )
 
 
-def next_step(problem: Problem, *methods: str) -> str:
+def _spec(label: str, plan: Plan) -> Spec:
+    """Return the spec that a label names; of a label of the user's own, that of its plan."""
+    with suppress(InputError):
+        spec = parse_spec(label)
+        if spec.method == plan.method:
+            return spec
+    return Spec(plan.method)
+
+
+def next_step(problem: Problem, *specs: Spec) -> str:
     """Return a sentence with the command to run next: a comparison, of compensated plans on arms.
 
     Args:
         problem: The problem of the plans.
-        methods: Labels of the plans to compare.
+        specs: The plans to compare.
     """
-    names = dict.fromkeys(methods)
     words = "Next, compare the plans on machines"
     if compensable(problem.system):
         words = "Next, compensate: on arms this reduces errors more than any path"
-        names = dict.fromkeys(re.sub(r"^\w+", rf"\g<0> {COMPENSATED}", k) for k in names)
+        specs = tuple(replace(spec, compensated=True) for spec in specs)
+    names = dict.fromkeys(spec.text for spec in specs)
     command = ["planner", "compare", *problem_words(problem), "--methods", ",".join(names)]
     return f"{words}: {shlex.join(command)}"
 

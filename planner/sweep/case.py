@@ -26,9 +26,9 @@ from planner.machine.friction.contact_load import contact_load
 from planner.machine.machine import Machine
 from planner.machine.replay import RECORD_S, replay
 from planner.methods.registry import find_method
-from planner.methods.spec import Spec
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
+from planner.plan.spec import Spec
 from planner.problem.conditions import with_changes
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import parse_file
@@ -230,7 +230,7 @@ def _replay_figures(plan: Plan, samples: int, seed: int) -> Row:
 
 def _plan_figures(plan: Plan, check: Check) -> Row:
     """Return a plan's results, without replays, for the columns of `RESULTS`."""
-    row = rows.Row.from_plan(plan.method, plan.method, plan, check)
+    row = rows.Row.from_plan(Spec(plan.method), plan, check)
     columns = rows.columns(plan.problem.system)
     figures = {c.name: c.value(row) for c in columns if RESULTS.get(c.name) == "REAL"}
     return {**figures, "objective": plan.objective, "iterations": plan.iterations}

@@ -15,7 +15,8 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from planner.errors import InputError
-from planner.methods.spec import Spec, parse_specs
+from planner.methods.spec import parse_specs
+from planner.plan.spec import Spec
 from planner.problem.conditions import with_changes
 from planner.problem.problem import Problem, load_problem
 from planner.problem.tables.kinds import FILES, parse_file

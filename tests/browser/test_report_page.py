@@ -16,6 +16,7 @@ from compared import outside, quick_comparison, refused_comparison
 import planner
 from planner import Comparison
 from planner.comparison.rows import Row
+from planner.plan.spec import Spec
 from planner.report import folders as report_folder
 from planner.report import write_report
 from planner.report.figures.arm import body_points
@@ -393,7 +394,7 @@ def test_a_title_cannot_write_the_page(opened: Callable) -> None:
     evil = "</script><script>document.title = 'taken'</script><img src=x onerror=alert(1)> $data"
     found = quick_comparison()
     problem = found.problem.changed({"title": evil})
-    rows = [replace(row, label=row.label + evil, replay=None) for row in found.rows]
+    rows = [replace(row, spec=Spec(row.label + evil), replay=None) for row in found.rows]
     page = opened(Comparison(problem, tuple(rows), found.machine, 5, 1))
     assert page.title() == f"{evil}: comparison of plans"
     assert page.locator("h1").text_content() == evil
@@ -402,7 +403,7 @@ def test_a_title_cannot_write_the_page(opened: Callable) -> None:
 
 def test_a_path_outside_the_domain_is_marked(opened: Callable) -> None:
     plan = outside()
-    row = Row("polynomial", "polynomial", False, "leaves the chart's domain", plan)
+    row = Row(Spec("polynomial"), False, "leaves the chart's domain", plan)
     page = opened(Comparison(plan.problem, (row,), quick_comparison().machine, 5, 1))
     assert "None of the methods found a plan" in page.locator(".verdict").inner_text()
     assert page.locator("#fig-z .mark").count() == len(plan.domain.exits_s)
@@ -439,7 +440,7 @@ def test_obstacles_and_waypoints_are_drawn(opened: Callable) -> None:
 def test_a_vehicle_has_its_page(opened: Callable) -> None:
     problem = planner.load_problem(Path(__file__).parents[2] / "problems/unicycle.toml")
     plan = planner.solve(problem, "polynomial")
-    row = Row("polynomial", "polynomial", True, "", plan, effort=1.0)
+    row = Row(Spec("polynomial"), True, "", plan, effort=1.0)
     machine = planner.Machine.from_table(problem.machine)
     page = opened(Comparison(problem, (row,), machine, 1, 0))
     assert "x = 0 m, heading = 0°, y = 0 m to x = 2 m" in page.locator(".question").inner_text()
@@ -449,7 +450,7 @@ def test_a_vehicle_has_its_page(opened: Callable) -> None:
 
 def test_a_folder_without_methods_that_found_anything(new_page: Callable, tmp_path: Path) -> None:
     found = quick_comparison()
-    row = Row("convex", "convex", False, "no travel has a plan")
+    row = Row(Spec("convex"), False, "no travel has a plan")
     none = Comparison(found.problem, (row,), found.machine, 5, 1)
     page_file = none.save(tmp_path / "x", report=True) / "report.html"
     assert "no travel has a plan" in page_file.read_text()

@@ -22,6 +22,7 @@ from planner.comparison.compare import default_methods
 from planner.comparison.differences import markdown_differences, rich_differences
 from planner.comparison.headline import headline
 from planner.plan.measures import effort
+from planner.plan.spec import Spec
 from planner.report import folders
 from planner.report.folders import replay_data
 from planner.solve import solve_and_check
@@ -114,7 +115,9 @@ def test_of_plans_that_the_test_cannot_tell_apart_the_cheapest_is_taken(
     """Medians may lie apart where the plans, machine by machine, do not."""
     plain, better = compensated.rows
     less = better.E_median_deg - 3 * compensated.threshold_deg
-    dear = replace(better, label="desensitised compensated", effort=4.0, E_median_deg=less)
+    dear = replace(
+        better, spec=Spec("desensitised", compensated=True), effort=4.0, E_median_deg=less
+    )
     result = replace(compensated, rows=(dear, plain, better))
     assert result.best == dear.label
     assert result.recommended is better
@@ -131,7 +134,9 @@ def test_a_plan_that_breaks_limits_on_many_machines_comes_after_one_that_does_no
     compensated: planner.Comparison,
 ) -> None:
     plain, better = compensated.rows
-    nearer = replace(better, label="polynomial compensated", E_median_deg=0.1, beyond_physical=3.9)
+    nearer = replace(
+        better, spec=Spec("polynomial", compensated=True), E_median_deg=0.1, beyond_physical=3.9
+    )
     result = replace(compensated, rows=(plain, better, nearer))
     assert result.recommended is better
     assert f"{nearer.label} (E 0.1 deg) breaks a limit on 3.9 % of the machines." in result.headline
@@ -168,7 +173,7 @@ def test_the_headline_prices_a_plan_against_the_next_best_of_its_kind(
     compensated: planner.Comparison,
 ) -> None:
     plain, better = compensated.rows
-    worse = replace(plain, label="sinusoid compensated", effort=0.2)
+    worse = replace(plain, spec=Spec("sinusoid", compensated=True), effort=0.2)
     words = replace(compensated, rows=(plain, better, worse)).headline
     priced = f"{number(better.effort)} rad²/s of effort instead of 0.2"
     named = f"{worse.label} (E {number(worse.E_median_deg)} deg)"
@@ -275,7 +280,7 @@ def test_compensation_decides_only_where_the_paired_test_says_so(
     worse, plain2 = (
         replace(
             row,
-            label=row.label.replace(OPTIMAL, "sinusoid"),
+            spec=replace(row.spec, method="sinusoid"),
             machine_errors_deg=row.machine_errors_deg + gap,
             E_median_deg=row.E_median_deg + gap,
             E_p95_deg=row.E_p95_deg + gap,
@@ -297,7 +302,7 @@ def test_nothing_decides_where_the_paired_test_does_not_tell_plans_apart(
     """By their 95th percentiles alone the compensated plans are better."""
     plain, better = compensated.rows
     alike = replace(better, machine_errors_deg=plain.machine_errors_deg)
-    more = [replace(r, label=r.label.replace(OPTIMAL, "sinusoid")) for r in (plain, alike)]
+    more = [replace(r, spec=replace(r.spec, method="sinusoid")) for r in (plain, alike)]
     result = replace(compensated, rows=(plain, alike, *more))
     assert alike.E_p95_deg < plain.E_p95_deg
     assert "Compensation" not in result.headline

@@ -14,13 +14,14 @@ import planner
 from planner import Comparison, Machine
 from planner.comparison.comparison import command
 from planner.comparison.rows import Row
+from planner.plan.spec import Spec
 from planner.support.files import toml_value
 
 PAPER = ROOT / "problems/paper.toml"
 
 
 def empty(problem: planner.Problem, machine: Machine | None = None) -> Comparison:
-    rows = (Row("polynomial:points=[[5.0, -0.2]]", "polynomial", False, "not run"),)
+    rows = (Row(Spec.of_label("polynomial:points=[[5.0, -0.2]]"), False, "not run"),)
     machine = Machine.from_table(problem.machine) if machine is None else machine
     return Comparison(problem, rows, machine, samples=7, seed=11)
 
@@ -51,10 +52,11 @@ def test_an_unchanged_problem_needs_no_settings() -> None:
 def test_methods_are_named_unless_feedback_closes_the_default_alone() -> None:
     """Of methods that are named feedback closes all, so that the command would give other rows."""
     comparison = empty(planner.load_problem(PAPER))
-    first, last = (Row(name, name, True, "") for name in ("polynomial", "collocation"))
-    both = replace(comparison, rows=(first, last, replace(last, feedback=True)))
+    first, last = (Row(Spec(name), True, "") for name in ("polynomial", "collocation"))
+    closed = [replace(row, spec=replace(row.spec, feedback=True)) for row in (first, last)]
+    both = replace(comparison, rows=(first, last, closed[1]))
     assert words(command(both))[3:4] == ["--feedback"]
-    all_closed = (first, replace(first, feedback=True), last, replace(last, feedback=True))
+    all_closed = (first, closed[0], last, closed[1])
     parts = words(command(replace(comparison, rows=all_closed)))
     assert parts[3:6] == ["--methods", "polynomial,collocation", "--feedback"]
 

@@ -17,6 +17,7 @@ from planner.comparison.comparison import NOT_IN_TERMINALS
 from planner.comparison.comparison import comparison_csv as csv_text
 from planner.comparison.rows import intervals, sweep_columns
 from planner.machine.replay import STATISTICS
+from planner.plan.spec import Spec
 from planner.report.page.page import report_page
 from planner.support.tables import Column, number
 from planner.sweep.case import RESULTS
@@ -48,7 +49,7 @@ def test_terminal_table_shows_every_row_and_figure_in_eighty_columns() -> None:
 
 def test_a_terminal_has_room_for_every_column_and_the_names_of_methods() -> None:
     found = quick_comparison()
-    rows = tuple(replace(found["polynomial"], label=name) for name in planner.METHODS)
+    rows = tuple(replace(found["polynomial"], spec=Spec(name)) for name in planner.METHODS)
     lines = printed(replace(found, rows=rows).table(), 80)
     assert max(map(len, lines)) <= 80
     whole = {line.split(" ")[0] for line in lines}

@@ -77,7 +77,7 @@ def test_a_method_has_one_colour_in_pictures_on_the_page_and_in_the_explorer() -
 def test_colours_of_what_is_drawn_together_differ_and_feedback_keeps_its_plans() -> None:
     labels = ["polynomial:travel=middle", "mine", "polynomial", "collocation:degree=2"]
     labels += ["collocation compensated:rest=true", "2: convex", "polynomial + feedback"]
-    numbers = colour_numbers(labels)
+    numbers = colour_numbers(labels, {"2: convex": "convex"})
     assert numbers[labels[0]] == METHOD_COLOURS["polynomial"]
     assert numbers[labels[3]] == METHOD_COLOURS["collocation"]
     assert numbers[labels[4]] == METHOD_COLOURS["collocation compensated"]

@@ -16,7 +16,6 @@ from compared import quick_comparison
 
 import planner
 from planner.cli.app import main
-from planner.comparison.rows import FEEDBACK
 from planner.report import folders as report_folder
 from planner.report import load_comparison, write_report
 from planner.report.charts.scripts import stylesheet
@@ -102,7 +101,7 @@ def test_feedback_has_its_machine_and_no_second_plan(tmp_path: Path) -> None:
     found = quick_comparison()
     row = found["polynomial"]
     assert row.replay is not None
-    steady = replace(row, label=row.label + FEEDBACK, feedback=True, effort=2.0)
+    steady = replace(row, spec=replace(row.spec, feedback=True), effort=2.0)
     both = replace(found, rows=(*found.rows, steady), complete=False)
     text = report_page(both, dict(report_folder.replay_data(both)), both.to_dict())
     data = page_data(both, report_folder.replay_data(both))

@@ -1,10 +1,13 @@
 """Sensitivities of several plans side by side: each plan's own, one sentence, one picture."""
 
+import shlex
+
 import numpy as np
 import pytest
 
 import planner
 from planner import report
+from planner.methods.spec import parse_specs
 from planner.robustness.sensitivities import worth
 
 
@@ -63,3 +66,16 @@ def test_what_is_worth_its_price() -> None:
     assert worth(1.0, 0.5, 1.9).startswith("worth it, the total falls by 50 %")
     assert worth(1.0, 0.5, 2.1).startswith("not worth it, ")
     assert "for 9.5 times the effort" in worth(1.150, 1.026, 9.5)
+
+
+def test_plans_with_names_of_the_users_own_get_a_command_that_runs(
+    paper: planner.Problem,
+) -> None:
+    """It told of `my compensated first plan`, which is no method."""
+    plans = {k: planner.solve(paper, k) for k in ("sinusoid", "collocation")}
+    own = {"my first plan": plans["sinusoid"], "collocation: slow": plans["collocation"]}
+    words = shlex.split(planner.sensitivities(own).verdict.partition(": planner ")[2])
+    methods = words[words.index("--methods") + 1]
+    assert sorted(methods.split(",")) == ["collocation compensated", "sinusoid compensated"]
+    for spec in parse_specs(paper, methods):
+        assert spec.compensated

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import FEEDBACK, Row
+from planner.comparison.rows import Row
 from planner.errors import InputError, expect
 from planner.machine.replay import Replay
 from planner.plan.measures import effort_unit
+from planner.plan.spec import Spec
 from planner.report.figures.style import (
     REFUSED_SUFFIX,
     Curve,
@@ -124,11 +125,11 @@ def plot_efforts(comparison: Comparison, *, axes: Any = None) -> tuple[Figure, A
     rows = [row for row in comparison.rows if np.isfinite([row.effort, row.E_median_deg]).all()]
     if not rows:
         raise InputError("no plan was replayed, so there are no errors to draw")
-    colour = colours([row.spec for row in comparison.rows if not row.feedback])
+    colour = colours([row.spec.text for row in comparison.rows if not row.feedback])
     figure, axes, ours = grid(1, 1, axes, size=(6.4, 4.6))
     ax = axes[0, 0]
     for row in rows:
-        _draw_row(ax, row, colour[row.spec])
+        _draw_row(ax, row, colour[row.spec.text])
     _join(ax, rows, colour)
     ax.set_xlabel(f"effort: integral of u1^2 + u2^2 dt ({effort_unit(comparison.problem.system)})")
     ax.set_ylabel("error index E (deg), median to 95 %")
@@ -173,11 +174,11 @@ def _draw_row(ax: Any, row: Row, colour: str) -> None:
 
 def _join(ax: Any, rows: list[Row], colour: dict[str, str]) -> None:
     """Draw an arrow from each plan without feedback to the same plan with feedback."""
-    without = {row.spec: (row.effort, row.E_median_deg) for row in rows if not row.feedback}
+    without = {row.spec.text: (row.effort, row.E_median_deg) for row in rows if not row.feedback}
     for row in rows:
-        if row.feedback and row.spec in without:
-            look = {"arrowstyle": "->", "color": colour[row.spec], "linestyle": ":"}
-            ax.annotate("", (row.effort, row.E_median_deg), without[row.spec], arrowprops=look)
+        if row.feedback and row.spec.text in without:
+            look = {"arrowstyle": "->", "color": colour[row.spec.text], "linestyle": ":"}
+            ax.annotate("", (row.effort, row.E_median_deg), without[row.spec.text], arrowprops=look)
 
 
 def plot_errors(
@@ -223,7 +224,9 @@ def _distribution(ax: Any, label: str, error: Array, colour: str, refused: bool)
     median, high = np.percentile(error, [50, 95])
     errors = f"median {median:.3g}, 95 % {high:.3g}" if len(error) > 1 else f"{median:.3g}"
     text = f"{label}{REFUSED_SUFFIX * refused}: {errors} deg"
-    style, fill = (":", "white") if label.endswith(FEEDBACK) else ("--" if refused else "-", colour)
+    style, fill = ("--" if refused else "-", colour)
+    if Spec.of_label(label).feedback:
+        style, fill = ":", "white"
     ax.step(error, share, style, where="post", color=colour, linewidth=1.8, label=text)
     ax.plot([median, high], [0.5, 0.95], "o", color=colour, markerfacecolor=fill, markersize=5)
 

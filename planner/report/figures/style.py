@@ -9,15 +9,15 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from planner.comparison.rows import FEEDBACK, plain_label
 from planner.errors import InputError
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.recorded.log import RECORDED
+from planner.plan.spec import Spec
 from planner.support.arrays import Array
 from planner.support.calculus.extremes import sample_times
 from planner.support.tables import clean_text
@@ -142,8 +142,12 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
         if plan is not None or not isinstance(plans, Mapping):
             expect_plan(plan)
     if not isinstance(plans, Mapping):
-        plans = {f"{k + 1}: {plan.label}": plan for k, plan in enumerate(listed)}
-    colour, covered = colours(list(plans)), find_covered(plans)
+        names = {f"{k + 1}: {plan.label}": plan.label for k, plan in enumerate(listed)}
+        plans = dict(zip(names, listed, strict=True))
+        colour = {label: COLOURS[k] for label, k in colour_numbers(names, names).items()}
+    else:
+        colour = colours(list(plans))
+    covered = find_covered(plans)
     drawn_curves = [
         Curve(label, plan, colour[label], label in covered)
         for label, plan in plans.items()
@@ -156,8 +160,9 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
 
 def find_covered(labels: Iterable[str]) -> set[str]:
     """Return the labels of plans whose compensated plan, with the same path, is also present."""
-    plain = {label for label in labels if not label.endswith(FEEDBACK)}
-    return {plain_label(label) for label in plain if plain_label(label) != label} & plain
+    specs = {label: Spec.of_label(label) for label in labels}
+    covered = {spec.plain for spec in specs.values() if spec.compensated and not spec.feedback}
+    return {label for label, spec in specs.items() if spec in covered}
 
 
 def colours(labels: Sequence[str]) -> dict[str, str]:
@@ -165,30 +170,33 @@ def colours(labels: Sequence[str]) -> dict[str, str]:
     return {label: COLOURS[k] for label, k in colour_numbers(labels).items()}
 
 
-def colour_numbers(labels: Sequence[str]) -> dict[str, int]:
+def colour_numbers(labels: Iterable[str], names: Mapping[str, str] | None = None) -> dict[str, int]:
     """Return the index in `PALETTE` of each plan's colour, by label.
 
-    A plan has the colour of its method, unless an earlier plan has taken it.
+    A plan has the colour of its method, unless an earlier plan has taken it. `names` are the plans'
+    usual labels, by label, if the labels are others.
     """
-    plans = list(dict.fromkeys(label.removesuffix(FEEDBACK) for label in labels))
-    usual = {plan: METHOD_COLOURS.get(plan, METHOD_COLOURS.get(_method(plan))) for plan in plans}
+    names = names or {}
+    specs = {k: replace(Spec.of_label(names.get(k, k)), feedback=False) for k in labels}
+    groups = {label: label if label in names else spec.label for label, spec in specs.items()}
+    usual = {
+        groups[label]: METHOD_COLOURS.get(
+            spec.text, METHOD_COLOURS.get(replace(spec, settings=()).text)
+        )
+        for label, spec in specs.items()
+    }
     spare = [k for k in range(len(PALETTE)) if k not in usual.values()]
     number: dict[str, int] = {}
     for k, (plan, one) in enumerate(usual.items()):
         if one is None or one in number.values():
             one = spare.pop(0) if spare else k % len(PALETTE)
         number[plan] = one
-    return {label: number[label.removesuffix(FEEDBACK)] for label in labels}
+    return {label: number[plan] for label, plan in groups.items()}
 
 
 def colour_of(method: str) -> str:
     """Return the colour of a method's plans in pictures."""
     return COLOURS[METHOD_COLOURS[method]]
-
-
-def _method(label: str) -> str:
-    """Return the method at the beginning of a label, after an optional number."""
-    return re.sub(r"^\d+: ", "", label).partition(":")[0]
 
 
 def times(plan: Plan, count: int = 1500) -> Array:

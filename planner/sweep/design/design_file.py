@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -267,8 +267,7 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
         )
     methods = [spec.label for spec in specs]
     if table.compensated:
-        first, *options = methods[0].split(":", 1)
-        methods.append(":".join([f"{first} {COMPENSATED}", *options]))
+        methods.append(replace(specs[0], compensated=True).label)
     figures = {figure.key: figure for figure in figures_of(methods, table.compensated)}
     front = table.front or default_front(table.compensated)
     for key in front:

@@ -177,10 +177,9 @@ class StateEstimate:
     def _rest_at(self, seen: Array, lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Update the positions of resting joints; return which readings show a push, (N−1, S)."""
         spread = np.sqrt(self._rest_variance + self._noise**2)
-        # A reading beside the edge of a step flickers by a whole step.
-        beyond = np.maximum(PUSHED_SPREADS * spread, self._is_noisy * self._half[1:])
+        beyond = EXACT_READING_SPREAD + PUSHED_SPREADS * spread
         change = seen - self._rest
-        is_pushed = self._way * change > self._half[1:] + EXACT_READING_SPREAD + beyond
+        is_pushed = self._way * change > self._half[1:] + beyond
         gain = self._rest_variance / np.where(self._is_noisy, spread**2, 1.0)
         rest = np.where(self._is_noisy, self._rest + gain * change, seen)
         self._rest = np.where(lost, self._rest, rest)

@@ -103,14 +103,23 @@ def input_scale(plan: Plan, machine: Machine) -> Array:
     return np.where(np.isfinite(limit), limit, np.where(peak > 0, peak, 1.0))
 
 
+LEAST_NOISE_SHARE = 0.25
+"""Least noise that is assumed where there is noise, as a fraction of the resolution: rounding makes
+of less noise a whole step now and then, and the mean of such readings is not the angle. Told its
+0.005 degrees with steps of 0.088, a compensated plan that reverses has E of 8.9 degrees instead of
+3.2 on one machine of twelve."""
+
+
 def noise_of(system: TriangularSystem, machine: Machine) -> Array:
-    """Return the standard deviation of the noise of each coordinate's reading, (N, 1), rad; 0 for
-    coordinates without an encoder."""
-    noise = np.broadcast_to(machine.mean("encoder_noise_deg"), system.size - 1)
-    out = np.zeros((system.size, 1))
-    for i, coordinate in enumerate(system.coordinates[1:], start=1):
-        out[i] = np.deg2rad(noise[i - 1]) if coordinate.unit == "rad" else 0.0
-    return out
+    """Return the standard deviation of the noise of each coordinate's reading that the tracker
+    assumes, (N, 1), rad; 0 for coordinates without an encoder."""
+    noise, step = (
+        np.broadcast_to(machine.mean(name), system.size - 1)
+        for name in ("encoder_noise_deg", "encoder_resolution_deg")
+    )
+    is_angle = np.array([coordinate.unit == "rad" for coordinate in system.coordinates[1:]])
+    assumed = np.where(noise > 0, np.maximum(noise, LEAST_NOISE_SHARE * step), 0.0)
+    return np.deg2rad([0.0, *np.where(is_angle, assumed, 0.0)])[:, None]
 
 
 def resolution_of(system: TriangularSystem, machine: Machine) -> Array:

@@ -121,9 +121,7 @@ static void take_forecast(tracker *self, const tracker_pose *pose) {
 static int rest_at(tracker *self, int j, real seen) {
     const real square = self->rest_variance[j] + NOISE[j] * NOISE[j];
     const real change = seen - self->rest[j];
-    real beyond = PUSHED_SPREADS * FN(sqrt)(square);
-    /* A reading beside the edge of a step flickers by a whole step. */
-    if (NOISE[j] > 0 && beyond < HALF_STEP[j + 1]) beyond = HALF_STEP[j + 1];
+    const real beyond = EXACT_READING_SPREAD + PUSHED_SPREADS * FN(sqrt)(square);
     if (NOISE[j] > 0) {
         const real gain = self->rest_variance[j] / square;
         self->rest[j] += gain * change;
@@ -131,7 +129,7 @@ static int rest_at(tracker *self, int j, real seen) {
     } else {
         self->rest[j] = seen;
     }
-    return self->way[j] * change > HALF_STEP[j + 1] + EXACT_READING_SPREAD + beyond;
+    return self->way[j] * change > HALF_STEP[j + 1] + beyond;
 }
 
 /* Return whether no motion of the joint explains a reading; of two such in a row only the first. */

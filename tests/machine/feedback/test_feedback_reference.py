@@ -17,7 +17,7 @@ from planner.machine.feedback.estimate import (
     StateEstimate,
     reading_variance,
 )
-from planner.machine.feedback.means import gearhead_play, lost_motion
+from planner.machine.feedback.means import gearhead_play, lost_motion, noise_of
 from planner.machine.feedback.reference import drive_direction
 from planner.machine.feedback.run_up import STEP_S, hindrance, run_up
 from planner.machine.feedback.tracker import TrackerDesign, design
@@ -151,13 +151,19 @@ def joints_that_are_pushed(
 
 @pytest.mark.parametrize("rate", [0.06, 0.3])
 @pytest.mark.parametrize(
-    ("noise", "told"), [(0.03, 0.03), (0.03, 0.02), (0.1, 0.1), (0.01, 0.005), (0.004, 0.004)]
+    ("noise", "told"), [(0.03, 0.03), (0.03, 0.02), (0.1, 0.1), (0.01, 0.022), (0.004, 0.022)]
 )
 def test_noise_pushes_no_resting_joint(noise: float, told: float, rate: float) -> None:
     """Of ten steps in 300 readings one was taken for a push, and the axis moved to the joint."""
     off_axis, off_joint = joints_that_are_pushed(noise, rate, told)
     assert np.mean(off_axis > 0.5) < 0.02
     assert np.percentile(off_joint, 95) < 0.15 + 6 * noise + 2 * rate  # the push is seen
+
+
+def test_noise_far_below_a_step_counts_as_a_quarter_of_the_step(paper: planner.Problem) -> None:
+    machine = Machine.prototype(encoder_noise_deg=[0.004, 0.05, 0.0])
+    assumed = np.rad2deg(noise_of(paper.system, machine))[:, 0]
+    assert assumed == pytest.approx([0.0, 0.022, 0.05, 0.0])
 
 
 def test_a_reading_that_jumps_pushes_no_resting_joint() -> None:

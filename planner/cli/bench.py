@@ -11,7 +11,7 @@ import typer
 
 from planner.cli.arguments import Changes, MachineFile, ProblemPath, out_option, read_problem
 from planner.cli.output import facts, finish, job, number, numbers, say
-from planner.errors import InputError
+from planner.errors import InputError, NoPlanError
 from planner.machine.identification.identify import Identification, predict_run
 from planner.machine.identification.identify import identify as run_identification
 from planner.machine.machine import Machine, load_machine
@@ -182,11 +182,16 @@ def identify(
     out: Annotated[
         Path | None, out_option("FILE", "Write the machine as a [machine] table (TOML).")
     ] = None,
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Write a machine that is no better than the preset.")
+    ] = False,
 ) -> int:
     """Find the machine of an arm from recorded runs.
 
-    With several runs, the last run (with runs/*.csv the last by name) is kept out of the fit; the
-    error of predicting that run, next to the preset's error, shows how good the machine is.
+    With several runs, the last run (with runs/*.csv the last by name) is kept out of the fit. If
+    every joint after the first reverses in it, the error of predicting that run says how far plans
+    for this machine can be believed. A machine that predicts it no better than the preset is not
+    written (exit status 3) without --anyway.
     `planner motion excitation` makes the most informative motion. The fit takes about 6 CPU s for
     each run of 30 s, half of that with --starts 1.
 
@@ -216,8 +221,21 @@ def identify(
             result.plot().savefig(figure, dpi=110)
     for text in result.warnings:
         say(f"warning: {text}", "yellow")
-    data = {**result.to_dict(), "written": None if out is None else result.save(out)}
-    return finish(data, result.table(), "", *_words(result), where="machine written to {}")
+    useless = result.verdict == "no better" and not anyway
+    data = {
+        **result.to_dict(),
+        "written": None if out is None or useless else result.save(out),
+    }
+    if out is not None and useless:
+        say("not written: the machine is no better than the preset (--anyway writes it)", "yellow")
+    return finish(
+        data,
+        result.table(),
+        "",
+        *_words(result),
+        where="machine written to {}",
+        status=NoPlanError.exit_status if out is not None and useless else 0,
+    )
 
 
 def _words(result: Identification) -> Iterator[str]:
@@ -225,7 +243,8 @@ def _words(result: Identification) -> Iterator[str]:
     for text in result.merged:
         yield f"One number for several parameters: {text}."
     if result.untold:
-        yield f"Not determined by these runs, kept from the preset: {', '.join(result.untold)}."
+        names = ", ".join(result.untold)
+        yield f"Hardly determined by these runs, so near the preset: {names}."
     rms = (np.sqrt(np.mean(e**2, axis=0)) for e in (result.residual_deg, result.noise_deg))
     left, usual = map(numbers, rms)
     yield f"residual of the runs: {left} deg (rms); noise of the encoders: {usual} deg"
@@ -235,6 +254,7 @@ def _words(result: Identification) -> Iterator[str]:
             f"{result.kept_out.source}, not fitted, predicted by the {name} machine: largest error"
             f" {numbers(error.largest_deg)} deg, rms {numbers(error.rms_deg)} deg"
         )
+    yield result.worth
 
 
 def _columns(pairs: list[str] | None) -> dict[str, str]:

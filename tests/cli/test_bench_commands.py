@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.machine.identification.identify import Identification
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 
@@ -54,6 +55,23 @@ def test_the_way_from_a_motion_to_a_machine(run: Callable, tmp_path: Path) -> No
     assert "from the requested path" in told
     assert "from the compensated plan's motion" in told
     assert (tmp_path / "b.png").stat().st_size > 10_000
+
+
+def test_a_machine_that_is_no_better_is_written_only_on_request(
+    run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Identification, "verdict", "no better")
+    problem = planner.load_problem(PAPER)
+    csv, table = tmp_path / "1.csv", tmp_path / "mine.toml"
+    log = planner.emulate_log(planner.excitation(problem), planner.Machine.prototype())
+    log.part(0, 6.0).save(csv)
+    words = ("identify", csv, "--problem", PAPER, "--starts", "1", "--out", table)
+    refused = run(*words)
+    assert refused.status == 3
+    assert "--anyway" in refused.err
+    assert not table.exists()
+    assert run(*words, "--anyway").status == 0
+    assert table.exists()
 
 
 def test_homing_says_when_it_may_go_on(run: Callable, tmp_path: Path) -> None:

@@ -107,6 +107,20 @@ def test_a_run_that_was_kept_out_is_predicted_far_better_than_by_the_preset(
     assert np.abs(end).max() < 0.08  # half of the encoder's step, and 0.03
 
 
+def test_only_a_run_that_reverses_tests_the_machine(found: Identification, motion: Plan) -> None:
+    assert found.verdict == "not tested"  # the plan never reverses
+    assert np.isnan(found.half_width_deg)
+    other = emulate_log(motion, ARM, sample=5)
+    tested = replace(found, kept_out=other)
+    assert tested.verdict == "better"
+    rms = np.array(tested.errors["identified"].rms_deg[1:])
+    assert tested.half_width_deg == pytest.approx(2.13 * np.sqrt(np.mean(rms**2)))
+    assert tested.half_width_deg < 0.15
+    assert f"within about {tested.half_width_deg:.2g} deg" in tested.to_toml()
+    alike = replace(found, kept_out=other, preset=found.machine)
+    assert alike.verdict == "no better"
+
+
 def test_the_machine_is_one_like_any_other(
     found: Identification, tmp_path: Path, paper: Problem
 ) -> None:
@@ -132,6 +146,12 @@ def test_doubts_are_told(paper: Problem, motion: Plan, plan: Plan) -> None:
     assert min(one_way[key].spread for key in ("w2", "w3")) > 0.5
     heavy = identify(emulate_log(motion, ARM.with_(fidelity="dynamic")), paper, starts=1)
     assert any("has an effect that the model lacks (inertia" in text for text in heavy.warnings)
+    # What the model lacks does not become gear ratios, lags and friction (5.8, 14.6 %, 88 ms and
+    # 0.77 N m before), which stay near the preset's.
+    ratios = [abs(heavy[key].value) for key in ("ratio2", "ratio3")]
+    assert max(ratios) < 3
+    assert max(heavy[key].value for key in ("lag2", "lag3")) < 45
+    assert heavy["friction3"].value == pytest.approx(heavy["friction3"].preset, rel=0.2)
 
 
 @pytest.mark.parametrize(

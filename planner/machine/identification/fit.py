@@ -1,13 +1,17 @@
 """Fit the machine to recorded runs: least squares with a prior, and the uncertainty.
 
 With x the parameters in units of their priors, δ the offsets of each log (`LogModel`) and r the
-differences between angles and readings in units of the readings' noise, the fit minimises
+differences between angles and readings in units of their deviation, the fit minimises
 
     Σ ρ(r²) + |x|² + |δ / OFFSET|²,   ρ(s) = 18 (√(1 + s/9) − 1)
 
 (soft L1 beyond three standard deviations, so that a wrong reading or a short unmodelled effect has
-little influence). Derivatives are central differences; one call of the simulation runs all machines
-of a step.
+little influence). The deviation is the readings' noise and, if the residual is larger, an error of
+the model. Such an error lasts: readings within `MODEL_ERROR_S` of each other all have it and count
+as one. Otherwise it would outweigh the prior, and parameters that the logs hardly determine would
+stand for effects that the model lacks.
+
+Derivatives are central differences; one call of the simulation runs all machines of a step.
 
 The uncertainty of x comes from a bootstrap. It resamples the residuals in blocks, since unmodelled
 effects last longer than a reading, and the priors, since a direction that the logs do not determine
@@ -37,6 +41,16 @@ the slopes."""
 
 RATE_HZ, INDEPENDENT_HZ = 50.0, 25.0
 """Readings used per second, and how many of them count as independent."""
+
+MODEL_ERROR_S = 2.0
+"""Time that an error of the model lasts, s: about a swing of an arm. With 8 s the machines found
+are the same within the spread of their runs."""
+
+NOISE_MARGIN = 1.15
+"""Multiple of the noise up to which a residual shows no error of the model."""
+
+MOST_ROUNDS, SETTLED = 8, 0.05
+"""Largest number of rounds in which the deviations are found, and change that ends them."""
 
 SOFT_FROM = 3.0
 """Number of standard deviations beyond which a residual counts less than by its square."""
@@ -91,18 +105,22 @@ def fit(
         z = np.clip(z, problem.low + 1e-6, problem.high - 1e-6)
         z = problem.with_settled_offsets(z)
         problem.count, problem.heard = 0, partial(_share, tell, start, starts)
-        solution = least_squares(
-            lambda z: problem.evaluate(z)[0],
-            z,
-            lambda z: problem.evaluate(z)[1],
-            bounds=(problem.low, problem.high),
-            loss="soft_l1",
-            f_scale=SOFT_FROM,
-            tr_solver="lsmr",  # an SVD of these tall matrices would take most of the time
-            max_nfev=MOST_STEPS,
-            xtol=TOLERANCE,
-            ftol=TOLERANCE,
-        )
+        for _ in range(1 if start else MOST_ROUNDS):  # costs compare only with the same deviations
+            solution = least_squares(
+                lambda z: problem.evaluate(z)[0],
+                z,
+                lambda z: problem.evaluate(z)[1],
+                bounds=(problem.low, problem.high),
+                loss="soft_l1",
+                f_scale=SOFT_FROM,
+                tr_solver="lsmr",  # an SVD of these tall matrices would take most of the time
+                max_nfev=MOST_STEPS,
+                xtol=TOLERANCE,
+                ftol=TOLERANCE,
+            )
+            if start or not problem.weigh(solution.x):
+                break
+            z = np.clip(solution.x, problem.low + 1e-6, problem.high - 1e-6)
         if best is None or solution.cost < best.cost:
             best = solution
     assert best is not None
@@ -154,6 +172,7 @@ class _LeastSquares:
         self.heard: Callable[[int], None] = lambda count: None
         self.count = 0
         self._kept: tuple[Array, Array, Array] | None = None
+        self._deviations = [model.noise for model in models]  # of each log's readings, (n,), rad
 
     def split(self, z: Array) -> tuple[Array, Array]:
         """Return the parameters (P,) and the logs' offsets (L, n), rad, that z contains."""
@@ -166,6 +185,21 @@ class _LeastSquares:
         offsets = [model.settled_offsets(x[None])[0] for model in self._models]
         return np.concatenate([x, np.ravel(offsets) / OFFSET_RAD])
 
+    def weigh(self, z: Array) -> bool:
+        """Take the deviations from the residuals at z; return whether they changed."""
+        x, offsets = self.split(z)
+        new = []
+        for model, offset in zip(self._models, offsets, strict=True):
+            gap = (model.angles(x[None], offset[None])[0] - model.log.theta)[model.known :]
+            beyond = np.mean(gap**2, axis=0) - (NOISE_MARGIN * model.noise) ** 2
+            lasting = INDEPENDENT_HZ * MODEL_ERROR_S * np.maximum(beyond, 0.0)
+            new.append(np.sqrt(model.noise**2 + lasting))
+        change = np.abs(np.array(new) / np.array(self._deviations) - 1)
+        if np.max(change) <= SETTLED:
+            return False
+        self._deviations, self._kept = new, None
+        return True
+
     def evaluate(self, z: Array) -> tuple[Array, Array]:
         """Return the residuals at z and their derivatives by z, from one simulation of each log."""
         if self._kept is None or not np.array_equal(self._kept[0], z):
@@ -176,7 +210,8 @@ class _LeastSquares:
             for k, model in enumerate(self._models):
                 first = self.machine + k * self._joints
                 columns = [*range(self.machine), *range(first, first + self._joints)]
-                values, derivatives = self._of_log(model, x, offsets[k], columns, z)
+                deviation = self._deviations[k]
+                values, derivatives = self._of_log(model, deviation, x, offsets[k], columns, z)
                 rows = np.zeros((len(values), self.size))
                 rows[:, columns] = derivatives
                 residuals.append(values)
@@ -187,10 +222,16 @@ class _LeastSquares:
         return self._kept[1], self._kept[2]
 
     def _of_log(
-        self, model: LogModel, x: Array, offsets: Array, columns: Sequence[int], z: Array
+        self,
+        model: LogModel,
+        deviation: Array,
+        x: Array,
+        offsets: Array,
+        columns: Sequence[int],
+        z: Array,
     ) -> tuple[Array, Array]:
-        """Return the residuals of a log, (m,), and their derivatives by some entries of z, (m,
-        columns)."""
+        """Return the residuals of a log in units of the joints' `deviation`, (m,), and their
+        derivatives by some entries of z, (m, columns)."""
         count = len(columns)
         step = HALF_STEP * np.eye(count)
         steps = np.concatenate([np.zeros((1, count)), step, -step])
@@ -201,7 +242,7 @@ class _LeastSquares:
         stride = max(1, round(1 / RATE_HZ / model.log.interval_s))
         weight = np.sqrt(min(1.0, INDEPENDENT_HZ * stride * model.log.interval_s))
         rows = slice(model.known, None, stride)
-        gap = (model.angles(machines, starts)[:, rows] - model.log.theta[rows]) / model.noise
+        gap = (model.angles(machines, starts)[:, rows] - model.log.theta[rows]) / deviation
         values = weight * gap.reshape(len(gap), -1)
         width = np.diag(steps[1 : 1 + count] - steps[1 + count :])
         return values[0], ((values[1 : 1 + count] - values[1 + count :]) / width[:, None]).T

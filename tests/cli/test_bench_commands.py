@@ -61,11 +61,11 @@ def test_a_machine_that_is_no_better_is_written_only_on_request(
     run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Identification, "verdict", "no better")
-    problem = planner.load_problem(PAPER)
-    csv, table = tmp_path / "1.csv", tmp_path / "mine.toml"
-    log = planner.emulate_log(planner.excitation(problem), planner.Machine.prototype())
-    log.part(0, 6.0).save(csv)
-    words = ("identify", csv, "--problem", PAPER, "--starts", "1", "--out", table)
+    motion, table = planner.excitation(planner.load_problem(PAPER)), tmp_path / "mine.toml"
+    runs = [tmp_path / "1.csv", tmp_path / "2.csv"]
+    for seed, path in enumerate(runs):
+        planner.emulate_log(motion, "prototype", seed=seed).part(0, 6.0).save(path)
+    words = ("identify", *runs, "--problem", PAPER, "--starts", "1", "--out", table)
     refused = run(*words)
     assert refused.status == 3
     assert "--anyway" in refused.err

@@ -34,6 +34,7 @@ from planner.problem.nonholonomy import Nonholonomy, nonholonomy
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.reach import Reach, goal_reach
 from planner.solve import solve, solve_and_check
+from planner.support.arrays import Frozen
 from planner.support.deadline import time_limit, time_share
 from planner.support.progress import expect_listener
 from planner.verification.summary import plan_summary, refusal_summary
@@ -51,7 +52,7 @@ class Reversal:
 
 
 @dataclass(frozen=True)
-class Remedy:
+class Remedy(Frozen):
     """A change of the problem that was tried and gave a verified plan.
 
     Attributes:
@@ -77,7 +78,7 @@ class Remedy:
 
 
 @dataclass(frozen=True)
-class Analysis:
+class Analysis(Frozen):
     """Result of `check`: whether a problem has a plan, and the evidence.
 
     Attributes:

@@ -244,7 +244,7 @@ class UntrackableError(InputError):
         why: Which motor and how fast, in few words.
     """
 
-    def __init__(self, message: str, *, why: str) -> None:
+    def __init__(self, message: str, *, why: str = "") -> None:
         self.why = why
         super().__init__(message)
 

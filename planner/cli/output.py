@@ -344,7 +344,10 @@ class Interruption(PlannerError):  # noqa: N818 (not an error)
     def __init__(self, progress: str) -> None:
         self.exit_status = signal_listener.status
         self.status = "interrupted" if self.exit_status == INTERRUPT_STATUS else "terminated"
-        super().__init__(f"{self.status}; {progress}; the same command runs the rest")
+        super().__init__(progress)
+
+    def __str__(self) -> str:
+        return f"{self.status}; {self.args[0]}; the same command runs the rest"
 
 
 @contextmanager

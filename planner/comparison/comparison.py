@@ -21,7 +21,7 @@ from planner.machine.replay import ERROR_WORDS, PERCENTILE_WORDS
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.settings import changed_settings, set_words
-from planner.support.arrays import jsonable
+from planner.support.arrays import Frozen, jsonable
 from planner.support.package import import_function, provenance, versions
 from planner.support.statistics import LEAST_DIFFERENCE_DEG, Difference
 from planner.support.tables import (
@@ -45,7 +45,7 @@ VERSION = 1
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Frozen):
     """Result of `compare`: one row per method.
 
     Attributes:

@@ -6,7 +6,6 @@ are made from the tables of the problem file.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -18,6 +17,7 @@ from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
 from planner.problem.tables.kinds import parse_file
 from planner.report.figures.style import readable_name
+from planner.support.arrays import plain
 from planner.systems.chained_form import chained_form
 
 Kind = Literal["slider", "choice", "switch"]
@@ -85,7 +85,7 @@ class Control:
         number = round(float(value)) if self.integer else round_digits(float(value))
         if not self.part:
             return number
-        whole = copy.deepcopy(self.whole)
+        whole = plain(self.whole)
         inner = whole
         for step in self.part[:-1]:
             inner = inner[step]

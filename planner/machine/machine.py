@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError, expect, factory
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable, Spread
-from planner.support.arrays import Array, plain
+from planner.support.arrays import Array, Frozen, locked, plain
 from planner.support.files import read_toml
 from planner.support.user_tables import allowed_hint, parse
 
@@ -60,7 +60,7 @@ class Quantity:
 
 @factory("planner.Machine.prototype(), .ideal() or .from_table({...})")
 @dataclass(frozen=True, repr=False)
-class Machine:
+class Machine(Frozen):
     """The emulated machine: everything between a plan's inputs and the real motion; immutable.
 
     Build it with `Machine.prototype()`, `Machine.ideal()` or `Machine.from_table`. The effects,
@@ -127,7 +127,7 @@ class Machine:
         fidelity = table.fidelity or base.fidelity or "quasi-static"
         state = table.start_state or base.start_state or "unwound"
         states = (state,) if isinstance(state, str) else tuple(state)
-        return cls(table.preset, step, MappingProxyType(effects), fidelity, states)
+        return cls(table.preset, step, effects, fidelity, states)
 
     # -- variations ----------------------------------------------------------------------------
 
@@ -239,9 +239,6 @@ class Machine:
     def __hash__(self) -> int:
         return hash(repr(self.to_dict()))
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Machine.from_table, (self.to_dict(),)
-
 
 def machine_for(table: MachineTable, given: Machine | str | None) -> Machine:
     """Return the machine that a caller asks for.
@@ -305,7 +302,7 @@ POSITIVE_FLOOR = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Draws:
+class Draws(Frozen):
     """Parameters of S single machines.
 
     Attributes:
@@ -405,9 +402,9 @@ def draw(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: int) -
         count = EFFECTS[name].count(joints)
         if quantity.varies:
             uniform = _uniform(name, numbers, count, seed)
-            values[name] = at_quantiles(name, quantity, joints, uniform)
+            values[name] = locked(at_quantiles(name, quantity, joints, uniform))
         else:  # one number for all samples, without a copy for each
-            mean = at_quantiles(name, quantity, joints, np.full((count, 1), 0.5))
+            mean = locked(at_quantiles(name, quantity, joints, np.full((count, 1), 0.5)))
             values[name] = np.broadcast_to(mean, (count, len(numbers)))
     return Draws(numbers, values, draw_start(machine, joints, numbers, seed), seed)
 
@@ -427,12 +424,12 @@ def draw_start(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: 
         wrong = f"machine.start_state has {count} words, but needs one, or {joints}, one per joint"
         raise InputError(wrong)
     rows = [words[min(1, joints - 1)], *words]
-    position = np.array([_SHARES.get(word, 0.0) for word in rows])[:, None]
+    position = locked(np.array([[_SHARES.get(word, 0.0)] for word in rows]))
     if "unknown" not in rows:
         return np.broadcast_to(position, (len(rows), len(numbers)))
     unknown = np.array([word == "unknown" for word in rows])[:, None]
     drawn = 2 * _uniform("start_state", numbers, len(rows), seed) - 1
-    return np.asarray(np.where(unknown, drawn, position))
+    return locked(np.where(unknown, drawn, position))
 
 
 def _uniform(name: str, numbers: NDArray[np.int64], count: int, seed: int, *key: int) -> Array:

@@ -25,7 +25,7 @@ from planner.machine.simulate import Progress, Recording, simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.plan.samples import import_library, plan_facts
 from planner.problem.requirements.requirement import Requirement
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen
 from planner.support.progress import expect_listener
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ RECORD_S = 0.02
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Replay(Recording):
+class Replay(Recording, Frozen):
     """Motions of a plan on S random samples of a machine.
 
     Attributes:
@@ -72,14 +72,18 @@ class Replay(Recording):
         fallbacks: Number of control steps in which the controller used a fallback command, (S,).
         run_s: Time from the first command to the end of the last, s: the plan's duration, and with
             feedback also the controller's preparation before and its correction after the plan.
-        again: Function that replays other samples, given by their numbers, in the same way.
+        feedback: The feedback law; None in open loop.
+        settle_s: Time with zero command after the plan's end, s.
+        record_s: Time between recorded instants, s, or None; see `replay`.
     """
 
     plan: Plan
     machine: Machine
     seed: int
     numbers: NDArray[np.int64]
-    again: Callable[[Sequence[int]], Replay]
+    feedback: Feedback | None
+    settle_s: float
+    record_s: float | None
 
     def __repr__(self) -> str:
         count = len(self.numbers)
@@ -194,6 +198,18 @@ class Replay(Recording):
         if place < len(self.q):
             return np.asarray(self.q[place])
         return np.asarray(self.again([int(self.numbers[place])]).q[0])
+
+    def again(self, numbers: Sequence[int]) -> Replay:
+        """Replay the samples with the given numbers in the same way, and keep their motions."""
+        return replay(
+            self.plan,
+            self.machine,
+            numbers,
+            self.seed,
+            self.feedback or False,
+            settle_s=self.settle_s,
+            record_s=self.record_s,
+        )
 
     @property
     def angles(self) -> tuple[int, ...]:
@@ -413,13 +429,15 @@ def replay(
         feedback=closing,
         progress=progress,
     )
-
-    def again(others: Sequence[int]) -> Replay:
-        back = False if closing is None else closing
-        return replay(plan, used, others, seed, back, settle_s=settle_s, record_s=record_s)
-
     return Replay(
-        **vars(recording), plan=plan, machine=used, seed=seed, numbers=numbers, again=again
+        **vars(recording),
+        plan=plan,
+        machine=used,
+        seed=seed,
+        numbers=numbers,
+        feedback=closing,
+        settle_s=settle_s,
+        record_s=record_s,
     )
 
 

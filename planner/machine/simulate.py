@@ -31,7 +31,7 @@ from planner.machine.stepwise import MachineMotion, StepwiseMotion
 from planner.plan.plan import Plan
 from planner.plan.recorded.log import RECORDED
 from planner.support import deadline
-from planner.support.arrays import Array
+from planner.support.arrays import Array, locked
 from planner.systems.manipulator import Manipulator
 
 CHUNK_SAMPLES = 1000
@@ -65,7 +65,7 @@ class Recording:
     A new quantity over time that follows from these and `draws` is a property of `Replay`, as
     `measured`. Any other is a field: `_blank` makes it, both motions record it (`MachineMotion`;
     for C also `ARRAYS` of compiled.py and `record` in kernel.c), `_keep` stores it for the first
-    samples only, and `_row_bytes` counts it. `Replay.again` makes the motions that are not kept.
+    samples only, and `_row_bytes` counts it. `Replay.motion` makes the motions that are not kept.
     """
 
     t: Array
@@ -146,6 +146,9 @@ def simulate(
             whole = replace(whole, run_s=run.closed_loop(chosen, tell, feedback))
     if np.sum(times >= 0) <= FEWEST_TIMES:
         whole.margin[:] = np.nan
+    for each in vars(whole).values():
+        if isinstance(each, np.ndarray):
+            locked(each)
     return whole
 
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen
 from planner.support.tables import Column, html_table
 
 Status = Literal["proven", "undecided", "violated"]
@@ -66,7 +66,7 @@ COLUMNS: list[Column[Claim]] = [
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Certificate(Frozen):
     """What is proven of a plan's true motion, on whole intervals and not only at samples.
 
     Attributes:

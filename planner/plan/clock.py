@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.support.arrays import Array
+from planner.support.arrays import Array, floats
 
 RATE_TOLERANCE = 1e-6
 """Largest difference of a clock's rate from 0 or 1 that rounding of time steps explains."""
@@ -76,7 +76,7 @@ class Clock:
 
     def __call__(self, t: ArrayLike) -> Array:
         """Return the plan's times at the machine's times t (…), s; constant outside the ends."""
-        return np.asarray(np.interp(np.asarray(t, dtype=float), self.t, self.s))
+        return np.asarray(np.interp(floats("t", t), self.t, self.s))
 
     def when(self, s: float) -> float:
         """Return the machine's time at which the plan's clock shows s.

@@ -26,7 +26,7 @@ from planner.plan.quadrature import (
 from planner.plan.retimed import RetimedTrajectory
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.requirements.requirement import MotionPoint, Requirement
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen, locked
 from planner.support.calculus.chebyshev import apply, integration
 from planner.support.calculus.extremes import maximum, minimum, sample_times, zeros
 from planner.systems.chained_form import chained_form
@@ -126,7 +126,7 @@ def _chart_path(trajectory: Trajectory) -> ChainedTrajectory | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Objective:
+class Objective(Frozen):
     """What a plan minimises: a sum of named terms.
 
     Attributes:
@@ -160,7 +160,8 @@ class Objective:
         given = self.terms.get
         efforts = [given("effort", 0.0) + given(f"effort u{i}", 0.0) for i in (1, 2)]
         smooth = given("smoothness", 0.0)
-        return np.array([given("duration", 0.0), *efforts, smooth, smooth, given("closeness", 0.0)])
+        ends = given("duration", 0.0), given("closeness", 0.0)
+        return locked(np.array([ends[0], *efforts, smooth, smooth, ends[1]]))
 
 
 TERMS: dict[str, tuple[str, Callable[[Trajectory], float]]] = {

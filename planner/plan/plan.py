@@ -27,7 +27,7 @@ from planner.plan.measures import (
 )
 from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Problem
-from planner.support.arrays import Array, jsonable
+from planner.support.arrays import Array, Frozen, floats, jsonable
 from planner.support.deadline import Span
 from planner.support.files import write_text
 from planner.support.package import import_function
@@ -53,13 +53,16 @@ rounding errors of a sum of thousands of time steps are smaller."""
 
 @factory("planner.solve(problem, method) or planner.load_plan(path)")
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(Frozen):
     """A motion from start to goal that evaluates at any time.
 
     `t`, `q(t)`, `u(t)`, `z(t)` and `v(t)` use the method's own interpolant; see `Trajectory`.
 
     Before 0 and after `duration` the plan is at rest: the coordinates are those of its ends and the
-    inputs are zero. Evaluating it there gives a RuntimeWarning; its `trajectory` gives none.
+    inputs are zero. Evaluating it there gives a RuntimeWarning; its `trajectory` gives none. Times
+    that are not numbers give an InputError.
+
+    A plan cannot change: the arrays, dictionaries and lists that it hands out are read-only.
 
     Two plans are equal if they have the same motion, problem, method, options and verdict;
     computing times do not count.
@@ -215,7 +218,7 @@ class Plan:
         """
         if self.compensates is None:
             return self.trajectory.q(t)
-        early = np.asarray(t, dtype=float) < self.lead_s - ROUNDING * max(1.0, self.duration)
+        early = floats("t", t) < self.lead_s - ROUNDING * max(1.0, self.duration)
         return np.where(early[..., None], np.nan, self.compensates.trajectory.q(self.clock(t)))
 
     @property
@@ -282,7 +285,7 @@ class Plan:
 
     def _times(self, t: ArrayLike) -> Array:
         """Return times as floats; clip those just outside the plan by rounding, warn of others."""
-        times, slack = np.asarray(t, dtype=float), ROUNDING * max(1.0, self.duration)
+        times, slack = floats("t", t), ROUNDING * max(1.0, self.duration)
         outside = (times < -slack) | (times > self.duration + slack)
         if np.any(outside):
             warnings.warn(
@@ -343,7 +346,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Compensation:
+class Compensation(Frozen):
     """The original plan and machine of a compensated plan.
 
     Attributes:

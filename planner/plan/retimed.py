@@ -71,6 +71,7 @@ class RetimedTrajectory(Trajectory):
     def __post_init__(self) -> None:
         for name in ("length", "clock"):
             object.__setattr__(self, name, expect_curve(name, getattr(self, name), ()))
+        super().__post_init__()
         if np.shape(self.stations) != np.shape(self.clock.x):
             raise ValueError("there must be one station for each break of the clock")
 

@@ -21,7 +21,7 @@ from planner.plan.plan import Plan
 from planner.plan.quadrature import POINTS, integrate, read_trajectory
 from planner.plan.recorded.number_table import read_table
 from planner.plan.trajectory import StateTrajectory
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen
 from planner.support.calculus.bernstein import Bernstein
 from planner.support.files import SAMPLES_BYTES, expect_path, read_bytes
 from planner.support.package import how_to_install
@@ -50,7 +50,7 @@ MOST_COORDINATES = 30
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(Frozen):
     """A motion sampled at R times.
 
     Attributes:

@@ -17,25 +17,25 @@ from numpy.typing import ArrayLike
 
 from planner.errors import InputError
 from planner.plan.curves import expect_curve, nonfinite_part
-from planner.support.arrays import Array, jsonable
+from planner.support.arrays import Array, Frozen, floats, jsonable
 from planner.support.calculus.bernstein import Bernstein, Pieces
 from planner.systems.chained_form import chained_form
 from planner.systems.triangular_system import TriangularSystem
 
 
-class Trajectory(ABC):
+class Trajectory(Frozen, ABC):
     """Curves q(t), u(t), z(t) and v(t) on [0, duration], vectorised over t.
 
     Before 0 and after the duration, coordinates are those of the nearest end; inputs are zero.
     """
 
     kind: ClassVar[str]
-    kinds: ClassVar[dict[str, type[Trajectory]]] = {}
+    _kinds: ClassVar[dict[str, type[Trajectory]]] = {}
     system: TriangularSystem
 
     def __init_subclass__(cls) -> None:
         if "kind" in vars(cls):  # a file's kind is the class that defines it, never a subclass
-            Trajectory.kinds.setdefault(cls.kind, cls)
+            Trajectory._kinds.setdefault(cls.kind, cls)
 
     def __eq__(self, other: object) -> bool:
         if self is other:
@@ -122,7 +122,7 @@ class Trajectory(ABC):
         return float(self.breaks[-1])
 
     def _clip(self, t: ArrayLike) -> Array:
-        return np.asarray(np.asarray(t, dtype=float).clip(0.0, self.duration))
+        return np.asarray(floats("t", t).clip(0.0, self.duration))
 
     def _is_running(self, t: ArrayLike) -> Array:
         times = np.asarray(t, dtype=float)
@@ -155,6 +155,7 @@ class ChainedTrajectory(Trajectory):
             object.__setattr__(self, name, expect_curve(name, getattr(self, name), (values,)))
         if not np.array_equal(self.z_curve.x, self.v_curve.x):
             raise ValueError("z_curve and v_curve must have the same breaks")
+        super().__post_init__()
         if np.shape(self.branch) != (self.system.size,):
             raise ValueError(f"branch must have {self.system.size} entries")
 
@@ -316,8 +317,8 @@ def trajectory_from_dict(system: TriangularSystem, data: Mapping[str, Any]) -> T
         InputError: If the kind is unknown.
     """
     kind = data["kind"]
-    if kind not in Trajectory.kinds:
+    if kind not in Trajectory._kinds:
         raise InputError(
-            f"trajectory kind {kind!r} is unknown; allowed: {', '.join(Trajectory.kinds)}"
+            f"trajectory kind {kind!r} is unknown; allowed: {', '.join(Trajectory._kinds)}"
         )
-    return Trajectory.kinds[kind].from_dict(system, data)
+    return Trajectory._kinds[kind].from_dict(system, data)

@@ -16,7 +16,7 @@ from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import ROUNDING, Requirement
 from planner.problem.tables.kinds import KIND_LIMITS
 from planner.problem.tables.problem_file import ProblemFile
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen
 from planner.support.tables import error_words, line
 from planner.systems.triangular_system import TriangularSystem
 
@@ -49,7 +49,7 @@ def with_changes(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, 
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class Limits(Frozen):
     """Limits that apply at all times; infinite (or None) where there is no limit.
 
     Attributes:

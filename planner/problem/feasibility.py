@@ -19,13 +19,13 @@ import numpy as np
 
 from planner.errors import InfeasibleError
 from planner.problem.problem import Problem, expect_problem
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen
 from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
 
 
 @dataclass(frozen=True)
-class End:
+class End(Frozen):
     """One end of the motion and where this end lies relative to the chart.
 
     Attributes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -43,7 +42,7 @@ from planner.problem.tables.kinds import KIND_LIMITS, REQUIREMENTS, parse_file, 
 from planner.problem.tables.machine_effects import MachineTable
 from planner.problem.tables.method_options import MethodsTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
-from planner.support.arrays import Array, hashable, plain
+from planner.support.arrays import Array, Frozen, frozen, hashable, plain
 from planner.support.files import read_toml
 from planner.support.tables import line
 from planner.systems.chained_form import chained_form
@@ -67,7 +66,7 @@ POSE_NOISE_DEG = 0.05
 
 @factory("planner.load_problem(path), Problem.manipulator(...) or Problem.from_dict({...})")
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(Frozen):
     """A motion-planning problem: system, start, goal and limits. Build it with `load_problem`.
 
     Attributes:
@@ -276,7 +275,7 @@ class Problem:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the tables of a problem file that describes this problem."""
-        return copy.deepcopy(dict(self._data))
+        return dict(plain(self._data))
 
     def changed(self, changes: Mapping[str, Any]) -> Problem:
         """Return a checked copy of the problem with some keys changed.
@@ -354,7 +353,7 @@ class Problem:
     @cached_property
     def goal(self) -> Array:
         """q(T), shape (N,), in the units of `start`; NaN for coordinates that are free."""
-        return self.system.fixed_by(self.user_goal)
+        return frozen(self.system.fixed_by(self.user_goal))
 
     @property
     def travel(self) -> float | None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.requirements.requirement import ROUNDING, MotionPoint
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen
 
 START_POINTS = 256
 """Number of starting points; with three joints at least twenty points lead to each branch."""
@@ -35,7 +35,7 @@ joints then keep off their limits, and a rounded position is still within reach.
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
+class Reach(Frozen):
     """Possible configurations at a goal that leaves joints free.
 
     Attributes:

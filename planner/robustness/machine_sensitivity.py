@@ -19,7 +19,7 @@ from planner.machine.replay import SETTLE_S
 from planner.machine.simulate import simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS, Effect
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen
 from planner.systems.triangular_system import TriangularSystem
 
 RELATIVE_STEP = 0.05
@@ -49,7 +49,7 @@ NO_EFFECT_DEG = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class MachineEntry:
+class MachineEntry(Frozen):
     """Response of a plan to one parameter of the machine.
 
     Attributes:
@@ -99,7 +99,7 @@ class MachineEntry:
 
 
 @dataclass(frozen=True, eq=False)
-class MachineSensitivity:
+class MachineSensitivity(Frozen):
     """Response of one plan to each parameter of a machine.
 
     Attributes:

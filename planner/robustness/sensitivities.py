@@ -23,7 +23,7 @@ from planner.plan.spec import Spec
 from planner.problem.problem import Problem
 from planner.problem.settings import problem_words
 from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity, sensitivity
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen
 from planner.support.package import import_function
 from planner.support.tables import Column, number
 from planner.systems.triangular_system import TriangularSystem
@@ -37,7 +37,7 @@ ALIKE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Sensitivities:
+class Sensitivities(Frozen):
     """The sensitivities of several plans.
 
     Attributes:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.plan.plan import Plan, refuse_compensated, refuse_inexecutable
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen
 from planner.support.calculus import runge_kutta
 from planner.support.calculus.extremes import sample_times
 from planner.support.compiled_calls import Pointwise
@@ -42,7 +42,7 @@ REFERENCE: Mapping[str, float] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Sensitivity:
+class Sensitivity(Frozen):
     """First-order sensitivities of one plan's coordinates to errors of P parameters.
 
     Attributes:

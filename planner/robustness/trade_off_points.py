@@ -25,13 +25,13 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.robustness.sensitivity import sensitivity
-from planner.support.arrays import jsonable
+from planner.support.arrays import Frozen, jsonable
 from planner.support.files import make_folder, read_json, write_text
 from planner.verification.load_plan import load_plan
 
 
 @dataclass(frozen=True)
-class TradeOffPoint:
+class TradeOffPoint(Frozen):
     """One point of a trade-off curve: a verified plan and its figures.
 
     Attributes:

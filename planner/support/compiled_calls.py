@@ -47,9 +47,15 @@ class Pointwise:
     """
 
     def __init__(self, name: str, arguments: Sequence[Any], value: Any) -> None:
-        self.function = ca.Function(name, list(arguments), [ca.densify(value)])
-        self.shape = self.function.size_out(0)
-        self._mapped = {0: Call(self.function)}  # key k: the function mapped over 2^k points
+        self.__setstate__(ca.Function(name, list(arguments), [ca.densify(value)]))
+
+    def __getstate__(self) -> Any:
+        return self.function
+
+    def __setstate__(self, function: Any) -> None:
+        self.function = function
+        self.shape = function.size_out(0)
+        self._mapped = {0: Call(function)}  # key k: the function mapped over 2^k points
 
     def __call__(self, *arguments: Array) -> Array:
         """Return the function's values at points given by arrays (…, k) with equal leading axes.

@@ -14,6 +14,7 @@ from typing import Annotated, Any, ClassVar, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from planner.errors import InputError
+from planner.support.arrays import frozen
 from planner.support.tables import shorten
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -29,6 +30,10 @@ class Table(BaseModel):
         allow_inf_nan=False,
         defer_build=True,  # build on first use: most problems use only a few tables
     )
+
+    def model_post_init(self, _: Any) -> None:
+        """Make lists and dictionaries read-only, like the table itself."""
+        vars(self).update({name: frozen(value) for name, value in vars(self).items()})
 
     former: ClassVar[Mapping[str, str]] = {}
     """Keys of earlier versions, each with a note on what replaced it."""

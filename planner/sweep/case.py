@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import threading
 import time
 import traceback
@@ -34,6 +33,7 @@ from planner.problem.problem import Problem
 from planner.problem.tables.kinds import parse_file
 from planner.problem.tables.machine_effects import MachineTable
 from planner.solve import solve_and_check
+from planner.support.arrays import plain
 from planner.support.package import versions
 from planner.support.user_tables import parse
 from planner.sweep.sweep_file import canonical_json, digest
@@ -117,7 +117,7 @@ def case_at(sweep: Sweep, position: int) -> Case:
     """Return the case at a position; positions run through the methods of one point first."""
     number, method = divmod(position, len(sweep.methods))
     point, spec = sweep.points[number], sweep.methods[method]
-    changes = copy.deepcopy(point)
+    changes = plain(point)
     if spec.compensated:
         changes["compensation.on"] = True
     request = {

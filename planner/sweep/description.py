@@ -20,7 +20,7 @@ from planner.plan.spec import Spec
 from planner.problem.conditions import with_changes
 from planner.problem.problem import Problem, load_problem
 from planner.problem.tables.kinds import FILES, parse_file
-from planner.support.arrays import plain
+from planner.support.arrays import Frozen, plain
 from planner.support.files import read_toml
 from planner.support.tables import line
 from planner.support.user_tables import parse
@@ -28,7 +28,7 @@ from planner.sweep.sweep_file import Point, ReplayTable, SweepFile, flatten, poi
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep:
+class Sweep(Frozen):
     """Many variants of one problem, and the methods that plan them; made by `load` or `from_dict`.
 
     Attributes:

@@ -43,6 +43,9 @@ class ChainedForm:
         functions = _compile_functions(system, links, q, feedback)
         self._state, self._inputs, self._state_and_inputs = functions
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return chained_form, (self.system,)
+
     def __repr__(self) -> str:
         return f"ChainedForm({self.system!r})"
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planner.errors import InputError
-from planner.support.arrays import Array
+from planner.support.arrays import Array, floats
 from planner.support.casadi import ca
 from planner.support.compiled_calls import Pointwise
 from planner.systems.triangular_system import TriangularSystem, expect_system
@@ -175,7 +175,7 @@ def controllability(
 
 
 def _check_arguments(system: TriangularSystem, q: ArrayLike, depth: int | None) -> Array:
-    point = np.asarray(q, dtype=float)
+    point = floats("q", q)
     if point.shape != (system.size,) or not np.all(np.isfinite(point)):
         raise InputError(
             f"q = {point.tolist()}: the {system.kind} needs {system.size} finite numbers"

@@ -8,6 +8,7 @@ from math import prod
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from planner.errors import InputError
 from planner.support.arrays import Array
@@ -77,9 +78,9 @@ class Manipulator(PlanarArm):
 
     def __init__(
         self,
-        K: Sequence[float],
+        K: ArrayLike,
         k_g: float = 1.0,
-        link_lengths: Sequence[float] | None = None,
+        link_lengths: ArrayLike | None = None,
         k_g_rule: str = "given",
     ) -> None:
         super().__init__(K, k_g, link_lengths)
@@ -94,7 +95,7 @@ class Manipulator(PlanarArm):
         *,
         k_g: float | None = None,
         rule: str = "chain",
-        link_lengths: Sequence[float] | None = None,
+        link_lengths: ArrayLike | None = None,
     ) -> Manipulator:
         """Build a manipulator of n joints from gear geometry.
 

@@ -29,9 +29,10 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from planner.errors import InputError, expect
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen, floats, frozen
 from planner.support.casadi import ca
 from planner.support.compiled_calls import Pointwise
 
@@ -49,7 +50,7 @@ class Coordinate:
         return f"{self.unit}^2" if self.unit.endswith("/s") else f"{self.unit or 1}/s"
 
 
-class TriangularSystem(ABC):
+class TriangularSystem(Frozen, ABC):
     """A driftless two-input system in triangular form.
 
     A subclass gives its `kind`, its coordinates and its functions fᵢ and γ as CasADi expressions,
@@ -61,6 +62,13 @@ class TriangularSystem(ABC):
     """
 
     kind: ClassVar[str]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if "_text" in vars(self):
+            raise AttributeError(
+                f"{self} is in use and cannot change; make another {type(self).__name__}"
+            )
+        super().__setattr__(name, frozen(value))
 
     def __repr__(self) -> str:
         names = ", ".join(c.name for c in self.coordinates)
@@ -132,7 +140,7 @@ class TriangularSystem(ABC):
         """Coordinates that are both user and triangular: triangular index by user index."""
         names = [c.name for c in self.coordinates]
         pairs = enumerate(c.name for c in self.user_coordinates)
-        return {i: names.index(name) for i, name in pairs if name in names}
+        return frozen({i: names.index(name) for i, name in pairs if name in names})
 
     def fixed_by(self, w: Array) -> Array:
         """Return the entries of q (N,) that the user coordinates w (N,) determine; the others NaN.
@@ -353,15 +361,15 @@ def _centre(branch: Array) -> Array:
     return np.asarray(np.pi * (branch - 1) / 2)
 
 
-def positive(name: str, values: Sequence[float]) -> Array:
+def positive(name: str, values: ArrayLike) -> Array:
     """Return the values as an array after checking that all are positive and finite.
 
     Raises:
         InputError: If there is no value, or a value is not positive and finite.
     """
     try:
-        array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError, OverflowError):
+        array = floats(name, values)
+    except InputError:
         array = np.empty(0)
     if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array) & (array > 0)):
         raise InputError(f"{name} = {values!r:.60} must be positive finite numbers")
@@ -385,7 +393,7 @@ class PlanarArm(TriangularSystem):
     """Number of the disk whose angle is φ, relative to n: 0 for disk n, −1 for disk n − 1."""
 
     def __init__(
-        self, K: Sequence[float], k_g: float = 1.0, link_lengths: Sequence[float] | None = None
+        self, K: ArrayLike, k_g: float = 1.0, link_lengths: ArrayLike | None = None
     ) -> None:
         self.K = positive("K", K)
         self.k_g = float(positive("k_g", [k_g])[0])

@@ -14,6 +14,7 @@ from math import prod
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from planner.support.arrays import Array
 from planner.support.casadi import ca
@@ -232,7 +233,7 @@ class Trailers(_Train):
 
     kind: ClassVar[str] = "trailers"
 
-    def __init__(self, trailer_lengths_m: Sequence[float], wheelbase_m: float = 1.0) -> None:
+    def __init__(self, trailer_lengths_m: ArrayLike, wheelbase_m: float = 1.0) -> None:
         lengths = positive("trailer_lengths_m", trailer_lengths_m)
         super().__init__(wheelbase_m, lengths.tolist())
         self.trailer_lengths_m = lengths

@@ -16,7 +16,7 @@ import numpy as np
 from planner.errors import NoPlanError, Violation
 from planner.plan.measures import effort, effort_unit, moving_inputs, peak_inputs
 from planner.plan.plan import Plan
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen
 from planner.support.calculus.extremes import sample_times
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.verify import Check, verify
@@ -76,7 +76,7 @@ def figures(kind: type) -> Mapping[str, FigureField]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanFigures:
+class PlanFigures(Frozen):
     """The figures of a plan; a number that the plan does not define is NaN.
 
     Attributes:

@@ -31,7 +31,7 @@ from planner.plan.trajectory import StateTrajectory
 from planner.problem.requirements.ends import Duration, Goal, LongestDuration, Start
 from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
 from planner.support import deadline
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen
 from planner.support.calculus.chebyshev import apply, points, resampling
 from planner.support.calculus.extremes import FLAT_DEPTH, narrow_dips
 from planner.support.tables import Column, html_table
@@ -65,7 +65,7 @@ smallest cells into which the integration splits a piece."""
 
 
 @dataclass(frozen=True)
-class Check:
+class Check(Frozen):
     """Result of `verify`.
 
     Attributes:

@@ -290,7 +290,7 @@ def test_a_kind_that_nobody_knows_is_not_proven_even_without_limits(optimal: pla
             replace(optimal, problem=free, trajectory=loud), passes_verify=True
         )
     finally:
-        Trajectory.kinds.pop("louder", None)
+        Trajectory._kinds.pop("louder", None)
 
 
 def test_nothing_asked_is_not_everything_proven() -> None:

@@ -77,6 +77,9 @@ class Tracker:
         self.options = parse(FeedbackTable, {**settings, **changes}, "feedback")
         self._designs: OrderedDict[tuple[int, Machine], tuple[Plan, TrackerDesign]] = OrderedDict()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Tracker, (self.options,)
+
     def start(self, plan: Plan, machine: Machine, numbers: NDArray[np.int64]) -> TrackerControl:
         """Return a controller of the samples `numbers` (S,); see
         `planner.machine.closed_loop.Feedback`.

@@ -24,7 +24,7 @@ from planner.machine.identification.parameters import FitParameter, Parameters
 from planner.machine.machine import Machine, machine_for
 from planner.plan.recorded.log import Log, expect_log
 from planner.problem.problem import Problem, expect_problem
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen, frozen
 from planner.support.files import toml, write_text
 from planner.support.package import import_function
 from planner.support.progress import expect_listener
@@ -103,7 +103,7 @@ class PredictionError:
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(Frozen):
     """The result of `identify`.
 
     Attributes:
@@ -208,10 +208,8 @@ class Identification:
         """Errors of this machine and of the preset in predicting the run that was kept out."""
         if self.kept_out is None:
             return {}
-        return {
-            "identified": self.error(self.kept_out),
-            "preset": self.error(self.kept_out, self.preset),
-        }
+        mine, presets = self.error(self.kept_out), self.error(self.kept_out, self.preset)
+        return frozen({"identified": mine, "preset": presets})
 
     @property
     def verdict(self) -> Verdict:

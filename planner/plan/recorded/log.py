@@ -21,7 +21,7 @@ from planner.plan.recorded.number_table import Blanks, NumberTable, read_table
 from planner.plan.samples import MAX_ROWS
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem, expect_problem
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen, floats, frozen
 from planner.support.calculus.bernstein import Bernstein
 from planner.support.files import write_text
 from planner.support.tables import csv_text
@@ -62,7 +62,7 @@ LEAST_LIKENESS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Log:
+class Log(Frozen):
     """A recorded run of an arm.
 
     Attributes:
@@ -83,12 +83,16 @@ class Log:
     source: str = "log"
 
     def __post_init__(self) -> None:
-        rows = np.shape(self.t)[:1]
-        shapes = {"t": rows, "u": (*rows, 2), "theta": (*rows, *np.shape(self.theta)[1:2])}
+        for name in ("t", "u", "theta", "motors"):
+            if (given := getattr(self, name)) is not None:
+                value = frozen(floats(f"{self.source}: {name}", given))
+                object.__setattr__(self, name, value)
+        rows = self.t.shape[:1]
+        shapes = {"t": rows, "u": (*rows, 2), "theta": (*rows, *self.theta.shape[1:2])}
         if self.motors is not None:
             shapes["motors"] = (*rows, 2)
         for name, shape in shapes.items():
-            value = np.asarray(getattr(self, name))
+            value = getattr(self, name)
             if value.shape != shape or len(shape) != 1 + (name != "t"):
                 raise InputError(
                     f"{self.source}: {name} has shape {value.shape}; a log of R rows has t (R,),"

@@ -11,7 +11,7 @@ import numpy as np
 
 from planner.errors import Violation
 from planner.problem.requirements.requirement import Demand, MotionPoint, Part, Requirement
-from planner.support.arrays import Array
+from planner.support.arrays import Array, frozen
 from planner.support.casadi import ca
 from planner.systems.triangular_system import TriangularSystem
 
@@ -52,7 +52,7 @@ class Waypoint(Demand):
     @cached_property
     def q(self) -> Array:
         """Coordinates q that the waypoint determines, shape (N,); NaN if free."""
-        return self.system.fixed_by(self.user)
+        return frozen(self.system.fixed_by(self.user))
 
     @cached_property
     def beside_q(self) -> tuple[int, ...]:

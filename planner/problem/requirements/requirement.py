@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.errors import Part as Part
 from planner.errors import Violation
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen, locked
 from planner.support.casadi import ca
 from planner.systems.triangular_system import TriangularSystem
 
@@ -50,7 +50,7 @@ class MotionPoint:
         return np.moveaxis(self.q, 0, -1)
 
 
-class Demand(ABC):
+class Demand(Frozen, ABC):
     """A condition on a motion: at an end, at a waypoint, or (a `Requirement`) at all times.
 
     Attributes:
@@ -196,12 +196,13 @@ class Requirement(Demand):
     @property
     def thickness(self) -> float:
         """Largest depth, in its unit, of a violation, for a requirement that `divides`."""
-        return min(part.scale for part in self.parts)
+        return min((part.scale for part in self.parts), default=0.0)
 
     @cached_property
     def bounds(self) -> tuple[Array, Array, Array]:
         """Least value, largest value and scale of each part, shape (R,) each."""
-        low, high, scale = np.array([(p.low, p.high, p.scale) for p in self.parts]).T
+        numbers = np.array([(p.low, p.high, p.scale) for p in self.parts])
+        low, high, scale = locked(numbers.reshape(-1, 3)).T
         return low, high, scale
 
     def slowing_factor(self, least: Array, most: Array) -> Array:

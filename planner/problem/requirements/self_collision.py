@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from planner.errors import Violation
 from planner.problem.requirements.places import nearest_on_segment
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
-from planner.support.arrays import Array
+from planner.support.arrays import Array, frozen
 from planner.support.casadi import ca
 from planner.systems.triangular_system import TriangularSystem, arm_points_expr
 
@@ -66,7 +66,7 @@ class SelfCollision(Requirement):
     def link_pairs(self) -> list[Pair]:
         """Pairs of links that are not neighbours, numbered from 1."""
         pairs = product(range(1, self.links + 1), repeat=2)
-        return [(i, j) for i, j in pairs if j >= i + 2]
+        return frozen([(i, j) for i, j in pairs if j >= i + 2])
 
     @cached_property
     def joint_link_pairs(self) -> dict[Pair, list[Pair]]:
@@ -78,7 +78,7 @@ class SelfCollision(Requirement):
         for i, j in self.link_pairs:
             for end in _joints_of_pair((i, j)):
                 out.setdefault(end, []).append((i, j))
-        return dict(sorted(out.items()))
+        return frozen(dict(sorted(out.items())))
 
     @property
     def parts(self) -> tuple[Part, ...]:

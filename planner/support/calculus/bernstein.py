@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
-from planner.support.arrays import Array, product
+from planner.support.arrays import Array, Frozen, frozen, product
 
 Pieces = NDArray[np.int_]
 """Indices of a curve's pieces, or of a plan's cells, from 0."""
@@ -31,7 +31,7 @@ Verification needs some 5 kB of memory per coefficient."""
 
 
 @dataclass(frozen=True, eq=False)
-class Bernstein:
+class Bernstein(Frozen):
     """A piecewise polynomial.
 
     Attributes:
@@ -46,8 +46,8 @@ class Bernstein:
     x: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "c", np.asarray(self.c, dtype=float))
-        object.__setattr__(self, "x", np.asarray(self.x, dtype=float))
+        for name in ("c", "x"):
+            object.__setattr__(self, name, frozen(np.asarray(getattr(self, name), dtype=float)))
         if self.c.ndim < 2 or not len(self.c) or self.x.shape != (self.c.shape[1] + 1,):
             raise ValueError(f"coefficients {self.c.shape} do not fit breaks {self.x.shape}")
 

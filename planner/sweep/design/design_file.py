@@ -18,6 +18,7 @@ from planner.problem.conditions import with_changes
 from planner.problem.problem import Problem
 from planner.problem.tables.arms import GearTable, Joints
 from planner.problem.tables.problem_file import AngleDeg
+from planner.support.arrays import Frozen
 from planner.support.files import read_toml
 from planner.support.tables import line, number
 from planner.support.user_tables import Positive, Table, allowed_hint, parse
@@ -173,7 +174,7 @@ Task = tuple[list[float], list[float]]
 
 
 @dataclass(frozen=True, eq=False)
-class StudyInput:
+class StudyInput(Frozen):
     """The contents of a design file, read and checked.
 
     Attributes:

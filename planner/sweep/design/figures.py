@@ -15,6 +15,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.problem.feasibility import TravelWindow
+from planner.support.arrays import Frozen
 from planner.support.tables import number
 from planner.support.user_tables import allowed_hint
 from planner.sweep.case import CONTACT_PERCENTILE
@@ -148,7 +149,7 @@ def _width(window: TravelWindow) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class DesignRow:
+class DesignRow(Frozen):
     """One design and its figures.
 
     Attributes:

@@ -22,13 +22,13 @@ from typing import Any
 
 import numpy as np
 
-from planner.support.arrays import Array
+from planner.support.arrays import Array, Frozen
 from planner.support.tables import number
 from planner.systems.manipulator import Gear
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class Design(Frozen):
     """One mechanism of a study.
 
     Attributes:

@@ -13,7 +13,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.plan.samples import import_library
-from planner.support.arrays import jsonable
+from planner.support.arrays import Frozen, jsonable
 from planner.support.files import make_folder, write_figure, write_json, write_text
 from planner.support.package import import_function, provenance, versions
 from planner.support.tables import (
@@ -39,7 +39,7 @@ FORMAT, VERSION = "planner-design", 1
 
 
 @dataclass(frozen=True, eq=False)
-class DesignStudy:
+class DesignStudy(Frozen):
     """Designs of the mechanism, compared on a set of tasks; see `design_study`.
 
     Attributes:

@@ -151,7 +151,7 @@ def test_a_tip_out_of_reach_has_a_remedy_that_was_tried() -> None:
     assert not analysis.has_plan
     assert analysis.reach is not None
     assert analysis.reach.branches == ()
-    assert analysis.reach.missed == pytest.approx(
+    assert analysis.reach.missed_m == pytest.approx(
         float(np.linalg.norm(analysis.reach.tip[:2] - [-0.1, 0.7])), rel=1e-9
     )
     assert analysis.remedy is not None

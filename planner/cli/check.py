@@ -141,9 +141,8 @@ def _reach(analysis: Analysis) -> Rows:
     elif reach.blocked:
         elbows = "none that keeps every limit"
     else:
-        angle = problem.tip is not None and problem.tip.place is None
-        off = f"{np.rad2deg(reach.missed):.3g} deg" if angle else f"{reach.missed:.3g} m"
         x, y, turn = reach.tip
+        off = reach.missed_words
         elbows = f"none found within the limits of the joints; the nearest, {off} off, has the tip"
         elbows += f" at ({x:.4g}, {y:.4g}) m, {np.rad2deg(turn):.4g} deg"
     if reach.blocked:

@@ -44,17 +44,24 @@ class Reach(Frozen):
         blocked: Number of further branches, whose solutions violate a requirement.
         tip: The reachable tip pose nearest to the required one, shape (3,): x, y in metres and
             direction in radians; the required pose if there is a branch.
-        missed: Distance of that pose from the required pose: metres, or radians if only a direction
-            is required. With both, the root of the sum of squares in metres, one radian counting as
-            the arm's reach.
+        missed_m: Distance of that tip from the required place, metres; None if none is required.
+        missed_deg: Angle between that direction and the required one, degrees; None if none is
+            required.
         reach: Sum of the links' lengths, metres.
     """
 
     branches: tuple[Array, ...]
     blocked: int
     tip: Array
-    missed: float
+    missed_m: float | None
+    missed_deg: float | None
     reach: float
+
+    @property
+    def missed_words(self) -> str:
+        """By how much the nearest pose misses the required one: "0.1 m and 3 deg"."""
+        missed = {"m": self.missed_m, "deg": self.missed_deg}
+        return " and ".join(f"{off:.3g} {unit}" for unit, off in missed.items() if off is not None)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as JSON-ready data, with angles in degrees."""
@@ -63,7 +70,8 @@ class Reach(Frozen):
             "blocked_branches": self.blocked,
             "nearest_tip_m": self.tip[:2].tolist(),
             "nearest_tip_angle_deg": float(np.rad2deg(self.tip[2])),
-            "missed": self.missed,
+            "missed_m": self.missed_m,
+            "missed_deg": self.missed_deg,
             "reach_m": self.reach,
         }
 
@@ -100,13 +108,14 @@ def goal_reach(problem: Problem) -> Reach | None:
     best = theta[solved][0] if np.any(solved) else _closest_angles(problem, theta)
     reach = float(np.sum(arm.link_lengths))
     tip = np.append(arm.arm_points(best)[-1], np.sum(best))
-    missed = float(np.linalg.norm(_tip_errors(problem, best[None])))
-    metres = 1.0 if problem.tip is None or problem.tip.place is None else reach
+    off = _tip_errors(problem, best[None])[0] * (not np.any(solved))
+    place, angle = (problem.tip.place, problem.tip.angle) if problem.tip else (None, None)
     return Reach(
         branches=tuple(np.append(np.nan, each) for each in branches),
         blocked=len(_nearest_by_branch(problem, theta[solved])) - len(branches),
         tip=tip,
-        missed=0.0 if np.any(solved) else metres * missed,
+        missed_m=None if place is None else reach * float(np.linalg.norm(off[:2])),
+        missed_deg=None if angle is None else float(np.rad2deg(abs(off[-1]))),
         reach=reach,
     )
 

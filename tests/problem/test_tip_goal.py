@@ -128,7 +128,7 @@ def test_branches_are_those_of_the_law_of_cosines() -> None:
     assert len(reach.branches) == 2
     for q, theta in zip(reach.branches, wanted, strict=True):
         np.testing.assert_allclose(q[1:], theta, atol=1e-8)
-    assert reach.missed == 0
+    assert (reach.missed_m, reach.missed_deg) == (0, 0)
     assert reach.blocked == 0
 
 
@@ -165,6 +165,32 @@ def test_a_place_that_the_limits_keep_out_of_reach_has_a_nearest_one() -> None:
     again = goal_reach(problem.changed({"goal.tip_m": reach.tip[:2].tolist()}))
     assert again is not None
     assert again.branches
+
+
+@pytest.mark.parametrize(
+    ("place", "angle_deg"), [(None, 170.0), ((-0.3, 0.3), None), ((-0.3, 0.3), 170.0)]
+)
+def test_a_place_is_missed_by_metres_and_a_direction_by_degrees(
+    place: tuple[float, float] | None, angle_deg: float | None
+) -> None:
+    goal = {"tip_m": place, "tip_angle_deg": angle_deg}
+    asked = {key: value for key, value in goal.items() if value is not None}
+    problem = planner.Problem.manipulator([1, 1, 1], link_lengths=LENGTHS, joint_deg=30, **asked)
+    reach = goal_reach(problem)
+    assert reach is not None
+    told = reach.to_dict()
+    if place is None:
+        assert reach.missed_m is told["missed_m"] is None
+    else:
+        off = np.linalg.norm(reach.tip[:2] - place)
+        assert reach.missed_m == told["missed_m"] == pytest.approx(off, rel=1e-9)
+    if angle_deg is None:
+        assert reach.missed_deg is told["missed_deg"] is None
+    else:
+        off = abs(np.rad2deg(reach.tip[2]) - angle_deg)
+        assert reach.missed_deg == told["missed_deg"] == pytest.approx(off, rel=1e-9)
+    units = [unit for unit, one in (("m", place), ("deg", angle_deg)) if one is not None]
+    assert reach.missed_words.split()[1::3] == units
 
 
 def test_what_is_known_of_an_end_without_its_joints() -> None:

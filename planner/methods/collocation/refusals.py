@@ -38,9 +38,7 @@ def no_goal(problem: Problem) -> NoPlanError:
     if tip and reach.blocked:
         why += " and keep all limits there"
     elif tip:
-        angle = tip.place is None
-        off = f"{np.rad2deg(reach.missed):.3g} deg" if angle else f"{reach.missed:.3g} m"
-        why += f"; the nearest angles found miss the goal by {off}"
+        why += f"; the nearest angles found miss the goal by {reach.missed_words}"
     return NotConvergedError(
         f"no joint angles within the limits were found that {why}",
         source=problem.source,

@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from english import readings
 
 import planner
 
@@ -144,3 +145,47 @@ def test_an_old_path_works_and_names_the_new_one() -> None:
     with pytest.warns(DeprecationWarning, match="planner.paper.cases.paper_problem now"):
         from planner.reproduce import paper_problem
     assert paper_problem().name
+
+
+READS_ENGLISH = {
+    "cli/bench.py:identify": "one of three values",
+    "cli/start.py:new": "a template in TOML",
+    "comparison/differences.py:csv_machines": "quotes of CSV",
+    "errors.py:__init__": "the first line, for tables",
+    "errors.py:solver_answer": "another program's message, cut",
+    "machine/identification/identify.py:half_width_deg": "one of three values",
+    "machine/identification/identify.py:worth": "one of three values",
+    "plan/spec.py:of_label": "a method with options as users write it; this is its only parser",
+    "report/figures/style.py:title": "a line break",
+    "report/folders.py:_file_name": "letters that file names may have",
+    "report/page/page.py:_name": "a line break",
+    "report/page/page.py:_symbols": "mathematical symbols",
+    "support/tables.py:_break_head": "a line break",
+    "sweep/sweep_file.py:_places": "a place in the user's file",
+}
+"""Functions that may read a text of their own, each with what it reads or sets."""
+
+
+def test_no_code_reads_its_own_english() -> None:
+    """What another part needs is a field: words may change without changing what happens."""
+    trees = {str(FILES[name].relative_to(HOME)): tree(name) for name in FILES}
+    found = list(readings(trees))
+    assert [each for each in found if each[0] not in READS_ENGLISH] == []
+    assert {where for where, _ in found} == READS_ENGLISH.keys(), "an excuse is not needed"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "return '(tried' in error.advice",
+        "return v.label.removeprefix('joint ')",
+        "why = row['why']; return re.search('no plan', why)",
+        "return column.title == 'verdict'",
+        "reached = words(x); return reached[4:]",
+        "try: f()\n    except PlannerError as e: return str(e).splitlines()[0]",
+        "i, label = pairs[0]; return 'zero' in label",
+    ],
+)
+def test_each_way_of_reading_english_is_found(line: str) -> None:
+    other = "def words(x) -> str:\n    return f'the plan breaks {x}'\n"
+    assert len(list(readings({"a.py": ast.parse(f"{other}def g(x):\n    {line}")}))) == 1

@@ -6,7 +6,9 @@ here, or a function of the help text if the help differs between commands.
 
 from __future__ import annotations
 
-import re
+import warnings
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -133,7 +135,13 @@ def read_problem(path: Path, changes: list[str] | None, machine: Path | None = N
     try:
         return load_problem(path, parsed)
     except InputError as error:
-        guilty = [key for key in parsed if _mentions(str(error), key)]
+        fine = _loads(path, {})
+        guilty = [
+            key
+            for key, value in parsed.items()
+            if _loads(path, {k: v for k, v in parsed.items() if k != key})
+            or (fine and not _loads(path, {key: value}))
+        ]
         note = f"\n(from --set: {', '.join(guilty)})" if guilty else ""
         raise InputError(f"{error}{note}") from None
 
@@ -183,7 +191,9 @@ def parse_methods(text: str | None) -> list[str] | None:
     return [find_method(name).name for name in names]
 
 
-def _mentions(message: str, key: str) -> bool:
-    parts = key.split(".")
-    names = {".".join(parts[:k]) for k in range(1, len(parts) + 1)} | {parts[-1]}
-    return any(re.search(rf"(?<![\w]){re.escape(name)}(?![\w])", message) for name in names)
+def _loads(path: Path, changes: Mapping[str, Any]) -> bool:
+    with suppress(InputError), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        load_problem(path, changes)
+        return True
+    return False

@@ -103,8 +103,14 @@ class Comparison(Frozen):
     @cached_property
     def headline(self) -> str:
         """Sentences that say which plan to take, why, and what this plan costs."""
-        words = headline(self.rows, self.threshold_deg, self.machine.fidelity)
-        return words if self.complete else f"Interrupted: only the finished rows count. {words}"
+        return "".join(self.headline_parts)
+
+    @cached_property
+    def headline_parts(self) -> tuple[str, str, str]:
+        """The headline before, at and after the first mention of the recommended plan's label."""
+        start, label, rest = headline(self.rows, self.threshold_deg, self.machine.fidelity)
+        partial = "" if self.complete else "Interrupted: only the finished rows count. "
+        return partial + start, label, rest
 
     @cached_property
     def recommended(self) -> Row | None:
@@ -157,9 +163,11 @@ class Comparison(Frozen):
         """
         return terminal_table(
             [
-                replace(c, shown=lambda text: text.partition(":")[0]) if c.value is verdict else c
+                replace(c, value=lambda row: "yes" if row.solved else "no")
+                if c.value is verdict
+                else c
                 for c in self.columns
-                if c.title not in NOT_IN_TERMINALS
+                if c.name not in NOT_IN_TERMINALS
             ],
             self.rows,
             caption="\n".join([*self._remarks(), _caption(self, terminal=True)]),
@@ -296,10 +304,13 @@ def _worst_machines(comparison: Comparison) -> list[str]:
     return ["Worst machine of each plan:", "", *lines, ""]
 
 
+PEAKS = ("peak_u1_rad_s", "peak_u2_rad_s")
+"""Names of the columns that are last in CSV, as in earlier files."""
+
+
 def comparison_csv(comparison: Comparison) -> str:
     """Return a comparison as CSV: one line per row, full precision, empty where undefined."""
-    # The peaks of the inputs stay last, as in earlier files.
-    columns = sorted(comparison.columns, key=lambda c: c.title.startswith("|u"))
+    columns = sorted(comparison.columns, key=lambda c: c.name in PEAKS)
     return csv_table([*columns, *intervals(comparison.problem.system)], comparison.rows)
 
 
@@ -328,8 +339,8 @@ def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
     )
 
 
-NOT_IN_TERMINALS = ("travel", "took")
-"""Titles of the columns that a table for terminals (80 characters) leaves out."""
+NOT_IN_TERMINALS = ("travel_rad", "took_s")
+"""Names of the columns that a table for terminals (80 characters) leaves out."""
 
 TINY_S = 1e-6
 """Difference of durations below which plans count as equally long, in seconds."""

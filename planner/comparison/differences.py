@@ -37,6 +37,13 @@ def _verdict(d: Difference) -> str:
     return "better" if d.median_deg < 0 else "worse"
 
 
+VERDICT = ""
+"""Key of the verdicts, which CSV lacks."""
+
+TERMINAL_KEYS = ("second", "median_deg", "interval_low_deg", "interval_high_deg", "end_median_deg",
+                 VERDICT)  # fmt: skip
+"""Keys of the columns shown on a terminal."""
+
 Pair = tuple[Difference, Difference]
 """Differences between two plans: of their E, and of their errors at the end."""
 
@@ -61,7 +68,7 @@ def _figures(k: int, prefix: str, word: str) -> Iterator[Column[Pair]]:
     )
     yield column("p_value", lambda d: d.p_value, None, "p_value")
     yield column("p (Holm)", lambda d: d.p_corrected, _p_value, "p_corrected")
-    yield column("verdict", _verdict, str, "", left=True)
+    yield column("verdict", _verdict, str, VERDICT, left=True)
     yield column("significant", lambda d: d.significant, None, "significant")
     yield column("matters", lambda d: d.matters, None, "matters")
 
@@ -72,9 +79,6 @@ COLUMNS: list[Column[Pair]] = [
     *_figures(0, "", "E"),
     *_figures(1, "end_", "end"),
 ]
-
-TERMINAL_KEYS = ("second", "median_deg", "interval_low_deg", "interval_high_deg", "end_median_deg")
-"""Columns shown on a terminal, in addition to the verdicts."""
 
 
 def rich_differences(comparison: Comparison) -> Table | None:
@@ -92,7 +96,7 @@ def rich_differences(comparison: Comparison) -> Table | None:
     if not pairs:
         return None
     return terminal_table(
-        [_narrow(c) for c in COLUMNS if c.key in TERMINAL_KEYS or c.title == "verdict"],
+        [_narrow(c) for c in COLUMNS if c.key in TERMINAL_KEYS],
         pairs,
         ruled=True,
         title=f"{best} against the others, machine by machine",
@@ -104,7 +108,7 @@ def rich_differences(comparison: Comparison) -> Table | None:
 def _narrow(column: Column[Pair]) -> Column[Pair]:
     """Return a column narrowed for a terminal of 80 characters."""
     if column.left:
-        return replace(column, width=14 if column.title == "verdict" else 20)
+        return replace(column, width=14 if column.key == VERDICT else 20)
     return replace(column, shown=lambda x: f"{x:+.2f}" if np.isfinite(x) else "-")
 
 

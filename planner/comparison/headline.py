@@ -90,8 +90,11 @@ def _worse_than(
     return out - {row.label}
 
 
-def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
+def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> tuple[str, str, str]:
     """Return as plain text which plan to take, why, and what this plan costs.
+
+    The text has three parts: the first mention of that plan's label, and what is before and after
+    it. The label is "" if no plan is recommended.
 
     Args:
         rows: The rows of a comparison.
@@ -102,19 +105,20 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
     if row is None and solved:
         row = min(solved, key=lambda each: each.beyond_physical)
         fewest = ", the fewest of all plans" if len(solved) > 1 else ""
-        return f"No plan is recommended.{_caution(row).removesuffix('.')}{fewest}."
+        return f"No plan is recommended.{_jumps(row)}{_beyond(row)}{fewest}.", "", ""
     if row is None:
-        return "None of the methods found a plan that keeps every limit."
+        return "None of the methods found a plan that keeps every limit.", "", ""
     refused = _refusal(rows, row, threshold_deg)
     tail = f"{_swing(row)}{_caution(row)}"
     if len(solved) == 1:
         tail += f"{_follow_up(rows, row)}{refused}"
         if sum(not each.feedback for each in rows) == 1:
-            return f"{row.label} reaches the goal and keeps every limit.{tail}"
-        return f"Take {row.label}: the only plan that reaches the goal and keeps every limit.{tail}"
+            return "", row.label, f" reaches the goal and keeps every limit.{tail}"
+        only = ": the only plan that reaches the goal and keeps every limit."
+        return "Take ", row.label, only + tail
     if not np.isfinite(row.E_median_deg):
-        least = f"of {len(solved)} verified plans it has the least effort."
-        return f"Take {row.label}: {least}{refused}"
+        least = f": of {len(solved)} verified plans it has the least effort."
+        return "Take ", row.label, least + refused
     plain = next((r for r in solved if r is not row and r.spec == row.spec.plain), None)
     rival = _rival(row, solved)
     other = plain or rival or min((r for r in solved if r is not row), key=_median)
@@ -130,7 +134,7 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> str:
         worse = rival.label in _worse_than(row, rows, threshold_deg)
         reason += _against(row, rival, worse, threshold_deg)
     tail += f"{_what_decides(solved, threshold_deg)}{_follow_up(rows, row)}{refused}"
-    return f"Take {row.label}: {reason}{tail}"
+    return "Take ", row.label, f": {reason}{tail}"
 
 
 def _median(row: Row) -> float:
@@ -254,14 +258,20 @@ def _costs(row: Row, other: Row) -> str:
 
 def _caution(row: Row) -> str:
     """Warn of a plan that jumps at an end, and of machines that break limits that it keeps."""
-    jumps = f" {row.label} {row.plan.jump_words}." if row.plan and row.plan.jump_words else ""
-    if not row.beyond_limits > 0:
-        return jumps
+    return _jumps(row) + (f"{_beyond(row)}." if row.beyond_limits > 0 else "")
+
+
+def _jumps(row: Row) -> str:
+    return f" {row.label} {row.plan.jump_words}." if row.plan and row.plan.jump_words else ""
+
+
+def _beyond(row: Row) -> str:
+    """Return words that say on how many machines a plan breaks limits, without a full stop."""
     words = f" On {number(row.beyond_limits)} % of the machines {row.label} breaks a limit"
     if not row.breaks_alike:
         words += f", on {number(row.beyond_physical)} % a physical one"
         words += " (breaking one of chained coordinates harms nothing)"
-    return f"{jumps}{words}."
+    return words
 
 
 def _follow_up(rows: Sequence[Row], row: Row) -> str:

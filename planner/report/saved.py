@@ -52,9 +52,9 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
     try:
         problem = Problem.from_dict(data["problem"], data["source"])
         errors = _machine_errors(place / "machines.csv")
-        rows = [_row(row, place, problem, errors.get(row["label"])) for row in data["rows"]]
-        pairs = zip(rows, data["rows"], strict=True)
-        fallen = [row.why for row, saved in pairs if row.why != saved["why"]]
+        read = [_row(row, place, problem, errors.get(row["label"])) for row in data["rows"]]
+        rows = [row for row, _ in read]
+        fallen = [row.why for row, has_fallen in read if has_fallen]
         if fallen and strict:
             raise InputError("\n".join(f"{folder}: {why}" for why in fallen))
         source, machine = line(data.get("machine_file") or ""), Machine.from_table(data["machine"])
@@ -104,7 +104,10 @@ def _machine_errors(path: Path) -> dict[str, Array]:
     return {label: np.array(each).T for label, each in pairs.items()}
 
 
-def _row(data: Mapping[str, Any], place: Path, problem: Problem, errors: Array | None) -> Row:
+def _row(
+    data: Mapping[str, Any], place: Path, problem: Problem, errors: Array | None
+) -> tuple[Row, bool]:
+    """Return a row, and whether it fell: its plan is no longer what the folder says."""
     file, spec = data.get("plan_file"), Spec.of_label(_read_back(data["label"]))
     plan = None if file is None else load_plan(place / file)
     fault = "" if plan is None else plan.why
@@ -114,7 +117,7 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem, errors: Array |
         fault = fault or "no verified plan is there"
     if fault:
         why = f"{file or 'comparison.json'} was changed after it was made: {fault}; compare again"
-        return Row(spec, False, why, plan=plan)
+        return Row(spec, False, why, plan=plan), True
     names = {field.name for field in fields(Row)} - KEPT_IN_FILES
     # Earlier versions had neither of these.
     values: dict[str, Any] = {"ways": [data["advice"]] if data["advice"] else []}
@@ -122,7 +125,7 @@ def _row(data: Mapping[str, Any], place: Path, problem: Problem, errors: Array |
     values |= {**data, "peak_u": data["peak_u_rad_s"]}
     values = {k: _read_back(v) for k, v in values.items() if k in names}
     values["domain_ok"] = data["domain_ok"]
-    return Row(spec, **values, plan=plan, machine_errors_deg=errors)
+    return Row(spec, **values, plan=plan, machine_errors_deg=errors), False
 
 
 def _read_back(value: Any) -> Any:

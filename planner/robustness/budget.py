@@ -126,9 +126,9 @@ class Budget:
 
     def table(self) -> Table:
         """Return the budget's table, without first-order indices, for `rich.print`."""
-        shown = [column for column in COLUMNS if not column.title.endswith(", first")]
+        shown = [column for column in COLUMNS if column.name not in FIRST_ORDER]
         return terminal_table(
-            [replace(c, value=_words) if c.title == "effect" else c for c in shown],
+            [replace(c, value=_words) if c.name == "effect" else c for c in shown],
             [("", cost) for cost in self.costs],
             title=f"Error budget of {self.plan.method}: {total(self)}",
             caption=f"{CAPTION} {_idle_text(self)}",
@@ -374,6 +374,10 @@ COLUMNS: list[Column[Labelled]] = [
         for column in _sobol(kind, part)
     ),
 ]
+
+
+FIRST_ORDER = ("between_first", "switch_first")
+"""Names of columns that a terminal has no room for."""
 
 
 def budget_markdown(budgets: Mapping[str, Budget], command: str | None = None) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import Any, ClassVar
@@ -260,6 +260,11 @@ class Manipulator(PlanarArm):
             labels.append((i, f"1 - cos^2(theta{i}): distance from theta{i} = 0"))
             labels.append((i, f"cos^2(theta{i}): distance from theta{i} = 90 deg"))
         return tuple(labels)
+
+    @property
+    def zero_margins(self) -> Collection[int]:
+        """Numbers of the margins that are zero where their coordinate is zero: every other one."""
+        return range(0, 2 * (self.n - 1), 2)
 
 
 def gravity_torques(weights: Array, theta: Array) -> Array:

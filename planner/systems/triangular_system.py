@@ -23,7 +23,7 @@ chained coordinates; its only edge is qᵢ = ±90°, where the path coordinate s
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -237,6 +237,11 @@ class TriangularSystem(Frozen, ABC):
     @abstractmethod
     def margin_labels(self) -> tuple[tuple[int, str], ...]:
         """Array index of the coordinate, and meaning in words, of each margin of the chart."""
+
+    @property
+    def zero_margins(self) -> Collection[int]:
+        """Numbers of the margins that are zero where their coordinate is zero."""
+        return ()
 
     # -- identity ------------------------------------------------------------------------------
 

@@ -168,6 +168,7 @@ LONG, ARMS = "n" * 300, "an arm here has 2 to 8 joints"
         ("plan paper.toml --set goal.travle=0.8", "from --set"),
         ("plan paper.toml --set goal.duration.x=1", "'duration' is not a table"),
         ("plan paper.toml --set goal.duration=-1", "from --set: goal.duration"),
+        ("plan paper.toml --set limits.joint_deg=5", "from --set: limits.joint_deg"),
         ("plan paper.toml --set goal.duration=1e308", "too large"),
         (f"plan paper.toml --set goal.travel={'[' * 3000}", "--set goal.travel="),
         (f"plan paper.toml --set goal.duration={'1' * 5000}", "--set goal.duration="),

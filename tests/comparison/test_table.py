@@ -38,7 +38,7 @@ def test_terminal_table_shows_every_row_and_figure_in_eighty_columns() -> None:
         assert word in words
     row = quick_comparison()["polynomial"]
     line = next(x for x in lines if x.startswith("polynomial ") and "yes" in x)
-    shown = [c for c in quick_comparison().columns if c.shown and c.title not in NOT_IN_TERMINALS]
+    shown = [c for c in quick_comparison().columns if c.shown and c.name not in NOT_IN_TERMINALS]
     cells = dict(zip([c.name for c in shown], line.split(), strict=True))
     assert cells["duration_s"] == f"{row.duration_s:.3g}"
     assert float(cells["effort"]) == pytest.approx(row.effort, rel=1e-3)

@@ -63,7 +63,7 @@ class ChartDomain(Demand):
                 f"the {name} has {coordinate.name} = {here:.6g} {unit},"
                 " where the chained-form chart is singular"
             )
-        if f"{coordinate.name} = 0" in label:
+        if worst in system.zero_margins:
             return f"{coordinate.name} changes sign, which no path in the chart can do"
         return (
             f"{coordinate.name} goes from {start:.6g} to {here:.6g} {unit}, past an edge of the"

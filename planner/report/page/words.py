@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -62,14 +61,12 @@ def verdict_html(comparison: Comparison) -> str:
     """Return the overall answer of a comparison, as a few sentences of HTML."""
     rows = [row for row in comparison.rows if not row.feedback]
     solved = sum(row.solved for row in rows)
-    text = html.escape(comparison.headline.replace(" deg", "°"))
-    if take := comparison.recommended:
-        name = html.escape(take.label)
-        text = text.replace(name, f"<b>{name}</b>", 1)
-        if len(rows) > 1:
-            text += f" {solved} of {len(rows)} plans reach the goal and keep every limit."
-    if re.search(r"\bE \d", text):
-        text += " E is the largest error of any joint on the machine at any time."
+    start, name, rest = map(html.escape, comparison.headline_parts)
+    text = start + f"<b>{name}</b>" * bool(name) + rest.replace(" deg", "°")
+    if (take := comparison.recommended) and len(rows) > 1:
+        text += f" {solved} of {len(rows)} plans reach the goal and keep every limit."
+        if np.isfinite(take.E_median_deg):
+            text += " E is the largest error of any joint on the machine at any time."
     return text
 
 

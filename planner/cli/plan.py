@@ -35,7 +35,7 @@ from planner.cli.output import (
 )
 from planner.errors import NoPlanError
 from planner.methods.registry import find_method
-from planner.plan.measures import effort
+from planner.plan.measures import effort_unit, path_coordinates
 from planner.plan.plan import Plan
 from planner.plan.recorded.log import read_log
 from planner.problem.problem import Problem
@@ -160,11 +160,12 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
     if turn := problem.heading_turn:
         yield "turn of heading", turn
     yield "duration", f"{number(summary['duration_s'])} s"
-    objective = f"{number(summary['objective'])}, {summary['objective_name']}"
-    if "compensation" in notes:
-        spent = number(effort(motion.trajectory))
-        objective += f"; with the compensated commands the effort is {spent}"
-    yield "objective", objective
+    commands = "of the compensated commands, " * ("compensation" in notes)
+    yield "objective", f"{number(summary['objective'])}, {summary['objective_name']}"
+    if motion.executable:
+        yield "effort", f"{commands}{number(motion.effort)} {effort_unit(system)}"
+        length, unit = number(motion.path_length), path_coordinates(system)[1]
+        yield "path length", f"{length} {unit}"
     peaks = summary["peak_u_rad_s"]
     for c, most, peak in zip(system.inputs, problem.limits.input, peaks, strict=True):
         allowed = f", allowed {number(most)} {c.unit}" if np.isfinite(most) else ""

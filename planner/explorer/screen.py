@@ -25,7 +25,7 @@ from planner.explorer.controls import (
 from planner.explorer.outcome import ScreenOutcome, errors, judge, path
 from planner.explorer.picture import error_panel, picture
 from planner.explorer.state import State, code, problem_file
-from planner.plan.measures import effort, effort_unit
+from planner.plan.measures import effort_unit
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.figures.mechanism import mechanism_svg
@@ -180,9 +180,8 @@ def path_line(outcome: ScreenOutcome, took_s: float) -> str:
         return ""
     unit = plan.problem.system.coordinates[0].unit
     parts = [f"travel {plan.travel:.5g} {unit}", f"duration {plan.duration:.4g} s"]
-    spent = effort(plan.trajectory) if plan.compensates is not None else plan.objective
-    if plan.aim.kind == "effort" and np.isfinite(spent):
-        parts.append(f"effort {spent:.4g} {effort_unit(plan.problem.system)}")
+    if np.isfinite(plan.effort):
+        parts.append(f"effort {plan.effort:.4g} {effort_unit(plan.problem.system)}")
     if plan.verified and not plan.domain.ok:
         parts.append("leaves the chart, as this method may")
     if plan.compensates is not None:

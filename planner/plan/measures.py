@@ -51,6 +51,27 @@ def _efforts(trajectory: Trajectory) -> Array:
     return np.asarray(np.einsum("ij,ijk->k", weights, trajectory.u(times) ** 2))
 
 
+def path_coordinates(system: TriangularSystem) -> tuple[list[int], str]:
+    """Return indices of the user coordinates along which paths are measured, and their unit.
+
+    These are the coordinates in metres, such as a vehicle's position, or else the angles except the
+    path coordinate, such as an arm's joints.
+    """
+    user, first = system.user_coordinates, system.coordinates[0].name
+    places = [i for i, c in enumerate(user) if c.unit == "m"]
+    angles = [i for i, c in enumerate(user) if c.unit == "rad" and c.name != first]
+    return (places, "m") if places else (angles, "rad")
+
+
+def path_length(trajectory: Trajectory) -> float:
+    """Return the length of the path in the coordinates of `path_coordinates`, from a polygon with
+    about 5000 corners; NaN without such coordinates."""
+    which, _ = path_coordinates(trajectory.system)
+    q = trajectory.q(sample_times(trajectory.breaks, 5000))
+    steps = np.diff(trajectory.system.user(q)[:, which], axis=0)
+    return float(np.sum(np.linalg.norm(steps, axis=1))) if which else np.nan
+
+
 def smoothness(trajectory: Trajectory) -> float:
     """Return ∫ (du₁/dt)² + (du₂/dt)² dt; infinite where an input jumps."""
     reading = read_trajectory(trajectory)

@@ -23,11 +23,13 @@ from planner.plan.measures import (
     effort,
     effort_unit,
     moving_inputs,
+    path_coordinates,
+    path_length,
     peak_inputs,
 )
 from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Problem
-from planner.support.arrays import Array, Frozen, floats, jsonable
+from planner.support.arrays import Array, Frozen, floats, jsonable, locked
 from planner.support.deadline import Span
 from planner.support.files import write_text
 from planner.support.package import import_function
@@ -73,7 +75,8 @@ class Plan(Frozen):
         options: The method's options, as used.
         trajectory: The curve itself.
         status: "solved", or the reason why the plan is not valid ("singular", "not_converged", …).
-        objective: Value of the method's objective.
+        objective: Value of what the method minimised, `aim`: not the same quantity for all methods.
+            `effort` compares them.
         aim: What the method minimises.
         solve_time_s: Seconds that the method spent solving.
         build_time_s: Seconds spent building the optimisation problem (zero if reused).
@@ -130,9 +133,23 @@ class Plan(Frozen):
         if self.compensation is not None:
             name += " compensated"
             state += " on the nominal machine" if self.verified else ""
+        said = ", ".join([*self._figures, state, *self.reservations])
         travel = f"{self.travel:.4g} {self.problem.system.coordinates[0].unit}"
-        state = ", ".join([state, *self.reservations])
-        return f"Plan({name}: travel {travel} in {self.duration:.4g} s, {state})"
+        return f"Plan({name}: travel {travel} in {self.duration:.4g} s, {said})"
+
+    @property
+    def _figures(self) -> list[str]:
+        """Effort, peak inputs and path length in words; none if the plan is not executable."""
+        if not self.executable:
+            return []
+        system = self.problem.system
+        units = [each.unit for each in system.inputs]
+        said = [f"{peak:.4g} {unit}" for peak, unit in zip(self.peak_u, units, strict=True)]
+        return [
+            f"effort {self.effort:.4g} {effort_unit(system)}",
+            f"peaks {' and '.join(said)}",
+            f"path {self.path_length:.4g} {path_coordinates(system)[1]}",
+        ]
 
     @property
     def only_sampled(self) -> tuple[str, ...]:
@@ -167,15 +184,10 @@ class Plan(Frozen):
         return " and ".join(said)
 
     def __str__(self) -> str:
-        """Return a summary: method, state, effort and peak inputs if the inputs exist, problem."""
-        lines = [repr(self)]
-        if self.executable:
-            peaks = peak_inputs(self.trajectory)
-            inputs = zip(self.problem.system.inputs, peaks, strict=True)
-            said = ", ".join(f"{i.name} {peak:.4g} {i.unit}" for i, peak in inputs)
-            spent = f"{effort(self.trajectory):.4g} {effort_unit(self.problem.system)}"
-            lines += [f"  effort {spent}", f"  peaks  {said}"]
-        return "\n".join([*lines, f"  of     {self.problem.name}"])
+        """Return a summary: method, state and figures, what was minimised, problem."""
+        said = f"{self.objective:.4g}, {self.objective_name}"
+        lines = [repr(self), *[f"  objective {said}"] * bool(self.objective_name)]
+        return "\n".join([*lines, f"  of {self.problem.name}"])
 
     @property
     def compensates(self) -> Plan | None:
@@ -235,6 +247,22 @@ class Plan(Frozen):
     def travel(self) -> float:
         """Travel q₁(T) − q₁(0), radians for the manipulator."""
         return float(self.z(self.duration)[0] - self.z(0.0)[0])
+
+    @cached_property
+    def effort(self) -> float:
+        """∫ u₁² + u₂² dt, of a compensated plan that of its commands; NaN if not `executable`."""
+        return effort(self.trajectory) if self.executable else np.nan
+
+    @cached_property
+    def peak_u(self) -> Array:
+        """Largest |u₁| and |u₂|, shape (2,), in the inputs' units; NaN if not `executable`."""
+        return locked(peak_inputs(self.trajectory) if self.executable else np.full(2, np.nan))
+
+    @cached_property
+    def path_length(self) -> float:
+        """Length of the path: of an arm's joint angles as a vector, in radians; of a vehicle's
+        position, in metres. NaN if not `executable`; see `measures.path_coordinates`."""
+        return path_length(self.trajectory) if self.executable else np.nan
 
     @cached_property
     def domain(self) -> DomainReport:

@@ -77,13 +77,17 @@ def test_plans_problems_and_checks_are_short_in_a_notebook(paper: planner.Proble
     assert repr(paper) == 'Problem("the paper\'s example, travel free", manipulator, 10 s)'
     fast = paper.changed({"goal.duration": 40.0, "goal.travel": 0.8286})
     plan = planner.solve(fast, "polynomial")
-    assert repr(plan) == "Plan(polynomial: travel 0.8286 rad in 40 s, verified)"
-    head, effort, peaks, name = str(plan).splitlines()
-    assert (head, name) == (repr(plan), f"  of     {paper.name}")
     times = np.linspace(0, 40, 40_001)
     spent, most = np.trapezoid((plan.u(times) ** 2).sum(1), times), np.abs(plan.u(times)).max(0)
-    assert effort == f"  effort {spent:.4g} rad²/s"
-    assert peaks == f"  peaks  u1 {most[0]:.4g} rad/s, u2 {most[1]:.4g} rad/s"
+    way = np.linalg.norm(np.diff(plan.theta(times), axis=0), axis=1).sum()
+    figures = f"effort {spent:.4g} rad²/s, peaks {most[0]:.4g} rad/s and {most[1]:.4g} rad/s"
+    assert (
+        repr(plan)
+        == f"Plan(polynomial: travel 0.8286 rad in 40 s, {figures}, path {way:.4g} rad, verified)"
+    )
+    head, objective, name = str(plan).splitlines()
+    assert (head, name) == (repr(plan), f"  of {paper.name}")
+    assert objective == f"  objective {plan.objective:.4g}, {plan.objective_name}"
     assert repr(planner.verify(plan)).startswith("Check(ok, largest error at the goal ")
     with pytest.raises(planner.VerificationError) as refused:
         planner.solve(paper.changed({"goal.travel": 0.82}), "polynomial")

@@ -72,16 +72,21 @@ def complete_methods(incomplete: str) -> list[tuple[str, str]]:
 
 
 def methods_option(help: str) -> Any:
-    """Return the option `--methods` of a command, with the given help text."""
+    """Return the option `--methods` of a command, with the given help text; see `join_methods`."""
     return typer.Option("--methods", metavar="A,B,C", autocompletion=complete_methods, help=help)
 
 
+def join_methods(given: list[str] | None) -> str | None:
+    """Return the methods of one or several `--methods` as one list "a,b,c"; None without any."""
+    return ",".join(given) if given else None
+
+
 MethodNames = Annotated[
-    str | None,
+    list[str] | None,
     methods_option("Methods to try. Default: all that do not start from another method's plan."),
 ]
 PlannedMethods = Annotated[
-    str | None,
+    list[str] | None,
     methods_option(
         "Methods, each with options if needed (polynomial:travel=middle) or followed by the"
         " word compensated ('collocation compensated'); or all."

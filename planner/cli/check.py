@@ -17,6 +17,7 @@ from planner.cli.arguments import (
     MethodNames,
     ProblemPath,
     TimeLimit,
+    join_methods,
     parse_methods,
     read_problem,
 )
@@ -47,7 +48,7 @@ def check(
       planner check problems/paper-fig5.toml --set goal.travel=0.82
       planner check problems/unreachable.toml --json
     """
-    names = parse_methods(method_names)
+    names = parse_methods(join_methods(method_names))
     task = read_problem(problem, changes)
     with job("checking") as notice:
         analysis = analyse(task, names, progress=notice, time_limit_s=time_limit)

@@ -24,6 +24,7 @@ from planner.cli.arguments import (
     Seed,
     TimeLimit,
     is_plan,
+    join_methods,
     out_option,
     parse_changes,
     read_problem,
@@ -128,7 +129,7 @@ def compare(
         with job() as progress:
             result = run(
                 task,
-                methods,
+                join_methods(methods),
                 machine=replace(Machine.from_table(task.machine), source=source),
                 samples=sample or samples,
                 seed=seed,
@@ -259,16 +260,17 @@ def budget(
       planner budget plan.json --feedback    # effects of encoders too
     """
     refuse_without_salib()
+    named = join_methods(methods)
     if out is not None:
         refuse_unwritable_folder(out)
     with job() as progress:
-        plans = _plans(subject, methods, changes, partial(_report_share, progress, 0.0, 0.3))
+        plans = _plans(subject, named, changes, partial(_report_share, progress, 0.0, 0.3))
         problem = next(iter(plans.values())).problem.changed(parse_changes(changes or []))
         machine = Machine.from_table(problem.machine)
         report = partial(_report_share, progress, 0.3, 1.0)
         options = {"samples": samples, "base": base, "seed": seed, "feedback": feedback}
         shares = dict(budgets(plans, machine, report, **options))
-    words = ["planner", "budget", str(subject), *(["--methods", methods] if methods else [])]
+    words = ["planner", "budget", str(subject), *(["--methods", named] if named else [])]
     words += ["--samples", str(samples), "--base", str(base), "--seed", str(seed), *_sets(changes)]
     words += ["--feedback"] * feedback
     written = out and save_budget(shares, out, shlex.join([*words, "--out", str(out)]))

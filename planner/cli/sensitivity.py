@@ -20,6 +20,7 @@ from planner.cli.arguments import (
     PlanOrProblemPath,
     Seed,
     is_plan,
+    join_methods,
     method_option,
     methods_option,
     out_option,
@@ -65,7 +66,7 @@ def sensitivity(
         str, method_option("Method that makes the plan, if a problem is given.")
     ] = "collocation",
     methods: Annotated[
-        str | None,
+        list[str] | None,
         methods_option("Methods, each with options if needed (polynomial:travel=middle); or all."),
     ] = None,
     machine: Annotated[
@@ -116,8 +117,8 @@ def sensitivity(
         return run_trade_off(source, pareto, points, (samples, seed), changes=changes, out=out)
     if out is not None:
         refuse_unwritable_folder(out)
-    if methods is not None:
-        return _side_by_side(source, methods, changes, out)
+    if (named := join_methods(methods)) is not None:
+        return _side_by_side(source, named, changes, out)
     with job("planning") as notice:
         plan = _plan(source, method, changes)
         notice("differentiating")

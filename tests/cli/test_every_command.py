@@ -32,6 +32,18 @@ def test_help_of_every_command(command: str, run: Callable) -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
+def test_every_list_of_methods_counts(command: str, run: Callable) -> None:
+    """A name that no method has is refused, whether it is in the first list or in the last."""
+    if "--methods" not in run(command, "--help").out:
+        assert command not in {"check", "compare", "budget", "sensitivity"}
+        return
+    for names in (("pie", "polynomial"), ("polynomial", "pie")):
+        result = run(command, PAPER, *(word for name in names for word in ("--methods", name)))
+        assert result.status == 2
+        assert "'pie'" in result.err
+
+
+@pytest.mark.parametrize("command", COMMANDS)
 def test_the_list_says_of_a_command_what_the_command_says(command: str) -> None:
     assert COMMANDS[command][1] == (inspect.getdoc(load_command(command)) or "").splitlines()[0]
 

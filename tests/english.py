@@ -9,13 +9,16 @@ join, escape or print is not.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Set
 
 PROSE = {
     "label", "reason", "sentence", "body", "advice", "why", "otherwise", "blamed", "finding",
     "objective_name", "headline", "remark", "verdict", "title", "hindrance", "reservations",
     "heading", "message", "ways", "list_head",
 }  # fmt: skip
+LOOSE = PROSE | {"text", "part", "line", "says"}
+"""Names of any text, also of files: to look for a word in one counts, for a mark does not."""
 READERS = {
     "startswith", "endswith", "removeprefix", "removesuffix", "partition", "rpartition", "split",
     "rsplit", "splitlines", "find", "rfind", "index", "rindex", "count", "replace",
@@ -36,9 +39,11 @@ def readings(trees: Mapping[str, ast.Module]) -> Iterator[tuple[str, str]]:
     for name, tree in trees.items():
         for scope in ast.walk(tree):
             if isinstance(scope, ast.FunctionDef | ast.ClassDef | ast.Module):
-                flow = _Flow(scope, prose)
+                flow, loose = _Flow(scope, prose), _Flow(scope, prose, LOOSE)
                 where = f"{name}:{getattr(scope, 'name', '')}"
-                yield from ((where, ast.unparse(node)) for node in flow.nodes if flow.reads(node))
+                for node in flow.nodes:
+                    if flow.reads(node) or (_seeks_word(node) and loose.reads(node)):
+                        yield where, ast.unparse(node)
 
 
 def _prose_functions(trees: Mapping[str, ast.Module]) -> set[str]:
@@ -66,9 +71,9 @@ def _own_nodes(scope: ast.AST) -> Iterator[ast.AST]:
 class _Flow:
     """Which names of one function are prose."""
 
-    def __init__(self, scope: ast.AST, functions: set[str]) -> None:
-        self.nodes, self.functions = list(_own_nodes(scope)), functions
-        self.names = {n.arg for n in self.nodes if isinstance(n, ast.arg) and n.arg in PROSE}
+    def __init__(self, scope: ast.AST, functions: set[str], prose: Set[str] = PROSE) -> None:
+        self.nodes, self.functions, self.prose = list(_own_nodes(scope)), functions, prose
+        self.names = {n.arg for n in self.nodes if isinstance(n, ast.arg) and n.arg in self.prose}
         self.errors = {
             n.name
             for n in self.nodes
@@ -91,7 +96,7 @@ class _Flow:
             items = node.iter.elts if isinstance(node.iter, ast.Tuple | ast.List) else []
             pairs = [(node.target, item) for item in items if not isinstance(item, ast.Constant)]
             parts = node.target.elts if isinstance(node.target, ast.Tuple) else [node.target]
-            return {n.id for n in parts if isinstance(n, ast.Name) and n.id in PROSE} | {
+            return {n.id for n in parts if isinstance(n, ast.Name) and n.id in self.prose} | {
                 t.id for t, v in pairs if isinstance(t, ast.Name) and self.is_prose(v)
             }
         out = set()
@@ -99,7 +104,7 @@ class _Flow:
             if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
                 both = zip(target.elts, value.elts, strict=False)
             elif isinstance(target, ast.Tuple):
-                out |= {t.id for t in target.elts if isinstance(t, ast.Name) and t.id in PROSE}
+                out |= {t.id for t in target.elts if isinstance(t, ast.Name) and t.id in self.prose}
                 continue
             else:
                 both = zip([target], [value], strict=True)
@@ -112,9 +117,9 @@ class _Flow:
             case ast.Name(id=name):
                 out = name in self.names
             case ast.Attribute(attr=name):
-                out = name in PROSE
+                out = name in self.prose
             case ast.Subscript(value=value, slice=key):
-                out = self.is_prose(value) or getattr(key, "value", "") in PROSE
+                out = self.is_prose(value) or getattr(key, "value", "") in self.prose
             case ast.Constant(value=str(text)):
                 out = _is_sentence(text)
             case ast.JoinedStr(values=parts):
@@ -138,7 +143,9 @@ class _Flow:
             case ast.Attribute(attr=name, value=value):
                 alike = name in ALIKE | READERS and self.is_prose(value)
                 escaped = name in ("escape", "sub") and any(map(self.is_prose, given))
-                named = bool(given) and name == "get" and getattr(given[0], "value", "") in PROSE
+                named = (
+                    bool(given) and name == "get" and getattr(given[0], "value", "") in self.prose
+                )
                 return alike or escaped or named or name in self.functions
         return False
 
@@ -175,6 +182,17 @@ def _operands(node: ast.BinOp | ast.IfExp | ast.BoolOp | ast.NamedExpr) -> list[
     if isinstance(node, ast.IfExp):
         return [node.body, node.orelse]
     return node.values if isinstance(node, ast.BoolOp) else [node.value]
+
+
+def _seeks_word(node: ast.AST) -> bool:
+    """Whether a comparison or a call of a method looks for a given word."""
+    sought: list[ast.expr] = []
+    if isinstance(node, ast.Compare):
+        sought = [node.left, *node.comparators]
+    elif isinstance(node, ast.Call):
+        sought = node.args
+    texts = (s.value for s in sought if isinstance(s, ast.Constant) and isinstance(s.value, str))
+    return any(re.search("[A-Za-z]{3}", text) for text in texts)
 
 
 def _is_sentence(text: str) -> bool:

@@ -221,7 +221,7 @@ def identify(
             result.plot().savefig(figure, dpi=110)
     for text in result.warnings:
         say(f"warning: {text}", "yellow")
-    useless = result.verdict == "no better" and not anyway
+    useless = result.improves is False and not anyway
     data = {
         **result.to_dict(),
         "written": None if out is None or useless else result.save(out),

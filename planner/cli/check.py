@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator
 from functools import partial
 from typing import Any
@@ -25,7 +24,7 @@ from planner.cli.output import Rows, facts, finish, job, manner, number, numbers
 from planner.errors import NoPlanError
 from planner.problem.feasibility import End, why_too_short
 from planner.problem.settings import changed_settings, problem_words
-from planner.support.tables import Column, constant_text, terminal_table
+from planner.support.tables import Column, CommandLine, constant_text, terminal_table
 from planner.systems.triangular_system import TriangularSystem
 
 
@@ -69,12 +68,13 @@ def check(
 def _next_step(analysis: Analysis) -> Iterator[str]:
     """Yield the command to run next, if the verdict suggests one."""
     if analysis.has_plan:
-        yield f"Next: {shlex.join(['planner', 'compare', *problem_words(analysis.problem)])}"
+        words = ["planner", "compare", *problem_words(analysis.problem)]
+        yield CommandLine.of(*words, after="Next: ")
     elif analysis.remedy is not None:
         changed = analysis.problem.changed(analysis.remedy.changes)
         if changed_settings(changed) is not None:
             words = ["planner", "plan", *problem_words(changed), "--method", analysis.remedy.method]
-            yield f"Next: {shlex.join(words)}"
+            yield CommandLine.of(*words, after="Next: ")
 
 
 def _findings(analysis: Analysis) -> Rows:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
@@ -56,6 +55,7 @@ from planner.report.result_folder import refuse_unwritable_folder
 from planner.robustness.budget import Budget, error_budget
 from planner.robustness.sobol import refuse_without_salib
 from planner.support.progress import Tell
+from planner.support.tables import CommandLine
 from planner.verification.load_plan import load_plan
 
 BUDGET_SAMPLES, BUDGET_BASE = 200, 128
@@ -197,12 +197,13 @@ def _say_results(
         look = f"open {written}/report.html" if report else f"pictures in {written}/figures"
         note(f"written to {written}; {look}")
         if not report:
-            note(f"a page with the motion and all figures: planner report {written}")
+            words = "a page with the motion and all figures: "
+            note(CommandLine.of("planner", "report", str(written), after=words))
     if complete and not any(row.solved for row in result.rows):
-        command = shlex.join(["planner", "check", result.problem.source, *_sets(changes)])
         tried = any(row.has_remedy for row in result.rows)
-        help_ = f"see the changes after 'Try', or run: {command}"
-        note(f"no method has a plan; {help_ if tried else f'to find what would help: {command}'}")
+        help_ = "see the changes after 'Try', or run" if tried else "to find what would help"
+        command = ["planner", "check", result.problem.source, *_sets(changes)]
+        note(CommandLine.of(*command, after=f"no method has a plan; {help_}: "))
 
 
 def _sets(changes: list[str] | None) -> list[str]:
@@ -228,7 +229,11 @@ def _print_comparison(result: Comparison) -> None:
     if (pairs := rich_differences(result)) is not None:
         print_text("", pairs)
     if commands := [c for c in (worst_command(result, row) for row in result.rows) if c]:
-        print_text("", "to replay each plan on its worst machine:", *(f"  {c}" for c in commands))
+        print_text(
+            "",
+            "to replay each plan on its worst machine:",
+            *(CommandLine(f"  {c}") for c in commands),
+        )
 
 
 def budget(
@@ -273,7 +278,7 @@ def budget(
     words = ["planner", "budget", str(subject), *(["--methods", named] if named else [])]
     words += ["--samples", str(samples), "--base", str(base), "--seed", str(seed), *_sets(changes)]
     words += ["--feedback"] * feedback
-    written = out and save_budget(shares, out, shlex.join([*words, "--out", str(out)]))
+    written = out and save_budget(shares, out, CommandLine.of(*words, "--out", str(out)))
     data = {label: each.to_dict() for label, each in shares.items()}
     tables = [part for each in shares.values() for part in (each.table(), "")]
     return finish({"file": subject, "written": written, "budgets": data}, *tables)

@@ -44,7 +44,7 @@ from planner.support.arrays import jsonable
 from planner.support.interrupts import Terminated, signal_listener
 from planner.support.package import versions
 from planner.support.progress import Progress, progress_listener
-from planner.support.tables import TABLE_WIDTH, Column, clean_text, terminal_table
+from planner.support.tables import TABLE_WIDTH, Column, CommandLine, clean_text, terminal_table
 
 INTERRUPT_STATUS = 130
 PROGRESS_DELAY_S = 2.0
@@ -182,7 +182,9 @@ def print_text(*parts: str | Text | Table) -> None:
     console = _console(stderr=False)
     with translate_output_errors(), console.capture() as capture:
         for part in parts:
-            whole = isinstance(part, str) and (not console.is_terminal or "planner " in part)
+            whole = isinstance(part, CommandLine) or (
+                isinstance(part, str) and not console.is_terminal
+            )
             console.print(part, highlight=False, markup=False, soft_wrap=whole)
     write_result("\n".join(line.rstrip() for line in capture.get().splitlines()) + "\n")
 
@@ -220,7 +222,7 @@ def detail(text: str) -> None:
 def say(text: str, style: str = "") -> None:
     """Print a message on standard error."""
     console = _console(stderr=True)
-    whole = not console.is_terminal or "planner " in text
+    whole = not console.is_terminal or isinstance(text, CommandLine)
     console.print(Text(text, style=style), highlight=False, soft_wrap=whole)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -43,6 +42,7 @@ from planner.problem.settings import problem_words
 from planner.solve import solve_and_check
 from planner.support.files import refuse_unwritable
 from planner.support.interrupts import signal_listener
+from planner.support.tables import CommandLine
 from planner.verification.summary import plan_summary, refusal_summary
 
 
@@ -197,7 +197,7 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
         yield "compensated", f"{before}the plan{pace}{pauses}{after}"
         now, plain = number(compensation["E_deg"]), number(compensation["plain_E_deg"])
         yield "off the path", f"up to {now} deg on the nominal machine, uncompensated {plain} deg"
-        yield "on random machines", shlex.join(["planner", "compare", *problem_words(problem)])
+        yield "on random machines", CommandLine.of("planner", "compare", *problem_words(problem))
     if proof := notes.get("optimality"):
         gap = proof["relative_gap"]
         within = "" if gap is None else f", within {gap:.1e} of the proven lower bound"

@@ -6,7 +6,6 @@ the curve is saved at once.
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -52,7 +51,7 @@ from planner.robustness.trade_off_axis import KINDS
 from planner.robustness.trade_off_points import TradeOffPoint
 from planner.solve import solve
 from planner.support.files import write_figure, write_text
-from planner.support.tables import Column, csv_table, terminal_table
+from planner.support.tables import Column, CommandLine, csv_table, terminal_table
 from planner.support.user_tables import parse
 from planner.verification.load_plan import load_plan
 
@@ -294,10 +293,11 @@ def run_trade_off(
     title = f"{problem.name}: least sensitivity against {kind}"
     knee_file = curve.knee.plan.save(out / KNEE_FILE)
     use = _use(curve, knee_file)
-    data = {**curve.to_dict(), "written": out, "knee_file": knee_file, "use": use}
+    data = {**curve.to_dict(), "written": out, "knee_file": knee_file}
+    data["use"] = "\n".join(use)
     missing = points - len(curve.points)
     which = f"{missing} of {points} points have no plan, or no lower total than a cheaper point.\n"
-    return finish(data, title, "", table, "", which * bool(missing) + _knee(curve), "", use)
+    return finish(data, title, "", table, "", which * bool(missing) + _knee(curve), "", *use)
 
 
 def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
@@ -347,8 +347,8 @@ def _knee(curve: TradeOff) -> str:
     return text if why is None else f"{text}\n'-': the plan cannot be compensated, since {why}"
 
 
-def _use(curve: TradeOff, file: Path) -> str:
-    """Return in words whether the knee is worth its cost, where its plan is, and how to use it."""
+def _use(curve: TradeOff, file: Path) -> list[str]:
+    """Return lines: whether the knee is worth its cost, where its plan is, how to use it."""
     first, k = curve.points[0], curve.knee
     lines = []
     if k is not first:
@@ -358,9 +358,6 @@ def _use(curve: TradeOff, file: Path) -> str:
     if before and after:
         change = f"{number(before)} deg at the first point, {number(after)} at the knee"
         lines += [f"Compensated, the error at the end on the machine (95 %) is {change}."]
-    table = shlex.join(["planner", "export", str(file), "--out", str(file.with_suffix(".csv"))])
-    lines += [
-        f"Knee plan: {file}; as a table: {table}",
-        next_step(curve.problem, Spec("collocation")),
-    ]
-    return "\n".join([*lines, MEANINGS])
+    export = "planner", "export", str(file), "--out", str(file.with_suffix(".csv"))
+    table = CommandLine.of(*export, after=f"Knee plan: {file}; as a table: ")
+    return [*lines, table, next_step(curve.problem, Spec("collocation")), MEANINGS]

@@ -32,7 +32,7 @@ from planner.problem.tables.kinds import (
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable, ProblemFile
 from planner.support.files import refuse_unwritable, toml, write_text
-from planner.support.tables import Column, terminal_table
+from planner.support.tables import Column, CommandLine, terminal_table
 from planner.support.user_tables import allowed_hint
 from planner.systems.manipulator import prototype_ratios
 
@@ -82,7 +82,7 @@ def new(
     written = write_text(file, text)
     if manner.as_json:
         print_json({"written": written, "system": system, "exit_status": 0})
-    note(f"written to {file}; next: planner check {file}")
+    note(CommandLine.of("planner", "check", str(file), after=f"written to {file}; next: "))
     return 0
 
 

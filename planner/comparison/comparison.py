@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -26,6 +25,7 @@ from planner.support.package import import_function, provenance, versions
 from planner.support.statistics import LEAST_DIFFERENCE_DEG, Difference
 from planner.support.tables import (
     Column,
+    CommandLine,
     clean_text,
     csv_table,
     html_table,
@@ -231,7 +231,9 @@ def _facts(d: Difference) -> dict[str, Any]:
     return {**asdict(d), "significant": d.significant, "matters": d.matters}
 
 
-def command(comparison: Comparison, out: str | None = None, *, report: bool = False) -> str | None:
+def command(
+    comparison: Comparison, out: str | None = None, *, report: bool = False
+) -> CommandLine | None:
     """Return the command line that repeats a comparison.
 
     Where the problem or the machine differs from its file, the command has a `--set` option.
@@ -265,10 +267,10 @@ def command(comparison: Comparison, out: str | None = None, *, report: bool = Fa
     words += set_words(settings)
     if out is not None:
         words += ["--out", out, *["--report"] * report]
-    return shlex.join(words)
+    return CommandLine.of(*words)
 
 
-def worst_command(comparison: Comparison, row: Row) -> str | None:
+def worst_command(comparison: Comparison, row: Row) -> CommandLine | None:
     """Return the command line that replays a row's plan on its worst machine alone.
 
     Return None if the row has no replay with angles, or no command gives the problem.

@@ -6,7 +6,6 @@ block, which depends on the path.
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -25,7 +24,7 @@ from planner.problem.settings import problem_words
 from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity, sensitivity
 from planner.support.arrays import Array, Frozen
 from planner.support.package import import_function
-from planner.support.tables import Column, number
+from planner.support.tables import Column, CommandLine, number
 from planner.systems.triangular_system import TriangularSystem
 
 if TYPE_CHECKING:
@@ -79,7 +78,7 @@ class Sensitivities(Frozen):
         )
 
     @property
-    def verdict(self) -> str:
+    def verdict(self) -> CommandLine:
         """Whether the smallest total is worth its effort, and which command to run next."""
         spent = {k: effort(each.plan.trajectory) for k, each in self.plans.items()}
         totals = {k: each.total_deg(self.spread) for k, each in self.plans.items()}
@@ -90,7 +89,8 @@ class Sensitivities(Frozen):
             gain = worth(totals[cheapest], totals[calm], spent[calm] / spent[cheapest])
             text = f"{calm} instead of {cheapest}: {gain}"
         both = {label: self.plans[label].plan for label in (cheapest, calm)}
-        return f"{text}. {next_step(both[cheapest].problem, *map(_spec, both, both.values()))}"
+        step = next_step(both[cheapest].problem, *map(_spec, both, both.values()))
+        return CommandLine(f"{text}. {step}")
 
     @property
     def sizes(self) -> list[tuple[float, str]]:
@@ -171,7 +171,7 @@ def _spec(label: str, plan: Plan) -> Spec:
     return Spec(plan.method)
 
 
-def next_step(problem: Problem, *specs: Spec) -> str:
+def next_step(problem: Problem, *specs: Spec) -> CommandLine:
     """Return a sentence with the command to run next: a comparison, of compensated plans on arms.
 
     Args:
@@ -184,7 +184,7 @@ def next_step(problem: Problem, *specs: Spec) -> str:
         specs = tuple(replace(spec, compensated=True) for spec in specs)
     names = dict.fromkeys(spec.text for spec in specs)
     command = ["planner", "compare", *problem_words(problem), "--methods", ",".join(names)]
-    return f"{words}: {shlex.join(command)}"
+    return CommandLine.of(*command, after=f"{words}: ")
 
 
 MEANINGS = (

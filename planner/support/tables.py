@@ -13,6 +13,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import shlex
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -49,6 +50,17 @@ class Markup(str):
     """Text that is already Markdown or HTML and is not escaped."""
 
     __slots__ = ()
+
+
+class CommandLine(str):
+    """Text that ends with a command; terminals do not wrap it, so that it can be copied."""
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, *words: str, after: str = "") -> CommandLine:
+        """Join the words of a command for a shell, after a text."""
+        return cls(after + shlex.join(words))
 
 
 @dataclass(frozen=True)

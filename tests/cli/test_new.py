@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -46,7 +47,7 @@ def test_a_new_file_solves_and_names_every_key(kind: str, run: Callable, tmp_pat
     result = run("new", path, "--system", kind, "--full")
     assert result.status == 0
     assert result.out == ""
-    assert result.err == f"written to {path}; next: planner check {path}\n"
+    assert result.err == f"written to {path}; next: planner check {shlex.quote(str(path))}\n"
     problem = planner.load_problem(path)
     assert planner.solve(problem, METHOD.get(kind, "polynomial")).verified
     text = path.read_text()

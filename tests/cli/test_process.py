@@ -134,6 +134,27 @@ for words in (["methods", "--json"], ["methods"], ["--version"], ["--help"]):
     assert done.stderr.splitlines() == [says, "2"] * 4
 
 
+def test_a_terminal_wraps_all_but_commands() -> None:
+    script = (
+        "from planner.cli.output import print_text, say\n"
+        "from planner.support.tables import CommandLine\n"
+        "words = ['planner', 'check', 'my file.toml', *['--set', 'goal.travel=2.0'] * 8]\n"
+        "for write in (print_text, say):\n"
+        "    write(CommandLine.of(*words, after='Next: '))\n"
+        "    write('the planner ' * 15)\n"
+    )
+    ours, theirs = os.openpty()
+    environment = os.environ | {"COLUMNS": "80", "TERM": "xterm"}
+    words = [sys.executable, "-c", script]
+    subprocess.run(words, stdout=theirs, stderr=theirs, env=environment, check=True)
+    os.close(theirs)
+    lines = [line.rstrip() for line in os.read(ours, 65536).decode().splitlines()]
+    os.close(ours)
+    command = "Next: planner check 'my file.toml'" + 8 * " --set goal.travel=2.0"
+    assert lines[0] == lines[len(lines) // 2] == command
+    assert max(len(line) for line in lines if line != command) <= 80
+
+
 def test_colours_on_a_terminal_only(run: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
     environment = {k: v for k, v in os.environ.items() if k != "NO_COLOR"} | {"TERM": "xterm"}
     ours, theirs = os.openpty()

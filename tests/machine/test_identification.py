@@ -108,17 +108,17 @@ def test_a_run_that_was_kept_out_is_predicted_far_better_than_by_the_preset(
 
 
 def test_only_a_run_that_reverses_tests_the_machine(found: Identification, motion: Plan) -> None:
-    assert found.verdict == "not tested"  # the plan never reverses
+    assert (found.improves, found.verdict) == (None, "not tested")  # the plan never reverses
     assert np.isnan(found.half_width_deg)
     other = emulate_log(motion, ARM, sample=5)
     tested = replace(found, kept_out=other)
-    assert tested.verdict == "better"
+    assert (tested.improves, tested.verdict) == (True, "better")
     rms = np.array(tested.errors["identified"].rms_deg[1:])
     assert tested.half_width_deg == pytest.approx(2.13 * np.sqrt(np.mean(rms**2)))
     assert tested.half_width_deg < 0.15
     assert f"within about {tested.half_width_deg:.2g} deg" in tested.to_toml()
     alike = replace(found, kept_out=other, preset=found.machine)
-    assert alike.verdict == "no better"
+    assert (alike.improves, alike.verdict) == (False, "no better")
 
 
 def test_the_machine_is_one_like_any_other(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -68,8 +68,6 @@ PRIOR_SHARE = 0.9
 END_SHARE = 2.13
 """Multiple of a kept-out run's error (rms) within which about four of five ends of compensated
 plans lay: 34 of 44 on emulated arms with effects that the model lacks, 12 of 12 on others."""
-
-Verdict = Literal["better", "no better", "not tested"]
 
 
 @dataclass(frozen=True)
@@ -158,13 +156,13 @@ class Identification(Frozen):
     @property
     def worth(self) -> str:
         """A sentence that says how far plans for this machine can be believed."""
-        if self.verdict == "not tested":
+        if self.improves is None:
             return (
                 "Not tested: keep out a run in which every joint after the first reverses"
                 " (planner motion excitation makes one; with several runs the last is kept out)."
             )
         width = f"{self.half_width_deg:.2g} deg"
-        if self.verdict == "better":
+        if self.improves:
             return f"A plan for this machine ends within about {width} of what is predicted."
         return (
             "This machine predicts the run that was kept out no better than the preset: the arm has"
@@ -212,18 +210,23 @@ class Identification(Frozen):
         return frozen({"identified": mine, "preset": presets})
 
     @property
-    def verdict(self) -> Verdict:
+    def improves(self) -> bool | None:
         """Whether the machine predicts the run that was kept out better than the preset does.
 
         Only a run in which every passive joint reverses tests that: without reversal, a machine
-        whose lost motion is a degree off predicts as well.
+        whose lost motion is a degree off predicts as well. None if not tested.
         """
         if self.kept_out is None or not all(
             _turns(self.kept_out, i) for i in range(1, self.kept_out.theta.shape[1])
         ):
-            return "not tested"
+            return None
         identified, preset = (_pooled(self.errors[name]) for name in ("identified", "preset"))
-        return "better" if identified < preset else "no better"
+        return identified < preset
+
+    @property
+    def verdict(self) -> str:
+        """`improves` in words."""
+        return {None: "not tested", True: "better", False: "no better"}[self.improves]
 
     @property
     def half_width_deg(self) -> float:
@@ -232,8 +235,9 @@ class Identification(Frozen):
         `END_SHARE` times the error of predicting the run that was kept out, root mean square over
         all passive joints. No confidence interval: see `END_SHARE`.
         """
-        tested = self.verdict != "not tested"
-        return END_SHARE * _pooled(self.errors["identified"]) if tested else float("nan")
+        if self.improves is None:
+            return float("nan")
+        return END_SHARE * _pooled(self.errors["identified"])
 
     def table(self) -> Table:
         """Return the estimates as a table for a terminal: `rich.print(found.table())`."""
@@ -267,6 +271,7 @@ class Identification(Frozen):
             "noise_deg": self.noise_deg.tolist(),
             "kept_out": None if self.kept_out is None else self.kept_out.source,
             "errors": {k: vars(error) for k, error in self.errors.items()},
+            "improves": self.improves,
             "verdict": self.verdict,
             "half_width_deg": self.half_width_deg,
             "warnings": list(self.warnings),

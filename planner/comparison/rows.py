@@ -16,7 +16,7 @@ from planner.support.arrays import Array, jsonable
 from planner.support.statistics import percentile_interval
 from planner.support.tables import Column, digits, number
 from planner.systems.triangular_system import TriangularSystem
-from planner.verification.summary import Heading, PlanFigures, figure, figures
+from planner.verification.summary import FigureField, Heading, PlanFigures, figure, figures
 from planner.verification.verify import Check
 
 OTHER_WAY_DEG = 2.0
@@ -109,7 +109,7 @@ class Row(PlanFigures):
     )
     E_median_interval_deg: tuple[float, float] = _interval("median")
     E_p95_interval_deg: tuple[float, float] = _interval("p95")
-    took_s: float = figure(Heading("took", "s", 2), sweep=False)
+    took_s: float = figure(Heading("took", "s", 2))
     solve_time_s: float = figure(plan=lambda plan, _: plan.solve_time_s, sweep=False)
     build_time_s: float = figure(plan=lambda plan, _: plan.build_time_s, sweep=False)
     replay: Replay | None = None
@@ -205,7 +205,7 @@ class Row(PlanFigures):
 def machine_figures(run: Replay, *, sweep: bool = False) -> dict[str, Any]:
     """Return a row's numbers from replays, by name; if `sweep`, only numbers that sweeps store."""
     known = figures(Row).items()
-    return {n: f.replay(run) for n, f in known if f.replay and (f.sweep or not sweep)}
+    return {n: f.replay(run) for n, f in known if f.replay and (f.swept or not sweep)}
 
 
 FEEDBACK_NOTE = (
@@ -246,10 +246,16 @@ def _columns(system: TriangularSystem, files: bool) -> Iterator[Column[Row]]:
             continue
         if not one.headings:
             yield _fact(name)
-        for k, head in enumerate(one.headings):
-            value = attrgetter(name) if len(one.headings) == 1 else _component(name, k)
-            unit, key = head.unit_of(system), head.key or name
-            yield Column(head.title, unit, value, digits(head.digits), key=key)
+        for head, (key, value) in zip(one.headings, _numbers(name, one).items(), strict=False):
+            yield Column(head.title, head.unit_of(system), value, digits(head.digits), key=key)
+
+
+def _numbers(name: str, one: FigureField) -> dict[str, Callable[[Row], Any]]:
+    """Return how to read each number of a figure from a row, by its key in CSV and sweeps."""
+    keys = [head.key or name for head in one.headings] or [name]
+    if len(keys) == 1:
+        return {keys[0]: attrgetter(name)}
+    return {key: _component(name, k) for k, key in enumerate(keys)}
 
 
 def _component(name: str, k: int) -> Callable[[Row], float]:
@@ -261,7 +267,8 @@ def _fact(name: str) -> Column[Row]:
     return Column(name, "", attrgetter(name), shown=None)
 
 
-def sweep_columns() -> list[str]:
-    """Return the column names, as in CSV, of the figures that sweeps save."""
-    names = {name: one for name, one in figures(Row).items() if one.sweep}
-    return [key for n, f in names.items() for key in ([h.key or n for h in f.headings] or [n])]
+def sweep_columns() -> dict[str, Callable[[Row], Any]]:
+    """Return how to read each number that sweeps save from a row, by its column's name, as in
+    CSV."""
+    swept = (_numbers(name, one) for name, one in figures(Row).items() if one.swept)
+    return {key: value for numbers in swept for key, value in numbers.items()}

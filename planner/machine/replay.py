@@ -199,6 +199,11 @@ class Replay(Recording, Frozen):
             return np.asarray(self.q[place])
         return np.asarray(self.again([int(self.numbers[place])]).q[0])
 
+    @cached_property
+    def whole(self) -> Replay:
+        """This replay with the motions of all samples, which are replayed if some were not kept."""
+        return self if len(self.q) == len(self.numbers) else self.again(self.numbers.tolist())
+
     def again(self, numbers: Sequence[int]) -> Replay:
         """Replay the samples with the given numbers in the same way, and keep their motions."""
         return replay(
@@ -329,6 +334,20 @@ class Replay(Recording, Frozen):
 
 
 @dataclass(frozen=True)
+class MotionError:
+    """An error of one machine's motion.
+
+    Attributes:
+        words: What it is.
+        of: Returns the error on each machine of a replay, shape (S,), degrees. If it reads motions
+            (`q`, `motor_rates`, `measured`) beside other quantities, it takes those of `whole`.
+    """
+
+    words: str
+    of: Callable[[Replay], Array]
+
+
+@dataclass(frozen=True)
 class Statistic:
     """A percentile of an error over the machines, in degrees.
 
@@ -342,7 +361,10 @@ class Statistic:
 
     def of(self, run: Replay) -> float:
         """Return this statistic of a replay, in degrees."""
-        errors = run.index_E_deg if self.error == "E" else run.terminal_E_deg
+        error = ERRORS[self.error]
+        errors = error.of(run)
+        if len(errors) < len(run.numbers):  # those of the kept motions alone
+            errors = error.of(run.whole)
         return float(np.percentile(errors, self.percent))
 
     @property
@@ -352,10 +374,14 @@ class Statistic:
 
 
 ERRORS = {
-    "E": "largest joint error on the machine at any time (eq. 29)",
-    "end": "largest joint error on the machine at the end",
+    "E": MotionError(
+        "largest joint error on the machine at any time (eq. 29)", lambda run: run.index_E_deg
+    ),
+    "end": MotionError(
+        "largest joint error on the machine at the end", lambda run: run.terminal_E_deg
+    ),
 }
-"""Names and meanings of the errors of one machine's motion."""
+"""The errors of one machine's motion, by name."""
 
 STATISTICS = {
     "E_median_deg": Statistic("E", 50),
@@ -365,7 +391,7 @@ STATISTICS = {
 }
 """Statistics of the errors over all machines of a replay, by their names in rows, JSON and CSV."""
 
-ERROR_WORDS = "; ".join(f"{name}: {words}" for name, words in ERRORS.items())
+ERROR_WORDS = "; ".join(f"{name}: {error.words}" for name, error in ERRORS.items())
 PERCENTILE_WORDS = " and ".join(
     f"median ({p} %)" if p == 50 else f"{p}th percentile ({p} %)"
     for p in sorted({statistic.percent for statistic in STATISTICS.values()})

@@ -23,7 +23,7 @@ from planner.errors import (
 )
 from planner.machine.friction.contact_load import contact_load
 from planner.machine.machine import Machine
-from planner.machine.replay import RECORD_S, replay
+from planner.machine.replay import RECORD_S, Replay, replay
 from planner.methods.registry import find_method
 from planner.plan.measures import peak_inputs
 from planner.plan.plan import Plan
@@ -38,7 +38,7 @@ from planner.support.package import versions
 from planner.support.user_tables import parse
 from planner.sweep.sweep_file import canonical_json, digest
 from planner.systems.manipulator import Manipulator
-from planner.verification.verify import Check, verify
+from planner.verification.verify import verify
 
 if TYPE_CHECKING:
     from planner.sweep.description import Sweep
@@ -203,37 +203,37 @@ def _run(request: Request) -> Row:
         plan = replace(error.plan, status=error.status)
         check = verify(plan)
         row = _refusal(error)
-    row |= _plan_figures(plan, check)
+    found = rows.Row.from_plan(Spec(plan.method), plan, check)
     if request["samples"] and plan.executable:
-        row |= _replay_figures(plan, request["samples"], request["seed"])
+        runs = _replay(plan, request["samples"], request["seed"])
+        if runs.angles:
+            found = replace(found, **rows.machine_figures(runs, sweep=True))
+        row |= _machine_figures(runs)
+    row |= {name: value(found) for name, value in rows.sweep_columns().items()}
+    row |= {"objective": plan.objective, "iterations": plan.iterations}
     if request["keep_plan"] and plan.verified:
         row["plan"] = plan.to_json()
     return row
 
 
-def _replay_figures(plan: Plan, samples: int, seed: int) -> Row:
-    row: Row = {}
+def _replay(plan: Plan, samples: int, seed: int) -> Replay:
     # The steps depend on the record interval; use that of `compare` to get the same numbers.
     record = max(RECORD_S, plan.duration / 500)
-    runs = replay(plan, samples=samples, seed=seed, record_s=record, motions=0)
+    return replay(plan, samples=samples, seed=seed, record_s=record, motions=0)
+
+
+def _machine_figures(runs: Replay) -> Row:
+    """Return what only sweeps save of replays: the end's spread and the loads of the contacts."""
+    plan, row = runs.plan, Row()
     if runs.angles:
-        row |= rows.machine_figures(runs, sweep=True)
         row["end_spread_deg"] = np.max(np.std(runs.terminal_error_deg, axis=0))
     if isinstance(plan.problem.system, Manipulator):
-        load = contact_load(plan, samples=CONTACT_MACHINES, seed=seed)
+        load = contact_load(plan, samples=CONTACT_MACHINES, seed=runs.seed)
         row["contact_torque_nm"] = np.median(load.torque_nm)
         row["contact_load"] = np.percentile(load.share, CONTACT_PERCENTILE)
         row["motor_torque_nm"] = torque = np.percentile(load.motor_nm, CONTACT_PERCENTILE)
         row["motor_power_w"] = torque * peak_inputs(plan.trajectory)[0]
     return row
-
-
-def _plan_figures(plan: Plan, check: Check) -> Row:
-    """Return a plan's results, without replays, for the columns of `RESULTS`."""
-    row = rows.Row.from_plan(Spec(plan.method), plan, check)
-    columns = rows.columns(plan.problem.system)
-    figures = {c.name: c.value(row) for c in columns if RESULTS.get(c.name) == "REAL"}
-    return {**figures, "objective": plan.objective, "iterations": plan.iterations}
 
 
 @lru_cache(maxsize=1)

@@ -52,7 +52,7 @@ class FigureField:
         plan: Computes the figure from a plan and its check; None if a plan does not give it.
         replay: Computes the figure from a replay; None if a replay does not give it.
         executable: Whether only executable plans have the figure.
-        sweep: Whether sweeps store the figure.
+        sweep: Whether sweeps store the figure, if a plan or a replay gives it; see `swept`.
         files: Whether only the wide tables in files show the figure.
     """
 
@@ -62,6 +62,11 @@ class FigureField:
     executable: bool = False
     sweep: bool = True
     files: bool = False
+
+    @property
+    def swept(self) -> bool:
+        """Whether sweeps have a column of the figure: one that nothing fills cannot be declared."""
+        return self.sweep and not (self.plan is None and self.replay is None)
 
 
 def figure(*headings: Heading, default: Any = np.nan, **how: Any) -> Any:

@@ -15,7 +15,7 @@ import planner
 from planner.comparison import comparison
 from planner.comparison.comparison import NOT_IN_TERMINALS
 from planner.comparison.comparison import comparison_csv as csv_text
-from planner.comparison.rows import intervals, sweep_columns
+from planner.comparison.rows import Row, intervals, sweep_columns
 from planner.machine.replay import STATISTICS
 from planner.plan.spec import Spec
 from planner.report.page.page import report_page
@@ -161,9 +161,10 @@ def test_a_figure_of_a_plan_stands_in_one_place_and_is_everywhere() -> None:
     for name, one in figures(PlanFigures).items():
         keys = [head.key or name for head in one.headings] or [name]
         assert set(keys) <= cells.keys()
-        assert not one.sweep or set(keys) <= RESULTS.keys()
+        assert not one.swept or set(keys) <= RESULTS.keys()
         assert one.executable or name in summary
         assert name == "terminal_error_deg" or one.executable or summary[name] == getattr(row, name)
     assert set(sweep_columns()) <= RESULTS.keys()
+    assert set(STATISTICS) <= figures(Row).keys(), "a field of Row for each Statistic"
     # One error an angle in a summary, the largest of them in a table.
     assert row.terminal_error_deg == max(abs(e) for e in summary["terminal_error_deg"])

@@ -19,7 +19,9 @@ def test_the_nominal_machine_ends_at_the_goal_from_a_state_that_is_known(
 ) -> None:
     machine = Machine.prototype(start_state=state).nominal()
     better = compensate(plan, machine)
-    assert replay(better, machine).terminal_E_deg[0] < 0.05
+    run = replay(better, machine)
+    assert run.terminal_E_deg[0] < 0.05
+    assert better.notes["end_state"] == pytest.approx(run.end_state[0], abs=1e-3)
     unwound = compensate(plan, machine.with_(start_state="unwound"))
     assert replay(unwound, machine).terminal_E_deg[0] > 2  # as one that is not told ends
     if state == "forward":

@@ -147,11 +147,12 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
 def _start_state(machine: Machine) -> Control:
     """Return the choice of `start_state`, the state of backlash and shafts before the start."""
     words, help_text = get_args(StartState), MachineTable.model_fields["start_state"].description
-    now = machine.start_state[0] if len(set(machine.start_state)) == 1 else "joint by joint"
-    choices = [*words, *([now] if now not in words else [])]
+    states = list(machine.start_state)
+    own = [] if len(set(states)) == 1 and states[0] in words else ["joint by joint"]
+    now = own[0] if own else states[0]
     return Control(
         MACHINE_TITLE, "before the start", "choice", "machine.start_state", now, shown=now,
-        choices=choices, help=help_text or "",
+        choices=[*words, *own], writes=[*words, states], help=help_text or "",
     )  # fmt: skip
 
 

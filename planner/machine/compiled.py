@@ -272,6 +272,16 @@ class CompiledMotion:
         """Present coordinates, (N, S)."""
         return np.concatenate([self._state[:, self._places[k]].T for k in ("first", "theta")])
 
+    @property
+    def lead(self) -> Array:
+        """Present angles of motors and axes before what they drive, see `MachineMotion.lead`."""
+        if self._model.dynamic:
+            place = StateRows(self._model.joints - 1)
+            y = self._arrays["moving"].T
+            return np.asarray(y[place.gap] + y[place.twist])
+        disk, axis, theta = (self._state[:, self._places[k]].T for k in ("disk", "axis", "theta"))
+        return np.concatenate([np.diff(disk, axis=0), axis - theta])
+
     def advance(self, last: int, tell: Steps | None = None) -> None:
         """Simulate up to the point `last` of the stretch's grid."""
         with ThreadPoolExecutor(threads()) as pool:

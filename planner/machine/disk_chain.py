@@ -90,6 +90,17 @@ class DiskChain:
         """Angles of the first disk and of motor 1 (at its gearhead's output), (2, S), rad."""
         return np.stack([self._motor.theta, self._motor.axis])
 
+    @property
+    def lead(self) -> Array:
+        """Angles of motor 1 before the first disk, and of each axis before its joint, (1+n, S)."""
+        return np.concatenate([np.diff(self.disk, axis=0), self.axes - self.q[1:]])
+
+    def shares(self, lead: Array) -> Array:
+        """Return where gears rest, as in `Draws.start`, (1+n, S), that lead the first disk and the
+        joints at the present pose by `lead` (1+n, S), rad; 0 where an axis has no room."""
+        plays = [self._motor, *self._joints]
+        return np.stack([play.share(each) for play, each in zip(plays, lead, strict=True)])
+
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance the manipulators by one time step.
 
@@ -240,6 +251,14 @@ class Play:
         """Place the axis so that the joint rests at its present angle under its load."""
         middle = self._start * self._half_gap
         self.axis = self.theta + rest_at(self._share, middle, self._least, self._most)
+
+    def share(self, lead: Array) -> Array:
+        """Return the position −1 … 1, (S,), of an axis that leads the joint by `lead` (S,), rad, in
+        its range at rest; the inverse of `rest_at`."""
+        least, most = np.broadcast_arrays(self._least, self._most)
+        wide = most - least > 0
+        inside = (lead - least) / np.where(wide, most - least, 1.0)
+        return np.where(wide, np.clip(2 * inside - 1, -1.0, 1.0), 0.0)
 
     @classmethod
     def gearhead(cls, draws: Draws, motor: int, angle: Array) -> Play:

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError, expect, factory
-from planner.problem.tables.machine_effects import EFFECTS, MachineTable, Spread
+from planner.problem.tables.machine_effects import EFFECTS, MachineTable, Spread, start_mismatch
 from planner.support.arrays import Array, Frozen, locked, plain
 from planner.support.files import read_toml
 from planner.support.user_tables import allowed_hint, parse
@@ -73,7 +73,8 @@ class Machine(Frozen):
         effects: The effects that are on, by name; all others are off.
         fidelity: "quasi-static", or "dynamic" with inertia and torque. The fidelity matters for
             manipulators only; other systems have no mechanism between motor and motion.
-        start_state: How the arm came to rest before the start: one word, or one for each joint.
+        start_state: How the arm came to rest before the start: one word, or a word or share −1 … 1
+            for each joint, before them perhaps one for the gearhead of motor 1.
         source: File that the machine was read from, for messages and commands only.
     """
 
@@ -81,7 +82,7 @@ class Machine(Frozen):
     step_s: float
     effects: Mapping[str, Quantity]
     fidelity: str = "quasi-static"
-    start_state: tuple[str, ...] = ("unwound",)
+    start_state: tuple[str | float, ...] = ("unwound",)
     source: str = ""
 
     @classmethod
@@ -126,7 +127,10 @@ class Machine(Frozen):
         step = table.step_s or base.step_s or DEFAULT_STEP_S
         fidelity = table.fidelity or base.fidelity or "quasi-static"
         state = table.start_state or base.start_state or "unwound"
-        states = (state,) if isinstance(state, str) else tuple(state)
+        given = [state] if isinstance(state, str) else state
+        states = tuple(each if isinstance(each, str) else each + 0.0 for each in given)  # no -0.0
+        if len(states) == 1 and not isinstance(states[0], str):
+            raise InputError("machine.start_state: one entry for all joints must be a word")
         return cls(table.preset, step, effects, fidelity, states)
 
     # -- variations ----------------------------------------------------------------------------
@@ -165,7 +169,7 @@ class Machine(Frozen):
             return self
         states = ["unwound" if word == "unknown" else word for word in self.start_state]
         means = {name: _as_plain(q.value) for name, q in self.effects.items()}
-        return self.with_(start_state=states[0] if len(states) == 1 else states, **means)
+        return self.with_(start_state=states, **means)
 
     def mean(self, name: str, joints: int | None = None) -> Array:
         """Return the mean of an effect: one number, or one per motor or joint. The mean of an
@@ -195,18 +199,20 @@ class Machine(Frozen):
     @property
     def start_words(self) -> str:
         """Phrase that says how the arm came to rest before the start."""
-        return f"{', '.join(self.start_state)} at the start"
+        texts = [each if isinstance(each, str) else f"{each:.3g}" for each in self.start_state]
+        return f"{', '.join(texts)} at the start"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the machine's `[machine]` table with every effect in it, so that the table does
         not depend on presets."""
         on = self.effects
         settings = {name: on[name].to_setting() if name in on else False for name in EFFECTS}
+        first = self.start_state[0]
         return {
             "preset": self.preset,
             "step_s": self.step_s,
             "fidelity": self.fidelity,
-            "start_state": states[0] if len(states := self.start_state) == 1 else list(states),
+            "start_state": first if len(self.start_state) == 1 else list(self.start_state),
             **settings,
         }
 
@@ -416,15 +422,14 @@ def draw_start(machine: Machine, joints: int, numbers: NDArray[np.int64], seed: 
     """Return the gears' positions before the start, `Draws.start`; draw unknown ones uniformly.
 
     Raises:
-        InputError: If the start state has neither one word nor one for each joint.
+        InputError: If the start state fits no arm of so many joints.
     """
-    words = machine.start_state * (joints if len(machine.start_state) == 1 else 1)
-    if len(words) != joints:
-        count = len(words)
-        wrong = f"machine.start_state has {count} words, but needs one, or {joints}, one per joint"
+    given = machine.start_state * (joints if len(machine.start_state) == 1 else 1)
+    if wrong := start_mismatch(given, joints):
         raise InputError(wrong)
-    rows = [words[min(1, joints - 1)], *words]
-    position = locked(np.array([[_SHARES.get(word, 0.0)] for word in rows]))
+    rows = given if len(given) > joints else (given[min(1, joints - 1)], *given)
+    told = [_SHARES.get(each, 0.0) if isinstance(each, str) else each for each in rows]
+    position = locked(np.array(told)[:, None])
     if "unknown" not in rows:
         return np.broadcast_to(position, (len(rows), len(numbers)))
     unknown = np.array([word == "unknown" for word in rows])[:, None]

@@ -68,6 +68,8 @@ class Replay(Recording, Frozen):
         terminal_error: True end minus planned end, shape (S, N), in the coordinates' units.
         deviation: Largest |true − plan| over time of the coordinates after the first, (S, N−1). For
             a compensated plan both errors refer to the original plan, from its start on.
+        end_state: Where the gearhead of motor 1 and the axis of each joint of an arm rest at the
+            end, shape (S, 1+n): entries of `machine.start_state`, 1 as after a motion forward.
         effort: ∫ u₁² + u₂² dt of the controller's commands, (S,); None in open loop.
         fallbacks: Number of control steps in which the controller used a fallback command, (S,).
         run_s: Time from the first command to the end of the last, s: the plan's duration, and with

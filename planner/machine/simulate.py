@@ -24,6 +24,7 @@ from planner.machine.commands import (
     stretches,
 )
 from planner.machine.compiled import MOST_PASSIVE, CompiledMotion, library
+from planner.machine.disk_chain import DiskChain
 from planner.machine.friction.contact_load import refuse_sliding
 from planner.machine.limits import breakable_limits, lower_margins
 from planner.machine.machine import Draws, Machine, draw
@@ -80,6 +81,7 @@ class Recording:
     margin_s: Array
     terminal_error: Array
     deviation: Array
+    end_state: Array
     effort: Array | None
     fallbacks: NDArray[np.int64]
     run_s: float
@@ -103,6 +105,7 @@ def _blank(plan: Plan, times: Array, count: int, motions: int, has_feedback: boo
         margin_s=np.zeros((count, parts)),
         terminal_error=np.zeros((count, size)),
         deviation=np.zeros((count, size - 1)),
+        end_state=np.zeros((count, size)),
         effort=np.zeros(count) if has_feedback else None,
         fallbacks=np.zeros(count, dtype=np.int64),
         run_s=plan.duration,
@@ -298,6 +301,9 @@ class _ReplayRun:
         whole, plan = self._whole, self._plan
         whole.terminal_error[chosen] = motion.q[:, -1] - plan.wanted(plan.duration)
         whole.deviation[chosen] = motion.deviation
+        if isinstance(system := plan.problem.system, Manipulator):
+            there = DiskChain(system, self._draws.part(chosen), motion.coordinates)
+            whole.end_state[chosen] = there.shares(motion.lead).T
         whole.saturated_s[chosen] = motion.saturated_s
         whole.slip_s[chosen], _, whole.slip_contact[chosen] = motion.slip.T
 

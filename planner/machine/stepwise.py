@@ -51,6 +51,10 @@ class Plant(Protocol):
     def slipping(self) -> Array:
         """Number of the contact in gross slip, (S,), or −1; see `contacts.contact_name`."""
 
+    @property
+    def lead(self) -> Array:
+        """See `MachineMotion.lead`."""
+
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance the mechanism by h s under motor speeds (P, 2, S) and travels (P−1, 2, S)."""
 
@@ -77,6 +81,11 @@ class MachineMotion(Protocol):
     @property
     def coordinates(self) -> Array:
         """Present coordinates, (N, S)."""
+
+    @property
+    def lead(self) -> Array:
+        """Present angles of an arm's motor 1 before the first disk, and of each joint's axis before
+        the joint, (1+n, S), rad; zeros for other systems, (N, S)."""
 
     @property
     def saturated_s(self) -> Array:
@@ -126,6 +135,11 @@ class StepwiseMotion:
     def coordinates(self) -> Array:
         """Present coordinates, (N, S)."""
         return self._plant.q
+
+    @property
+    def lead(self) -> Array:
+        """Present angles of motors and axes before what they drive, see `MachineMotion.lead`."""
+        return self._plant.lead
 
     @property
     def saturated_s(self) -> Array:
@@ -197,6 +211,11 @@ class KinematicPlant:
         """Coordinates, shape (N, S)."""
         return self._q.T
 
+    @property
+    def lead(self) -> Array:
+        """See `MachineMotion.lead`."""
+        return np.zeros(self._q.T.shape)
+
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance the copies by h seconds under motor speeds (P, 2, S) at the step's points.
 
@@ -231,6 +250,11 @@ class DynamicChain:
         self.motor_rates = self._y[self._place.bodies.motors]
         self._shape = (2, draws.count)
         self.limited_s = np.zeros(self._shape)
+
+    @property
+    def lead(self) -> Array:
+        """See `MachineMotion.lead`."""
+        return self._y[self._place.gap] + self._y[self._place.twist]
 
     def step(self, speed: Array, travel: Array, h: float) -> None:
         """Advance the manipulators by one time step.

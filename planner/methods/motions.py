@@ -178,7 +178,8 @@ def homing(problem: Problem) -> Plan:
         "rise_deg": RISE_DEG,
     }
     q = _course(system, problem.start, t, u)
-    return _motion(problem, system, "homing", t, u, q, {"until": until})
+    notes = {"until": until, "end_state": [1.0] * (1 + system.n)}
+    return _motion(problem, system, "homing", t, u, q, notes)
 
 
 def _turn(motor: int, angle: float, speed: float, ramp_s: float) -> Array:

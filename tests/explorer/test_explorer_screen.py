@@ -213,6 +213,18 @@ def test_every_option_control_writes_what_the_method_takes(method: str) -> None:
                 state.problem()  # the schema takes it
 
 
+def test_a_start_state_of_numbers_can_be_left_and_chosen_again() -> None:
+    told = [1.0, 0.5, -0.2, 0.25]
+    problem = planner.load_problem(
+        ROOT / "problems" / "paper.toml", {"goal.travel": 0.82, "machine.start_state": told}
+    )
+    shown = Screen(State.from_problem(problem, "polynomial", 0))
+    control = shown.controls["machine.start_state"]
+    assert control.shown == "joint by joint"
+    assert control.new_value("joint by joint") == told
+    assert control.new_value("backward") == "backward"
+
+
 def test_start_goal_and_gears_have_sliders_of_their_own() -> None:
     shown = screen("paper", "collocation")
     groups = list(dict.fromkeys(control.group for control in shown.controls.values()))

@@ -69,7 +69,7 @@ def test_whole_replays_are_the_same(library: Any, use: Any, name: str, n: int) -
         use(which)
         runs.append(replay(plan, machine, samples=3, seed=1, settle_s=0.1))
     assert len(set(runs[0].q[:, -1, 2])) == 3
-    for part in ("q", "motor_rates", "saturated_s", "slip_s", "deviation"):
+    for part in ("q", "motor_rates", "saturated_s", "slip_s", "deviation", "end_state"):
         compiled, stepwise = (getattr(run, part) for run in runs)
         assert compiled == pytest.approx(stepwise, abs=1e-12, rel=0)
     if name == "little torque":

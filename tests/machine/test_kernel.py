@@ -74,7 +74,15 @@ def agree(plan: Plan, machine: Machine, library: Any, use: Any) -> Replay:
     for found in (library, None):
         use(found)
         runs.append(replay(plan, machine, samples=3, seed=1, settle_s=0.1))
-    for name in ("q", "motor_rates", "saturated_s", "slip_s", "deviation", "terminal_error"):
+    for name in (
+        "q",
+        "motor_rates",
+        "saturated_s",
+        "slip_s",
+        "deviation",
+        "terminal_error",
+        "end_state",
+    ):
         assert np.max(np.abs(getattr(runs[0], name) - getattr(runs[1], name))) < 1e-12, name
     return runs[0]
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
+from typing import Any
+
 import numpy as np
 import pytest
 from driven import Driven
-from handmade import arm_problem
+from handmade import arm_problem, inputs, plan_from
 
 import planner
-from planner import InputError, Machine
+from planner import InputError, Machine, replay
+from planner.machine import simulate
 from planner.machine.disk_chain import DiskChain
 from planner.machine.machine import draw
 
@@ -17,7 +21,7 @@ W = BACKLASH / 2 + np.rad2deg(FRICTION / STIFFNESS)
 """Half of the range in which an axis may stand while its joint rests, degrees."""
 
 
-def _machine(state: str | list[str], fidelity: str = "quasi-static") -> Machine:
+def _machine(state: str | list[Any], fidelity: str = "quasi-static") -> Machine:
     heavy = {"link_inertia_kgm2": 0.03, "motor_inertia_kgm2": 0.02}
     return Machine.ideal(
         start_state=state,
@@ -54,12 +58,54 @@ def test_what_is_unknown_is_anywhere_in_the_range_and_the_same_for_every_plan() 
 def test_each_joint_may_stand_as_it_likes() -> None:
     ahead = _ahead(_machine(["backward", "forward", "unwound"]))[:, 0]
     assert ahead == pytest.approx([-GEARHEAD / 2, W, 0])
-    with pytest.raises(InputError, match=r"machine\.start_state has 2 words, but needs one, or 3"):
+    with pytest.raises(InputError, match=r"start_state has 2 entries, but needs one word, or 3"):
         _ahead(_machine(["backward", "forward"]))
-    with pytest.raises(InputError, match=r"machine\.start_state has 2 words"):
+    with pytest.raises(InputError, match=r"machine\.start_state has 2 entries"):
         arm_problem([10, 10, 10], machine={"start_state": ["forward"] * 2})
     with pytest.raises(InputError, match="start_state"):
         Machine.prototype(start_state="forwards")
+
+
+def test_numbers_are_shares_of_each_range_and_may_begin_with_the_gearhead_of_motor_1() -> None:
+    told = [0.25, -1, 0.5, "backward"]
+    ahead = _ahead(_machine(told))[:, 0]
+    assert ahead == pytest.approx([-GEARHEAD / 2, W / 2, -W])
+    machine = _machine(told)
+    assert draw(machine, 3, np.arange(2), 0).start[:, 1].tolist() == [0.25, -1, 0.5, -1]
+    assert draw(_machine(told[1:]), 3, np.arange(1), 0).start[0, 0] == 0.5  # that of joint 2
+    assert machine.start_words == "0.25, -1, 0.5, backward at the start"
+    for same in (Machine.from_table(machine.to_dict()), machine.nominal(), machine.with_()):
+        assert same == machine
+        assert hash(same) == hash(machine)
+    assert hash(_machine([0.0, 0, 0])) == hash(_machine([-0.0, 0, 0]))
+    problem = planner.load_problem("problems/paper.toml", {"machine.start_state": told})
+    assert planner.Problem.from_dict(json.loads(json.dumps(problem.to_dict()))) == problem
+    for wrong in ([1.01, 0, 0], [float("nan"), 0, 0], [True, 0, 0], [0.5]):
+        with pytest.raises(InputError, match="start_state"):
+            _machine(wrong)
+    with pytest.raises(InputError, match="start_state has 5 entries"):
+        arm_problem([10, 10, 10], machine={"start_state": [0.0] * 5})
+
+
+@pytest.mark.parametrize("fidelity", ["quasi-static", "dynamic"])
+@pytest.mark.parametrize("has_kernel", [True, False])
+def test_an_arm_that_rests_ends_in_the_state_in_which_it_began(
+    fidelity: str, has_kernel: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = [0.25, -1, 0.5, -0.7]
+    plan = plan_from(
+        arm_problem([10, 10, 10], end=0.2), inputs(([0.0], [0.0]), breaks=[0.0, 0.2]), 2
+    )
+    if not has_kernel:
+        monkeypatch.setattr(simulate, "library", lambda: None)
+    slope = {"incline_deg": 5.0, "link_moment_kgm": 0.02} if fidelity == "quasi-static" else {}
+    machine = _machine(told, fidelity).with_(gearhead_backlash_deg=GEARHEAD, **slope)
+    run = replay(plan, machine, samples=2, settle_s=0.1)
+    if slope:  # a loaded gearhead has no room
+        told[1] = 0
+    else:  # with inertia wound shafts push the disk back to an end of motor 1's gearhead
+        told[0] = -1
+    assert run.end_state == pytest.approx(np.array([told] * 2), abs=1e-3)
 
 
 def test_the_mean_of_what_is_unknown_is_unwound() -> None:

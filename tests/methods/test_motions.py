@@ -114,6 +114,8 @@ def test_homing_by_the_encoders_pushes_every_joint_of_every_machine(paper: Probl
     theta = np.rad2deg(run.q[:, :, 1:])
     after = run.t > plan.notes["until"]["count_from_s"]
     risen = theta[:, -1, 1:] - theta[:, after, 1:].min(axis=1)
+    assert plan.notes["end_state"] == [1, 1, 1, 1]
+    assert run.end_state[:, 2:].min() > 0.9  # drift turns gearheads back at rest
     assert risen.min() > 1.3  # 1.5, less the encoder's resolution twice
     slowing = np.rad2deg(0.075 * 0.75 / 2) * 0.476  # of the last axis, in its ramp
     assert np.median(risen.min(axis=1)) < 2.0 + slowing  # it ends as soon as all have risen

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.errors import Violation
-from planner.machine.feedforward.legs import reversals
+from planner.machine.feedforward.legs import reversals, start_shares
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.problem.requirements.places import Obstacle
 from planner.problem.tables.problem_file import CompensationTable
+from planner.systems.manipulator import Manipulator
 
 NO_COMPENSATION = "no compensation (compensation.on = false)"
 
@@ -38,8 +39,10 @@ def settings_to_try(plan: Plan, violations: Sequence[Violation]) -> list[Setting
     if not any(v.time_s is not None and v.time_s < plan.lead_s for v in violations):
         return []
     assert plan.compensation is not None
-    state = Machine.from_table(plan.compensation.machine).start_state
-    helps = reversals(plan.compensation.plan)[0] > 0 and set(state) != {"forward"}
+    system = plan.problem.system
+    assert isinstance(system, Manipulator)
+    shares = start_shares(Machine.from_table(plan.compensation.machine), system)
+    helps = reversals(plan.compensation.plan)[0] > 0 and bool(np.any(shares < 1))
     homed: list[Settings] = [{"machine.start_state": "forward"}] * helps
     return [*homed, {"compensation.preparation": False}]
 

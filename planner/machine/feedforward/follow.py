@@ -26,6 +26,9 @@ from planner.systems.manipulator import Manipulator
 CUT_SHORT_WORDS = "ended the compensation; these are the best commands so far"
 """Note of a plan whose compensation ran out of time."""
 
+STATE_DIGITS = 5
+"""Digits behind the point of an entry of `end_state`: a thousandth of a degree is 0.0002."""
+
 
 def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
     """Compensate a plan; the result is not verified.
@@ -49,7 +52,7 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
             " compensate",
             source=problem.source,
         )
-    attempts: list[tuple[tuple[bool, bool, float], Correction, CommandShape, Plan, float]] = []
+    attempts: list[tuple[tuple[bool, bool, float], Correction, CommandShape, Plan, Prediction]] = []
     was_cut_short, plain_E_deg = False, predict(plan, machine).error_deg
     plain = options.model_copy(update={"take_up": False})
     ways = [(options, most_away) for most_away in MOST_AWAYS_DEG] + [(plain, MOST_AWAYS_DEG[0])]
@@ -70,12 +73,12 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
             # If it does not help, report the plan compensated as requested.
             in_vain = done is plain and not is_better
             rank = (in_vain or not correction.keeps_all, in_vain, error_deg)
-            attempts.append((rank, correction, shape, candidate, error_deg))
+            attempts.append((rank, correction, shape, candidate, prediction))
             if was_cut_short or is_better or not shape.clock.holds:
                 break
-    _, correction, shape, candidate, error_deg = min(attempts, key=lambda each: each[0])
+    _, correction, shape, candidate, prediction = min(attempts, key=lambda each: each[0])
     notes = {
-        "E_deg": error_deg,
+        "E_deg": prediction.error_deg,
         "plain_E_deg": plain_E_deg,
         "lead_s": candidate.lead_s,
         "tail_s": candidate.tail_s,
@@ -83,7 +86,9 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
         "uneven": _worst_joints(shape, system),
         "rounds": correction.rounds,
     }
-    candidate = replace(candidate, notes={**plan.notes, "compensation": notes})
+    state = np.round(prediction.end_state, STATE_DIGITS).tolist()
+    every = {**plan.notes, "compensation": notes, "end_state": state}
+    candidate = replace(candidate, notes=every)
     return mark_cut_short(candidate, span, CUT_SHORT_WORDS) if was_cut_short else candidate
 
 

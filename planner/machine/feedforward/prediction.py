@@ -23,12 +23,14 @@ class Prediction:
         q: Coordinates at these times, shape (R, N).
         end: Coordinates once the servos have settled, shape (N,); for the first see `end_of`.
         deviation: Largest |q − wanted q| over time of the coordinates after the first, (N−1,).
+        end_state: State of backlash and shafts at rest after the plan, see `Replay.end_state`.
     """
 
     t: Array
     q: Array
     end: Array
     deviation: Array
+    end_state: Array
 
     @property
     def error_deg(self) -> float:
@@ -53,7 +55,8 @@ def predict(plan: Plan, machine: Machine, progress: Progress | None = None) -> P
     run = simulate(
         plan, nominal, draws, settle_s=SETTLE_S, record_s=machine.step_s, progress=progress
     )
-    return Prediction(run.t, run.q[0], end_of(run.t, run.q, plan.clock)[0], run.deviation[0])
+    end = end_of(run.t, run.q, plan.clock)[0]
+    return Prediction(run.t, run.q[0], end, run.deviation[0], run.end_state[0])
 
 
 def end_of(t: Array, q: Array, clock: Clock) -> Array:

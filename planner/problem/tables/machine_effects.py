@@ -173,6 +173,20 @@ def _check_finite(value: Any) -> float:
 StartState = Literal["unwound", "forward", "backward", "unknown"]
 """Word for how an arm came to rest before a motion."""
 
+StartShare = Annotated[float, Field(ge=-1, le=1)]
+"""Place of an axis at rest within the range that its joint's friction allows, 1 as after a motion
+forward."""
+
+
+def start_mismatch(state: Sequence[str | float], joints: int) -> str | None:
+    """Return what is wrong with the number of entries of a start state for `joints` joints."""
+    if len(state) in (joints, joints + 1):
+        return None
+    return (
+        f"machine.start_state has {len(state)} entries, but needs one word, or {joints} entries,"
+        f" one per joint, or {joints + 1}, first that of motor 1's gearhead"
+    )
+
 
 class MachineTable(Table):
     """Overrides of a machine preset.
@@ -204,13 +218,17 @@ class MachineTable(Table):
         " dynamic: two masses per joint and motors with limited torque. Default: quasi-static.",
     )
 
-    start_state: StartState | Annotated[list[StartState], Field(min_length=1)] | None = Field(
+    start_state: (
+        StartState | Annotated[list[StartState | StartShare], Field(min_length=1)] | None
+    ) = Field(
         None,
         description="State of the arm before the start. unwound: no torsion of shafts, backlash as"
         " in initial_play. forward, backward: as after a motion in that direction, with backlash"
         " taken up and shafts wound up as far as friction holds them. unknown: anywhere between."
-        " One word, or one per joint (the gearhead of motor 1 is in the state of joint 2)."
-        " Default: unwound.",
+        " One word, or a list with one entry per joint (the gearhead of motor 1 is then in the"
+        " state of joint 2), or with that gearhead's entry before them. An entry is a word or a"
+        " number: 1 is forward, -1 backward, 0 the middle, as a share of each machine's own lost"
+        " motion; a compensated plan has its last state as notes.end_state. Default: unwound.",
     )
 
     control_period_s: Annotated[
@@ -361,11 +379,10 @@ class MachineTable(Table):
 
     def mismatch(self, joints: int) -> str | None:
         """Describe the first list whose length does not fit `joints` joints; None without one."""
-        if isinstance(self.start_state, list) and len(self.start_state) != joints:
-            count = len(self.start_state)
-            return (
-                f"machine.start_state has {count} words, but needs one, or {joints}, one per joint"
-            )
+        if isinstance(self.start_state, list):
+            wrong = start_mismatch(self.start_state, joints)
+            if wrong:
+                return wrong
         for name, effect in EFFECTS.items():
             setting = getattr(self, name)
             parts = [setting.value, setting.spread] if isinstance(setting, Spread) else [setting]

@@ -138,13 +138,15 @@ class PlanePanel(Panel):
     Attributes:
         names: Names of the axes.
         ends: Points at start and goal.
-        view: Range shown of each axis; None for all, at equal scale.
+        view: Range shown of each axis; None for all. Pictures are at equal scale; in the browser a
+            view fills the frame.
         region: Range of each axis; the plane outside this box is shaded.
         limits: Limits, drawn as lines: pairs (index of the axis, value).
         poses: Poses of the arm or vehicle, each a list of points.
         discs: Obstacles: x, y, radius.
         tips: Points that the tip must pass or reach.
-        key: Entries of the legend: pairs of a kind of line and its meaning.
+        key: Entries of the legend: pairs of what is drawn and its meaning. "below" is the plane
+            outside the region, "limit" the limits, "path" the curves, "ramp" the poses.
     """
 
     names: Sequence[str]

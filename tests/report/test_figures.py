@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import pytest
 from compared import ROOT, outside, quick_comparison
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from scipy.interpolate import BPoly
 
 import planner
@@ -31,7 +32,15 @@ from planner.report.figures.over_time import plot
 from planner.report.figures.style import COLOURS, curves, symbol
 from planner.report.folders import REPLAY_FIGURES, replay_data
 from planner.report.page.series import page_data
-from planner.report.panels import PLAN_FIGURES, Peak, PlanFigure, TimePanel, z2_band
+from planner.report.panels import (
+    PLAN_FIGURES,
+    Peak,
+    PlanePanel,
+    PlanFigure,
+    Series,
+    TimePanel,
+    z2_band,
+)
 
 MIDDLE, BEST = "polynomial:travel=middle", "polynomial"
 
@@ -187,6 +196,43 @@ def test_the_map_shows_paths_start_goal_limits_and_the_chart(
     assert len(limits) == 4
     with pytest.raises(planner.InputError, match="a car has no figure 'map'"):
         plot_map(planner.solve(planner.load_problem(ROOT / "problems/car.toml"), "polynomial"))
+
+
+def test_a_picture_in_the_plane_shows_all_that_its_panel_declares(
+    plans: dict[str, planner.Plan], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each field of `PlanePanel` changes the picture, and the scale of both axes is equal."""
+    t = np.linspace(0.0, 1.0, 5)
+    whole = PlanePanel(
+        "plane", "the arm", "m", [Series(0, t, t)], note="a note", names=["x", "y"],
+        ends=[(0.0, 0.0), (1.0, 1.0)], view=[(-1.0, 2.0), (-1.0, 3.0)],
+        region=[(-0.5, 1.5), (-0.5, 2.5)], limits=[(0, 1.2)], poses=[[(0, 0), (1, 0)]] * 3,
+        discs=[[0.5, 2.0, 0.25]], tips=[(0.7, 0.8)],
+        key=[("below", "outside"), ("limit", "limits"), ("path", "the tip"), ("ramp", "poses")],
+    )  # fmt: skip
+
+    def drawn(panel: PlanePanel) -> list[str]:
+        one = PlanFigure("own", lambda _: [panel], "Own", "")
+        monkeypatch.setitem(PLAN_FIGURES, "own", one)
+        figure, axes = plot("own", plans[BEST])
+        (ax,) = axes.flat
+        assert ax.get_aspect() == 1.0
+        words = [text.get_text() for text in figure.findobj(Text)]
+        shapes = [(line.get_xydata().tolist(), line.get_marker()) for line in ax.lines]
+        patches = [patch.get_extents().bounds for patch in ax.patches]
+        return [*map(str, (sorted(words), shapes, patches, ax.get_xlim(), ax.get_ylim()))]
+
+    every = drawn(whole)
+    for word in ("the arm; a note", "outside", "limits", "the tip", "poses", "start", "goal"):
+        assert word in every[0]
+    for field in fields(PlanePanel):
+        if field.name in ("id", "unit", "title", "series", "names"):
+            changed: Any = {"names": ["a", "b"], "series": [Series(0, t, -t)]}
+            value = changed.get(field.name, "other")
+        else:
+            value = field.default
+        if field.name != "id":  # names the panel for the program
+            assert drawn(replace(whole, **{field.name: value})) != every, field.name
 
 
 def test_arm_shows_poses_from_start_to_goal(plans: dict[str, planner.Plan]) -> None:

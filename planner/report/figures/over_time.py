@@ -16,6 +16,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.report import panels
+from planner.report.figures.arm import COLOUR_MAP
 from planner.report.figures.style import (
     DOMAIN_COLOUR,
     LABEL_BOX,
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 
 EXIT_STYLE = {"marker": "x", "color": "#B00020", "markersize": 8, "linestyle": "none"}
 DOT_STYLE = {"marker": "o", "color": "black", "markersize": 4, "linestyle": "none"}
+HOLLOW_STYLE = DOT_STYLE | {"marker": "D", "markerfacecolor": "none"}
 Panels = Sequence[Panel]
 PANEL_SIZES = {"inputs": (4.8, 3.4), "map": (6.4, 4.6)}
 """Width and height of one panel of a figure, inches, where they differ from the usual size."""
@@ -159,8 +161,8 @@ def plot(
     else:
         figure, axes = _panels(kind.panels(plan_curves), drawn, axes)
     heading(figure, f"{kind.title}: {problem.name}", ours=ours)
-    entries = _entries(axes) if kind.columns else [line(curve) for curve in drawn]
-    legend(figure, axes, entries, ours=ours, abreast=3 if axes.size > 1 else 2)
+    entries = [] if kind.columns else [line(curve) for curve in drawn]
+    legend(figure, axes, entries + _entries(axes), ours=ours, abreast=3 if axes.size > 1 else 2)
     return figure, axes
 
 
@@ -213,7 +215,10 @@ def _draw(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
         _plane(ax, panel)
     for series in panel.series:
         curve = drawn[series.plan]
-        ax.plot(_times(series, drawn) if series.x is None else series.x, series.y, **curve.look)
+        look = curve.look
+        if isinstance(panel, PlanePanel):
+            look = look | {"label": dict(panel.key).get("path")}
+        ax.plot(_times(series, drawn) if series.x is None else series.x, series.y, **look)
     if isinstance(panel, TimePanel) and panel.view:
         _view(ax, panel, drawn)
 
@@ -279,7 +284,7 @@ def _frame(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
         ax.plot([0, longest], panel.ends, **DOT_STYLE, clip_on=False, zorder=5)
     if panel.stops:
         t, value = np.transpose(panel.stops)
-        ax.plot(t, value, **{**DOT_STYLE, "marker": "D"}, markerfacecolor="none", zorder=5)
+        ax.plot(t, value, **HOLLOW_STYLE, zorder=5)
 
 
 def _view(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
@@ -300,11 +305,15 @@ def _view(ax: Any, panel: TimePanel, drawn: Sequence[Curve]) -> None:
 
 
 def _plane(ax: Any, panel: PlanePanel) -> None:
-    """Draw a panel in the plane without its paths: region, limits, end points and labels."""
-    from matplotlib.patches import Rectangle
+    """Draw a panel in the plane at equal scale, without its paths."""
+    from matplotlib import colormaps
+    from matplotlib.patches import Circle, Rectangle
 
     x_label, up = (f"{symbol(name)} ({escape_math(panel.unit)})" for name in panel.names)
     ax.set(xlabel=x_label, ylabel=up)
+    ax.set_aspect("equal", adjustable="box")
+    ax.set_title("; ".join(filter(None, [panel.title, panel.note])), fontsize=10)
+    meanings = dict(panel.key)
     if panel.view:
         ax.set(xlim=panel.view[0], ylim=panel.view[1])
     if panel.region:
@@ -312,9 +321,18 @@ def _plane(ax: Any, panel: PlanePanel) -> None:
         (west, east), (south, north) = panel.region
         looks: dict[str, Any] = {"facecolor": "white", "edgecolor": "#B00020", "zorder": 0.3}
         ax.add_patch(Rectangle((west, south), east - west, north - south, **looks))
+        ax.plot([], [], "s", color=OUTSIDE_COLOUR, label=meanings.get("below"))
     for axis, value in panel.limits:
         draw = ax.axhline if axis else ax.axvline
-        draw(value, color=LIMIT_COLOUR, linestyle=":", linewidth=1.4)
+        draw(value, color=LIMIT_COLOUR, linestyle=":", linewidth=1.4, label=meanings.get("limit"))
+    for x, y, radius in panel.discs:
+        ax.add_patch(Circle((x, y), radius, color="0.55", alpha=0.6, zorder=1))
+    for k, pose in enumerate(panel.poses):
+        colour = colormaps[COLOUR_MAP](k / max(1, len(panel.poses) - 1))
+        look = {"color": colour, "linewidth": 1.8, "markersize": 2.5, "alpha": 0.75}
+        ax.plot(*np.transpose(pose), "-o", **look, label=meanings.get("ramp"))
+    for tip in panel.tips:
+        ax.plot(*tip, **HOLLOW_STYLE, zorder=5)
     for (x, y), word in zip(panel.ends, ("start", "goal"), strict=False):
         ax.plot([x], [y], **DOT_STYLE, zorder=5)
         write_beside(ax, word, (x, y), (6, -10))

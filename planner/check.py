@@ -37,6 +37,7 @@ from planner.solve import solve, solve_and_check
 from planner.support.arrays import Frozen
 from planner.support.deadline import time_limit, time_share
 from planner.support.progress import expect_listener
+from planner.support.tables import key_with_unit
 from planner.verification.summary import plan_summary, refusal_summary
 from planner.verification.verify import verify
 
@@ -58,7 +59,7 @@ class Remedy(Frozen):
     Attributes:
         changes: Dotted keys to values, as `Problem.changed` takes them.
         method: Name of the method that has a plan of the changed problem.
-        plan: Summary of that plan, see `planner.verification.summary.SUMMARY_KEYS`.
+        plan: Summary of that plan, see `planner.verification.summary.summary_keys`.
         words: The changes in words.
     """
 
@@ -95,7 +96,7 @@ class Analysis(Frozen):
         not_promised: Labels of the requirements that each method does not guarantee to keep, which
             are known before the search (`planner.methods.keeping`).
         outcomes: A summary for each method, with the keys of
-            `planner.verification.summary.SUMMARY_KEYS`.
+            `planner.verification.summary.summary_keys`.
         refusals: The refusal of each method that has no plan, by the method's name.
         remedy: A change of the problem with which a method has a plan; None if a method has a plan
             of the unchanged problem, or if no change helped.
@@ -166,7 +167,7 @@ class Analysis(Frozen):
             "reversal": {"verdict": self.reversal.verdict, "reason": self.reversal.reason},
             "least_duration_s": self.duration_bound.seconds,
             "least_duration_reason": self.duration_bound.reason,
-            "plain_polynomial": _polynomial_dict(self.plain_polynomial),
+            "plain_polynomial": _polynomial_dict(self.problem, self.plain_polynomial),
             "nonholonomy": self.nonholonomy.to_dict(),
             "not_promised": {name: list(labels) for name, labels in self.not_promised.items()},
             "methods": list(self.outcomes),
@@ -269,7 +270,7 @@ def _outcome(problem: Problem, name: str, refusals: dict[str, NoPlanError]) -> d
     except InputError as error:  # the method does not accept such a problem
         refusals[name] = NoPlanError(error.body, source=error.source)
         refusals[name].status = "bad_input"
-    return refusal_summary(refusals[name], name)
+    return refusal_summary(refusals[name], name, problem.system)
 
 
 def _open_requirements(problem: Problem, name: str) -> tuple[str, ...]:
@@ -340,12 +341,14 @@ def _window_dict(problem: Problem, window: TravelWindow | None) -> dict[str, Any
     }
 
 
-def _polynomial_dict(result: tuple[float, DomainReport] | None) -> dict[str, Any] | None:
+def _polynomial_dict(
+    problem: Problem, result: tuple[float, DomainReport] | None
+) -> dict[str, Any] | None:
     if result is None:
         return None
     travel, report = result
     return {
-        "travel_rad": travel,
+        key_with_unit("travel", problem.system.coordinates[0].unit): travel,
         "z2_crossings_s": list(report.z2_crossings_s),
         "exits_s": list(report.exits_s),
         "domain_margin": report.margin,

@@ -26,6 +26,7 @@ from planner.problem.feasibility import End, why_too_short
 from planner.problem.settings import changed_settings, problem_words
 from planner.support.tables import Column, CommandLine, constant_text, terminal_table
 from planner.systems.triangular_system import TriangularSystem
+from planner.verification.summary import without_unit_keys
 
 
 def check(
@@ -176,21 +177,24 @@ Outcome = dict[str, Any]
 
 
 def _methods(analysis: Analysis) -> Table:
-    inputs = enumerate(analysis.problem.system.inputs)
+    system = analysis.problem.system
+
+    def figure(outcome: Outcome, name: str, place: int = 0) -> float | None:
+        value: Any = without_unit_keys(outcome, system)[name]
+        return float(value[place]) if isinstance(value, list | tuple) else value
+
     columns: list[Column[Outcome]] = [
         Column("method", "", lambda o: o["method"], left=True),
         Column("answer", "", _answer, left=True),
-        Column("travel", "", lambda o: o["travel_rad"], number),
+        Column("travel", "", lambda o: figure(o, "travel"), number),
         Column("duration", "", lambda o: o["duration_s"], number),
-        *(Column(f"|{c.name}|", "", partial(_peak, i), number) for i, c in inputs),
+        *(
+            Column(f"|{c.name}|", "", partial(figure, name="peak_u", place=i), number)
+            for i, c in enumerate(system.inputs)
+        ),
         Column("kind", "", _kind, left=True),
     ]
     return terminal_table(columns, analysis.outcomes)
-
-
-def _peak(which: int, outcome: Outcome) -> float | None:
-    peaks = outcome["peak_u_rad_s"]
-    return None if peaks is None else float(peaks[which])
 
 
 def _answer(outcome: Outcome) -> str:

@@ -126,7 +126,7 @@ def _report_refusal(problem: Problem, method: str, error: NoPlanError) -> int:
         raise signal_listener.exception
     say(f"planner: no plan ({error.status.replace('_', ' ')})", "bold red")
     say(str(error))
-    summary = _heading(problem) | refusal_summary(error, method)
+    summary = _heading(problem) | refusal_summary(error, method, problem.system)
     return finish({**summary, "error": str(error), "written": None}, status=error.exit_status)
 
 
@@ -155,8 +155,7 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
     system, notes = problem.system, summary["notes"]
     path = system.coordinates[0]
     yield "status", summary["status"].replace("_", " ") + ", verified" * summary["verified"]
-    travel = number(summary["travel_rad"])
-    yield f"travel of {path.name}", f"{travel} {path.unit}, {summary['direction']}"
+    yield f"travel of {path.name}", f"{number(motion.travel)} {path.unit}, {summary['direction']}"
     if turn := problem.heading_turn:
         yield "turn of heading", turn
     yield "duration", f"{number(summary['duration_s'])} s"
@@ -166,8 +165,7 @@ def _properties(problem: Problem, motion: Plan, summary: dict[str, Any], took: f
         yield "effort", f"{commands}{number(motion.effort)} {effort_unit(system)}"
         length, unit = number(motion.path_length), path_coordinates(system)[1]
         yield "path length", f"{length} {unit}"
-    peaks = summary["peak_u_rad_s"]
-    for c, most, peak in zip(system.inputs, problem.limits.input, peaks, strict=True):
+    for c, most, peak in zip(system.inputs, problem.limits.input, motion.peak_u, strict=True):
         allowed = f", allowed {number(most)} {c.unit}" if np.isfinite(most) else ""
         peak_text = "undefined" if np.isnan(peak) else f"{number(peak)} {c.unit}"
         yield f"peak |{c.name}|", peak_text + allowed

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.comparison.headline import compare_pairs, headline, recommend
-from planner.comparison.rows import FEEDBACK_NOTE, Row, columns, intervals, verdict
+from planner.comparison.rows import (
+    FEEDBACK_NOTE,
+    Row,
+    column_names,
+    columns,
+    intervals,
+    verdict,
+)
 from planner.errors import InputError
 from planner.machine.feedforward.legs import compensable
 from planner.machine.machine import Machine, load_machine
@@ -143,7 +150,10 @@ class Comparison(Frozen):
             "chosen": self.chosen,
             "threshold_deg": self.threshold_deg,
             "complete": self.complete,
-            "rows": [{**r.to_dict(), "worst_command": worst_command(self, r)} for r in self.rows],
+            "rows": [
+                {**row.to_dict(self.problem.system), "worst_command": worst_command(self, row)}
+                for row in self.rows
+            ],
             "headline": self.headline,
             "differences": [
                 {**_facts(d), "end": _facts(end)}
@@ -161,13 +171,15 @@ class Comparison(Frozen):
 
         Files have more columns. Remarks about plans are below the table.
         """
+        names = column_names(self.problem.system)
+        hidden = {names[name] for name in NOT_IN_TERMINALS}
         return terminal_table(
             [
                 replace(c, value=lambda row: "yes" if row.solved else "no")
                 if c.value is verdict
                 else c
                 for c in self.columns
-                if c.name not in NOT_IN_TERMINALS
+                if c.name not in hidden
             ],
             self.rows,
             caption="\n".join([*self._remarks(), _caption(self, terminal=True)]),
@@ -306,13 +318,15 @@ def _worst_machines(comparison: Comparison) -> list[str]:
     return ["Worst machine of each plan:", "", *lines, ""]
 
 
-PEAKS = ("peak_u1_rad_s", "peak_u2_rad_s")
-"""Names of the columns that are last in CSV, as in earlier files."""
+PEAKS = ("peak_u1", "peak_u2")
+"""Names, without units, of the columns that are last in CSV, as in earlier files."""
 
 
 def comparison_csv(comparison: Comparison) -> str:
     """Return a comparison as CSV: one line per row, full precision, empty where undefined."""
-    columns = sorted(comparison.columns, key=lambda c: c.name in PEAKS)
+    names = column_names(comparison.problem.system)
+    last = {names[peak] for peak in PEAKS}
+    columns = sorted(comparison.columns, key=lambda c: c.name in last)
     return csv_table([*columns, *intervals(comparison.problem.system)], comparison.rows)
 
 
@@ -341,8 +355,8 @@ def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
     )
 
 
-NOT_IN_TERMINALS = ("travel_rad", "took_s")
-"""Names of the columns that a table for terminals (80 characters) leaves out."""
+NOT_IN_TERMINALS = ("travel", "path_length", "took_s")
+"""Names, without units, of the columns that a table for terminals (80 characters) leaves out."""
 
 TINY_S = 1e-6
 """Difference of durations below which plans count as equally long, in seconds."""

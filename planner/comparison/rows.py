@@ -16,7 +16,14 @@ from planner.support.arrays import Array, jsonable
 from planner.support.statistics import percentile_interval
 from planner.support.tables import Column, digits, number
 from planner.systems.triangular_system import TriangularSystem
-from planner.verification.summary import FigureField, Heading, PlanFigures, figure, figures
+from planner.verification.summary import (
+    FigureField,
+    Heading,
+    PlanFigures,
+    figure,
+    figures,
+    with_unit_keys,
+)
 from planner.verification.verify import Check
 
 OTHER_WAY_DEG = 2.0
@@ -159,7 +166,8 @@ class Row(PlanFigures):
     @property
     def feedback(self) -> bool:
         """Whether the replays used feedback. If so, `effort` is the median over machines of the
-        commands' effort, and `peak_u` the largest motor speeds on any machine."""
+        commands' effort, and `peak_u` the largest motor speeds on any machine; `path_length` is
+        that of the plan."""
         return self.spec.feedback
 
     @property
@@ -190,12 +198,15 @@ class Row(PlanFigures):
         """Number of the machine with the largest E; None without a replay or without angles."""
         return self.replay.worst if self.replay is not None and self.replay.angles else None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the row as JSON-ready data without curves; undefined numbers are None."""
+    def to_dict(self, system: TriangularSystem) -> dict[str, Any]:
+        """Return the row as JSON-ready data without curves; undefined numbers are None.
+
+        The system gives the units in the names.
+        """
         data = {key: getattr(self, key) for key in ("label", "method", "solved", "why")}
         data["feedback"] = self.feedback
         data |= {key: value for key, value in vars(self).items() if key not in KEPT_IN_FILES}
-        data["peak_u_rad_s"] = data.pop("peak_u")
+        data = with_unit_keys(data, system)
         data |= {"status": self.status, "advice": self.advice}
         data["replay"] = None if self.replay is None else self.replay.summary()
         data["worst"] = self.worst
@@ -246,12 +257,14 @@ def _columns(system: TriangularSystem, files: bool) -> Iterator[Column[Row]]:
             continue
         if not one.headings:
             yield _fact(name)
-        for head, (key, value) in zip(one.headings, _numbers(name, one).items(), strict=False):
-            yield Column(head.title, head.unit_of(system), value, digits(head.digits), key=key)
+        for head, value in zip(one.headings, _numbers(name, one).values(), strict=False):
+            unit, key = head.unit_of(system), head.key_of(name, system)
+            yield Column(head.title, unit, value, digits(head.digits), key=key)
 
 
 def _numbers(name: str, one: FigureField) -> dict[str, Callable[[Row], Any]]:
-    """Return how to read each number of a figure from a row, by its key in CSV and sweeps."""
+    """Return how to read each number of a figure from a row, by its key without the system's
+    unit."""
     keys = [head.key or name for head in one.headings] or [name]
     if len(keys) == 1:
         return {keys[0]: attrgetter(name)}
@@ -267,8 +280,14 @@ def _fact(name: str) -> Column[Row]:
     return Column(name, "", attrgetter(name), shown=None)
 
 
+def column_names(system: TriangularSystem) -> dict[str, str]:
+    """Return the name in CSV of every number of a figure, by its name without the system's unit."""
+    known = figures(Row).items()
+    return {head.key or name: head.key_of(name, system) for name, f in known for head in f.headings}
+
+
 def sweep_columns() -> dict[str, Callable[[Row], Any]]:
-    """Return how to read each number that sweeps save from a row, by its column's name, as in
-    CSV."""
+    """Return how to read each number that sweeps save from a row, by its column's name, which lacks
+    the system's unit."""
     swept = (_numbers(name, one) for name, one in figures(Row).items() if one.swept)
     return {key: value for numbers in swept for key, value in numbers.items()}

@@ -46,6 +46,11 @@ def digits(count: int) -> Callable[[float], str]:
     return lambda value: number(value, count)
 
 
+def key_with_unit(name: str, unit: str) -> str:
+    """Return the key in files of a number with a unit: "travel" in "rad/s" gives "travel_rad_s"."""
+    return re.sub(r"\W+", "_", f"{name} {unit}").strip("_")
+
+
 class Markup(str):
     """Text that is already Markdown or HTML and is not escaped."""
 
@@ -96,7 +101,7 @@ class Column(Generic[R]):
     @property
     def name(self) -> str:
         """The column's name in files."""
-        return self.key or re.sub(r"\W+", "_", f"{self.title} {self.unit}").strip("_")
+        return self.key or key_with_unit(self.title, self.unit)
 
     def text(self, row: R) -> str:
         """Return the text of this column's cell in a row."""

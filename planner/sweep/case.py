@@ -64,8 +64,8 @@ RESULTS: Mapping[str, str] = {
     "traceback": "TEXT",
     "plan": "TEXT",
 }
-"""Results of a case, as columns of SQLite. For systems whose path coordinate is a length, travel is
-in metres and the first peak in metres per second.
+"""Results of a case, as columns of SQLite. `travel`, `peak_u1`, `peak_u2` and `path_length` are in
+the units of the sweep's system; `planner.sweep.results.read` adds these units to the names.
 
 `end_median_deg` and `end_p95_deg` are percentiles of the largest joint error at the end;
 `end_spread_deg` is the largest standard deviation over the machines of a joint angle at the end.

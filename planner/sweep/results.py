@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from planner.comparison.rows import column_names
 from planner.errors import InputError
 from planner.plan.plan import Plan
 from planner.plan.samples import import_library
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     import pandas
 
 RESULT_COLUMNS = ("method", *(name for name in RESULTS if name != "plan"), "case", "finished_at")
-"""Columns of a sweep's results, after one column per varied key."""
+"""Columns of a sweep's results, after one column per varied key; some names get a unit, too."""
 
 SUFFIXES = (".csv", ".parquet")
 
@@ -39,7 +40,8 @@ def load_sweep(db: str | Path, which: int | None = None) -> pandas.DataFrame:
 
     Returns:
         A DataFrame with one column per varied key (named by the dotted key), then `method`, the
-        results (`planner.sweep.case.RESULTS`, with units in their names), `case` (the key for
+        results (`planner.sweep.case.RESULTS`, with units in their names: travel_rad for an arm,
+        travel_m for a car), `case` (the key for
         `load_case_plan`) and `finished_at`.
 
     Raises:
@@ -113,11 +115,14 @@ def read(db: str | Path, which: int | None = None) -> tuple[list[str], list[Reco
     """Return the column names of a sweep's results, and one record per point and method."""
     with Store(db) as store:
         number, keys = store.find_sweep(which)
-        columns = [*keys, *RESULT_COLUMNS]
+        system = store.system(number)
+        names = {} if system is None else column_names(system)
+        columns = [*keys, *(names.get(name, name) for name in RESULT_COLUMNS)]
         records = []
         for row in store.rows(number):
             row |= {"solved": bool(row["solved"])}
-            records.append({**dict.fromkeys(columns), **row.pop("changes"), **row})
+            found = row.pop("changes") | {names.get(name, name): x for name, x in row.items()}
+            records.append({**dict.fromkeys(columns), **found})
     return columns, records
 
 

@@ -19,16 +19,26 @@ from pathlib import Path
 from typing import Any, Self
 
 from planner.errors import InputError
+from planner.problem.tables.kinds import parse_file, system_of
 from planner.support.files import expect_path, parse_json, refuse_unwritable, written_paths
 from planner.support.interrupts import hold_signals
 from planner.sweep.case import RESULTS, Case, Row
 from planner.sweep.clients import is_alive
 from planner.sweep.description import Sweep
 from planner.sweep.sweep_file import canonical_json, digest
+from planner.systems.triangular_system import TriangularSystem
 
 SCHEMA_VERSION = 1
 _ORDER = {"started": "INTEGER"}
 """Columns of the starts' order in the file: 1 for the first start, and so on; no clock is asked."""
+
+EARLIER_NAMES = {
+    "travel": "travel_rad",
+    "peak_u1": "peak_u1_rad_s",
+    "peak_u2": "peak_u2_rad_s",
+    "terminal_error_max_deg": "terminal_error_deg",
+}
+"""Names of columns in files of older versions, where a vehicle's metres were called rad, too."""
 
 LOCK_WAIT_S = 30.0
 """Longest wait for another process that writes to the same file, in seconds."""
@@ -178,18 +188,24 @@ class Store:
             )
 
     def _add_columns(self) -> None:
-        """Add columns that are missing in a file of an older version of planner."""
+        """Add or rename columns in a file of an older version of planner."""
         if not self._missing_columns():
             return
         with self.transaction():
-            for column in self._missing_columns():  # another process may have added some
-                self.db.execute("ALTER TABLE {} ADD COLUMN {} {}".format(*column))
+            for table, name, kind in self._missing_columns():  # another process may have added some
+                change = f"ADD COLUMN {name} {kind}"
+                if (earlier := EARLIER_NAMES.get(name)) in self._columns(table):
+                    change = f"RENAME COLUMN {earlier} TO {name}"
+                self.db.execute(f"ALTER TABLE {table} {change}")
+
+    def _columns(self, table: str) -> set[str]:
+        return {row[1] for row in self.db.execute(f"PRAGMA table_info({table})")}
 
     def _missing_columns(self) -> list[tuple[str, str, str]]:
         """Return table, name and kind of each missing column."""
         out = []
         for table, columns in {"cases": RESULTS, "sweeps": _ORDER}.items():
-            there = {row[1] for row in self.db.execute(f"PRAGMA table_info({table})")}
+            there = self._columns(table)
             out += [(table, name, kind) for name, kind in columns.items() if name not in there]
         return out
 
@@ -390,6 +406,16 @@ class Store:
             raise InputError(f"{self.path} holds no sweep {number}; there are: {listed}")
         found = last if number is None else number
         return found, self._parse(keys[found], "the keys of a sweep", list)
+
+    def system(self, sweep: int) -> TriangularSystem | None:
+        """Return the system of a sweep; None if this computer lacks the package that brings it."""
+        ((text,),) = self._select("SELECT description FROM sweeps WHERE id = ?", sweep)
+        tables = self._parse(text, "the description of a sweep", dict)["problem"]
+        # other tables may have keys that only an older version knows
+        tables = {name: tables[name] for name in ("system", "start", "goal") if name in tables}
+        with suppress(InputError):
+            return system_of(parse_file(tables, str(self.path)))
+        return None
 
     def rows(self, sweep: int) -> Iterator[dict[str, Any]]:
         """Yield changes, method and results (without plan) of a sweep's finished cases in order."""

@@ -88,7 +88,7 @@ def test_the_page_says_what_was_asked_and_what_came_out(opened: Callable, folder
     assert rows.count() == 3
     row = quick_comparison()[SOLVED]
     solved = rows.nth(1).inner_text()
-    for number in (f"{row.effort:.4g}", f"{row.travel_rad:.4g}", "solved"):
+    for number in (f"{row.effort:.4g}", f"{row.travel:.4g}", "solved"):
         assert number in solved
 
 

@@ -346,11 +346,11 @@ def test_figures_of_a_row_are_those_of_its_plan() -> None:
     row = paper_comparison()[OPTIMAL]
     assert row.effort == pytest.approx(0.33584, abs=1e-4)
     assert row.effort == effort(row.plan.trajectory)
-    assert row.travel_rad == row.plan.travel
+    assert row.travel == row.plan.travel
     assert row.duration_s == 10.0
     assert row.domain_margin == row.plan.domain.margin
     check = planner.verify(row.plan)
-    assert row.terminal_error_deg == np.max(np.abs(check.terminal_error_deg))
+    assert row.terminal_error_max_deg == np.max(np.abs(check.terminal_error_deg))
     assert row.E_p95_deg == np.percentile(row.replay.index_E_deg, 95)
     assert row.E_median_deg == np.median(row.replay.index_E_deg)
 
@@ -380,7 +380,7 @@ def test_a_plan_outside_the_domain_is_not_replayed(paper: planner.Problem) -> No
         assert row.plan.status == "singular"
         assert row.replay is None
         assert np.isnan([row.effort, row.E_median_deg, *row.peak_u]).all()
-        assert row.travel_rad == row.plan.travel
+        assert row.travel == row.plan.travel
         assert (row.domain_ok, row.domain_margin < 0) == (False, True)
         assert row.why.startswith("leaves the chart's domain at t = ")
 
@@ -413,7 +413,7 @@ def test_a_motion_that_takes_too_long_is_drawn_and_replayed_for_study() -> None:
     assert not row.solved
     assert row.plan.duration == 2.0
     assert max(row.peak_u) > 0.5
-    assert row.terminal_error_deg < 1e-3, "it reaches the goal"
+    assert row.terminal_error_max_deg < 1e-3, "it reaches the goal"
     assert np.isfinite(row.E_median_deg)
     row = refused_comparison()["polynomial"]
     assert row.why.startswith("no plan of any kind exists: theta3 must move")

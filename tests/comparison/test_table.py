@@ -15,13 +15,13 @@ import planner
 from planner.comparison import comparison
 from planner.comparison.comparison import NOT_IN_TERMINALS
 from planner.comparison.comparison import comparison_csv as csv_text
-from planner.comparison.rows import Row, intervals, sweep_columns
+from planner.comparison.rows import Row, column_names, intervals, sweep_columns
 from planner.machine.replay import STATISTICS
 from planner.plan.spec import Spec
 from planner.report.page.page import report_page
 from planner.support.tables import Column, number
 from planner.sweep.case import RESULTS
-from planner.verification.summary import PlanFigures, figures, plan_summary
+from planner.verification.summary import PlanFigures, figures, plan_summary, without_unit_keys
 
 
 def test_a_narrow_terminal_keeps_the_words_of_a_verdict_whole() -> None:
@@ -38,7 +38,9 @@ def test_terminal_table_shows_every_row_and_figure_in_eighty_columns() -> None:
         assert word in words
     row = quick_comparison()["polynomial"]
     line = next(x for x in lines if x.startswith("polynomial ") and "yes" in x)
-    shown = [c for c in quick_comparison().columns if c.shown and c.name not in NOT_IN_TERMINALS]
+    names = column_names(quick_comparison().problem.system)
+    hidden = {names[name] for name in NOT_IN_TERMINALS}
+    shown = [c for c in quick_comparison().columns if c.shown and c.name not in hidden]
     cells = dict(zip([c.name for c in shown], line.split(), strict=True))
     assert cells["duration_s"] == f"{row.duration_s:.3g}"
     assert float(cells["effort"]) == pytest.approx(row.effort, rel=1e-3)
@@ -82,11 +84,11 @@ def test_csv_keeps_full_precision_and_leaves_undefined_empty() -> None:
 
 def test_a_column_is_added_in_one_place(monkeypatch: pytest.MonkeyPatch) -> None:
     usual = comparison.columns
-    added = Column("mean speed", "rad/s", lambda row: row.travel_rad / row.duration_s)
+    added = Column("mean speed", "rad/s", lambda row: row.travel / row.duration_s)
     monkeypatch.setattr(comparison, "columns", lambda system: [*usual(system), added])
     found = quick_comparison()
     row = found["polynomial"]
-    value = row.travel_rad / row.duration_s
+    value = row.travel / row.duration_s
     lines = printed(found.table())
     heads = [k for k, line in enumerate(lines) if line.endswith(("mean", "speed", "rad/s"))]
     assert len(heads) == 3
@@ -158,13 +160,14 @@ def test_a_figure_of_a_plan_stands_in_one_place_and_is_everywhere() -> None:
     check = planner.verify(row.plan)
     summary = plan_summary(row.plan, check)
     cells = next(r for r in csv.DictReader(io.StringIO(csv_text(found))) if r["label"] == row.label)
+    system = found.problem.system
+    in_summary = without_unit_keys(summary, system)
     for name, one in figures(PlanFigures).items():
         keys = [head.key or name for head in one.headings] or [name]
-        assert set(keys) <= cells.keys()
+        assert {head.key_of(name, system) for head in one.headings} <= cells.keys()
         assert not one.swept or set(keys) <= RESULTS.keys()
-        assert one.executable or name in summary
-        assert name == "terminal_error_deg" or one.executable or summary[name] == getattr(row, name)
+        assert in_summary.get(name, summary.get(name)) == getattr(row, name)
     assert set(sweep_columns()) <= RESULTS.keys()
     assert set(STATISTICS) <= figures(Row).keys(), "a field of Row for each Statistic"
     # One error an angle in a summary, the largest of them in a table.
-    assert row.terminal_error_deg == max(abs(e) for e in summary["terminal_error_deg"])
+    assert row.terminal_error_max_deg == max(abs(e) for e in summary["terminal_error_deg"])

@@ -50,7 +50,15 @@ def test_a_comparison_comes_back_from_its_folder(saved: Path) -> None:
     for old, new in zip(there.rows, back.rows, strict=True):
         for key in ("label", "method", "solved", "why", "domain_ok"):
             assert getattr(new, key) == getattr(old, key)
-        for key in ("effort", "travel_rad", "peak_u", "E_median_deg", "E_p95_deg"):
+        for key in (
+            "effort",
+            "travel",
+            "peak_u",
+            "path_length",
+            "terminal_error_max_deg",
+            "E_median_deg",
+            "E_p95_deg",
+        ):
             np.testing.assert_array_equal(getattr(new, key), getattr(old, key))
         if old.plan is not None:
             np.testing.assert_array_equal(new.plan.u(3.3), old.plan.u(3.3))

@@ -119,11 +119,11 @@ def test_a_solved_case_has_its_figures(unlimited: planner.Problem, db: Path) -> 
     problem = unlimited.changed({**tables["set"], "goal.travel": 0.82})  # type: ignore[dict-item]
     comparison = planner.compare(problem, "polynomial", samples=3, seed=4)
     row = comparison["polynomial"]
-    assert record["travel_rad"] == pytest.approx(0.82)
+    assert record["travel"] == pytest.approx(0.82)
     assert record["effort"] == pytest.approx(row.effort, rel=1e-12)
-    assert (record["peak_u1_rad_s"], record["peak_u2_rad_s"]) == pytest.approx(row.peak_u)
+    assert (record["peak_u1"], record["peak_u2"]) == pytest.approx(row.peak_u)
     assert record["domain_margin"] == pytest.approx(row.domain_margin)
-    assert record["terminal_error_deg"] < 1e-6
+    assert record["terminal_error_max_deg"] < 1e-6
     assert record["E_median_deg"] == pytest.approx(row.E_median_deg, rel=1e-12)
     assert record["E_p95_deg"] == pytest.approx(row.E_p95_deg, rel=1e-12)
     assert record["end_median_deg"] == pytest.approx(row.end_median_deg, rel=1e-12)
@@ -152,7 +152,7 @@ def test_refusals_keep_status_reason_and_figures(paper: planner.Problem, db: Pat
     assert singular.startswith("the polynomial plan leaves the domain")
     assert "theta1 = 85 deg lies outside its limit" in bad
     assert "goal.duration = " in column(db, "advice")[0]
-    assert column(db, "peak_u2_rad_s")[0] == pytest.approx(16.76, abs=0.01)
+    assert column(db, "peak_u2")[0] == pytest.approx(16.76, abs=0.01)
     assert column(db, "effort")[1] is None
     with pytest.raises(planner.InputError, match="has no plan of case"):
         load_case_plan(db, column(db, "key")[0])

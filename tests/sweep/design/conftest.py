@@ -56,6 +56,7 @@ def known(tmp_path: Path, quick: Tables) -> Known:
             )
             for (key,), results in zip(keys.fetchall(), cases, strict=True):
                 for name, value in ({"solved": 1, **results} if results else {}).items():
+                    name = name.removesuffix("_rad_s")  # which the file leaves to its readers
                     connection.execute(f"UPDATE cases SET {name} = ? WHERE key = ?", (value, key))
         connection.close()
         return planner.design_study(whole, tmp_path, workers=0)

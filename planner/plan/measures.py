@@ -162,7 +162,7 @@ class Objective(Frozen):
     @property
     def name(self) -> str:
         """The objective in words; weights are rounded to six digits."""
-        named = [(TERMS[key][0] if key in TERMS else key, w) for key, w in self.terms.items()]
+        named = [(TERMS[k].words if k in TERMS else k, w) for k, w in self.terms.items()]
         parts = [words if weight == 1 else f"{weight:g} x {words}" for words, weight in named]
         return f"{self.kind}: {' + '.join(parts)}" if parts else self.kind
 
@@ -171,40 +171,65 @@ class Objective(Frozen):
         if not self.terms or not self.terms.keys() <= TERMS.keys():
             return None
         with np.errstate(all="ignore"):  # an edited file may contain any motion
-            value = sum(weight * TERMS[key][1](trajectory) for key, weight in self.terms.items())
+            value = sum(weight * TERMS[key].value(trajectory) for key, weight in self.terms.items())
         return None if np.isnan(value) else float(value)
 
     @cached_property
     def weights(self) -> Array:
-        """Weights of the duration, of each ∫uᵢ² dt, of each ∫(duᵢ/dt)² dt, and of the closeness to
-        the domain's edge, shape (6,)."""
-        given = self.terms.get
-        efforts = [given("effort", 0.0) + given(f"effort u{i}", 0.0) for i in (1, 2)]
-        smooth = given("smoothness", 0.0)
-        ends = given("duration", 0.0), given("closeness", 0.0)
-        return locked(np.array([ends[0], *efforts, smooth, smooth, ends[1]]))
+        """Weights of the six integrals that collocation minimises, shape (6,); see `Term.share`.
+
+        Raises:
+            ValueError: If collocation has no integral for a term of `TERMS`.
+        """
+        out = np.zeros(6)
+        for key in filter(TERMS.__contains__, self.terms):  # a method computes its own terms
+            if not TERMS[key].share:
+                raise ValueError(f"collocation has no integral for the term '{key}'")
+            out += self.terms[key] * np.array(TERMS[key].share)
+        return locked(out)
 
 
-TERMS: dict[str, tuple[str, Callable[[Trajectory], float]]] = {
-    "duration": ("duration", lambda trajectory: trajectory.duration),
-    "effort": (EFFORT, effort),
-    "effort u1": ("integral of u1^2 dt", lambda trajectory: _efforts(trajectory)[0]),
-    "effort u2": ("integral of u2^2 dt", lambda trajectory: _efforts(trajectory)[1]),
-    "effort, not minimised": (f"{EFFORT} (not minimised by this method)", effort),
-    "smoothness": ("integral of (du1/dt)^2 + (du2/dt)^2 dt", smoothness),
-    "closeness": ("mean closeness to the domain's edge", closeness),
-    "least duration": (
+@dataclass(frozen=True)
+class Term:
+    """A term of an objective.
+
+    Attributes:
+        words: What it is, in the objective's name.
+        value: Returns its value for a motion.
+        share: Its share in each integral that collocation minimises: the duration, each ∫uᵢ² dt,
+            each ∫(duᵢ/dt)² dt, and the closeness to the domain's edge. Empty if collocation does
+            not minimise it.
+    """
+
+    words: str
+    value: Callable[[Trajectory], float]
+    share: Sequence[float] = ()
+
+
+TERMS: dict[str, Term] = {
+    "duration": Term("duration", lambda trajectory: trajectory.duration, (1, 0, 0, 0, 0, 0)),
+    "effort": Term(EFFORT, effort, (0, 1, 1, 0, 0, 0)),
+    "effort u1": Term(
+        "integral of u1^2 dt", lambda trajectory: _efforts(trajectory)[0], (0, 1, 0, 0, 0, 0)
+    ),
+    "effort u2": Term(
+        "integral of u2^2 dt", lambda trajectory: _efforts(trajectory)[1], (0, 0, 1, 0, 0, 0)
+    ),
+    "effort, not minimised": Term(f"{EFFORT} (not minimised by this method)", effort),
+    "smoothness": Term("integral of (du1/dt)^2 + (du2/dt)^2 dt", smoothness, (0, 0, 0, 1, 1, 0)),
+    "closeness": Term("mean closeness to the domain's edge", closeness, (0, 0, 0, 0, 0, 1)),
+    "least duration": Term(
         "the least for this path, in seconds",
         lambda trajectory: trajectory.duration,
     ),
-    "slowed duration": (
+    "slowed duration": Term(
         "the least within input limits, slowed as a whole for other limits, in seconds",
         lambda trajectory: trajectory.duration,
     ),
-    "chart smoothness": ("half the integral of (dz2/dz1)^2 over |z1|", chart_smoothness),
-    "chart peak": ("|v2| with v1 constant", chart_peak),
+    "chart smoothness": Term("half the integral of (dz2/dz1)^2 over |z1|", chart_smoothness),
+    "chart peak": Term("|v2| with v1 constant", chart_peak),
 }
-"""Each term of an objective: its words in the objective's name, and its value for a motion."""
+"""The terms of objectives, by their names in plan files."""
 
 
 def peak_inputs(trajectory: Trajectory) -> Array:

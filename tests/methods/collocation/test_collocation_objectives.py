@@ -1,10 +1,15 @@
 """Objectives of collocation beside effort and time."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
 import planner
+from planner.methods.collocation.transcription.form import objective
 from planner.methods.collocation.transcription.interval import EDGE_MARGIN
+from planner.plan.measures import TERMS, Objective
+from planner.problem.tables.method_options import CollocationOptions
 
 TIMES = np.linspace(0, 10, 20001)
 
@@ -79,6 +84,27 @@ def test_what_is_better_the_slower_needs_a_duration(paper: planner.Problem, kind
 def test_smoothness_refuses_inputs_that_jump(paper: planner.Problem) -> None:
     with pytest.raises(planner.InputError, match="reads the inputs' rates"):
         planner.solve(paper, "collocation", objective="smooth", input="constant")
+
+
+KINDS = get_args(CollocationOptions.model_fields["objective"].annotation)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "auto"])
+def test_every_objective_consists_of_terms_that_are_minimised_and_measured(
+    paper: planner.Problem, kind: str
+) -> None:
+    options = CollocationOptions(objective=kind, smoothness_weight=0.1, edge_weight=0.1)
+    found = objective(paper, options)
+    assert found.kind == kind
+    assert found.terms.keys() <= TERMS.keys()
+    assert np.count_nonzero(found.weights) >= len(found.terms)
+
+
+def test_a_term_that_collocation_cannot_minimise_is_refused() -> None:
+    """Without its integral in the programme it would be left out in silence."""
+    assert Objective("own", {"of the method": 1.0}).weights.tolist() == [0.0] * 6
+    with pytest.raises(ValueError, match="no integral for the term 'chart peak'"):
+        _ = Objective("new", {"effort": 1.0, "chart peak": 1.0}).weights
 
 
 @pytest.mark.parametrize("start", ["polynomial", "convex"])

@@ -225,7 +225,7 @@ def machine() -> str:
     parts += ["\n## Beside the effects\n", table(MachineTable, others)]
     parts += ["\n## Errors of a replay\n", "On one machine, degrees:\n"]
     parts.append(_table(["error", "what it is"], [[f"`{n}`", e.words] for n, e in ERRORS.items()]))
-    parts.append("\nOver the machines, in `Replay.summary()`, rows, CSV and JSON, degrees:\n")
+    parts.append("\nOver the machines, in `Replay.to_dict()`, rows, CSV and JSON, degrees:\n")
     rows = [
         [f"`{name}`", one.title, one.error, str(one.percent)] for name, one in STATISTICS.items()
     ]

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from planner.cli.arguments import Changes, MachineFile, ProblemPath, out_option, read_problem
-from planner.cli.output import facts, finish, job, number, numbers, say
+from planner.cli.output import finish, job, number, numbers, say
 from planner.errors import InputError, NoPlanError
 from planner.machine.identification.identify import Identification, predict_run
 from planner.machine.identification.identify import identify as run_identification
@@ -19,6 +19,7 @@ from planner.methods.motions import MOTIONS
 from planner.plan.recorded.log import read_log
 from planner.report.figures.recorded import plot_run, start_of
 from planner.support.files import refuse_unwritable
+from planner.support.tables import facts
 from planner.support.user_tables import allowed_hint
 from planner.verification.load_plan import load_plan
 

@@ -20,11 +20,11 @@ from planner.cli.arguments import (
     parse_methods,
     read_problem,
 )
-from planner.cli.output import Rows, facts, finish, job, manner, number, numbers
+from planner.cli.output import finish, job, manner, number, numbers
 from planner.errors import NoPlanError
 from planner.problem.feasibility import End, why_too_short
 from planner.problem.settings import changed_settings, problem_words
-from planner.support.tables import Column, CommandLine, constant_text, terminal_table
+from planner.support.tables import Column, CommandLine, Rows, constant_text, facts, terminal_table
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.summary import without_unit_keys
 

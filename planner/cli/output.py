@@ -9,7 +9,6 @@ import codecs
 import inspect
 import io
 import json
-import math
 import os
 import sys
 import threading
@@ -19,7 +18,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from functools import partial, wraps
-from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
@@ -44,7 +42,7 @@ from planner.support.arrays import jsonable
 from planner.support.interrupts import Terminated, signal_listener
 from planner.support.package import versions
 from planner.support.progress import Progress, progress_listener
-from planner.support.tables import TABLE_WIDTH, Column, CommandLine, clean_text, terminal_table
+from planner.support.tables import TABLE_WIDTH, CommandLine, clean_text, four_digits
 
 INTERRUPT_STATUS = 130
 PROGRESS_DELAY_S = 2.0
@@ -226,18 +224,7 @@ def say(text: str, style: str = "") -> None:
     console.print(Text(text, style=style), highlight=False, soft_wrap=whole)
 
 
-Rows = Iterator[tuple[str, str]]
-"""Rows of a table of `facts`: a name and a value each."""
-
-
-def facts(rows: Iterable[tuple[str, str]]) -> Table:
-    """Return a table with a name and a value in each row, without headers."""
-    return terminal_table([Column("", "", itemgetter(k), left=True) for k in (0, 1)], rows)
-
-
-def number(value: float | None) -> str:
-    """Format a number with four significant digits, or as a dash if undefined."""
-    return "-" if value is None or math.isnan(value) else f"{value:.4g}"
+number = four_digits
 
 
 def numbers(values: Iterable[float]) -> str:

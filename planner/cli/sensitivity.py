@@ -6,8 +6,6 @@ the curve is saved at once.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,34 +27,29 @@ from planner.cli.arguments import (
 from planner.cli.output import explain_interruption, finish, job, number
 from planner.comparison.compare import plan_row, specs_of
 from planner.errors import InputError
-from planner.machine.replay import STATISTICS
 from planner.methods.desensitised.method import spreads
 from planner.methods.registry import find_method
 from planner.plan.plan import Plan
 from planner.plan.spec import Spec
 from planner.problem.tables.method_options import DesensitisedOptions
-from planner.report.figures.robustness import entry_name, knee_sentence, size_of
-from planner.report.folders import save_sensitivities, save_sensitivity
+from planner.report.figures.robustness import knee_sentence
+from planner.report.folders import save_sensitivity
 from planner.report.result_folder import refuse_unwritable_folder
 from planner.robustness.machine_sensitivity import (
-    MachineEntry,
+    MAX_PARAMETERS,
     MachineSensitivity,
     machine_sensitivity,
 )
 from planner.robustness.sensitivities import MEANINGS, next_step, sensitivities, worth
 from planner.robustness.sensitivity import Sensitivity
 from planner.robustness.sensitivity import sensitivity as analyse
-from planner.robustness.trade_off import TradeOff, trade_off
+from planner.robustness.trade_off import TradeOff, end_error, trade_off
 from planner.robustness.trade_off_axis import KINDS
-from planner.robustness.trade_off_points import TradeOffPoint
 from planner.solve import solve
 from planner.support.files import write_figure, write_text
-from planner.support.tables import Column, CommandLine, csv_table, terminal_table
+from planner.support.tables import CommandLine, csv_table
 from planner.support.user_tables import parse
 from planner.verification.load_plan import load_plan
-
-MAX_PARAMETERS = 12
-"""Most machine parameters in the table; the parameters with the largest response are shown."""
 
 
 def sensitivity(
@@ -128,10 +121,10 @@ def sensitivity(
         written = out and save_sensitivity(responses, machine_responses, spread, out, heading)
     data = {**heading, **responses.to_dict(spread), "written": written}
     data["machine"] = None if machine_responses is None else machine_responses.to_dict()
-    title, table = f"{plan.problem.name}: {plan.method}", _response_table(responses, spread)
+    title, table = f"{plan.problem.name}: {plan.method}", responses.table(spread)
     parts: list[str | Table] = [title, "", table, "", _sum_text(responses, spread)]
     if machine_responses is not None:
-        parts += ["", _machine_table(machine_responses), "", _machine_text(machine_responses)]
+        parts += ["", machine_responses.table(), "", _machine_text(machine_responses)]
     return finish(data, *parts, "", _advice(responses))
 
 
@@ -159,14 +152,14 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
         notice("differentiating")
         spread = spreads(problem.system, problem.methods.desensitised)
         comparison = sensitivities({row.label: row.plan for row in rows}, spread)
-        written = out and save_sensitivities(comparison, out)
+        written = out and comparison.save(out)
     refused = {row.label: row.why for row in rows if not row.solved}
     data = {"source": str(source), **comparison.to_dict(), "refused": refused, "written": written}
     notes = [""] * 2 * bool(refused) + [
         f"{label}: {'refused' if label in comparison.plans else 'no plan'}, {why}"
         for label, why in refused.items()
     ]
-    table = terminal_table(comparison.columns(), comparison.plans)
+    table = comparison.table()
     title = f"{problem.name}: one standard deviation of each of {', '.join(spread)}"
     words = (comparison.sentence, comparison.verdict, "", MEANINGS, *notes)
     return finish(data, title, "", table, "", *words)
@@ -190,27 +183,6 @@ def _plan(source: Path, method: str, changes: list[str] | None) -> Plan:
     return load_plan(source, strict=True)
 
 
-def _response_table(responses: Sensitivity, spread: dict[str, float]) -> Table:
-    coordinates = responses.plan.problem.system.coordinates
-    sizes, values = responses.reference(spread), responses.contribution_deg(spread)
-
-    def cell(angle: int, p: int) -> str:
-        value = float(values[angle, p])
-        if abs(value) < 5e-7:
-            return ""
-        return f"{value:.3g}{'*' if responses.irreducible[responses.angles[angle], p] else ' '}"
-
-    columns: list[Column[int]] = [
-        Column("error", "", lambda p: responses.parameters[p], left=True),
-        Column("size", "", lambda p: size_of(float(sizes[p]), responses.units[p])),
-    ]
-    angles = [
-        Column(coordinates[i].name, "deg", partial(cell, k)) for k, i in enumerate(responses.angles)
-    ]
-    loud = [p for p in range(len(sizes)) if any(angle.text(p) for angle in angles)]
-    return terminal_table([*columns, *angles], loud, ruled=True, gap=1)
-
-
 def _sum_text(responses: Sensitivity, spread: dict[str, float]) -> str:
     total, floor = responses.total_deg(spread), responses.floor_deg(spread)
     least = 100 * (1 - floor / total) if total else 0.0
@@ -227,20 +199,6 @@ def _advice(responses: Sensitivity) -> str:
     plan = responses.plan
     calm = [plan.method] if plan.method == "desensitised" else [plan.method, "desensitised"]
     return next_step(plan.problem, *map(Spec, calm))
-
-
-def _machine_table(responses: MachineSensitivity) -> Table:
-    columns: list[Column[MachineEntry]] = [
-        Column("machine", "", entry_name, left=True),
-        Column("change", "", lambda e: f"{number(e.reference)} {e.unit}".rstrip()),
-        *(Column(a, "deg", partial(_contribution, k)) for k, a in enumerate(responses.angles)),
-    ]
-    return terminal_table(columns, responses.loudest[:MAX_PARAMETERS], ruled=True, gap=1)
-
-
-def _contribution(angle: int, entry: MachineEntry) -> str:
-    value = entry.contribution[angle]
-    return f"{value:.3g}" if abs(value) >= 5e-5 else ""
 
 
 def _machine_text(responses: MachineSensitivity) -> str:
@@ -287,9 +245,9 @@ def run_trade_off(
         curve = trade_off(
             problem, axis, points, out, samples=machines[0], seed=machines[1], progress=progress
         )
-        write_figure(out / PICTURE_FILE, curve.figure())
-        write_text(out / TABLE_FILE, csv_table(_columns(curve), curve.points))
-    table = terminal_table(_columns(curve), curve.points, ruled=True)
+        write_figure(out / PICTURE_FILE, curve.plot())
+        write_text(out / TABLE_FILE, csv_table(curve.columns, curve.points))
+    table = curve.table()
     title = f"{problem.name}: least sensitivity against {kind}"
     knee_file = curve.knee.plan.save(out / KNEE_FILE)
     use = _use(curve, knee_file)
@@ -298,39 +256,6 @@ def run_trade_off(
     missing = points - len(curve.points)
     which = f"{missing} of {points} points have no plan, or no lower total than a cheaper point.\n"
     return finish(data, title, "", table, "", which * bool(missing) + _knee(curve), "", *use)
-
-
-def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
-    inputs = enumerate(curve.problem.system.inputs)
-    heads = {"errors_alone": "errors", "machine": "machine", "compensated": "compensated"}
-    return [
-        Column("", "", lambda p: "knee" if p is curve.knee else "", key="knee", left=True),
-        Column("effort", "", lambda p: p.effort, number),
-        Column("time", "s", lambda p: p.duration_s, number, key="duration"),
-        *(Column(f"|{u.name}|", "", partial(_peak, i), number) for i, u in inputs),
-        Column("total", "deg", lambda p: p.total_deg, number),
-        Column("passive", "deg", lambda p: p.passive_deg, number),
-        Column("irreducible", "deg", lambda p: p.floor_deg, None),
-        Column("turns", "", lambda p: p.reversals, key="reversals"),
-        *(
-            Column(f"{head} 95 %", "deg", partial(_end_error, kind), number, f"{kind}_95_deg")
-            for kind, head in heads.items()
-        ),
-        *(
-            Column(f"{k} {STATISTICS[key].title}", "deg", partial(_end_error, k, key=key), None)
-            for k in ("machine", "compensated")
-            for key in ("E_p95_deg", "end_median_deg")
-        ),
-    ]
-
-
-def _peak(which: int, point: TradeOffPoint) -> float:
-    return point.peak_u[which]
-
-
-def _end_error(which: str, point: TradeOffPoint, key: str = "end_p95_deg") -> float | None:
-    errors: Mapping[str, Any] = getattr(point, which) or {}
-    return errors.get(key)
 
 
 def _knee(curve: TradeOff) -> str:
@@ -354,7 +279,7 @@ def _use(curve: TradeOff, file: Path) -> list[str]:
     if k is not first:
         price = curve.cost[curve.knee_index] / curve.cost[0]
         lines = [f"The knee: {worth(first.total_deg, k.total_deg, price, curve.kind)}."]
-    before, after = (_end_error("compensated", p) for p in (first, k))
+    before, after = (end_error("compensated", p) for p in (first, k))
     if before and after:
         change = f"{number(before)} deg at the first point, {number(after)} at the knee"
         lines += [f"Compensated, the error at the end on the machine (95 %) is {change}."]

@@ -12,10 +12,11 @@ import typer
 from rich.table import Table
 
 from planner.cli.arguments import Cluster, Workers, out_option
-from planner.cli.output import explain_interruption, facts, finish, job, say
+from planner.cli.output import explain_interruption, finish, job, say
 from planner.errors import InputError
 from planner.report.figures.sweep import draw_sweep
 from planner.support.files import refuse_unwritable, write_figure
+from planner.support.tables import facts
 from planner.sweep.description import Sweep
 from planner.sweep.design.design_file import StudyInput, read_design
 from planner.sweep.design.study import CASES_FILE, design_study

@@ -226,6 +226,15 @@ class Comparison(Frozen):
         """Return the figures by name: those of plans (`PLAN_FIGURES`), "arm", `REPLAY_FIGURES`."""
         return dict(import_function("planner.report.folders.figures")(self))
 
+    def plot(self, figure: str = "errors") -> Figure:
+        """Draw one of `figures`, by name.
+
+        Raises:
+            InputError: If the name is unknown, or no plan has the data for it.
+        """
+        picture: Figure = import_function("planner.report.folders.draw")(self, figure)
+        return picture
+
     def save(self, folder: str | Path, *, report: bool = False) -> Path:
         """Save table, figures, plans and data in a folder, all or nothing.
 

@@ -208,7 +208,7 @@ class Row(PlanFigures):
         data |= {key: value for key, value in vars(self).items() if key not in KEPT_IN_FILES}
         data = with_unit_keys(data, system)
         data |= {"status": self.status, "advice": self.advice}
-        data["replay"] = None if self.replay is None else self.replay.summary()
+        data["replay"] = None if self.replay is None else self.replay.to_dict()
         data["worst"] = self.worst
         return dict(jsonable(data))
 

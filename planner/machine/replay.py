@@ -26,11 +26,15 @@ from planner.plan.plan import Plan, refuse_inexecutable
 from planner.plan.samples import import_library, plan_facts
 from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array, Frozen
+from planner.support.package import import_function
 from planner.support.progress import expect_listener
+from planner.support.tables import facts, number
 
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.figure import Figure
+    from rich.table import Table
 
 SETTLE_S = 0.5
 """Default time after the plan's end with zero command, seconds."""
@@ -311,7 +315,21 @@ class Replay(Recording, Frozen):
         )
         return dataset
 
-    def summary(self) -> dict[str, Any]:
+    def table(self) -> Table:
+        """Return errors, slip and broken limits for a terminal: `rich.print(run.table())`."""
+        statistics = STATISTICS.values() if self.angles else ()
+        rows = [(each.title, f"{number(each.of(self))} deg") for each in statistics]
+        words = {"slip": self.slip_words, "limits": self.limit_words}
+        rows += [(name, text or "none") for name, text in words.items()]
+        return facts([("machines", f"{len(self.numbers)}, seed {self.seed}"), *rows])
+
+    def plot(self) -> Figure:
+        """Draw the motions with `planner.report.plot_replays`."""
+        draw = import_function("planner.report.figures.on_the_machine.plot_replays")
+        figure: Figure = draw(self)[0]
+        return figure
+
+    def to_dict(self) -> dict[str, Any]:
         """Return the numbers of a comparison table, JSON-ready, in degrees and seconds.
 
         Over all samples: median and 95th percentile of E and of the terminal error, the median of

@@ -13,7 +13,6 @@ from planner.plan.plan_file import PlanFile
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Demand, Part
 from planner.problem.tables.kinds import Provider
-from planner.support.arrays import jsonable
 from planner.support.tables import line, shorten
 from planner.support.user_tables import parse
 from planner.verification.verify import verify
@@ -48,7 +47,7 @@ class ForeignPlans:
             raise self.provider.error("returned a plan of another problem")
         plan = replace(plan, verified=False, certificate=None)
         try:
-            parse(PlanFile, jsonable(plan._to_dict()), "its plan")
+            parse(PlanFile, plan.to_dict(), "its plan")
         except InputError as error:
             raise self.provider.error(f"returned a plan that cannot be saved: {error}") from None
         verify(plan)  # a failure in here is attributed to the package

@@ -37,6 +37,8 @@ from planner.support.package import import_function
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.figure import Figure
+    from rich.table import Table
 
 FORMAT = "planner-plan"
 VERSION = 1
@@ -336,9 +338,24 @@ class Plan(Frozen):
 
     def to_json(self) -> str:
         """Return the plan as the JSON text that `save` writes."""
-        return json.dumps(jsonable(self._to_dict()), indent=1, allow_nan=False) + "\n"
+        return json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n"
 
-    def _to_dict(self) -> dict[str, Any]:
+    def table(self) -> Table:
+        """Return the plan's properties for a terminal: `rich.print(plan.table())`."""
+        table: Table = import_function("planner.report.properties.plan_table")(self)
+        return table
+
+    def plot(self, figure: str = "joints") -> Figure:
+        """Draw a figure of the plan: "joints", "inputs", "map", "z" or another of `PLAN_FIGURES`.
+
+        Raises:
+            InputError: If the name is unknown, or the system or this plan has no such figure.
+        """
+        picture: Figure = import_function("planner.report.figures.over_time.plot")(figure, self)[0]
+        return picture
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plan as JSON-ready data: what its file contains."""
         data = {
             "format": FORMAT,
             "version": VERSION,
@@ -354,11 +371,11 @@ class Plan(Frozen):
             data["why"] = self.why
         if self.compensation is not None:
             data["compensation"] = {
-                "plan": self.compensation.plan._to_dict(),
+                "plan": self.compensation.plan.to_dict(),
                 "machine": dict(self.compensation.machine),
                 "clock": {"t": list(self.clock.t), "s": list(self.clock.s)},
             }
-        return data
+        return dict(jsonable(data))
 
     def to_frame(self, rate_hz: float = 100.0) -> pandas.DataFrame:
         """Return the plan at evenly spaced times as a pandas DataFrame; see

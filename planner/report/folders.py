@@ -196,7 +196,7 @@ def save_budget(
         write_text(place / "budget.csv", budget_csv(budgets))
         write_json(place / "budget.json", data)
         for label, budget in budgets.items():
-            save_figure(budget.figure(), place / f"budget-{_file_name(label)}")
+            save_figure(budget.plot(), place / f"budget-{_file_name(label)}")
     return Path(path)
 
 
@@ -227,6 +227,15 @@ REPLAY_FIGURES: dict[str, Callable[[Comparison], tuple[Figure, Any]]] = {
     "replay": lambda found: plot_replays({row.label: row.replay for row in found.rows}),
 }
 """Figures of the replays in a comparison, by name; a name is in `PLAN_FIGURES` or here."""
+
+
+def draw(comparison: Comparison, name: str) -> Figure:
+    """Draw the figure with the given name, one of `figures`; see `Comparison.plot`."""
+    if name in REPLAY_FIGURES:
+        return REPLAY_FIGURES[name](comparison)[0]
+    if name == "arm":
+        return plot_arm(comparison.plans)[0]
+    return plot(name, comparison.plans, machine=comparison.machine)[0]
 
 
 def save_sensitivity(
@@ -269,10 +278,10 @@ def save_sensitivities(found: Sensitivities, path: str | Path) -> Path:
     """
     with folder(path) as place:
         write_json(place / "sensitivities.json", jsonable(found.to_dict()))
-        table = markdown_table(found.columns(), found.plans)
+        table = markdown_table(found.columns, found.plans)
         write_text(place / "sensitivities.md", f"{table}\n\n{found.sentence}\n")
-        write_text(place / "sensitivities.csv", csv_table(found.columns(), found.plans))
-        found.figure().savefig(place / "sensitivities.png", dpi=120)
+        write_text(place / "sensitivities.csv", csv_table(found.columns, found.plans))
+        found.plot().savefig(place / "sensitivities.png", dpi=120)
         (place / "plans").mkdir()
         for label, each in found.plans.items():
             each.plan.save(place / "plans" / f"{_file_name(label)}.json")

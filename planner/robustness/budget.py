@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -136,10 +137,19 @@ class Budget:
             gap=1,
         )
 
-    def figure(self) -> Figure:
+    def plot(self) -> Figure:
         """Draw the costs and Sobol indices of all effects as bars."""
         figure: Figure = import_function("planner.report.figures.robustness.plot_budget")(self)[0]
         return figure
+
+    def save(self, folder: str | Path) -> Path:
+        """Write tables, data and figure to a folder, all or nothing.
+
+        Raises:
+            InputError: If the folder cannot be written or holds something else.
+        """
+        save = import_function("planner.report.folders.save_budget")
+        return Path(save({self.plan.label: self}, folder))
 
 
 def error_budget(

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,9 +19,15 @@ from planner.machine.machine import Machine, draw, machine_for
 from planner.machine.replay import SETTLE_S
 from planner.machine.simulate import simulate
 from planner.plan.plan import Plan, refuse_inexecutable
-from planner.problem.tables.machine_effects import EFFECTS, Effect
+from planner.problem.tables.machine_effects import EFFECTS, Effect, effect_words
 from planner.support.arrays import Array, Frozen
+from planner.support.package import import_function
+from planner.support.tables import Column, number, terminal_table
 from planner.systems.triangular_system import TriangularSystem
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
 
 RELATIVE_STEP = 0.05
 """Step of a parameter without spread, relative to its value."""
@@ -43,6 +50,9 @@ GRID_PARAMETERS = ("control_period_s", "delay_s")
 RECORDS = 200
 WRITE_STRIDE = 5
 """Every fifth recorded time is written to files."""
+
+MAX_PARAMETERS = 12
+"""Most parameters in the table; those with the largest response are shown."""
 
 NO_EFFECT_DEG = 1e-9
 """Change of the angles between two machines, in degrees, below which a parameter has no effect."""
@@ -142,6 +152,21 @@ class MachineSensitivity(Frozen):
         loud = [e for e in self.entries if not e.has_no_effect]
         return sorted(loud, key=lambda e: -float(np.max(np.abs(e.contribution))))
 
+    def table(self) -> Table:
+        """Return the largest responses as a table for a terminal, for `rich.print`."""
+        columns: list[Column[MachineEntry]] = [
+            Column("machine", "", entry_name, left=True),
+            Column("change", "", lambda e: f"{number(e.reference, 4)} {e.unit}".rstrip()),
+            *(Column(a, "deg", partial(_contribution, k)) for k, a in enumerate(self.angles)),
+        ]
+        return terminal_table(columns, self.loudest[:MAX_PARAMETERS], ruled=True, gap=1)
+
+    def plot(self) -> Figure:
+        """Draw the largest responses with `planner.report.plot_machine_sensitivity`."""
+        draw = import_function("planner.report.figures.robustness.plot_machine_sensitivity")
+        figure: Figure = draw(self)[0]
+        return figure
+
     def to_dict(self) -> dict[str, Any]:
         """Return the sensitivities as JSON-ready data."""
         return {
@@ -162,6 +187,16 @@ class MachineSensitivity(Frozen):
             ],
             "omitted": dict(self.omitted),
         }
+
+
+def entry_name(entry: MachineEntry) -> str:
+    """Return the name of a machine's parameter in words."""
+    return f"{effect_words(entry.effect)} {entry.element}".strip()
+
+
+def _contribution(angle: int, entry: MachineEntry) -> str:
+    value = entry.contribution[angle]
+    return f"{value:.3g}" if abs(value) >= 5e-5 else ""
 
 
 Step = tuple[MachineEntry, int]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,11 +25,12 @@ from planner.problem.settings import problem_words
 from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity, sensitivity
 from planner.support.arrays import Array, Frozen
 from planner.support.package import import_function
-from planner.support.tables import Column, CommandLine, number
+from planner.support.tables import Column, CommandLine, number, terminal_table
 from planner.systems.triangular_system import TriangularSystem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.table import Table
 
 ALIKE = 0.02
 """Relative difference below which passive blocks count as equal: 0.01 degrees of a usual block of
@@ -114,8 +116,9 @@ class Sensitivities(Frozen):
             {k: np.linalg.norm(each[:, keep], axis=0) for k, each in values.items()},
         )
 
+    @property
     def columns(self) -> list[Column[str]]:
-        """Return the columns of the table; its rows are labels of plans."""
+        """The columns of the table; its rows are labels of plans."""
         plans, spread = self.plans, self.spread
 
         def spent(label: str) -> float:
@@ -135,7 +138,19 @@ class Sensitivities(Frozen):
         plans = {k: each.to_dict(self.spread) for k, each in self.plans.items()}
         return {"plans": plans, "sentence": self.sentence, "verdict": self.verdict}
 
-    def figure(self) -> Figure:
+    def table(self) -> Table:
+        """Return the table for a terminal, one row per plan: `rich.print(found.table())`."""
+        return terminal_table(self.columns, self.plans)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write table, data, figure and plans to a folder, all or nothing.
+
+        Raises:
+            InputError: If the folder cannot be written or holds something else.
+        """
+        return Path(import_function("planner.report.folders.save_sensitivities")(self, folder))
+
+    def plot(self) -> Figure:
         """Draw the total response of each plan and its response to each error."""
         draw = import_function("planner.report.figures.robustness.plot_sensitivities")
         figure: Figure = draw(self)[0]

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -22,10 +23,16 @@ from planner.support.arrays import Array, Frozen
 from planner.support.calculus import runge_kutta
 from planner.support.calculus.extremes import sample_times
 from planner.support.compiled_calls import Pointwise
+from planner.support.package import import_function
+from planner.support.tables import Column, terminal_table
 from planner.systems.ball_gear import BallGear
 from planner.systems.linearisation import linearise, parameters
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
 
 PAPER_SPREAD: Mapping[str, float] = {"gain": 0.01, "start": float(np.deg2rad(0.5))}
 """Default spread for comparing plans: 1 % of input gains and 0.5° of every starting angle."""
@@ -134,6 +141,45 @@ class Sensitivity(Frozen):
         response = self.along[:, self.angles] * self.standard_deviation(spread)
         return np.asarray(np.rad2deg(np.sqrt(np.sum(response**2, axis=-1))))
 
+    def table(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Table:
+        """Return the responses to each `reference` as a table for `rich.print`; * is irreducible.
+
+        Errors without a response are left out.
+        """
+        coordinates = self.plan.problem.system.coordinates
+        sizes, values = self.reference(spread), self.contribution_deg(spread)
+
+        def cell(angle: int, p: int) -> str:
+            value = float(values[angle, p])
+            if abs(value) < 5e-7:
+                return ""
+            return f"{value:.3g}{'*' if self.irreducible[self.angles[angle], p] else ' '}"
+
+        columns: list[Column[int]] = [
+            Column("error", "", lambda p: self.parameters[p], left=True),
+            Column("size", "", lambda p: size_of(float(sizes[p]), self.units[p])),
+        ]
+        angles = [
+            Column(coordinates[i].name, "deg", partial(cell, k)) for k, i in enumerate(self.angles)
+        ]
+        loud = [p for p in range(len(sizes)) if any(angle.text(p) for angle in angles)]
+        return terminal_table([*columns, *angles], loud, ruled=True, gap=1)
+
+    def plot(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Figure:
+        """Draw the responses with `planner.report.plot_sensitivity`."""
+        draw = import_function("planner.report.figures.robustness.plot_sensitivity")
+        figure: Figure = draw(self, spread)[0]
+        return figure
+
+    def save(self, folder: str | Path, spread: Mapping[str, float] = PAPER_SPREAD) -> Path:
+        """Write data, matrix, plan and figures to a folder, all or nothing.
+
+        Raises:
+            InputError: If the folder cannot be written or holds something else.
+        """
+        save = import_function("planner.report.folders.save_sensitivity")
+        return Path(save(self, None, spread, folder))
+
     def to_dict(self, spread: Mapping[str, float] = PAPER_SPREAD) -> dict[str, Any]:
         """Return JSON-ready data: matrix in SI units, responses to reference errors (deg), sums."""
         names = [c.name for c in self.plan.problem.system.coordinates]
@@ -233,3 +279,12 @@ def _derivatives(system: TriangularSystem) -> Pointwise:
     form = linearise(system)
     value = ca.horzcat(form.A, *(form.forcing[p.name] for p in parameters(system)))
     return Pointwise("derivatives", [form.q, form.u, form.t], value)
+
+
+def size_of(value: float, unit: str) -> str:
+    """Return an error's size as text with its unit: fractions in percent, angles in degrees."""
+    if unit == "1":
+        return f"{100 * value:.3g} %"
+    if unit == "rad":
+        return f"{np.rad2deg(value):.3g} deg"
+    return f"{value:.3g} {unit}"

@@ -5,6 +5,7 @@ Each point is a verified plan, started from the plan of its neighbour and replay
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 
 from planner.errors import InputError, NoPlanError
 from planner.machine.machine import Machine, machine_for
+from planner.machine.replay import STATISTICS
 from planner.methods.registry import find_method, merged_options
 from planner.plan.plan import Plan
 from planner.plan.samples import import_library
@@ -28,13 +30,15 @@ from planner.robustness.trade_off_points import (
     replay_errors,
     solved_point,
 )
-from planner.support.arrays import Array
+from planner.support.arrays import Array, jsonable
 from planner.support.package import import_function
 from planner.support.progress import Tell, expect_listener
+from planner.support.tables import Column, four_digits, terminal_table
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
+    from rich.table import Table
 
 
 NO_GAIN = 1e-4
@@ -89,7 +93,7 @@ class TradeOff:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the curve as JSON-ready data, without the plans."""
-        return {
+        data = {
             "problem": self.problem.name,
             "source": self.problem.source,
             "kind": self.kind,
@@ -100,6 +104,16 @@ class TradeOff:
             "points": [p.to_dict() for p in self.points],
             "folder": None if self.folder is None else str(self.folder),
         }
+        return dict(jsonable(data))
+
+    @property
+    def columns(self) -> list[Column[TradeOffPoint]]:
+        """The columns of the curve's tables."""
+        return _columns(self)
+
+    def table(self) -> Table:
+        """Return the points as a table for a terminal: `rich.print(curve.table())`."""
+        return terminal_table(self.columns, self.points, ruled=True)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return one row per point; index `limit`, columns with units in their names.
@@ -123,11 +137,51 @@ class TradeOff:
         frame.attrs = {"problem": self.problem.name, "kind": self.kind}
         return frame.set_index("limit") if rows else frame
 
-    def figure(self) -> Figure:
+    def plot(self) -> Figure:
         """Draw the response of each point against its cost."""
         draw = import_function("planner.report.figures.robustness.plot_trade_off")
         figure: Figure = draw(self)[0]
         return figure
+
+
+def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
+    inputs = enumerate(curve.problem.system.inputs)
+    heads = {"errors_alone": "errors", "machine": "machine", "compensated": "compensated"}
+    return [
+        Column("", "", lambda p: "knee" if p is curve.knee else "", key="knee", left=True),
+        Column("effort", "", lambda p: p.effort, four_digits),
+        Column("time", "s", lambda p: p.duration_s, four_digits, key="duration"),
+        *(Column(f"|{u.name}|", "", partial(_peak, i), four_digits) for i, u in inputs),
+        Column("total", "deg", lambda p: p.total_deg, four_digits),
+        Column("passive", "deg", lambda p: p.passive_deg, four_digits),
+        Column("irreducible", "deg", lambda p: p.floor_deg, None),
+        Column("turns", "", lambda p: p.reversals, key="reversals"),
+        *(
+            Column(f"{head} 95 %", "deg", partial(end_error, kind), four_digits, f"{kind}_95_deg")
+            for kind, head in heads.items()
+        ),
+        *(
+            Column(f"{k} {STATISTICS[key].title}", "deg", partial(end_error, k, key=key), None)
+            for k in ("machine", "compensated")
+            for key in ("E_p95_deg", "end_median_deg")
+        ),
+    ]
+
+
+def _peak(which: int, point: TradeOffPoint) -> float:
+    return point.peak_u[which]
+
+
+def end_error(which: str, point: TradeOffPoint, key: str = "end_p95_deg") -> float | None:
+    """Return a statistic of the error of a point's replays, degrees; None without them.
+
+    Args:
+        which: "machine" or "compensated".
+        point: The point.
+        key: One of `STATISTICS`.
+    """
+    errors: Mapping[str, Any] = getattr(point, which) or {}
+    return errors.get(key)
 
 
 def trade_off(

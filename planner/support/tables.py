@@ -15,9 +15,10 @@ import io
 import re
 import shlex
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
@@ -111,6 +112,15 @@ class Column(Generic[R]):
 
 def _read(columns: Iterable[Column[R]]) -> list[Column[R]]:
     return [column for column in columns if column.shown is not None]
+
+
+Rows = Iterator[tuple[str, str]]
+"""Rows of a table of `facts`: a name and a value each."""
+
+
+def facts(rows: Iterable[tuple[str, str]]) -> Table:
+    """Return a table with a name and a value in each row, without headers, for a terminal."""
+    return terminal_table([Column("", "", itemgetter(k), left=True) for k in (0, 1)], rows)
 
 
 def terminal_table(
@@ -321,6 +331,11 @@ def _cell(value: Any) -> Any:
     except ValueError:
         return f"'{value}"
     return value
+
+
+def four_digits(value: float | None) -> str:
+    """Format a number with four significant digits, or as a dash if undefined."""
+    return "-" if value is None or np.isnan(value) else f"{value:.4g}"
 
 
 def number(value: float, digits: int = 3) -> str:

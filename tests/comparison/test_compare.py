@@ -637,7 +637,7 @@ def test_of_many_machines_a_comparison_keeps_the_errors_and_some_motions(
     some = planner.compare(problem, [OPTIMAL], samples=9, feedback=True)
     for one, other in zip(whole.rows, some.rows, strict=True):
         assert len(other.replay.q) == 2
-        assert other.replay.summary() == one.replay.summary()
+        assert other.replay.to_dict() == one.replay.to_dict()
         assert (other.peak_u, other.E_p95_deg) == (one.peak_u, one.E_p95_deg)
     assert replay_data(some) == replay_data(whole)
     assert "replay" in some.figures()

@@ -205,7 +205,7 @@ def test_gross_slip_is_told_with_contact_joint_and_time(fidelity: str) -> None:
     still = run.t > run.slip_begin[0] + 0.3
     assert np.ptp(run.q[0, still][:, 2:], axis=0) == pytest.approx([0, 0], abs=1e-3)
     assert run.slip_words in repr(run)
-    assert run.summary()["slip_machines"] == 1
+    assert run.to_dict()["slip_machines"] == 1
     free = planner.replay(plan, machine.with_(lateral_friction=0.1))
     assert (free.slip_words, free.slip_s[0]) == ("", 0.0)
     assert np.isnan(free.slip_begin[0])

@@ -63,7 +63,7 @@ def test_a_plan_that_grazes_a_post_is_verified_and_every_machine_hits_it(plan: P
     assert worst.sweep == pytest.approx(np.percentile(GAP_M - free.min(axis=1), 95), abs=1e-4)
     assert f"clearance_m = {np.ceil(1000 * worst.sweep) / 1000:g} of obstacle 1" in run.limit_words
     assert run.limit_words in repr(run)
-    assert run.summary()["limit_share"] == 1
+    assert run.to_dict()["limit_share"] == 1
 
 
 def test_a_clearance_is_there_to_stray_in(plan: Plan) -> None:
@@ -147,7 +147,7 @@ def test_z2_is_judged_like_all_limits_and_reported_apart(plan: Plan) -> None:
     assert found.broken == np.sum(z2.min(axis=1) < 0.01) == 20
     assert (run.limit_share, run.physical_share) == (1, 0)
     assert run.limit_words.startswith("20 of 20 machines break a limit of chained coordinates")
-    assert {key: run.summary()[key] for key in ("limit_share", "physical_share")} == {
+    assert {key: run.to_dict()[key] for key in ("limit_share", "physical_share")} == {
         "limit_share": 1, "physical_share": 0
     }  # fmt: skip
     every = planner.compare(problem, ["collocation compensated"], samples=20, seed=2, feedback=True)

@@ -77,7 +77,7 @@ def test_shapes_and_summary(calm: Plan) -> None:
     assert repr(run).startswith("Replay(polynomial plan, 4 samples, seed 0: E median ")
     with pytest.raises(AttributeError):
         run.seed = 3  # type: ignore[misc]
-    summary = json.loads(json.dumps(run.summary()))
+    summary = json.loads(json.dumps(run.to_dict()))
     assert summary["E_median_deg"] == pytest.approx(np.median(run.index_E_deg))
     assert summary["E_median_deg"] <= summary["E_p95_deg"]
     assert summary["samples"] == 4

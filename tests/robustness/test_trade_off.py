@@ -149,7 +149,7 @@ def test_knee_of_a_hyperbola() -> None:
 
 
 def test_picture(curve: TradeOff) -> None:
-    axes = curve.figure().axes
+    axes = curve.plot().axes
     assert [len(ax.get_lines()) > 1 for ax in axes] == [True, True, True]
     assert "effort" in axes[0].get_xlabel()
     labels = axes[1].get_legend_handles_labels()[1]

@@ -68,7 +68,7 @@ def test_a_sweep_fills_every_column_that_a_row_declares(
     plan = planner.solve(problem.changed({"goal.duration": 10.0}), "polynomial")
     run = planner.replay(plan, samples=MACHINES, seed=4, record_s=max(0.02, plan.duration / 500))
     assert row[OVERSHOOT] == pytest.approx(np.percentile(overshoot_deg(run), 95), rel=1e-12)
-    assert row[OVERSHOOT] == run.summary()[OVERSHOOT]
+    assert row[OVERSHOOT] == run.to_dict()[OVERSHOOT]
 
 
 def test_a_statistic_of_motions_takes_all_machines_whatever_is_kept(

@@ -24,7 +24,7 @@ from planner.machine.identification.parameters import FitParameter, Parameters
 from planner.machine.machine import Machine, machine_for
 from planner.plan.recorded.log import Log, expect_log
 from planner.problem.problem import Problem, expect_problem
-from planner.support.arrays import Array, Frozen, frozen
+from planner.support.arrays import Array, Frozen, frozen, jsonable
 from planner.support.files import toml, write_text
 from planner.support.package import import_function
 from planner.support.progress import expect_listener
@@ -251,7 +251,7 @@ class Identification(Frozen):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as JSON-ready data."""
-        return {
+        data = {
             "machine": self.machine.to_dict(),
             "parameters": [
                 {
@@ -276,6 +276,7 @@ class Identification(Frozen):
             "half_width_deg": self.half_width_deg,
             "warnings": list(self.warnings),
         }
+        return dict(jsonable(data))
 
     def to_toml(self) -> str:
         """Return the `[machine]` table of a problem file, with comments on its origin."""

@@ -39,6 +39,7 @@ from planner.report.figures.style import (
 )
 from planner.report.panels import PLAN_FIGURES, Panel, PlanCurves, PlanePanel, TimePanel
 from planner.support.arrays import Array
+from planner.support.user_tables import allowed_hint
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -147,8 +148,10 @@ def plot(
         The figure and its axes, shape (rows, columns).
 
     Raises:
-        InputError: If there is nothing to draw or `axes` do not fit.
+        InputError: If the name is unknown, there is nothing to draw, or `axes` do not fit.
     """
+    if name not in PLAN_FIGURES:
+        raise InputError(f"no figure '{name}'; {allowed_hint(name, list(PLAN_FIGURES))}")
     kind = PLAN_FIGURES[name]
     drawn = curves(plans, executable=kind.executable)
     problem = drawn[0].plan.problem

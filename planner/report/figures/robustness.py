@@ -26,9 +26,9 @@ from planner.report.figures.style import (
     symbol,
 )
 from planner.robustness.budget import Budget, Cost, total
-from planner.robustness.machine_sensitivity import MachineEntry, MachineSensitivity
+from planner.robustness.machine_sensitivity import MachineSensitivity, entry_name
 from planner.robustness.sensitivities import Sensitivities
-from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity
+from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity, size_of
 from planner.robustness.sobol import Index
 from planner.robustness.trade_off import TradeOff
 from planner.support.arrays import Array
@@ -166,24 +166,10 @@ def _box_passive(ax: Any, responses: Sensitivity, columns: Sequence[int]) -> Non
             ax.add_patch(Rectangle(corner, 0.94, 0.94, fill=False, edgecolor="black", lw=1.2))
 
 
-def entry_name(entry: MachineEntry) -> str:
-    """Return the name of a machine's parameter in words."""
-    return f"{effect_words(entry.effect)} {entry.element}".strip()
-
-
 def parameter_symbol(parameter: str) -> str:
     """Return the label of a plan's parameter, with mathematical symbols for Matplotlib."""
     word, _, which = parameter.partition(" ")
     return f"{word} {symbol(which)}" if which else symbol(f"k{word[1:]}").replace("k", "K")
-
-
-def size_of(value: float, unit: str) -> str:
-    """Return an error's size as text with its unit: fractions in percent, angles in degrees."""
-    if unit == "1":
-        return f"{100 * value:.3g} %"
-    if unit == "rad":
-        return f"{np.rad2deg(value):.3g} deg"
-    return f"{value:.3g} {unit}"
 
 
 PALE = 0.35

@@ -189,10 +189,10 @@ class DesignStudy(Frozen):
             " them for the compensated plans."
         )
 
-    def plot(self, *, axes: Any = None) -> tuple[Picture, Any]:
+    def plot(self) -> Picture:
         """Draw the study with `planner.report.plot_design`."""
         draw = import_function("planner.report.figures.design.plot_design")
-        return cast("tuple[Picture, Any]", draw(self, axes=axes))
+        return cast("Picture", draw(self)[0])
 
     def save(self, folder: str | Path) -> Path:
         """Write design.md, design.csv, design.json and design.png to a folder.
@@ -208,7 +208,7 @@ class DesignStudy(Frozen):
         write_text(place / "design.md", f"{self.markdown()}\n![The study](design.png)\n\n{again}\n")
         write_text(place / "design.csv", csv_table(self.columns, self.rows))
         write_json(place / "design.json", self.to_dict())
-        write_figure(place / "design.png", self.plot()[0])
+        write_figure(place / "design.png", self.plot())
         return place
 
 

@@ -129,14 +129,15 @@ def test_the_same_call_goes_on_where_it_was_ended(study: planner.DesignStudy, fo
 
 
 def test_the_picture_has_bars_or_a_map(study: planner.DesignStudy) -> None:
-    figure, axes = study.plot()
+    figure, axes = plot_design(study)
+    assert len(study.plot().axes) == len(figure.axes)
     assert axes.shape == (2, 3)
     words = {text.get_text() for ax in axes.flat for text in ax.get_yticklabels()}
     assert {"kappa = 0.7", "kappa = 1.5"} <= words
     given = figure.axes
     assert plot_design(study, axes=given)[0] is figure
     with pytest.raises(planner.InputError, match="needs 6 axes"):
-        study.plot(axes=given[:2])
+        plot_design(study, axes=given[:2])
     with pytest.raises(planner.InputError, match="is not a DesignStudy"):
         plot_design(study.rows[0])  # type: ignore[arg-type]
 
@@ -146,10 +147,10 @@ def test_rows_of_different_variables_are_bars_and_a_grid_is_a_map(
 ) -> None:
     several = [{"kappa": 1.5}, {"rho": 1.2, "kappa": 0.7}]
     tables = {**STUDY, "grid": {}, "cases": several}
-    _, axes = planner.design_study(tables, folder, workers=0).plot()
+    _, axes = plot_design(planner.design_study(tables, folder, workers=0))
     assert axes[0, 1].get_xlabel() == ""
     grid = {"rho": [1.0, 1.2], "kappa": [0.7, 1.5]}
-    _, axes = planner.design_study({**STUDY, "grid": grid}, folder, workers=0).plot()
+    _, axes = plot_design(planner.design_study({**STUDY, "grid": grid}, folder, workers=0))
     assert (axes[0, 1].get_xlabel(), axes[0, 1].get_ylabel()) == ("rho", "kappa")
     assert [t.get_text() for t in axes[0, 1].get_xticklabels()] == ["1", "1.2"]
 

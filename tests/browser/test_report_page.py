@@ -294,7 +294,13 @@ def test_names_of_points_meet_neither_points_nor_bars_nor_each_other(
 ) -> None:
     found = quick_comparison()
     rows = tuple(
-        replace(found[SOLVED], label=label, effort=effort, E_median_deg=E, E_p95_deg=2.2 * E)
+        replace(
+            found[SOLVED],
+            spec=Spec.of_label(label),
+            effort=effort,
+            E_median_deg=E,
+            E_p95_deg=2.2 * E,
+        )
         for label, (effort, E) in CROWD.items()
     )
     page = opened(replace(found, rows=rows), width=width, height=800)

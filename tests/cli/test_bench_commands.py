@@ -60,7 +60,7 @@ def test_the_way_from_a_motion_to_a_machine(run: Callable, tmp_path: Path) -> No
 def test_a_machine_that_is_no_better_is_written_only_on_request(
     run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Identification, "verdict", "no better")
+    monkeypatch.setattr(Identification, "improves", False)
     motion, table = planner.excitation(planner.load_problem(PAPER)), tmp_path / "mine.toml"
     runs = [tmp_path / "1.csv", tmp_path / "2.csv"]
     for seed, path in enumerate(runs):

@@ -60,7 +60,9 @@ def test_the_next_command_names_the_file_as_it_was_given(
     run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run("new", "a{0}.toml").err == "written to a{0}.toml; next: planner check a{0}.toml\n"
+    assert run("new", "a{0}.toml").err == (
+        "written to a{0}.toml; next: planner check 'a{0}.toml'\n"
+    )
 
 
 def test_quiet_says_only_the_result(run: Callable, tmp_path: Path) -> None:

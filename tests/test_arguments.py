@@ -115,6 +115,7 @@ TAKE_NAMES: dict[str, Callable[[Any], Any]] = {
     "load_problem": planner.load_problem,
     "load_samples": planner.load_samples,
     "load_sweep": planner.load_sweep,
+    "load_budgets": report.load_budgets,
     "load_comparison": report.load_comparison,
     "read_log": planner.read_log,
     "run_sweep": lambda x: planner.run_sweep(x, "never.db"),

@@ -35,14 +35,21 @@ WITHOUT = {
 }
 """What a result lacks, and why."""
 
+
+def budget_of(found: Any) -> Any:
+    """A budget, or the only one of a folder, with everything that it holds."""
+    budget = found if isinstance(found, planner.Budget) else found["collocation"]
+    return budget.plan, budget.to_dict(), repr(budget.costs)
+
+
 LOADERS: dict[str, tuple[Callable[[Path], Any], Callable[[Any], Any]]] = {
+    "Budget": (planner.report.load_budgets, budget_of),
     "Comparison": (planner.report.load_comparison, attrgetter("plans", "headline", "seed")),
     "Plan": (planner.load_plan, planner.Plan.to_dict),
 }
 """What reads a result back, and what of it is equal then."""
 
 WITHOUT_LOADER = {
-    "Budget": "its data are JSON; `error_budget` with the same seed repeats it",
     "DesignStudy": "`design_study` with the same folder reads the finished cases",
     "Identification": "its machine is what is kept: `load_machine` reads it",
     "MachineSensitivity": "not saved",

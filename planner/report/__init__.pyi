@@ -18,5 +18,6 @@ from .figures.robustness import plot_sensitivities as plot_sensitivities
 from .figures.robustness import plot_sensitivity as plot_sensitivity
 from .figures.robustness import plot_trade_off as plot_trade_off
 from .film import animate as animate
+from .folders import load_budgets as load_budgets
 from .page.page import write_report as write_report
 from .saved import load_comparison as load_comparison

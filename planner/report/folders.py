@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,8 @@ import numpy as np
 from planner.comparison.comparison import Comparison, command, comparison_csv
 from planner.comparison.differences import csv_differences, csv_machines, markdown_differences
 from planner.errors import InputError
+from planner.machine.machine import Machine
+from planner.plan.plan import Plan
 from planner.report.figures.arm import can_draw, plot_arm
 from planner.report.figures.on_the_machine import (
     median_sample,
@@ -33,14 +36,24 @@ from planner.report.figures.robustness import (
 from planner.report.page.page import write_report
 from planner.report.panels import PLAN_FIGURES
 from planner.report.result_folder import folder
-from planner.robustness.budget import Budget, budget_csv, budget_markdown
+from planner.report.saved import values_of
+from planner.robustness.budget import Budget, Cost, budget_csv, budget_markdown
 from planner.robustness.machine_sensitivity import MachineSensitivity
 from planner.robustness.sensitivities import Sensitivities
 from planner.robustness.sensitivity import Sensitivity
+from planner.robustness.sobol import Index
 from planner.support.arrays import jsonable
-from planner.support.files import TOML_BYTES, read_json, read_text, write_json, write_text
+from planner.support.files import (
+    TOML_BYTES,
+    expect_path,
+    read_json,
+    read_text,
+    write_json,
+    write_text,
+)
 from planner.support.package import versions
 from planner.support.tables import csv_table, csv_text, markdown_table
+from planner.verification.load_plan import load_plan
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -179,25 +192,57 @@ FORMAT, VERSION = "planner-budget", 1
 def save_budget(
     budgets: Mapping[str, Budget], path: str | Path, command: str | None = None
 ) -> Path:
-    """Write budget.md, budget.csv, budget.json and a figure for each plan.
+    """Write budget.md, budget.csv, budget.json, and each plan with its figure.
 
     Raises:
         InputError: If the folder cannot be written or holds something else; nothing is left behind.
     """
-    data = {
-        "format": FORMAT,
-        "version": VERSION,
-        "command": command,
-        "versions": versions(),
-        "budgets": {label: budget.to_dict() for label, budget in budgets.items()},
-    }
+    files = {label: f"plans/{_file_name(label)}.json" for label in budgets}
+    each = {k: {**budget.to_dict(), "plan_file": files[k]} for k, budget in budgets.items()}
+    head = {"format": FORMAT, "version": VERSION, "command": command, "versions": versions()}
     with folder(path) as place:
         write_text(place / "budget.md", budget_markdown(budgets, command))
         write_text(place / "budget.csv", budget_csv(budgets))
-        write_json(place / "budget.json", data)
+        write_json(place / "budget.json", {**head, "budgets": each})
+        (place / "plans").mkdir()
         for label, budget in budgets.items():
+            budget.plan.save(place / files[label])
             save_figure(budget.plot(), place / f"budget-{_file_name(label)}")
     return Path(path)
+
+
+def load_budgets(path: str | Path) -> dict[str, Budget]:
+    """Read the folder that `Budget.save` or `planner budget --out` wrote, and verify its plans.
+
+    Returns:
+        The budgets by the labels of their plans.
+
+    Raises:
+        InputError: If the folder is missing, damaged, or of a version without plans.
+    """
+    place = expect_path(path)
+    data = read_json(place / "budget.json", "`planner budget --out FOLDER` writes it")
+    if data.get("format") != FORMAT or data.get("version") != VERSION:
+        raise InputError(f"{place / 'budget.json'} is not a budget that this planner reads")
+    try:
+        return {
+            label: _budget(each, load_plan(place / each["plan_file"]))
+            for label, each in data["budgets"].items()
+        }
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{place / 'budget.json'} is damaged: {error!r}; compute the budget again"
+        ) from None
+
+
+def _budget(data: Mapping[str, Any], plan: Plan) -> Budget:
+    own = {field.name for field in fields(Budget)} - {"plan", "machine", "costs"}
+    costs = tuple(
+        Cost(**values_of(each) | {k: each[k] and Index(**each[k]) for k in ("between", "switch")})
+        for each in data["costs"]
+    )
+    machine = Machine.from_table(data["machine"])
+    return Budget(plan, machine, costs=costs, **values_of({k: data[k] for k in own}))
 
 
 def figures(comparison: Comparison) -> dict[str, Figure]:

@@ -126,7 +126,7 @@ def _row(
     values: dict[str, Any] = {"ways": [data["advice"]] if data["advice"] else []}
     values |= {"beyond_physical": data.get("beyond_limits")}
     values |= {**data, **_plan_figures(data, problem.system, plan)}
-    values = {k: _read_back(v) for k, v in values.items() if k in names}
+    values = values_of({k: v for k, v in values.items() if k in names})
     values["domain_ok"] = data["domain_ok"]
     return Row(spec, **values, plan=plan, machine_errors_deg=errors), False
 
@@ -152,8 +152,12 @@ def _plan_figures(
     return read | {"path_length": None if plan is None else plan.path_length}
 
 
+def values_of(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values of a JSON object with NaN for null, tuples for lists, and clean texts."""
+    return {key: _read_back(value) for key, value in data.items()}
+
+
 def _read_back(value: Any) -> Any:
-    """Return a JSON value with NaN for null, tuples for lists, and clean texts."""
     if isinstance(value, list):
         return tuple(_read_back(item) for item in value)
     if isinstance(value, str):

@@ -24,18 +24,32 @@ def test_folder_and_json(run: Callable, tmp_path: Path) -> None:
     result = run("budget", PAPER, *words, "--out", out, "--json")
     assert result.status == 0
     label, data = "polynomial:travel=middle", json.loads((out / "budget.json").read_text())
+    read = planner.report.load_budgets(out)[label]
+    assert {label: read.to_dict()} == result.json["budgets"]
+    assert read.plan.verified
+    assert data["budgets"][label].pop("plan_file") == "plans/polynomial-travel=middle.json"
     assert data["budgets"] == result.json["budgets"]
     assert list(data["budgets"]) == [label]
     assert "--base 4 --seed 2 --set machine.step_s=0.01 --set " in data["command"]
     assert data["command"].endswith(f" --out {out}")
     names = {p.name for p in out.iterdir()} - {".planner"}
     figures = {f"budget-polynomial-travel=middle.{kind}" for kind in ("png", "svg")}
-    assert names == {"budget.md", "budget.csv", "budget.json", *figures}
+    assert names == {"budget.md", "budget.csv", "budget.json", "plans", *figures}
     text = (out / "budget.md").read_text()
     assert f"## `{label}`" in text
     assert "seed 2" in text
     rows = (out / "budget.csv").read_text().splitlines()
     assert len(rows) == 1 + len(data["budgets"][label]["costs"]) == 1 + 2
+
+
+def test_damaged_folders_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(planner.InputError, match=r"cannot read .*budget\.json"):
+        planner.report.load_budgets(tmp_path)
+    head = {"format": "planner-budget", "version": 1}
+    for data, words in [({}, "is not a budget"), ({**head, "budgets": {"a": {}}}, "is damaged")]:
+        (tmp_path / "budget.json").write_text(json.dumps(data))
+        with pytest.raises(planner.InputError, match=words):
+            planner.report.load_budgets(tmp_path)
 
 
 def test_of_a_plan_file_with_another_machine(

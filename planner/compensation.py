@@ -97,6 +97,14 @@ def compensate_plan(
         raise error
     ways = "; or ".join(changes)
     errors = compensated.notes["compensation"]
+    if errors["unknown_deg"] > 0:
+        warnings.warn(
+            f"{problem.source}: the state of backlash and shafts before the start is unknown: the"
+            f" end may be off by up to about {errors['unknown_deg']:.2g} deg; home the arm, or name"
+            " the last plan (planner plan --after)",
+            InputWarning,
+            stacklevel=3,
+        )
     if errors["E_deg"] != 0 and not errors["E_deg"] < errors["plain_E_deg"]:
         warnings.warn(
             f"{problem.source}: on the nominal machine the compensated plan leaves the path by"

@@ -86,13 +86,16 @@ def export(
     data = {"plan": plan, "format": name, "written": written, "held_miss": miss or None}
     data |= {"only_sampled": motion.only_sampled, "claimed": motion.claimed}
     data |= {"jumps": motion.jump_words or None, "on_machines": touch[0]}
+    data |= {"start": motion.start_words or None, "after": motion.notes.get("after")}
     words = f"; send the motors {sent}" * bool(sent)
     if miss:
         off = ", ".join(f"{each} {number(value)}" for each, value in miss.items())
         step = 1e3 * float(sample(motion, rate).t[1])  # the rate is adapted to the duration
         words += f"{' and' if sent else ';'} hold each row until the next, {step:.4g} ms:"
         words += f" on an ideal machine the end is off by {off}"
-    reservations = "".join(f"; {each}" for each in [*motion.reservations, touch[1]] if each)
+    reservations = "".join(
+        f"; {each}" for each in [motion.start_words, *motion.reservations, touch[1]] if each
+    )
     words += reservations.replace("{", "{{").replace("}", "}}")
     return finish(data, where="written to {}" + words)
 

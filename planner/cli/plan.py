@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -39,6 +40,7 @@ from planner.solve import solve_and_check
 from planner.support.files import refuse_unwritable
 from planner.support.interrupts import signal_listener
 from planner.support.tables import facts
+from planner.verification.load_plan import load_plan
 from planner.verification.summary import plan_summary, refusal_summary
 
 
@@ -59,6 +61,15 @@ def plan(
             " after homing.",
         ),
     ] = None,
+    after: Annotated[
+        Path | None,
+        typer.Option(
+            "--after",
+            metavar="PLAN",
+            help="Start where this compensated plan (JSON) leaves the arm: its pose, or that of"
+            " --pose-from, and its state of backlash and shafts.",
+        ),
+    ] = None,
     out: Annotated[Path | None, out_option("FILE", "Save the plan in this JSON file.")] = None,
 ) -> int:
     """Make a plan, verify it and print its properties.
@@ -76,11 +87,16 @@ def plan(
         --set method.polynomial.allow_singular=true
       planner plan arm.toml --machine my-machine.toml --pose-from homed.csv \\
         --set machine.start_state=forward --set compensation.on=true
+      planner plan next.toml --machine my-machine.toml --after plan.json \\
+        --set compensation.on=true --out next.json
     """
     name = find_method(method).name
     task = read_problem(problem, changes, machine)
-    if pose_from is not None:
-        task = task.from_pose(read_log(pose_from).pose_deg)
+    pose = None if pose_from is None else read_log(pose_from).pose_deg
+    if after is not None:
+        task = task.after(load_plan(after, strict=True), pose)
+    elif pose is not None:
+        task = task.from_pose(pose)
     if out is not None:
         refuse_unwritable(out)
     try:
@@ -88,6 +104,8 @@ def plan(
             began = time.perf_counter()
             motion, check = solve_and_check(task, name, time_limit_s=time_limit)
             took = time.perf_counter() - began
+            if after is not None:
+                motion = replace(motion, notes={**motion.notes, "after": after.name})
             summary = plan_summary(motion, check)
             summary["on_machines"], touch = touch_facts(motion) if motion.verified else (None, "")
     except NoPlanError as error:

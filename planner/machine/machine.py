@@ -319,12 +319,15 @@ class Draws(Frozen):
             rest, −1 … 1, for the gearhead of motor 1 and joints 1 … n, (1+n, S); NaN where the arm
             is unwound.
         seed: Seed of the samples' random numbers, here of the noise of their encoders.
+        pose: True angles θ before the start, (N−1, S), where another run left the machines; None
+            for those of the plan with their initial errors.
     """
 
     numbers: NDArray[np.int64]
     values: Mapping[str, Array]
     start: Array
     seed: int = 0
+    pose: Array | None = None
 
     @property
     def count(self) -> int:
@@ -345,7 +348,8 @@ class Draws(Frozen):
     def part(self, chosen: slice) -> Draws:
         """Return the parameters of the samples in the range `chosen`."""
         values = {name: value[:, chosen] for name, value in self.values.items()}
-        return Draws(self.numbers[chosen], values, self.start[:, chosen], self.seed)
+        pose = None if self.pose is None else self.pose[:, chosen]
+        return Draws(self.numbers[chosen], values, self.start[:, chosen], self.seed, pose)
 
     def noise(self, t: float, joints: int) -> Array:
         """Return the noise of the encoders at a time t, s, in standard deviations, (N−1, S).

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -81,6 +81,7 @@ class Replay(Recording, Frozen):
         feedback: The feedback law; None in open loop.
         settle_s: Time with zero command after the plan's end, s.
         record_s: Time between recorded instants, s, or None; see `replay`.
+        after: The run before, which left the machines where this one begins; or None.
     """
 
     plan: Plan
@@ -90,6 +91,7 @@ class Replay(Recording, Frozen):
     feedback: Feedback | None
     settle_s: float
     record_s: float | None
+    after: Replay | None = None
 
     def __repr__(self) -> str:
         count = len(self.numbers)
@@ -184,7 +186,7 @@ class Replay(Recording, Frozen):
     @cached_property
     def draws(self) -> Draws:
         """Parameters of each sample, drawn again from the seed and the sample numbers."""
-        return draw(self.machine, self.plan.problem.system.size - 1, self.numbers, self.seed)
+        return _draws(self.plan, self.machine, self.numbers, self.seed, self.after)
 
     @property
     def swing_deg(self) -> tuple[float, float]:
@@ -220,6 +222,7 @@ class Replay(Recording, Frozen):
             self.feedback or False,
             settle_s=self.settle_s,
             record_s=self.record_s,
+            after=self.after,
         )
 
     @property
@@ -430,6 +433,7 @@ def replay(
     record_s: float | None = RECORD_S,
     motions: int | None = None,
     progress: Progress | None = None,
+    after: Replay | None = None,
 ) -> Replay:
     """Replay a plan on samples of an emulated machine, open loop or with feedback.
 
@@ -452,12 +456,15 @@ def replay(
         motions: Number of samples, from the first, whose motions are kept; all by default. Errors
             are kept for all samples, some hundred bytes each.
         progress: Called with (steps done, steps in all).
+        after: The run before on the same machines: each begins in the pose and the state in which
+            that run left it, so that `machine.start_state` and `initial_angle_error_deg` do not
+            count.
 
     Raises:
         InputError: If the plan has no real inputs, the machine does not match the system, an
-            argument is out of range, or the motions to keep take more than 2 GB of memory. Besides
-            the motions a replay takes half a GB and some hundred bytes per sample, a tracker some
-            kB per control period.
+            argument is out of range, `after` is of other machines, or the motions to keep take more
+            than 2 GB of memory. Besides the motions a replay takes half a GB and some hundred bytes
+            per sample, a tracker some kB per control period.
     """
     refuse_inexecutable(plan)
     closing = feedback_of(plan, feedback)
@@ -468,7 +475,7 @@ def replay(
     recording = simulate(
         plan,
         used,
-        draw(used, plan.problem.system.size - 1, numbers, seed),
+        _draws(plan, used, numbers, seed, after),
         settle_s=settle_s,
         record_s=record_s,
         motions=motions,
@@ -484,7 +491,35 @@ def replay(
         feedback=closing,
         settle_s=settle_s,
         record_s=record_s,
+        after=after,
     )
+
+
+def _draws(
+    plan: Plan, machine: Machine, numbers: NDArray[np.int64], seed: int, after: Replay | None
+) -> Draws:
+    """Return the machines `numbers`, as drawn or as the run `after` left them.
+
+    Raises:
+        InputError: If `after` is of other machines, or of another system.
+    """
+    draws = draw(machine, plan.problem.system.size - 1, numbers, seed)
+    if after is None:
+        return draws
+    same = machine.with_(start_state="unwound") == after.machine.with_(start_state="unwound")
+    missing = not np.isin(numbers, after.numbers).all()
+    if (
+        missing
+        or not same
+        or seed != after.seed
+        or plan.problem.system != after.plan.problem.system
+    ):
+        raise InputError(
+            "after: a run of the same arm, machine, seed and samples, but for machine.start_state"
+        )
+    place = np.array([np.flatnonzero(after.numbers == k)[0] for k in numbers])
+    end = after.terminal_error[place] + after.plan.wanted(after.plan.duration)
+    return replace(draws, start=after.end_state[place].T, pose=end[:, 1:].T)
 
 
 TOUCH_MACHINES, TOUCH_INSTANTS = 100, 500

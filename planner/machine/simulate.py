@@ -352,8 +352,11 @@ def _tell(progress: Progress | None, before: int, runs: int, share: float) -> No
 
 def _start(plan: Plan, draws: Draws) -> Array:
     """Return the true coordinates at the start, (N, S): those of the plan plus each machine's
-    initial errors of the angles."""
+    initial errors of the angles, or the pose in which another run left each."""
     q = np.repeat(plan.q(0.0)[:, None], draws.count, axis=1)
+    if draws.pose is not None:
+        q[1:] = draws.pose
+        return q
     angular = [i for i, c in enumerate(plan.problem.system.coordinates) if c.unit == "rad" and i]
     errors = np.broadcast_to(np.deg2rad(draws["initial_angle_error_deg"]), q[1:].shape)
     q[angular] += errors[np.array(angular) - 1]

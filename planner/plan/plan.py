@@ -202,6 +202,19 @@ class Plan(Frozen):
         return self.method if self.compensation is None else f"{self.method} {COMPENSATED}"
 
     @property
+    def start_words(self) -> str:
+        """Phrase that says for which arm a compensated plan's commands hold: where and in which
+        state it rests before, and after which plan if its notes name one; "" for other plans."""
+        if self.compensation is None:
+            return ""
+        pose = ", ".join(f"{a:.4g}" for a in np.rad2deg(self.q(0.0)[1:]))
+        state = self.compensation.machine["start_state"]
+        listed = [state] if isinstance(state, str) else state
+        said = ", ".join(a if isinstance(a, str) else f"{a:.3g}" for a in listed)
+        last = f" after {self.notes['after']}" if "after" in self.notes else ""
+        return f"for an arm that rests at ({pose}) deg{last}, state {said}"
+
+    @property
     def clock(self) -> Clock:
         """Map from a compensated plan's time to the original plan's time; else the identity."""
         if self.compensation is None:

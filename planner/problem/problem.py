@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -54,6 +54,19 @@ from planner.systems.manipulator import (
     prototype_ratios,
 )
 from planner.systems.triangular_system import TriangularSystem
+
+
+class PlanBefore(Protocol):
+    """What a problem asks of the plan that an arm ran last; see `planner.Plan`."""
+
+    @property
+    def problem(self) -> Problem:
+        """The problem that the plan solves."""
+
+    @property
+    def notes(self) -> Mapping[str, Any]:
+        """Facts, among them `end_state`, entries of `machine.start_state`, and `end_theta_deg`."""
+
 
 WIDEST_FREE_JOINT_RAD = np.deg2rad(88.0)
 """Largest |θ| at the goal for a joint that the goal leaves free, unless the joint's limit is
@@ -327,6 +340,40 @@ class Problem(Frozen):
                 stacklevel=2,
             )
             return there
+
+    def after(self, last: PlanBefore, theta_deg: ArrayLike | None = None) -> Problem:
+        """Return the same task for an arm that has just run another plan.
+
+        The start pose is where `last` ends, predicted for its machine, and `machine.start_state` is
+        the state of backlash and shafts in which it leaves the arm.
+
+        Args:
+            last: A compensated plan of the same arm, or a homing motion.
+            theta_deg: θ₁ … θₙ, degrees, as read after that run. Needed after homing, which ends
+                where the encoders say.
+
+        Raises:
+            InputError: If `last` is of another system or does not tell its end state, if it needs a
+                pose that is not given; else as for `from_pose`.
+        """
+        state = last.notes.get("end_state")
+        if last.problem.system != self.system:
+            raise InputError("the last plan is of another arm", self.source)
+        if state is None:
+            raise InputError(
+                "the last plan does not tell the state in which it leaves the arm: name a plan made"
+                " with compensation.on = true, or a homing motion",
+                self.source,
+            )
+        if theta_deg is None:
+            theta_deg = last.notes.get("end_theta_deg")
+        if theta_deg is None:
+            raise InputError(
+                "a homing motion ends where the encoders say: give the pose read after it, too"
+                " (--pose-from)",
+                self.source,
+            )
+        return self.changed({"machine.start_state": state}).from_pose(theta_deg)
 
     def within_reach(self) -> Problem:
         """Return the problem without the obstacles that no link can reach."""

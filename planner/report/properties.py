@@ -73,6 +73,9 @@ def properties(motion: Plan, summary: Mapping[str, Any]) -> Rows:
         slower = notes.get("slowed_for_compensation", 1.0) - 1
         pace = f", {slower:.0%} slower than its fastest," if slower else ""
         yield "compensated", f"{before}the plan{pace}{pauses}{after}"
+        yield "holds", motion.start_words
+        state = [f"{each:.3g}" for each in notes.get("end_state", ())]
+        yield "ends in the state", ", ".join(state) or "not told"
         now, plain = number(compensation["E_deg"]), number(compensation["plain_E_deg"])
         yield "off the path", f"up to {now} deg on the nominal machine, uncompensated {plain} deg"
         yield "on random machines", CommandLine.of("planner", "compare", *problem_words(problem))

@@ -92,3 +92,29 @@ def test_wrong_words_are_bad_input(run: Callable, tmp_path: Path) -> None:
         result = run(*words)
         assert result.status == 2
         assert says in result.err
+
+
+def test_goals_in_a_row_name_the_plan_before(run: Callable, tmp_path: Path) -> None:
+    first, second = tmp_path / "first.json", tmp_path / "second.json"
+    on = ("--set", "compensation.on=true")
+    assert run("plan", PAPER, *on, "--out", first).status == 0
+    last = planner.load_plan(first)
+    goal = ("--set", "goal.theta_deg=[10, 10, 10]", "--set", "goal.travel=free", *on)
+    made = run("plan", PAPER, *goal, "--after", first, "--out", second, "--json")
+    assert made.status == 0
+    plan = planner.load_plan(second)
+    assert plan.problem.machine.start_state == last.notes["end_state"]
+    assert np.rad2deg(plan.q(0.0)[1:]) == pytest.approx(last.notes["end_theta_deg"], abs=1e-6)
+    assert made.json["notes"]["end_state"] == plan.notes["end_state"]
+    assert made.json["notes"]["after"] == "first.json"
+    told = run("export", second, "--out", tmp_path / "second.csv")
+    words = "for an arm that rests at (30, 30, 30) deg after first.json, state -1, -1,"
+    assert words in told.err
+    data = run("export", second, "--out", tmp_path / "a.csv", "--json").json
+    assert data["after"] == "first.json"
+    assert data["start"] == plan.start_words
+    assert "after first.json, state -1" in plan.start_words
+    run("plan", PAPER, "--out", first)
+    refused = run("plan", PAPER, "--after", first)
+    assert refused.status != 0
+    assert "does not tell the state in which it leaves the arm" in refused.err

@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.machine.feedforward.correction import Correction
-from planner.machine.feedforward.legs import MOST_AWAYS_DEG
+from planner.machine.feedforward.legs import MOST_AWAYS_DEG, unknown_rad
 from planner.machine.feedforward.prediction import Prediction, predict
 from planner.machine.feedforward.shaping import CommandShape, MotorCommands
 from planner.machine.machine import Machine
@@ -27,7 +27,8 @@ CUT_SHORT_WORDS = "ended the compensation; these are the best commands so far"
 """Note of a plan whose compensation ran out of time."""
 
 STATE_DIGITS = 5
-"""Digits behind the point of an entry of `end_state`: a thousandth of a degree is 0.0002."""
+"""Digits behind the point of the end's state and pose in degrees: less than a ten-thousandth of a
+degree."""
 
 
 def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
@@ -85,9 +86,12 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
         "holds_s": [[begin, end] for begin, end in candidate.clock.holds],
         "uneven": _worst_joints(shape, system),
         "rounds": correction.rounds,
+        "unknown_deg": float(np.rad2deg(unknown_rad(machine, system))),
     }
     state = np.round(prediction.end_state, STATE_DIGITS).tolist()
-    every = {**plan.notes, "compensation": notes, "end_state": state}
+    pose = np.round(np.rad2deg(prediction.end[1:]), STATE_DIGITS).tolist()
+    ends = {"end_state": state, "end_theta_deg": pose}
+    every = {**plan.notes, "compensation": notes, **ends}
     candidate = replace(candidate, notes=every)
     return mark_cut_short(candidate, span, CUT_SHORT_WORDS) if was_cut_short else candidate
 

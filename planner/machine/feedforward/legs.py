@@ -107,6 +107,18 @@ def start_shares(machine: Machine, system: Manipulator) -> Array:
     return np.nan_to_num(draw_start(machine.nominal(), system.n, first, 0))[:, 0]
 
 
+def unknown_rad(machine: Machine, system: Manipulator) -> float:
+    """Return the largest lost motion of a passive joint whose state before the start is unknown,
+    rad; 0 if all are known.
+
+    A joint is a play operator: two arms that differ in their past alone stay apart by their
+    difference, whatever the commands. From the middle of the range that is up to the lost motion.
+    """
+    state = machine.start_state * (system.n if len(machine.start_state) == 1 else 1)
+    unknown = np.array([each == "unknown" for each in state[1 - system.n :]])
+    return float(np.max(lost_motion(system, machine) * unknown))
+
+
 def legs_of(
     plan: Plan,
     system: Manipulator,

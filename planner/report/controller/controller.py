@@ -350,6 +350,7 @@ def _readme(plan: Plan, machine: Machine, design: TrackerDesign, real: str) -> s
         periods=len(ref.feed),
         lead=f"{-clock.begin:.4g}",
         before=_before(plan, machine, design),
+        start=plan.start_words or "for an arm that rests at the pose below",
         over=f"{max(0.0, ref.s[-1] - plan.duration):.2g}",
         order=order,
         inputs=", ".join(

@@ -20,6 +20,7 @@ import pytest
 import planner
 from planner import Problem
 from planner.machine import compiled
+from planner.report.result_folder import MARKER, folder
 
 sys.path += [str(Path(__file__).parent / name) for name in ("benchmarks", "installed")]
 
@@ -70,8 +71,8 @@ def test_there_are_ten_pictures_in_the_gallery() -> None:
 def test_every_page_of_results_is_signed() -> None:
     folders = {path.name for path in pages.RESULTS.iterdir()}
     assert folders == set(pages.DEPENDENCIES)
-    for folder in folders:
-        assert pages.SIGNATURE.search((pages.RESULTS / folder / "README.md").read_text("utf-8"))
+    for name in folders:
+        assert pages.SIGNATURE.search((pages.RESULTS / name / "README.md").read_text("utf-8"))
     for names in pages.DEPENDENCIES.values():
         assert all(pages._files(pages.ROOT, name) for name in names)
 
@@ -131,6 +132,28 @@ def test_a_page_is_signed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert once.startswith(
         "# Suite\n\n<small>Fingerprint `" + pages.fingerprint(pages.DEPENDENCIES["suite"])
     )
+
+
+def test_a_folder_of_results_lists_its_files_and_the_next_run_replaces_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As git holds them; a page that was signed or edited is listed as it is then."""
+    lists = sorted(pages.RESULTS.glob("*/" + MARKER))
+    assert len(lists) == 8
+    for path in lists:
+        page = path.parent.name
+        copy = tmp_path / page
+        shutil.copytree(path.parent, copy)
+        with folder(copy):
+            pass
+        assert [p.name for p in copy.iterdir()] == [MARKER], f"results_pages.py --list {page}"
+    monkeypatch.setattr(pages, "RESULTS", tmp_path)
+    with folder(tmp_path / "suite") as place:
+        (place / "README.md").write_text("# Suite\n", encoding="utf-8")
+    pages.sign("suite")
+    with folder(tmp_path / "suite"):
+        pass
+    assert [p.name for p in (tmp_path / "suite").iterdir()] == [MARKER]
 
 
 def test_frameworks_that_are_not_installed_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:

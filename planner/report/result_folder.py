@@ -98,10 +98,13 @@ def _list_files(top: Path) -> None:
 
 
 def list_file(file: Path) -> None:
-    """Add a file that was written into a finished folder to the folder's list, if it has one."""
+    """List a file in a finished folder as it is now, if the folder has a list."""
     with suppress(FileNotFoundError), open(file.parent / MARKER, "r+b") as marker:
-        marker.seek(0, os.SEEK_END)
-        marker.write(_line(file, file.parent))
+        name = _name(file, file.parent)
+        others = [line for line in marker if line[DIGEST_LENGTH:] != name]
+        marker.seek(0)
+        marker.truncate()
+        marker.writelines([*others, _line(file, file.parent)])
 
 
 def _staging_folder(parent: Path) -> Path:

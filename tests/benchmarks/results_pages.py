@@ -5,6 +5,7 @@ comments, docstrings and layout may change.
 
     python tests/benchmarks/results_pages.py               the pages whose code has changed
     python tests/benchmarks/results_pages.py --sign suite  after its command has made a page anew
+    python tests/benchmarks/results_pages.py --list suite  after a page was edited by hand
 """
 
 from __future__ import annotations
@@ -109,6 +110,14 @@ def sign(page: str, root: Path = ROOT) -> None:
     of = ", ".join(_files_named(name) for name in names)
     line = f"<small>Fingerprint `{fingerprint(names, root)}` of {of}</small>"
     path.write_text(f"{text}\n\n{line}\n", encoding="utf-8")
+    list_page(page)
+
+
+def list_page(page: str) -> None:
+    """List the page in its folder as it is now: else the next run keeps it as another's work."""
+    from planner.report.result_folder import list_file  # fingerprints need no package
+
+    list_file(RESULTS / page / "README.md")
 
 
 def _files_named(name: str) -> str:
@@ -129,9 +138,10 @@ def main() -> None:
     """Sign a page, or list those that are stale and end with status 1 if there are some."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sign", metavar="PAGE", choices=sorted(DEPENDENCIES))
+    parser.add_argument("--list", metavar="PAGE", choices=sorted(DEPENDENCIES))
     asked = parser.parse_args()
-    if asked.sign:
-        sign(asked.sign)
+    if asked.sign or asked.list:
+        sign(asked.sign) if asked.sign else list_page(asked.list)
         return
     pages = stale()
     for page in pages:

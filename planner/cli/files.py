@@ -130,7 +130,7 @@ def animate(
     \b
     Examples:
       planner animate plan.json --out plan.gif
-      planner animate polynomial.json collocation.json --speed 2 --out both.mp4
+      planner animate out/paper/plans/*.json --speed 2 --out all.mp4
     """
     check_film(out, fps, speed)
     motions = plans_by_label(plans)

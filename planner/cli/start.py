@@ -72,7 +72,7 @@ def new(
     \b
     Examples:
       planner new
-      planner new arm.toml --joints 4 --full
+      planner new four.toml --joints 4 --full
       planner new lane-change.toml --system car
     """
     refuse_unwritable(file)

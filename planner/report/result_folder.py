@@ -45,7 +45,7 @@ def refuse_unwritable_folder(path: str | Path) -> None:
             raise InputError(f"{target} is the current folder; name another folder")
         # Another command may be replacing the folder: one that vanishes is no hindrance.
         with suppress(FileNotFoundError):
-            if not (target / MARKER).exists() and any(target.iterdir()):
+            if (names := {each.name for each in target.iterdir()}) and MARKER not in names:
                 raise InputError(
                     f"{target} holds files that are not from an earlier run; name another folder"
                 )
@@ -129,8 +129,9 @@ def _install(staging: Path, target: Path) -> None:
         try:
             os.replace(staging, target)
             break
-        except OSError:
-            if not target.exists():
+        except OSError as error:
+            # Another's folder may have been there, and be gone by now.
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST) and not target.exists():
                 for old in earlier[-1:]:
                     os.replace(old, target)
                 raise
@@ -139,6 +140,7 @@ def _install(staging: Path, target: Path) -> None:
         while old.exists():
             try:
                 target.mkdir(exist_ok=True)
+                (target / MARKER).touch()
                 _move_into(old, target)
             except OSError as error:
                 if error.errno not in (errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST):

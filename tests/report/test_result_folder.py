@@ -201,3 +201,27 @@ def test_one_whose_folder_is_taken_tries_again(
     assert len(calls) == 4
     assert listing(tmp_path) == {"run", f"run/{MARKER}", "run/table", "run/mine", "run/late"}
     assert (target / "table").read_text() == "new"
+
+
+def test_one_whose_folder_was_taken_and_is_gone_again_tries_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And what others put there is moved into a folder that the next command takes for ours."""
+    target = tmp_path / "run"
+    write(target, table="old")
+    (target / "mine").write_text("mine")
+    real, calls = os.replace, []
+
+    def overtaken(a: Any, b: Any) -> None:
+        calls.append(a)
+        if len(calls) == 2:
+            raise OSError(errno.ENOTEMPTY, os.strerror(errno.ENOTEMPTY))
+        real(a, b)
+        if Path(b) == target:  # another command is replacing it
+            real(target, tmp_path / "taken")
+
+    monkeypatch.setattr(os, "replace", overtaken)
+    write(target, table="new")
+    assert listing(target) == {MARKER, "mine"}
+    assert (tmp_path / "taken/table").read_text() == "new"
+    refuse_unwritable_folder(target)

@@ -76,6 +76,7 @@ def test_a_told_command_opens_the_notebooks(
         assert place == base + opened
         assert soon(lambda: urlopen(address)).status == 200
         served = urlopen(f"{base}api/contents/quick-tour.ipynb?{token}").read()
+    assert "Traceback" not in (home / "log").read_text()
     stored = json.loads((ROOT / "notebooks" / "quick-tour.ipynb").read_text("utf-8"))
     held = json.loads(served)["content"]["cells"]
     assert [cell["source"] for cell in held] == ["".join(c["source"]) for c in stored["cells"]]

@@ -31,6 +31,7 @@ SHORT = (
     "tests/cli/test_commands.py",
     "tests/methods/convex/test_convex_search.py",
     "tests/explorer/test_explorer_widget.py",
+    "tests/browser/test_notebook_server.py",
     "tests/plan/test_views.py",
     "tests/machine/test_kernel.py",
     "tests/methods/laws/test_polynomial.py",
@@ -44,9 +45,9 @@ SHORT = (
 )
 """Each dependency and extra is used: about two minutes on one core."""
 
-EXTRAS = "budget,cluster,tables,video"
-TOOLS = ("anywidget", "hypothesis", "jsonschema", "pytest", "pytest-xdist")
-"""Of the extras notebook and dev what the tests above import; Jupyter is in `make test`."""
+EXTRAS = "budget,cluster,notebook,tables,video"
+TOOLS = ("hypothesis", "jsonschema", "pytest", "pytest-xdist")
+"""Of the extra dev what the tests above import."""
 
 MAIN_JOB = ("compare", "problems/paper.toml", "--samples", "20", "--out", "out/installed")
 

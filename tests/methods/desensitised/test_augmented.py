@@ -59,7 +59,9 @@ def _responses(system: planner.TriangularSystem) -> tuple[NDArray[np.float64], p
         system, BPoly(bernstein, edges), BPoly(inputs[None].copy(), edges)
     )
     problem = planner.load_problem("problems/paper.toml")
-    fitted = replace(problem, system=system, start=q0, goal=nodes[-1], duration=1.5)
+    fitted = replace(
+        problem, system=system, start=q0, user_goal=system.user(nodes[-1]), duration=1.5
+    )
     return W, planner.Plan(fitted, "by hand", {}, curve)
 
 

@@ -87,8 +87,8 @@ def plan(
         --set method.polynomial.allow_singular=true
       planner plan arm.toml --machine my-machine.toml --pose-from homed.csv \\
         --set machine.start_state=forward --set compensation.on=true
-      planner plan next.toml --machine my-machine.toml --after plan.json \\
-        --set compensation.on=true --out next.json
+      planner plan arm.toml --machine my-machine.toml --after plan.json \\
+        --set goal.theta_deg=[40,30,20] --set compensation.on=true --out next.json
     """
     name = find_method(method).name
     task = read_problem(problem, changes, machine)

@@ -320,7 +320,7 @@ def test_the_tracker_follows_the_same_clock_and_ends_five_times_closer(
     turning: Plan, better: Plan
 ) -> None:
     """Lost motion is learnt before the start, and a loose path leaves room to allow for it."""
-    machine = MACHINE.with_(encoder_resolution_deg=0.02)
+    machine = MACHINE.with_(encoder_resolution_deg=0.02, encoder_noise_deg=False)
     loose = planner.Tracker(path_error_deg=1.0)
     plain, run, opened = (
         planner.replay(plan, machine, 8, seed=UNTUNED, feedback=feedback, record_s=None)

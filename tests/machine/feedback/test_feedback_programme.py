@@ -201,6 +201,6 @@ def test_rates_of_the_inputs_are_limited(unlimited: planner.Problem, machine: Ma
 def test_limited_rates_alone_are_no_reason_for_a_fallback(unlimited: planner.Problem) -> None:
     limits = {"input_rad_s": [0.5, 0.5], "input_rate_rad_s2": [2.0, 2.0], "z2_margin": 0.01}
     plan = planner.solve(unlimited.changed({"limits": limits}), "collocation", intervals=20)
-    machine = Machine.prototype(step_s=0.005)
+    machine = Machine.prototype(step_s=0.005, encoder_noise_deg=False)
     run = planner.replay(plan, machine, 10, seed=0, feedback=True, record_s=None)
     assert run.fallbacks.sum() == 0

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from planner.errors import InputError
 from planner.plan.quadrature import (
     POINTS,
     greatest,
@@ -179,12 +180,12 @@ class Objective(Frozen):
         """Weights of the six integrals that collocation minimises, shape (6,); see `Term.share`.
 
         Raises:
-            ValueError: If collocation has no integral for a term of `TERMS`.
+            InputError: If collocation has no integral for a term of `TERMS`.
         """
         out = np.zeros(6)
         for key in filter(TERMS.__contains__, self.terms):  # a method computes its own terms
             if not TERMS[key].share:
-                raise ValueError(f"collocation has no integral for the term '{key}'")
+                raise InputError(f"collocation has no integral for the term '{key}'")
             out += self.terms[key] * np.array(TERMS[key].share)
         return locked(out)
 

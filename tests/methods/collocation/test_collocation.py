@@ -287,7 +287,7 @@ def test_obstacle_is_named_with_a_change_that_was_tried(paper: Problem) -> None:
     worst = caught.value.violations[0]
     assert worst.label.startswith("joint theta")
     assert worst.value > worst.limit == pytest.approx(np.deg2rad(10.5))
-    wide = re.findall(r"at least ([\d.]+) deg", caught.value.advice or "")
+    wide = re.findall(r"limits\.joint_deg = ([\d.]+)", caught.value.advice or "")
     changed = {**narrow, "limits": {"input_rad_s": 0.5, "joint_deg": max(map(float, wide))}}
     assert verify(plan(paper, changed)).ok
 

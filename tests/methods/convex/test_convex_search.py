@@ -21,7 +21,7 @@ NOTHING = np.zeros(0)
 
 
 def best(travel: float, value: float) -> ClassOptimum:
-    final = Optimum(NOTHING, NOTHING, -1.0, value, value, "stand-in")
+    final = Optimum(NOTHING, NOTHING, -1.0, value, value)
     return ClassOptimum(FRAME.at(travel), final, value, NO_TOUCH, 1, -1.0)
 
 

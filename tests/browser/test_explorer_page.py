@@ -422,15 +422,3 @@ def test_the_mechanism_is_shown_beside_the_sliders_and_follows_them(
     picture(page, "mechanism", tmp_path)
     page.locator("[data-button=mechanism]").click()
     assert page.locator(".px-mechanism").is_hidden()
-
-
-def test_after_a_restart_of_the_kernel_the_page_says_what_to_do(loaded: Callable[..., Any]) -> None:
-    """Nobody hears it any more, and it went on planning for ever."""
-    page = loaded("gone")
-    settled(page)
-    page.evaluate("jupyterapp.commands.execute('notebook:restart-kernel')")
-    page.locator(".jp-Dialog .jp-mod-accept").click()
-    page.wait_for_selector(".jp-Dialog", state="detached")
-    slide(page, "goal.duration", 500)
-    said = "document.querySelector('.px-verdict').textContent.includes('run this cell again')"
-    page.wait_for_function(said)

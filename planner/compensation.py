@@ -15,7 +15,6 @@ import numpy as np
 
 from planner.errors import InputError, InputWarning, NoPlanError, TimeLimitError
 from planner.methods.judgement import judge_plan, judge_slowed, refusal
-from planner.methods.ranking import MEASURES
 from planner.methods.refusal import Change, try_changes
 from planner.methods.registry import find_method, merged_options
 from planner.plan.plan import Plan, mark_cut_short
@@ -147,15 +146,6 @@ def _try_settings(
             out.append(f"{change} ({words}not tried for lack of time)")
     return out, helps
 
-
-def _compensated_error_deg(plan: Plan) -> float:
-    """Return the 95th percentile, in degrees, of the compensated plan's error E over machines."""
-    from planner.machine.feedforward.follow import compensated_error_deg
-
-    return compensated_error_deg(plan)
-
-
-MEASURES["machine"] = _compensated_error_deg
 
 MOST_SHORTER = 4
 """Most times that a plan is shortened to fit `goal.duration_max`. The duration that compensation

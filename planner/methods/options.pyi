@@ -43,7 +43,6 @@ class Collocation(SolveKeywords, total=False):
     input: Literal["auto", "linear", "constant"]
     rest: Literal["auto"] | bool
     objective: Literal["auto", "effort", "smooth", "edge", "time", "mixed"]
-    criterion: Literal["objective", "machine"]
     effort_weight: float
     smoothness_weight: float
     edge_weight: float

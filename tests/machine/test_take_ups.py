@@ -305,17 +305,6 @@ def test_all_that_is_run_fits_in_its_duration(paper: planner.Problem) -> None:
         paper.changed({"goal.duration_max": 5})
 
 
-def test_of_several_paths_the_machines_choose() -> None:
-    problem = planner.load_problem("problems/crossing.toml", {"machine.step_s": 0.01})
-    plan = planner.solve(problem, criterion="machine")
-    errors = plan.notes["criterion"]
-    assert len(errors) > 1
-    assert plan.notes["start"] == min(errors, key=lambda each: each["E_p95_deg"])["start"]
-    car = planner.load_problem("problems/unicycle.toml")
-    with pytest.raises(planner.InputError, match="criterion"):
-        planner.solve(car, "collocation", criterion="machine")
-
-
 def test_the_tracker_follows_the_same_clock_and_ends_five_times_closer(
     turning: Plan, better: Plan
 ) -> None:

@@ -77,8 +77,6 @@ def compensation_changes(
             worst = max(uneven, key=lambda each: each["deg"])
             when = f"{worst['t_s']:.3g} s"
             why = f" (this reversal leaves {worst['joint']} {worst['deg']:.2g} deg off the path)"
-        if plan.options.get("criterion") == "objective":
-            other = f"another path (method.{plan.method}.criterion = 'machine') or {other}"
         out.append(f"{other}, so that the drive does not reverse at t = {when}{why}")
     if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # the error that spreads leave
         larger = f"larger {problem.limits.input_words}"

@@ -16,7 +16,6 @@ from planner.machine.feedforward.legs import MOST_AWAYS_DEG, unknown_rad
 from planner.machine.feedforward.prediction import Prediction, predict
 from planner.machine.feedforward.shaping import CommandShape, MotorCommands
 from planner.machine.machine import Machine
-from planner.machine.replay import replay
 from planner.plan.plan import Compensation, Plan, mark_cut_short
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support import deadline
@@ -135,18 +134,3 @@ def plan_with_commands(
     prediction = predict(out, machine, progress=lambda *_: deadline.check_stopped())
     moved = commands.trajectory(system, prediction.q_at(commands.t))
     return replace(out, trajectory=moved), prediction
-
-
-RANKED_MACHINES = 100
-"""Number of machines for comparing paths, enough to distinguish one degree."""
-
-
-def compensated_error_deg(plan: Plan) -> float:
-    """Return the 95th percentile of E, degrees, over the problem's machines, for the plan
-    compensated for them; infinite if time is up."""
-    machine = Machine.from_table(plan.problem.machine)
-    try:
-        answer = follow(plan, machine, plan.problem.compensation)
-    except TimeUpError:
-        return float("inf")
-    return replay(answer, machine, RANKED_MACHINES, 0, record_s=None).percentile(95)

@@ -29,14 +29,12 @@ from planner.methods.collocation.refusals import NAME, iterate_plan, no_goal, re
 from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.form import Mesh
 from planner.methods.collocation.transcription.unknowns import Iterate
-from planner.methods.ranking import MEASURES
 from planner.plan.plan import Plan, mark_cut_short
 from planner.problem.feasibility import why_too_short
 from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions
 from planner.support import deadline, progress
 from planner.support.deadline import Span, TimeUpError, time_advice
-from planner.systems.manipulator import Manipulator
 
 CUT_SHORT = "ended the search; this is the best motion found so far"
 
@@ -104,28 +102,14 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
     if not ways:
         raise no_goal(problem)
     near = () if warm is None else _near_motions(reached, options, warm)
-    best, errors = Best(options.accuracy), list[dict[str, Any]]()
-    if options.criterion == "machine" and not isinstance(problem.system, Manipulator):
-        raise InputError(
-            f"method.{NAME}.criterion = 'machine' is for arms with friction disks"
-            " (system.kind = 'manipulator'); use 'objective'",
-            source=problem.source,
-        )
+    best = Best(options.accuracy)
     search = Pipeline(ways, options, best, near)
-
-    def rank(motion: Candidate) -> tuple[int, float]:
-        if options.criterion == "objective":
-            return motion.rank
-        error = MEASURES[options.criterion](_plan(problem, motion, {}, options))
-        errors.append({"start": motion.start, "E_p95_deg": error})
-        return motion.exactness, -error
-
     with (
         deadline.time_limit(options.time_limit_s),
         deadline.time_limit(None, has_answer=best.holds) as span,
     ):
         try:
-            candidate = max(search.run(), key=rank, default=None)
+            candidate = max(search.run(), key=lambda each: each.rank, default=None)
         except deadline.TimeUpError:
             if warm is not None and not best.holds():
                 raise
@@ -133,8 +117,6 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
         if candidate is None:
             raise refusal(problem, search)
         notes = {"stage": candidate.stage, "tried": search.log}
-        if errors:
-            notes["criterion"] = errors
         plan = _plan(problem, candidate, notes, options)
         return mark_cut_short(plan, span, CUT_SHORT) if span.was_reached else plan
 

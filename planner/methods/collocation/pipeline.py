@@ -124,8 +124,7 @@ class Pipeline:
         """Refine these candidates; return those that are then accepted.
 
         All are accepted if the options give a start or no refinements. Refinement seldom lowers an
-        objective, so candidates that are worse than a refined one are left out, unless the
-        criterion is the error on a machine.
+        objective, so candidates that are worse than a refined one are left out.
         """
         options, least, refined = self.options, math.inf, list[Candidate]()
         for candidate in sorted(candidates, key=lambda each: each.solution.objective):
@@ -135,8 +134,7 @@ class Pipeline:
             good = done.exactness >= Exactness.ACCEPTED
             if good or not self._free or options.refinements == 0:
                 refined.append(done)
-                if options.criterion == "objective":
-                    least = min(least, done.solution.objective) if good else -math.inf
+                least = min(least, done.solution.objective) if good else -math.inf
             else:
                 self.last = done
         return refined
@@ -301,7 +299,7 @@ class Pipeline:
         assert target is not None
         free = [replace(problem, duration=None) for problem in self.routes]
         kind = "time" if np.isfinite(limits.input).all() else "mixed"
-        options = self.options.model_copy(update={"objective": kind, "criterion": "objective"})
+        options = self.options.model_copy(update={"objective": kind})
         progress.tell("looking for the fastest motion")
         hasty = Pipeline(free, options, None)
         hasty.paths = self.paths

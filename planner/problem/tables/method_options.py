@@ -279,12 +279,6 @@ class CollocationOptions(Table):
         " least duration. mixed: a weighted sum of duration and the others. auto: effort if the"
         " duration is fixed; else time if both inputs are limited; else mixed.",
     )
-    criterion: Literal["objective", "machine"] = Field(
-        "objective",
-        description="Which of the paths found is returned: the one with the best objective, or the"
-        " one whose compensated plan deviates least on the emulated machines (95th percentile of E"
-        " over 100 machines; arms only; each path takes some seconds).",
-    )
     effort_weight: Annotated[float, Field(gt=0)] = Field(
         1.0, description="Weight of the effort beside the duration in the objective 'mixed'."
     )

@@ -30,6 +30,12 @@ TURNING = """import planner
 problem = planner.load_problem("crossing.toml", {"compensation.on": True, "machine.step_s": 0.01})
 planner.explore(problem, samples=20)"""
 
+LEFT = {
+    "restarted": "jupyterapp.commands.execute('notebook:restart-kernel');",
+    "died": "kernel.requestExecute({code: 'import os; os._exit(1)'});",
+}
+"""How a kernel leaves its page, in a notebook of that name."""
+
 READY = """() => {
     const kernel = window.jupyterapp?.shell.currentWidget?.sessionContext?.session?.kernel;
     return kernel?.connectionStatus === "connected" && "jupyter.widget" in kernel._targetRegistry;
@@ -51,7 +57,8 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     for name in ("paper", "obstacle", "crossing"):
         shutil.copy(ROOT / "problems" / f"{name}.toml", folder)
     kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
-    for name, source in {"try": SOURCE, "slow": SLOW, "turning": TURNING, "gone": SOURCE}.items():
+    sources = {"try": SOURCE, "slow": SLOW, "turning": TURNING}
+    for name, source in {**sources, **dict.fromkeys(LEFT, SOURCE)}.items():
         cells = [nbformat.v4.new_code_cell(source)]
         whole = nbformat.v4.new_notebook(cells=cells, metadata=kernel)
         nbformat.write(whole, folder / f"{name}.ipynb")
@@ -422,3 +429,57 @@ def test_the_mechanism_is_shown_beside_the_sliders_and_follows_them(
     picture(page, "mechanism", tmp_path)
     page.locator("[data-button=mechanism]").click()
     assert page.locator(".px-mechanism").is_hidden()
+
+
+def with_kernel(page: Any, script: str) -> None:
+    """Start what need not end: a dialog, a cell."""
+    kernel = "jupyterapp.shell.currentWidget.sessionContext.session.kernel"
+    page.evaluate(f"() => {{ const kernel = {kernel}; {script} }}")
+
+
+@pytest.mark.parametrize("how", LEFT)
+def test_after_a_restart_of_the_kernel_the_page_says_so_and_running_the_cell_mends_it(
+    how: str, loaded: Callable[[str], Any], tmp_path: Path
+) -> None:
+    """Nobody hears the page any more, and it went on planning for ever."""
+    page = loaded(how)
+    page.set_viewport_size({"width": 1500, "height": 1500})
+    settled(page)
+    root = page.locator(".px")
+    verdict = page.locator(".px-verdict").text_content()
+    shown = drawn(page, "z2")
+    with_kernel(page, LEFT[how])
+    page.locator(".jp-Dialog .jp-mod-accept").click()
+    page.wait_for_selector(".px[data-kernel=gone]")
+    if how == "restarted":
+        picture(page, how, tmp_path)
+    moved = "(e) => { e.value = 500; e.dispatchEvent(new Event('input', {bubbles: true})) }"
+    page.locator("[data-control='goal.duration']").evaluate(moved)
+    page.wait_for_timeout(500)
+    assert root.get_attribute("data-kernel") == "gone"
+    assert drawn(page, "z2") == shown
+    assert page.locator(".px-verdict").text_content() == verdict
+    assert page.locator(".px-kernel").is_visible()
+    page.wait_for_function(READY)
+    with_kernel(page, "jupyterapp.commands.execute('notebook:run-all-cells');")
+    page.wait_for_selector(".px:not([data-kernel])")
+    settled(page)
+    slide(page, "goal.travel", 420)
+    settled(page)
+    assert page.locator(".px").count() == 1
+    assert drawn(page, "z2") != shown
+
+
+def test_while_another_cell_runs_the_page_says_that_the_kernel_is_silent(show: Any) -> None:
+    page = show("try")
+    verdict, shown = page.locator(".px-verdict").text_content(), drawn(page, "z2")
+    # Compiled code keeps the lock: newer kernels hear the page beside a cell of Python.
+    code = "import ctypes; ctypes.PyDLL(None).sleep(14)"
+    with_kernel(page, f"kernel.requestExecute({{code: '{code}'}});")
+    number = page.locator(".px").get_attribute("data-number")
+    page.locator("[data-button=code]").click()  # its answer brings no verdict
+    page.wait_for_selector(".px[data-kernel=silent]")
+    page.wait_for_selector(f".px[data-open='0']:not([data-kernel]):not([data-number='{number}'])")
+    assert page.locator(".px-verdict").text_content() == verdict
+    assert page.locator(".px-kernel").text_content() == ""
+    assert drawn(page, "z2") == shown

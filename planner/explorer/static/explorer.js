@@ -34,7 +34,10 @@ class DragChart extends TimeChart {
 const SOON = 250; // ms; a request that takes longer is shown as running and can be stopped
 const LONG = 1000; // ms; after this time new settings stop the running plan instead of waiting
 const PATIENCE = 10000; // ms; the kernel hears a request at once, and a stopped search should have answered by then
-const SILENT = "The kernel does not answer: it is busy, or it was restarted. After a restart run this cell again.";
+const KERNEL = {
+  silent: "The kernel does not answer: perhaps another cell is running.",
+  gone: "The kernel was restarted: run this cell again.",
+};
 const DOING = { judge: "verifying", errors: "on the machines", texts: "writing", mechanism: "drawing" };
 
 function render({ model, el }) {
@@ -44,10 +47,11 @@ function render({ model, el }) {
   const side = make("div", { class: "px-side" }), main = make("div", { class: "px-main" });
   const head = make("div", { class: "px-head" }), verdict = make("span", { class: "px-verdict", role: "status" });
   const stopper = make("button", { type: "button", text: "Stop", "data-button": "stop", hidden: "" });
+  const kernel = make("span", { class: "px-kernel", role: "status" });
   const facts = make("span", { class: "px-facts" }), words = make("div", { class: "px-words", tabindex: 0 });
   const grid = make("div", { class: "px-grid" }), texts = make("div", { class: "px-texts" });
   const live = make("div", { class: "px-live", "aria-live": "polite" });
-  head.append(verdict, stopper, facts);
+  head.append(verdict, stopper, kernel, facts);
   const mechanism = make("div", { class: "px-mechanism", tabindex: 0, hidden: "" });
   main.append(head, words, mechanism, grid, live, texts);
   root.append(side, main);
@@ -82,6 +86,7 @@ function render({ model, el }) {
   side.append(row);
 
   function set(name, value) {
+    if (side.inert) return;
     if (!waiting.size) waiting.began = performance.now();
     root.dataset.open = 1;
     waiting.set(name, value);
@@ -101,13 +106,40 @@ function render({ model, el }) {
   }
 
   function begin(kind, began, more = {}) {
+    if (side.inert) return;
     clearTimeout(resting);
     busy = { kind, number: ++number, began, sent: performance.now(), heard: false, stopped: 0 };
     root.dataset.open = 1;
     if (!(kind in DOING)) old();
-    model.send({ ask: kind, number, ...more });
     clearInterval(ticking);
     ticking = setInterval(tick, 100);
+    send({ ask: kind, number, ...more });
+  }
+
+  function send(content) {
+    try {
+      model.send(content);
+    } catch {
+      leave(); // after a restart of the kernel Jupyter refuses to send
+    }
+  }
+
+  function connection(state) {
+    kernel.textContent = KERNEL[state] ?? "";
+    if (state) root.dataset.kernel = state;
+    else delete root.dataset.kernel;
+  }
+
+  // The kernel was restarted and knows this page no more: the picture stays, what was asked for does not come.
+  function leave() {
+    clearTimeout(resting);
+    clearInterval(ticking);
+    connection("gone");
+    if (!root.dataset.kind) verdict.textContent = facts.textContent = words.textContent = "";
+    root.classList.remove("px-busy");
+    busy = null;
+    waiting.clear();
+    side.inert = stopper.hidden = true;
   }
 
   // Remove the verdict: the picture no longer belongs to the current settings.
@@ -123,10 +155,8 @@ function render({ model, el }) {
     if (ms < SOON) return;
     const { kind } = busy;
     const since = (moment) => performance.now() - moment;
-    if (busy.heard ? busy.stopped && since(busy.stopped) > PATIENCE : since(busy.sent) > PATIENCE) {
-      verdict.textContent = SILENT;
-      return;
-    }
+    const silent = busy.heard ? busy.stopped && since(busy.stopped) > PATIENCE : since(busy.sent) > PATIENCE;
+    connection(silent ? "silent" : undefined);
     const plans = !(kind in DOING);
     root.classList.toggle("px-busy", plans);
     charts.get("error")?.host.classList.toggle("px-past", plans || kind === "errors");
@@ -144,7 +174,7 @@ function render({ model, el }) {
     busy.stopped ||= performance.now();
     stopper.disabled = atOnce;
     stopper.textContent = "Stop now"; // without refining the best plan found so far
-    model.send({ ask: "stop", number: busy.number, at_once: atOnce });
+    send({ ask: "stop", number: busy.number, at_once: atOnce });
   }
 
   function answered(reply) {
@@ -154,6 +184,7 @@ function render({ model, el }) {
     const done = busy;
     busy = null;
     clearInterval(ticking);
+    connection();
     stopper.hidden = true;
     stopper.disabled = false;
     stopper.textContent = "Stop";
@@ -294,6 +325,7 @@ function render({ model, el }) {
   }
 
   model.on("msg:custom", answered);
+  model.on("comm_live_update", leave); // Jupyter's word, at once, that the kernel was restarted
   stopper.onclick = () => stop(Boolean(busy?.stopped));
   ask("picture");
   return () => {
@@ -301,6 +333,7 @@ function render({ model, el }) {
     clearInterval(ticking);
     watch.disconnect();
     model.off("msg:custom", answered);
+    model.off("comm_live_update", leave);
   };
 }
 

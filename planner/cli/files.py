@@ -87,6 +87,7 @@ def export(
     data |= {"only_sampled": motion.only_sampled, "claimed": motion.claimed}
     data |= {"jumps": motion.jump_words or None, "on_machines": touch[0]}
     data |= {"start": motion.start_words or None, "after": motion.notes.get("after")}
+    data["worth"] = motion.worth and motion.worth.model_dump()
     words = f"; send the motors {sent}" * bool(sent)
     if miss:
         off = ", ".join(f"{each} {number(value)}" for each, value in miss.items())

@@ -115,7 +115,7 @@ def plan(
     if search_ended_early():
         status = ReportedStatus(INTERRUPT_STATUS)
         say("planner: interrupted: this is the best plan found so far")
-    rows = [*properties(motion, summary), ("time", _time(summary, took))]
+    rows = [*properties(motion, summary, machine), ("time", _time(summary, took))]
     rows += [("emulated", touch)] * bool(touch)
     parts = (f"{task.name}: {name}", facts(rows), "", _verdict(motion))
     return finish(summary, *parts, status=status, where="plan written to {}")

@@ -117,7 +117,9 @@ class Comparison(Frozen):
         """The headline before, at and after the first mention of the recommended plan's label."""
         start, label, rest = headline(self.rows, self.threshold_deg, self.machine.fidelity)
         partial = "" if self.complete else "Interrupted: only the finished rows count. "
-        return partial + start, label, rest
+        worth = self.machine.worth
+        known = "" if worth is None else f"The machine was identified: {worth.words}. "
+        return partial + known + start, label, rest
 
     @cached_property
     def recommended(self) -> Row | None:
@@ -311,7 +313,7 @@ def _settings(comparison: Comparison) -> dict[str, Any] | None:
     if settings is None:
         return None
     usual = Machine.from_table(problem.machine).to_dict()
-    return settings | {f"machine.{k}": v for k, v in machine.to_dict().items() if v != usual[k]}
+    return settings | {f"machine.{k}": v for k, v in machine.to_dict().items() if v != usual.get(k)}
 
 
 def _worst_machines(comparison: Comparison) -> list[str]:

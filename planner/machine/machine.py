@@ -27,7 +27,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError, expect, factory
-from planner.problem.tables.machine_effects import EFFECTS, MachineTable, Spread, start_mismatch
+from planner.problem.tables.machine_effects import (
+    EFFECTS,
+    MachineTable,
+    Spread,
+    Worth,
+    start_mismatch,
+)
 from planner.support.arrays import Array, Frozen, locked, plain
 from planner.support.files import read_toml
 from planner.support.user_tables import allowed_hint, parse
@@ -75,6 +81,7 @@ class Machine(Frozen):
             manipulators only; other systems have no mechanism between motor and motion.
         start_state: How the arm came to rest before the start: one word, or a word or share −1 … 1
             for each joint, before them perhaps one for the gearhead of motor 1.
+        worth: How far plans for the machine can be believed, if it was identified; else None.
         source: File that the machine was read from, for messages and commands only.
     """
 
@@ -83,6 +90,7 @@ class Machine(Frozen):
     effects: Mapping[str, Quantity]
     fidelity: str = "quasi-static"
     start_state: tuple[str | float, ...] = ("unwound",)
+    worth: Worth | None = None
     source: str = ""
 
     @classmethod
@@ -131,7 +139,7 @@ class Machine(Frozen):
         states = tuple(each if isinstance(each, str) else each + 0.0 for each in given)  # no -0.0
         if len(states) == 1 and not isinstance(states[0], str):
             raise InputError("machine.start_state: one entry for all joints must be a word")
-        return cls(table.preset, step, effects, fidelity, states)
+        return cls(table.preset, step, effects, fidelity, states, table.worth)
 
     # -- variations ----------------------------------------------------------------------------
 
@@ -213,6 +221,7 @@ class Machine(Frozen):
             "step_s": self.step_s,
             "fidelity": self.fidelity,
             "start_state": first if len(self.start_state) == 1 else list(self.start_state),
+            **({"worth": self.worth.model_dump(exclude_none=True)} if self.worth else {}),
             **settings,
         }
 

@@ -324,7 +324,10 @@ class Replay(Recording, Frozen):
         rows = [(each.title, f"{number(each.of(self))} deg") for each in statistics]
         words = {"slip": self.slip_words, "limits": self.limit_words}
         rows += [(name, text or "none") for name, text in words.items()]
-        return facts([("machines", f"{len(self.numbers)}, seed {self.seed}"), *rows])
+        first = [("machines", f"{len(self.numbers)}, seed {self.seed}")]
+        if worth := self.machine.worth:
+            first.append(("on the arm", worth.words))
+        return facts([*first, *rows])
 
     def plot(self) -> Figure:
         """Draw the motions with `planner.report.plot_replays`."""
@@ -342,6 +345,7 @@ class Replay(Recording, Frozen):
         return {
             "samples": len(self.numbers),
             "seed": self.seed,
+            "worth": self.machine.worth and self.machine.worth.model_dump(),
             **{name: statistic.of(self) for name, statistic in STATISTICS.items()},
             "terminal_error_median_deg": np.median(self.terminal_error_deg, axis=0).tolist(),
             "largest_error_median_deg": np.median(self.largest_error_deg, axis=0).tolist(),

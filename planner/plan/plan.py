@@ -29,6 +29,7 @@ from planner.plan.measures import (
 )
 from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Problem
+from planner.problem.tables.machine_effects import Worth
 from planner.support.arrays import Array, Frozen, floats, jsonable, locked
 from planner.support.deadline import Span
 from planner.support.files import write_text
@@ -164,12 +165,22 @@ class Plan(Frozen):
         return self.certificate.only_sampled
 
     @property
+    def worth(self) -> Worth | None:
+        """How far the plan's machine can be believed, if it was identified; else None."""
+        if self.compensation is None:
+            return self.problem.machine.worth
+        told = self.compensation.machine.get("worth")
+        return None if told is None else Worth(**told)
+
+    @property
     def reservations(self) -> list[str]:
-        """Phrases on requirements that are only sampled, figures that only the file claims, and
-        inputs that jump at an end."""
+        """Phrases on the identified machine that a compensated plan is for, on requirements that
+        are only sampled, on figures that only the file claims, and on inputs that jump at an end.
+        """
         said = {"only sampled": self.only_sampled, "only its file says": self.claimed}
         said_of = [f"{words}: {shown_labels(labels)}" for words, labels in said.items() if labels]
-        return [*said_of, *[self.jump_words] * bool(self.jump_words)]
+        belief = [self.worth.words] if self.compensation is not None and self.worth else []
+        return [*belief, *said_of, *[self.jump_words] * bool(self.jump_words)]
 
     @property
     def jump_words(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from planner.errors import InputError
@@ -30,9 +30,14 @@ def changed_settings(
     return _differences(filed.to_dict(), problem.to_dict())
 
 
-def problem_words(problem: Problem) -> list[str]:
-    """Return the words of a command line that name a problem: file and `--set` options."""
-    return [problem.source, *set_words(changed_settings(problem) or {})]
+def problem_words(
+    problem: Problem, options: Sequence[str] = (), changes: Mapping[str, Any] | None = None
+) -> list[str]:
+    """Return the words of a command line that name a problem: file, options and `--set` options.
+
+    `options`, such as `--machine FILE`, make the `changes` of the file.
+    """
+    return [problem.source, *options, *set_words(changed_settings(problem, changes) or {})]
 
 
 def set_words(settings: Mapping[str, Any]) -> list[str]:

@@ -186,7 +186,7 @@ def summary_keys(system: TriangularSystem) -> list[str]:
     return [
         *_OF_PLAN, *known, "direction", "terminal_error", "terminal_error_deg", "executable",
         "starts_at_rest", "ends_at_rest", "z2_max", "singular_times_s", "reason", "violations",
-        "advice", "certificate", "notes",
+        "advice", "certificate", "worth", "notes",
     ]  # fmt: skip
 
 
@@ -217,6 +217,7 @@ def plan_summary(plan: Plan, check: Check | None = None) -> dict[str, Any]:
         "singular_times_s": list(plan.domain.singular_times_s),
         "violations": [_violation(v) for v in check.violations],
         "certificate": None if plan.certificate is None else plan.certificate.to_dict(),
+        "worth": plan.worth and plan.worth.model_dump(),
         "notes": dict(plan.notes),
     }
 

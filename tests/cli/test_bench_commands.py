@@ -74,6 +74,37 @@ def test_a_machine_that_is_no_better_is_written_only_on_request(
     assert table.exists()
 
 
+def test_what_a_machine_is_worth_travels_with_it(run: Callable, tmp_path: Path) -> None:
+    mine, out, worth = tmp_path / "mine.toml", tmp_path / "plan.json", {"half_width_deg": 1.3}
+    worth |= {"tested": True, "improves": True}
+    machine = planner.Machine.prototype(worth=worth).nominal()
+    assert machine.worth.half_width_deg == 1.3
+    mine.write_text(
+        "[machine]\nworth = {tested = true, improves = true, half_width_deg = 1.3}\n", "utf-8"
+    )
+    assert planner.load_machine(mine).worth == machine.worth
+    homed = ("--machine", mine, "--set", "machine.start_state=forward")
+    words = ("plan", PAPER, *homed, "--set", "compensation.on=true", "--out", out)
+    assert run(*words, "--json").json["worth"] == worth
+    text = run(*words).words
+    assert "+- 1.3 deg" in text
+    assert "--machine" in text
+    assert "machine.backlash_deg" not in text
+    plan = planner.load_plan(out)
+    assert plan.worth == machine.worth
+    assert machine.worth.words in plan.reservations
+    exported = run("export", out, "--out", tmp_path / "plan.csv", "--json").json
+    assert exported["worth"] == worth
+    plain = run("compare", PAPER, *homed, "--methods", "polynomial", "-n", "2", "--json").json
+    assert plain["machine"]["worth"] == worth
+    assert machine.worth.words in plain["headline"]
+    assert plain["rows"][0]["replay"]["worth"] == worth
+    mine.write_text("[machine]\nbacklash_deg = 2.0\n", "utf-8")  # as earlier versions wrote it
+    assert planner.load_machine(mine).worth is None
+    untested = planner.Machine.prototype(worth={"tested": False})
+    assert planner.compensate(plan.compensates, untested.nominal()).worth == untested.worth
+
+
 def test_homing_says_when_it_may_go_on(run: Callable, tmp_path: Path) -> None:
     result = run("motion", "homing", PAPER, "--out", tmp_path / "homing.json")
     assert "once every passive encoder is 1.5 deg above its least reading" in result.words

@@ -117,6 +117,10 @@ def test_only_a_run_that_reverses_tests_the_machine(found: Identification, motio
     assert tested.half_width_deg == pytest.approx(2.13 * np.sqrt(np.mean(rms**2)))
     assert tested.half_width_deg < 0.15
     assert f"within about {tested.half_width_deg:.2g} deg" in tested.to_toml()
+    worth = tested.machine.worth
+    assert worth is not None
+    assert (worth.tested, worth.improves) == (True, True)
+    assert worth.half_width_deg == pytest.approx(tested.half_width_deg, rel=0.01)
     alike = replace(found, kept_out=other, preset=found.machine)
     assert (alike.improves, alike.verdict) == (False, "no better")
 
@@ -126,6 +130,9 @@ def test_the_machine_is_one_like_any_other(
 ) -> None:
     path = found.save(tmp_path / "mine.toml")
     assert load_machine(path) == found.machine
+    assert found.machine.worth is not None
+    assert load_machine(path).worth == found.machine.worth
+    assert not found.machine.worth.tested
     text = path.read_text("utf-8")
     assert "One number stands for several. lost motion: backlash, friction" in text
     problem = load_problem(

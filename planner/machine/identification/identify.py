@@ -106,7 +106,7 @@ class Identification(Frozen):
 
     Attributes:
         machine: The identified machine, without spreads except those of the state at the start of a
-            run. Its encoders have the noise of the runs.
+            run. Its encoders have the noise of the runs; its `worth` says how far to believe it.
         preset: The machine with which the search began.
         problem: The problem that defines the arm.
         logs: The logs that were fitted.
@@ -153,21 +153,23 @@ class Identification(Frozen):
         """Names of parameters that the logs hardly determine, so that they stay near the preset."""
         return tuple(e.parameter.name for e in self.estimates if e.told < 1 - PRIOR_SHARE)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        worth: dict[str, Any] = {"tested": self.improves is not None}
+        if worth["tested"]:
+            worth |= {
+                "improves": self.improves,
+                "half_width_deg": float(f"{self.half_width_deg:.3g}"),
+            }
+        object.__setattr__(self, "machine", self.machine.with_(worth=worth))
+
     @property
     def worth(self) -> str:
         """A sentence that says how far plans for this machine can be believed."""
-        if self.improves is None:
-            return (
-                "Not tested: keep out a run in which every joint after the first reverses"
-                " (planner motion excitation makes one; with several runs the last is kept out)."
-            )
-        width = f"{self.half_width_deg:.2g} deg"
-        if self.improves:
-            return f"A plan for this machine ends within about {width} of what is predicted."
-        return (
-            "This machine predicts the run that was kept out no better than the preset: the arm has"
-            f" effects that the model lacks. A plan ends within about {width} of what is predicted."
-        )
+        assert self.machine.worth is not None
+        words = self.machine.worth.words
+        hint = " (planner motion check makes one; give it last)" * (self.improves is None)
+        return f"{words[0].upper()}{words[1:]}{hint}."
 
     def predict(self, log: Log, machine: Machine | None = None) -> Log:
         """Predict the angles of a log from its commands.

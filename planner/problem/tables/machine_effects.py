@@ -188,6 +188,32 @@ def start_mismatch(state: Sequence[str | float], joints: int) -> str | None:
     )
 
 
+class Worth(Table):
+    """How far plans for an identified machine can be believed.
+
+    Written by `planner identify`, from its prediction of a run that was kept out of the fit. Only a
+    run in which every joint after the first reverses tests that.
+    """
+
+    tested: bool = Field(description="Whether such a run was kept out.")
+    improves: bool | None = Field(
+        None, description="Whether the machine predicts that run better than the preset does."
+    )
+    half_width_deg: Annotated[float, Field(ge=0)] | None = Field(
+        None,
+        description="About four of five plans end within this angle of the predicted end, degrees;"
+        " no confidence interval.",
+    )
+
+    @property
+    def words(self) -> str:
+        """Phrase that says so."""
+        if self.half_width_deg is None:
+            return "an arm may end anywhere: its machine was not tested by a run that reverses"
+        near = f"an arm ends within about {self.half_width_deg:.2g} deg of what is predicted"
+        return near + " (the preset predicts it no worse)" * (self.improves is False)
+
+
 class MachineTable(Table):
     """Overrides of a machine preset.
 
@@ -229,6 +255,10 @@ class MachineTable(Table):
         " state of joint 2), or with that gearhead's entry before them. An entry is a word or a"
         " number: 1 is forward, -1 backward, 0 the middle, as a share of each machine's own lost"
         " motion; a compensated plan has its last state as notes.end_state. Default: unwound.",
+    )
+
+    worth: Worth | None = Field(
+        None, description="How far plans for this machine can be believed, if it was identified."
     )
 
     control_period_s: Annotated[

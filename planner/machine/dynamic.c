@@ -17,7 +17,14 @@ static const double MOST_SHARE = 0.99, SLIP_SPEED_RAD_S = 1e-3, STICTION_SLOPE =
 static const int FULL_PASSES = 12, MOST_PASSES = 100, HALVINGS = 40;
 static const double NEAR_END = 1e-6;
 
+#ifdef _MSC_VER
+#define NOINLINE __declspec(noinline)
+#else
+#define NOINLINE __attribute__((noinline))
+#endif
+
 #define LINKS (1 + JOINTS)
+#define SIDES (1 + LINKS)
 
 /* Mass matrices and matrices derived from them are n x n for n links, row after row; coupled: whether
  * they are not diagonal. */
@@ -36,13 +43,13 @@ typedef struct {
     double ahead[PLAYS], stiff[PLAYS], half_gap[PLAYS];
 } Stage;
 
-static double clip(double x, double most) { return x > most ? most : x < -most ? -most : x; }
-static double larger(double a, double b) { return a > b ? a : b; }
-static int driver(const Rows *r, int j) { return j ? r->stages + j - 1 : r->disk; }
+INLINE double clip(double x, double most) { return x > most ? most : x < -most ? -most : x; }
+INLINE double larger(double a, double b) { return a > b ? a : b; }
+INLINE int driver(const Rows *r, int j) { return j ? r->stages + j - 1 : r->disk; }
 
 /* -- the laws ------------------------------------------------------------------------------ */
 
-static void relative(const Rows *r, const Stage *s, const double *v, const double *reference,
+INLINE void relative(const Rows *r, const Stage *s, const double *v, const double *reference,
                      double *w)
 {
     int m = r->m;
@@ -60,7 +67,7 @@ static void relative(const Rows *r, const Stage *s, const double *v, const doubl
         w[r->limited + i] = v[i] - v[r->disk + i];
 }
 
-static void torques(const Rows *r, const Stage *s, const double *w, double *torque)
+INLINE void torques(const Rows *r, const Stage *s, const double *w, double *torque)
 {
     for (int i = 0; i < r->limited; i++)
         torque[i] = clip(s->offset[i] + s->slope[i] * w[i], s->limit[i]);
@@ -71,7 +78,7 @@ static void torques(const Rows *r, const Stage *s, const double *w, double *torq
 }
 
 /* The piece of one law at a value; `before` if that is valid within rounding. */
-static double piece(double value, double edge, double room, double before, int limited)
+INLINE double piece(double value, double edge, double room, double before, int limited)
 {
     int inside = fabs(value) <= edge + room;
     if (before == 0 ? inside : before * value >= edge - room)
@@ -83,7 +90,7 @@ static double piece(double value, double edge, double room, double before, int l
 }
 
 /* Compute the pieces at these speeds; return whether any changed. */
-static int pieces_at(const Rows *r, const Stage *s, const double *v, double *pieces)
+INLINE int pieces_at(const Rows *r, const Stage *s, const double *v, double *pieces)
 {
     double w[LAWS];
     int changed = 0;
@@ -109,7 +116,7 @@ typedef struct {
     double c, s;
 } Line;
 
-static void lines(const Rows *r, const Stage *s, const double *pieces, Line *law)
+INLINE void lines(const Rows *r, const Stage *s, const double *pieces, Line *law)
 {
     for (int i = 0; i < r->limited; i++) {
         law[i].c = pieces[i] == 0 ? s->offset[i] : pieces[i] * s->limit[i];
@@ -122,59 +129,64 @@ static void lines(const Rows *r, const Stage *s, const double *pieces, Line *law
     }
 }
 
-static Line drawn(Line law, double drag, double push)
+/* Take body `of` and its law from the equations: `drag` and `push` of the body that drives it, at
+ * this ratio, gain its share. Only the first side has the law's constant part. */
+INLINE void take_out(Line law, int sides, int of, int to, double ratio, double *drag, double *push)
 {
-    double share = 1.0 / (drag + law.s);
-    Line out = {(law.c * drag - law.s * push) * share, law.s * drag * share};
-    return out;
+    double d = drag[of], share = 1.0 / (d + law.s);
+    drag[to] += ratio * ratio * (law.s * d * share);
+    for (int k = 0; k < sides; k++) {
+        double c = k ? 0.0 : law.c;
+        push[to * sides + k] -= ratio * ((c * d - law.s * push[of * sides + k]) * share);
+    }
 }
 
-/* Speeds without coupling, for linear laws; for `all_push` and `reference` see the stage. */
-static void tree(const Rows *r, const Stage *s, const Line *law, const double *all_push,
-                 const double *reference, double *v)
+/* Put body `of` back, once the speed of its driver is known. */
+INLINE void put_back(Line law, int sides, int of, int to, double ratio, const double *drag,
+                     const double *push, double *v)
+{
+    double d = drag[of] + law.s;
+    for (int k = 0; k < sides; k++)
+        v[of * sides + k] = (push[of * sides + k] + (k ? 0.0 : law.c) + law.s * ratio * v[to * sides + k]) / d;
+}
+
+/* Speeds without coupling, for linear laws, of several right-hand sides at once: `push` and `v` are
+ * bodies x sides. The first side is the stage's; the others have neither reference nor constants. */
+INLINE void tree(const Rows *r, const Stage *s, const Line *law, int sides, double *push, double *v)
 {
     int m = r->m;
-    double drag[BODIES], push[BODIES];
-    Line ask;
+    double drag[BODIES];
     memcpy(drag, s->drag, (size_t)r->bodies * sizeof(double));
-    memcpy(push, all_push, (size_t)r->bodies * sizeof(double));
     for (int i = 0; i <= m; i++) {
         drag[r->links + i] += law[2 + 2 * m + i].s;
-        push[r->links + i] -= law[2 + 2 * m + i].c;
+        push[(r->links + i) * sides] -= law[2 + 2 * m + i].c;
         drag[driver(r, i)] += law[3 + 3 * m + i].s;
-        push[driver(r, i)] -= law[3 + 3 * m + i].c;
+        push[driver(r, i) * sides] -= law[3 + 3 * m + i].c;
     }
     for (int j = m - 1; j >= 0; j--) {
-        int link = r->links + 1 + j, axis = r->axes + j, stage = r->stages + j;
-        double one = s->first[j], two = s->second[j];
-        ask = drawn(law[r->limited + 2 + j], drag[link], push[link]);
-        drag[axis] += ask.s;
-        push[axis] -= ask.c;
-        ask = drawn(law[2 + m + j], drag[axis], push[axis]);
-        drag[stage] += two * two * ask.s;
-        push[stage] -= two * ask.c;
-        ask = drawn(law[2 + j], drag[stage], push[stage]);
-        drag[driver(r, j)] += one * one * ask.s;
-        push[driver(r, j)] -= one * ask.c;
+        int axis = r->axes + j, stage = r->stages + j;
+        take_out(law[r->limited + 2 + j], sides, r->links + 1 + j, axis, 1.0, drag, push);
+        take_out(law[2 + m + j], sides, axis, stage, s->second[j], drag, push);
+        take_out(law[2 + j], sides, stage, driver(r, j), s->first[j], drag, push);
     }
     for (int i = 0; i < 2; i++) {
-        ask = drawn(law[r->limited + i], drag[r->disk + i], push[r->disk + i]);
-        v[i] = (push[i] - ask.c + law[i].c + law[i].s * reference[i]) /
-               (drag[i] + ask.s + law[i].s);
         Line play = law[r->limited + i];
-        v[r->disk + i] = (push[r->disk + i] + play.c + play.s * v[i]) / (drag[r->disk + i] + play.s);
+        take_out(play, sides, r->disk + i, i, 1.0, drag, push);
+        for (int k = 0; k < sides; k++)
+            v[i * sides + k] = (push[i * sides + k] + (k ? 0.0 : law[i].c) +
+                                law[i].s * (k ? 0.0 : s->reference[i])) / (drag[i] + law[i].s);
+        put_back(play, sides, r->disk + i, i, 1.0, drag, push, v);
     }
     for (int j = 0; j < m; j++) {
-        int link = r->links + 1 + j, axis = r->axes + j, stage = r->stages + j;
-        Line p1 = law[2 + j], p23 = law[2 + m + j], play = law[r->limited + 2 + j];
-        v[stage] = (push[stage] + p1.c + p1.s * s->first[j] * v[driver(r, j)]) / (drag[stage] + p1.s);
-        v[axis] = (push[axis] + p23.c + p23.s * s->second[j] * v[stage]) / (drag[axis] + p23.s);
-        v[link] = (push[link] + play.c + play.s * v[axis]) / (drag[link] + play.s);
+        int axis = r->axes + j, stage = r->stages + j;
+        put_back(law[2 + j], sides, stage, driver(r, j), s->first[j], drag, push, v);
+        put_back(law[2 + m + j], sides, axis, stage, s->second[j], drag, push, v);
+        put_back(law[r->limited + 2 + j], sides, r->links + 1 + j, axis, 1.0, drag, push, v);
     }
 }
 
 /* Solve n equations a x = b by Gaussian elimination with partial pivoting; x holds b on entry. */
-static void eliminate(int n, double a[LINKS][LINKS], double *x)
+INLINE void eliminate(int n, double a[LINKS][LINKS], double *x)
 {
     for (int k = 0; k < n; k++) {
         int most = k;
@@ -203,30 +215,32 @@ static void eliminate(int n, double a[LINKS][LINKS], double *x)
     }
 }
 
-/* Speeds of all bodies with every law on a known piece. */
-static void speeds(const Rows *r, const Stage *s, const double *pieces, double *v)
+/* Speeds of all bodies with every law on a known piece; coupled links answer a unit push each. */
+INLINE void speeds(const Rows *r, const Stage *s, const double *pieces, double *v)
 {
-    static const double none[2] = {0.0, 0.0};
-    int n = r->m + 1;
+    int n = r->m + 1, sides = s->coupled ? 1 + n : 1;
     Line law[LAWS];
+    double push[BODIES * SIDES], answer[BODIES * SIDES];
     lines(r, s, pieces, law);
-    tree(r, s, law, s->push, s->reference, v);
+    for (int i = 0; i < r->bodies; i++)
+        for (int k = 0; k < sides; k++)
+            push[i * sides + k] = k ? i == r->links + k - 1 : s->push[i];
+    if (s->coupled)
+        tree(r, s, law, 1 + n, push, answer);
+    else
+        tree(r, s, law, 1, push, answer);
+    for (int i = 0; i < r->bodies; i++)
+        v[i] = answer[i * sides];
     if (!s->coupled)
         return;
-    double answer[LINKS][BODIES], system[LINKS][LINKS], own[LINKS], unit[BODIES];
-    for (int i = 0; i < r->limited + r->plays; i++)
-        law[i].c = 0.0;
+    double system[LINKS][LINKS], own[LINKS];
     for (int i = 0; i < n; i++) {
-        memset(unit, 0, (size_t)r->bodies * sizeof(double));
-        unit[r->links + i] = 1.0;
-        tree(r, s, law, unit, none, answer[i]);
-    }
-    for (int i = 0; i < n; i++) {
-        own[i] = v[r->links + i];
+        const double *link = answer + (r->links + i) * sides;
+        own[i] = link[0];
         for (int k = 0; k < n; k++) {
             system[i][k] = i == k;
             for (int j = 0; j < n; j++)
-                system[i][k] += answer[j][r->links + i] * s->coupling[j * n + k];
+                system[i][k] += link[1 + j] * s->coupling[j * n + k];
         }
     }
     eliminate(n, system, own);
@@ -235,7 +249,7 @@ static void speeds(const Rows *r, const Stage *s, const double *pieces, double *
         for (int k = 0; k < n; k++)
             pull += s->coupling[j * n + k] * own[k];
         for (int i = 0; i < r->bodies; i++)
-            v[i] -= answer[j][i] * pull;
+            v[i] -= answer[i * sides + 1 + j] * pull;
     }
 }
 
@@ -259,7 +273,7 @@ static double slope_along(const Rows *r, const Stage *s, const double *v, const 
 }
 
 /* Move `end` to the minimum of the convex function on the segment from `start` to `end`. */
-static void search(const Rows *r, const Stage *s, const double *start, double *end)
+static NOINLINE void search(const Rows *r, const Stage *s, const double *start, double *end)
 {
     double way[BODIES], at[BODIES], low = 0.0, high = 1.0;
     for (int i = 0; i < r->bodies; i++)
@@ -281,7 +295,7 @@ static void search(const Rows *r, const Stage *s, const double *start, double *e
         end[i] = start[i] + (low + high) / 2 * way[i];
 }
 
-static void solve(const Rows *r, const Stage *s, double *pieces, double *v)
+INLINE void solve(const Rows *r, const Stage *s, double *pieces, double *v)
 {
     speeds(r, s, pieces, v);
     for (int count = 0; pieces_at(r, s, v, pieces) && count < MOST_PASSES; count++) {
@@ -414,9 +428,9 @@ static int gears(const Rows *r, const Masses *p, const double *y, const double *
 }
 
 /* The state y + h f(new state) by the implicit Euler method; power[0]: motors, power[1]: losses. */
-static void stage(const Rows *r, const Masses *p, const Gears *g, const double *y,
-                  const double *reference, double h, double k_g, double *pieces, double *new,
-                  double *power)
+INLINE void stage_of(const Rows *r, const Masses *p, const Gears *g, const double *y,
+                     const double *reference, double h, double k_g, double *pieces, double *new,
+                     double *power)
 {
     int m = r->m;
     double fed[2], w[LAWS], torque[LAWS], work = 0.0, lost = 0.0, even = 0.0;
@@ -498,6 +512,27 @@ static void stage(const Rows *r, const Masses *p, const Gears *g, const double *
     power[1] = lost + LEAST_DRAG * even;
 }
 
+/* Arms of three and four joints have copies of their own, in which the compiler knows every count. */
+#define COPY(NAME, M)                                                                             \
+    static NOINLINE void NAME(int m, const Masses *p, const Gears *g, const double *y,            \
+                              const double *reference, double h, double k_g, double *pieces,      \
+                              double *new, double *power)                                         \
+    {                                                                                             \
+        Rows r = rows_of(M);                                                                      \
+        (void)m;                                                                                  \
+        stage_of(&r, p, g, y, reference, h, k_g, pieces, new, power);                             \
+    }
+COPY(stage_two, 2)
+COPY(stage_three, 3)
+COPY(stage_any, m)
+
+static void stage(int m, const Masses *p, const Gears *g, const double *y, const double *reference,
+                  double h, double k_g, double *pieces, double *new, double *power)
+{
+    (m == 2 ? stage_two : m == 3 ? stage_three : stage_any)(m, p, g, y, reference, h, k_g, pieces,
+                                                            new, power);
+}
+
 static void step(const Rows *r, const Masses *p, const double *mean, const double *swing, double h,
                  double lead, double gamma, double k_g, double *y, double *pieces, double *gained,
                  double *energy, double *slipping)
@@ -510,23 +545,23 @@ static void step(const Rows *r, const Masses *p, const double *mean, const doubl
     for (int i = 0; i < 2; i++)
         reference[i] = mean[i] + (gamma - 0.5) * swing[i];
     memcpy(early, pieces, size);
-    stage(r, p, &g, y, reference, gamma * h, k_g, early, one, power[0]);
+    stage(r->m, p, &g, y, reference, gamma * h, k_g, early, one, power[0]);
     double before[STATE], factor = (1 - gamma) / gamma;
     for (int i = 0; i < r->count; i++)
         before[i] = y[i] + factor * (one[i] - y[i]);
     for (int i = 0; i < 2; i++)
         reference[i] = mean[i] + swing[i] / 2;
     memcpy(late, early, size);
-    stage(r, p, &g, before, reference, gamma * h, k_g, late, two, power[1]);
+    stage(r->m, p, &g, before, reference, gamma * h, k_g, late, two, power[1]);
     double weight[2] = {(1 - gamma) * h, gamma * h};
     if (memcmp(early, pieces, size) || memcmp(late, pieces, size)) {
         memcpy(late, pieces, size);
         for (int i = 0; i < 2; i++)
             reference[i] = mean[i] - swing[i] / 4;
-        stage(r, p, &g, y, reference, h / 2, k_g, late, one, power[0]);
+        stage(r->m, p, &g, y, reference, h / 2, k_g, late, one, power[0]);
         for (int i = 0; i < 2; i++)
             reference[i] = mean[i] + swing[i] / 4;
-        stage(r, p, &g, one, reference, h / 2, k_g, late, two, power[1]);
+        stage(r->m, p, &g, one, reference, h / 2, k_g, late, two, power[1]);
         weight[0] = weight[1] = h / 2;
     }
     for (int j = 0; j < r->m; j++)

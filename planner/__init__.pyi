@@ -62,7 +62,7 @@ from .support.package import __version__ as __version__
 from .sweep.description import Sweep as Sweep
 from .sweep.design.geometry import Design as Design
 from .sweep.design.result import DesignStudy as DesignStudy
-from .sweep.design.study import design_study as design_study
+from .sweep.design.result import design_study as design_study
 from .sweep.results import load_sweep as load_sweep
 from .sweep.run import run_sweep as run_sweep
 from .systems.ball_gear import BallGear as BallGear

@@ -18,7 +18,6 @@ from planner.plan.fastest_timing import InputMask, fastest_motion
 from planner.plan.measures import Objective, peak_inputs
 from planner.plan.plan import Plan, refuse_compensated
 from planner.problem.problem import Problem
-from planner.problem.tables.method_options import rests
 from planner.verification.certify import certify
 from planner.verification.verdict import judge
 
@@ -71,7 +70,8 @@ def retime(
     changes = {f"limits.{key}": value for key, value in (limits or {}).items()}
     problem = plan.problem.changed({**changes, "goal.duration": "free"})
     moving = peak_inputs(plan.trajectory) > 1e-12
-    rest = rests("auto" if rest is None else rest, problem.limits.input_rate[moving])
+    if rest is None:
+        rest = bool(np.isfinite(problem.limits.input_rate[moving]).any())
     _refuse_unlimited(problem, moving, rest)
     trajectory, notes = fastest_motion(
         plan.trajectory, problem.limits, problem.requirements, moving, rest, intervals

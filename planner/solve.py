@@ -13,18 +13,22 @@ from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from planner.compensation import compensate_in_time, compensate_plan
 from planner.errors import InfeasibleError, InputError, NoPlanError, TimeLimitError
 from planner.methods.judgement import judge_plan, judge_slowed
 from planner.methods.keeping import refuse_unkept
 from planner.methods.refusal import Change, advise, path_changes
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
-from planner.methods.stay import plan_stay
+from planner.plan.measures import Objective
 from planner.plan.plan import Plan, expect_plan, refuse_inexecutable
-from planner.problem.feasibility import refuse_too_short
+from planner.plan.trajectory import StateTrajectory
+from planner.problem.feasibility import SHORTEST_S, refuse_too_short
 from planner.problem.free_space import why_blocked
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.tables.problem_file import CompensationTable
+from planner.support.calculus.bernstein import Bernstein
 from planner.support.deadline import (
     SEARCH_SHARE,
     TimeUpError,
@@ -37,10 +41,15 @@ from planner.support.deadline import (
 )
 from planner.support.progress import Listener, current_progress, progress_listener
 from planner.support.user_tables import parse
-from planner.verification.verify import Check
+from planner.verification.verify import GOAL_TOLERANCE, Check, verify
 
 if TYPE_CHECKING:
     from planner.machine.machine import Machine
+
+
+SAME_PLACE = GOAL_TOLERANCE / 20 * (1 + 1e-6)
+"""Largest distance between goal and start, in radians or metres, at which both count as equal,
+since verification could not distinguish the two."""
 
 
 @typed
@@ -159,9 +168,9 @@ def solve_and_check(
 
 def _plan_by_method(problem: Problem, entry: Method, options: Any, warm: Plan | None) -> Plan:
     """Plan by a method, after handling problems that need no motion or provably have no plan."""
-    if still := plan_stay(problem, entry.name, options):
+    if still := _plan_stay(problem, entry.name, options):
         return still
-    if why := why_blocked(problem):
+    if problem.obstacles and (why := why_blocked(problem)):
         raise InfeasibleError(why, source=problem.source, changes=path_changes(problem))
     if not entry.finds_time:
         refuse_too_short(problem)
@@ -175,6 +184,39 @@ def _plan_by_method(problem: Problem, entry: Method, options: Any, warm: Plan | 
         )
     expect_plan(warm)
     return entry.replan(problem, options, warm.compensates or warm)
+
+
+def _plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
+    """Return a plan that stays at the start if staying solves the problem, else None.
+
+    Args:
+        problem: The problem.
+        method: Name of the method that the plan reports.
+        options: Options that the plan reports.
+
+    Returns:
+        A plan with zero inputs over the given duration, or over `SHORTEST_S` (at most
+        `duration_max`) if the duration is free. None if the goal is elsewhere, or staying breaks a
+        requirement such as a waypoint.
+    """
+    away = np.abs(problem.goal - problem.start)
+    if np.any(away > SAME_PLACE):  # NaN for a coordinate that the goal leaves free
+        return None
+    shortest = min(SHORTEST_S, problem.duration_max or SHORTEST_S)
+    free, seconds = problem.duration is None, problem.duration or shortest
+    breaks = np.array([0.0, seconds])
+    q_curve = Bernstein(problem.start[None, None], breaks)
+    still = StateTrajectory(problem.system, q_curve, Bernstein(np.zeros((1, 1, 2)), breaks))
+    plan = Plan(
+        problem=problem,
+        method=method,
+        options=options.model_dump(),
+        trajectory=still,
+        objective=seconds if free else 0.0,
+        aim=Objective("time", {"duration": 1.0}) if free else Objective("effort", {"effort": 1.0}),
+        notes={"start": "none: the start is the goal, and the plan stays there"},
+    )
+    return plan if verify(plan).ok else None
 
 
 def compensate(

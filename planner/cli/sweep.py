@@ -14,12 +14,12 @@ from rich.table import Table
 from planner.cli.arguments import Cluster, Workers, out_option
 from planner.cli.output import explain_interruption, finish, job, say
 from planner.errors import InputError
-from planner.report.figures.sweep import draw_sweep
+from planner.report.figures.design import draw_sweep
 from planner.support.files import refuse_unwritable, write_figure
 from planner.support.tables import facts
 from planner.sweep.description import Sweep
 from planner.sweep.design.design_file import StudyInput, read_design
-from planner.sweep.design.study import CASES_FILE, design_study
+from planner.sweep.design.result import CASES_FILE, design_study
 from planner.sweep.results import Record, export, read, refuse_unexportable, solved_by_method
 from planner.sweep.run import run_sweep
 

@@ -1,9 +1,8 @@
 """The methods that make plans.
 
-Read the files in this order: `registry` (the list of methods, and how to add one), `foreign`
-(methods of other packages), `keeping` (the requirements that each method guarantees), `spec` (a
-method with options as text), `refusal` (refusals, and changes that would help), `judgement`
-(verifies a method's plan or refuses it), `stay` (the plan if the goal is the start), `laws` (closed
-form), `convex`, `collocation`, `desensitised`; `motions` (motions without a goal: excitation and
-homing).
+Read the files in this order: `registry` (the list of methods, and how to add one), `keeping` (the
+requirements that each method guarantees), `spec` (a method with options as text), `refusal`
+(refusals, and changes that would help), `judgement` (verifies a method's plan or refuses it),
+`laws` (closed form), `convex`, `collocation`, `desensitised`; `motions` (motions without a goal:
+excitation and homing).
 """

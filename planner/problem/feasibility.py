@@ -23,6 +23,10 @@ from planner.support.arrays import Array, Frozen
 from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
 
+SHORTEST_S = 1e-3
+"""Duration, s, of a plan that stays at the start if the duration is free. Collocation uses the same
+number, in its natural unit of time, as the least duration."""
+
 
 @dataclass(frozen=True)
 class End(Frozen):

@@ -26,7 +26,15 @@ from planner.problem.conditions import (
     waypoints_of,
     with_changes,
 )
-from planner.problem.requirements.ends import Duration, Goal, LongestDuration, Start, TipGoal
+from planner.problem.requirements.ends import (
+    Duration,
+    Goal,
+    LongestDuration,
+    Start,
+    TipGoal,
+    UserGoal,
+    UserLimit,
+)
 from planner.problem.requirements.motion_limits import (
     ChartDomain,
     InputLimit,
@@ -37,10 +45,9 @@ from planner.problem.requirements.motion_limits import (
 from planner.problem.requirements.places import Obstacle, Waypoint
 from planner.problem.requirements.requirement import Demand, Requirement
 from planner.problem.requirements.self_collision import SelfCollision
-from planner.problem.requirements.user_places import UserGoal, UserLimit
 from planner.problem.tables.kinds import KIND_LIMITS, REQUIREMENTS, parse_file, system_of
 from planner.problem.tables.machine_effects import MachineTable
-from planner.problem.tables.method_options import MethodsTable
+from planner.problem.tables.method_options import MethodsTable, Rest
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable
 from planner.support.arrays import Array, Frozen, frozen, hashable, plain
 from planner.support.files import read_toml
@@ -499,6 +506,11 @@ class Problem(Frozen):
     def reads(self, name: str) -> bool:
         """Return whether any requirement depends on the argument `name`: "q", "u" or "du"."""
         return any(name in requirement.reads for requirement in self.requirements)
+
+    def rests(self, option: Rest) -> bool:
+        """Return whether inputs are zero at both ends, as the option `rest` of a method asks; with
+        "auto" they are if an input rate has a limit."""
+        return bool(np.isfinite(self.limits.input_rate).any()) if option == "auto" else option
 
     def expecting(self, goal: Array) -> Problem:
         """Return a copy with an expected q(T), `goal` (N,), from which a search can start."""

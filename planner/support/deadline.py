@@ -87,29 +87,31 @@ class Span:
             return self.work
         return time.process_time() if self.clock == "processor" else time.monotonic()
 
-    def outwards(self) -> Iterator[Span]:
-        """Yield this block, then the blocks around it from the inside out."""
-        span: Span | None = self
-        while span is not None:
-            yield span
-            span = span.enclosing
-
     @property
     def ended_by(self) -> str:
         """Who ended this block or a block around it early; "" if nobody did."""
-        return next((span.interrupter for span in self.outwards() if span.interrupter), "")
+        return next((span.interrupter for span in _spans(self) if span.interrupter), "")
 
     @property
     def why(self) -> str:
         """Name of the limit, or of the person or program, that cut the block short."""
         if self.ended_by:
             return self.ended_by
-        named = [span for span in self.outwards() if span.words]
+        named = [span for span in _spans(self) if span.words]
         over = [span for span in named if span.left <= 0]
         return (over or sorted(named, key=lambda span: span.left) or [self])[0].words
 
 
 _span: ContextVar[Span | None] = ContextVar("span", default=None)
+
+
+def _spans(inmost: Span | None) -> list[Span]:
+    """Return a block and the blocks around it from the inside out."""
+    spans = list[Span]()
+    while inmost is not None:
+        spans.append(inmost)
+        inmost = inmost.enclosing
+    return spans
 
 
 def time_limit(
@@ -152,7 +154,7 @@ def spend(work: float) -> None:
         work: About the seconds that the work takes on an idle machine, computed from the size of
             the programme and never measured: the same search does the same work everywhere.
     """
-    for span in _spans():
+    for span in _spans(_span.get()):
         span.work += work
 
 
@@ -168,7 +170,10 @@ def time_share(
             time ends at the first enclosing limit even if the condition of that limit is false.
     """
     span = Span(_span.get(), time.monotonic(), math.inf, words, condition=condition)
-    if first := _first_to_end(waiting=condition is not None):
+    around = (
+        s for s in _spans(span.enclosing) if condition or s.condition is None or s.condition()
+    )
+    if first := min(around, key=lambda each: each.left, default=None):
         span.clock, span.share_of = first.clock, first.share_of or first
         span.end_within(part * max(0.0, first.left))
     return _open_span(span)
@@ -185,17 +190,11 @@ def _open_span(span: Span) -> Iterator[Span]:
 
 def remaining() -> float:
     """Return the seconds until the first enclosing limit, at least 0; infinite without a limit."""
-    first = _first_to_end()
-    return math.inf if first is None else max(0.0, first.left)
-
-
-def _first_to_end(waiting: bool = False) -> Span | None:
-    """Return the open block whose limit ends first; None outside of all blocks.
-
-    Blocks whose condition is false count only if `waiting` is true.
-    """
-    counted = (s for s in _spans() if waiting or s.condition is None or s.condition())
-    return min(counted, key=lambda span: span.left, default=None)
+    seconds = math.inf
+    for span in _spans(_span.get()):
+        if span.condition is None or span.condition():
+            seconds = min(seconds, max(0.0, span.left))
+    return seconds
 
 
 def check() -> None:
@@ -218,14 +217,14 @@ def check_stopped() -> None:
         KeyboardInterrupt: As for `handle_signals`.
     """
     handle_signals()
-    if any(span.verification_ended for span in _spans()):
+    if any(span.verification_ended for span in _spans(_span.get())):
         raise time_up()
 
 
 def time_up() -> TimeUpError:
     """Mark the blocks that a limit cuts short, out to the block that has this limit, and return the
     exception for the caller to raise."""
-    spans = list(_spans())
+    spans = _spans(_span.get())
     over = [s for s in spans if s.left <= 0 and (s.condition is None or s.condition())]
     last = max((spans.index(span.share_of or span) for span in over), default=len(spans) - 1)
     for span in spans[: last + 1]:
@@ -244,13 +243,14 @@ def time_advice() -> str | None:
 
 
 def _is_stopped() -> bool:
-    return any(span.interrupter for span in _spans())
+    return any(span.interrupter for span in _spans(_span.get()))
 
 
 def holds_answer(context: Context | None = None) -> bool:
     """Return whether the outermost search of a context (default: the current) has an answer."""
-    search = _search(context)
-    return search is not None and search.has_answer is not None and search.has_answer()
+    spans = _spans(_span.get() if context is None else context.get(_span))
+    answers = [span.has_answer for span in spans if span.has_answer is not None]
+    return bool(answers) and answers[-1]()
 
 
 def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
@@ -261,21 +261,20 @@ def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
     Returns:
         Whether the search was ended; a search without an answer goes on.
     """
-    outermost = _search(context)
-    if outermost is None or not holds_answer(context):
+    if not holds_answer(context):
         return False
+    spans = _spans(_span.get() if context is None else context.get(_span))
+    outermost = [span for span in spans if span.has_answer is not None][-1]
     outermost.end_within(max(LEAST_FINISH_S, FINISH_SHARE * (time.monotonic() - outermost.start)))
     outermost.interrupter, outermost.was_reached = by, True
-    for span in _spans(context):
-        if span is outermost:
-            break
+    for span in spans[: spans.index(outermost)]:
         span.end_within(0.0)
     return True
 
 
 def end(context: Context, by: str) -> None:
     """End all blocks in another thread's context, verification included; `by` tells who did it."""
-    for span in _spans(context):
+    for span in _spans(context.get(_span)):
         span.end_within(0.0)
         span.interrupter, span.was_reached, span.verification_ended = by, True, True
 
@@ -292,15 +291,3 @@ def check_seconds(seconds: float) -> float:
             f"time_limit_s = {seconds!r:.40} is not a time limit; give seconds above 0"
         )
     return float(seconds)
-
-
-def _search(context: Context | None = None) -> Span | None:
-    """Return the outermost block of a context that is a search; None without such a block."""
-    searches = [span for span in _spans(context) if span.has_answer is not None]
-    return searches[-1] if searches else None
-
-
-def _spans(context: Context | None = None) -> Iterator[Span]:
-    """Yield the open blocks of a context from the inside out."""
-    span = _span.get() if context is None else context.get(_span)
-    return iter(()) if span is None else span.outwards()

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from planner.report.figures.sweep import draw_sweep
+from planner.report.figures.design import draw_sweep
 from planner.sweep.results import read
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

@@ -11,7 +11,7 @@ import pytest
 
 import planner
 from planner import InputError, Machine, Plan, SingularError, replay
-from planner.explorer.picture import error_panel
+from planner.explorer.screen import error_panel
 from planner.report.page.words import answer
 
 PROTOTYPE = Machine.prototype(step_s=0.005)

@@ -129,7 +129,7 @@ def test_a_study_in_a_folder_of_another_has_the_figures_of_its_own_designs(
         query(db, f"UPDATE cases SET solved = 1, effort = {effort} WHERE key = '{key}'")
     real = read
     monkeypatch.setattr(
-        "planner.sweep.design.study.read", lambda *words: ([], real(*words)[1][::-1])
+        "planner.sweep.design.result.read", lambda *words: ([], real(*words)[1][::-1])
     )
     again = planner.design_study({**study, "grid": {"rho": [1.2, 1.3]}}, tmp_path, workers=0)
     assert [row["effort"] for row in again.rows] == [20, 21]

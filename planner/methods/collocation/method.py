@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, NoPlanError, TimeLimitError, Violation
-from planner.methods.collocation.best import Best, Candidate, Exactness
+from planner.methods.collocation.best import Best, Candidate, Exactness, polish
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.discs.thin_discs import thicknesses
+from planner.methods.collocation.discs import thicknesses
 from planner.methods.collocation.guesses import routes
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
@@ -24,7 +24,6 @@ from planner.methods.collocation.long_arms.exact_motion import (
     has_only_limits,
 )
 from planner.methods.collocation.pipeline import Pipeline, collocation_task, search_intervals
-from planner.methods.collocation.refine import polish
 from planner.methods.collocation.refusals import NAME, iterate_plan, no_goal, refusal
 from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.form import Mesh
@@ -65,7 +64,7 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
     """
     plans = list[Plan]()
     with progress.progress_listener(None), deadline.time_limit(options.time_limit_s):
-        possible = why_too_short(problem) is None
+        possible = bool(problem.obstacles) and why_too_short(problem) is None
         for each, is_searched in thicknesses(problem) if possible else []:
             for plan in [plans[0], None] if plans else [None]:
                 with (
@@ -131,7 +130,8 @@ def _finish_best(
     """
     with suppress(TimeUpError):
         best.make_exact()
-    done = [polish(each, options.accuracy, options.refinements) for each in best.motions]
+    motions = [each for each in best.candidates.values() if each.solution.ok]
+    done = [polish(each, options.accuracy, options.refinements) for each in motions]
     if done:
         candidate = max(done, key=lambda each: each.rank)
         return replace(candidate, start="the best found by then", stage="time limit")

@@ -7,13 +7,13 @@ The systems are driftless, so a path and its speed can be found separately. The 
 - *Straight line*: the whole problem is solved directly from a straight line, where that may do.
 - *Paths*: paths of least effort are found from many first guesses (`guesses`, `path`). The
   shortest few (`route_paths`) are then solved with the duration, the limits and the objective of
-  the problem (`solve_timing`). Among discs a motion found leg by leg comes first (`discs.legs`).
+  the problem (`solve_timing`). Among discs a motion found leg by leg comes first (`discs`).
 - *Slower motions*: if none of the paths fits into the given duration, the fastest motion is found
   by a search with a free duration; it tells how much is missing, or is slowed down.
 - *Ladder*: with a free duration, a path of a long arm is built from that of a shorter one.
 
 After each stage its answers are refined, the best first: each gets a mesh on which it is the true
-motion, and limits are kept between the nodes (`refine`). If an intermediate result is better than
+motion, and limits are kept between the nodes (`polish`). If an intermediate result is better than
 all answers, it is refined too. The best accepted one is the answer of the search; without one the
 next stage follows. `Best` always holds the best candidates so far (`best`). If time is up, these
 are refined instead, so that the result is never worse than the best motion held.
@@ -29,9 +29,9 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError
-from planner.methods.collocation.best import Best, Candidate, Exactness
+from planner.methods.collocation.best import Best, Candidate, Exactness, polish
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.discs.legs import motion_by_legs
+from planner.methods.collocation.discs import motion_by_legs
 from planner.methods.collocation.guesses import (
     guess,
     mesh_through,
@@ -50,7 +50,6 @@ from planner.methods.collocation.path import (
     search,
     solve_timing,
 )
-from planner.methods.collocation.refine import polish
 from planner.methods.collocation.route_paths import LADDER_INTERVALS, LEAST_TIME_RATIO, RoutePaths
 from planner.methods.collocation.solvers import Settings
 from planner.methods.collocation.task import Solution, Task, stretch_to, task
@@ -58,7 +57,7 @@ from planner.methods.collocation.transcription.bounds import InputDemands
 from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
 from planner.problem.feasibility import travel_window, why_too_short
 from planner.problem.problem import Problem
-from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions, rests
+from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
 from planner.support import deadline, progress
 
 DIRECT_INTERVALS, SEARCH_INTERVALS, LONG_ARM_INTERVALS = 14, 40, 80
@@ -383,7 +382,7 @@ def collocation_task(
         goal,
         form,
         mesh,
-        InputDemands(rests(options.rest, problem.limits.input_rate)),
+        InputDemands(problem.rests(options.rest)),
         replace(settings, direct=direct),
     )
 

@@ -21,7 +21,7 @@ from planner.plan.plan import Plan
 from planner.problem.feasibility import why_too_short
 from planner.problem.problem import Problem
 from planner.problem.reach import goal_reach
-from planner.problem.tables.method_options import CollocationOptions, rests
+from planner.problem.tables.method_options import CollocationOptions
 from planner.verification.verify import verify
 
 NAME = "collocation"
@@ -113,7 +113,7 @@ def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
 def motion_changes(problem: Problem, options: CollocationOptions) -> list[Change]:
     """Return the change that allows motion at the ends, in a list; [] unless `rest` forbids it."""
     change = Change({f"method.{NAME}.rest": False})
-    resting = options.rest == "auto" and rests("auto", problem.limits.input_rate)
+    resting = options.rest == "auto" and problem.rests("auto")
     return [change] if resting else []
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -118,7 +119,8 @@ class Task:
             progress.count_solve()
             packed = nlp.layout.pack(start, data.widths) / data.units
             packed = packed.clip(data.lower, data.upper)
-            answer = _ask(nlp, replace(settings, solver=name), packed, data)
+            parts = nlp, replace(settings, solver=name), packed
+            answer = solver_answer(partial(_run, *parts, data), partial(_unfinished, *parts))
             answer = replace(answer, vector=answer.vector.clip(data.lower, data.upper))
             iterations += answer.iterations
             solution = replace(_check(nlp, data, answer, ACCEPTED_RESIDUAL), iterations=iterations)
@@ -246,11 +248,11 @@ def stretch_to(iterate: Iterate, duration: float) -> Iterate:
     return replace(iterate, duration=duration, inputs=iterate.inputs * factor)
 
 
-def _ask(nlp: Transcription, settings: Settings, start: Array, data: Bounds) -> SolverAnswer:
-    """Return the answer of a solver, or a failed answer with the start if the solver raises."""
+def _run(nlp: Transcription, settings: Settings, start: Array, data: Bounds) -> SolverAnswer:
+    return backend(nlp, settings)(start, data)
 
-    def unfinished(words: str) -> SolverAnswer:
-        nlp.solvers.pop(settings, None)  # its state is unknown after an error
-        return SolverAnswer(start, False, f"Raised_Error: {words}", 0)
 
-    return solver_answer(lambda: backend(nlp, settings)(start, data), unfinished)
+def _unfinished(nlp: Transcription, settings: Settings, start: Array, words: str) -> SolverAnswer:
+    """Return a failed answer with the start after an error of the solver, and forget the solver."""
+    nlp.solvers.pop(settings, None)  # its state is unknown
+    return SolverAnswer(start, False, f"Raised_Error: {words}", 0)

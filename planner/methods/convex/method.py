@@ -32,7 +32,7 @@ from planner.plan.plan import Plan
 from planner.plan.trajectory import ChainedTrajectory, Trajectory
 from planner.problem.feasibility import travel_window
 from planner.problem.problem import Problem
-from planner.problem.tables.method_options import ConvexOptions, Rest, rests
+from planner.problem.tables.method_options import ConvexOptions, Rest
 from planner.support.arrays import Array
 from planner.support.calculus.bernstein import Bernstein, elevate
 from planner.support.calculus.extremes import sample_times
@@ -107,7 +107,7 @@ def _refuse_input(problem: Problem, options: ConvexOptions, fewest: int) -> None
             f" {fewest // 2} coordinates; use at least {fewest}",
             source=problem.source,
         )
-    if options.rest is True and not rests("auto", problem.limits.input_rate):
+    if options.rest is True and not problem.rests("auto"):
         raise InputError(
             "method.convex.rest = true needs limits on the inputs' rates in [limits]",
             source=problem.source,
@@ -196,7 +196,7 @@ def _time_path(problem: Problem, path: ChainedTrajectory, asked: Rest) -> tuple[
     peaks = peak_inputs(path)
     if np.any(np.isnan(peaks)):  # outside the domain somewhere, which verification reports
         return path, "v1 constant"
-    rest = rests(asked, limits.input_rate)
+    rest = problem.rests(asked)
     if duration is not None and not rest and slowing_factor(problem.requirements, path) <= 1:
         return path, "v1 constant"
     # An input without a limit gets its peak at constant v1 as the limit.

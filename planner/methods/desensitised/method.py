@@ -19,11 +19,10 @@ import casadi as ca
 import numpy as np
 
 from planner.errors import InfeasibleError, InputError, NotConvergedError, Violation
-from planner.methods.collocation.best import Candidate, Exactness
+from planner.methods.collocation.best import Candidate, Exactness, polish
 from planner.methods.collocation.guesses import Excursion, Seed, sign_of
 from planner.methods.collocation.method import chosen_goal, plan_collocation, refuse_start
 from planner.methods.collocation.pipeline import input_kind
-from planner.methods.collocation.refine import polish
 from planner.methods.collocation.solvers import Settings
 from planner.methods.collocation.task import (
     ACCEPTED_RESIDUAL,
@@ -42,7 +41,7 @@ from planner.plan.trajectory import Trajectory
 from planner.problem.feasibility import format_value
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
-from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions, rests
+from planner.problem.tables.method_options import CollocationOptions, DesensitisedOptions
 from planner.support import progress
 from planner.support.arrays import Array
 from planner.support.deadline import TimeUpError, time_limit, time_share
@@ -136,7 +135,7 @@ def desensitised_task(problem: Problem, options: DesensitisedOptions) -> Task:
         inner=True,
         augmented=model,
     )
-    rest = rests(options.rest, problem.limits.input_rate)
+    rest = problem.rests(options.rest)
     demands = InputDemands(rest, effort=options.effort_limit or np.inf)
     settings = Settings(options.tolerance, options.max_iterations)
     time_weight = options.time if problem.duration is None else 0.0

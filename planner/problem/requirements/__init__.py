@@ -1,2 +1,2 @@
 """Conditions on a motion: `requirement` (base classes), `motion_limits`, `places` (waypoints and
-obstacles), `self_collision`, `ends` (start, goal, duration), `user_places` (user coordinates)."""
+obstacles), `self_collision`, `ends` (start, goal, duration; user coordinates)."""

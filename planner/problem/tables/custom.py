@@ -3,7 +3,7 @@
 These names are user coordinates. Only this module converts them to triangular ones. If a place
 gives all user coordinates, they determine q. Otherwise only those that are also triangular
 determine a part of q, and each of the others becomes a requirement
-(`planner.problem.requirements.user_places`).
+(`planner.problem.requirements.ends`).
 
 The module also has the tables for `system.kind = "custom"`, a system given by expressions, and for
 the coin.

@@ -10,11 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import Field, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
-from planner.support.arrays import Array
 from planner.support.user_tables import Pair, Table
 
 
@@ -42,12 +40,6 @@ Rest = Annotated[
         " that motors can carry out the plan as it is."
     ),
 ]
-
-
-def rests(option: Rest, input_rate: Array) -> bool:
-    """Return whether inputs are zero at both ends; with "auto" they are if an input rate has a
-    finite limit (2,)."""
-    return bool(np.any(np.isfinite(input_rate))) if option == "auto" else option
 
 
 Intervals = Annotated[Annotated[int, Field(ge=1, le=2000)] | Literal["auto"], Slider(5, 120)]

@@ -2,5 +2,5 @@
 
 Read in this order: `geometry` (one mechanism, and whether it can be built), `figures` (the figures
 that compare designs, Pareto front, recommendation), `design_file` (mechanisms and tasks of a
-study), `result` (table, picture, folder), `study` (runs the study as a sweep).
+study), `result` (runs the study as a sweep; table, picture, folder).
 """

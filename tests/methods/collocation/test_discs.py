@@ -13,7 +13,7 @@ import pytest
 
 import planner
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.discs.thin_discs import thicknesses
+from planner.methods.collocation.discs import thicknesses
 from planner.methods.collocation.guesses import guess, seeds
 from planner.methods.collocation.path import path_task
 from planner.methods.collocation.pipeline import collocation_task

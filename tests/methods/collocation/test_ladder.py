@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 import planner
 from planner import NotConvergedError, TriangularSystem
 from planner.methods.collocation import pipeline
-from planner.methods.collocation.best import Candidate, Exactness
+from planner.methods.collocation.best import Candidate, Exactness, polish
 from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.long_arms import ladder
 from planner.methods.collocation.long_arms.bridges import ChainEnds, PieceChain
@@ -21,7 +21,6 @@ from planner.methods.collocation.long_arms.bridges import ends_of as ends
 from planner.methods.collocation.long_arms.exact_motion import exact_motion, has_only_limits
 from planner.methods.collocation.long_arms.ladder import find_arm_path, time_arm_path
 from planner.methods.collocation.pipeline import collocation_task
-from planner.methods.collocation.refine import polish
 from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.tables.method_options import CollocationOptions

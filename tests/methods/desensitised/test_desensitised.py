@@ -98,7 +98,7 @@ def test_time_that_ends_before_the_mesh_is_fine_leaves_no_plan(
     def ended(*_: object) -> None:
         raise time_up()
 
-    monkeypatch.setattr("planner.methods.collocation.refine.transfer", ended)
+    monkeypatch.setattr("planner.methods.collocation.best.transfer", ended)
     monkeypatch.setattr("planner.methods.desensitised.method.plan_collocation", lambda *_: easy)
     easy = planner.solve(paper, "collocation")
     with pytest.raises(planner.TimeLimitError):

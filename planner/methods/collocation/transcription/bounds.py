@@ -9,8 +9,8 @@ import numpy as np
 from planner.methods.collocation.transcription.form import Mesh
 from planner.methods.collocation.transcription.transcription import Transcription
 from planner.methods.collocation.transcription.unknowns import Index
-from planner.methods.stay import SHORTEST_S
 from planner.plan.measures import Objective
+from planner.problem.feasibility import SHORTEST_S
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array

@@ -1,14 +1,20 @@
-"""Motions among discs, found leg by leg.
+"""Motions among discs: found leg by leg, or among thickened discs.
 
 A way through the free joint space, which ignores the kinematics, leads from corner to corner with
 room around each (`find_way`). From each corner to the next a path is found from the usual first
 guesses; the first path that clears all discs is enough. The legs are joined, shortened and timed.
 Meanwhile discs grow in each interval of the mesh up to a share of their distance from the links,
 and an interval in which links pass over a disc is halved, so that links stay on their side.
+
+Links could pass over thin discs between two nodes. So motions are searched with thick discs
+(`thicknesses`) and then solved with thinner and thinner ones: a motion that clears a thick disc
+also clears a thin disc at the same place.
 """
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -16,17 +22,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.methods.collocation.between_nodes import clears, inspect
-from planner.methods.collocation.discs.thin_discs import THICKNESSES
 from planner.methods.collocation.guesses import Seed
 from planner.methods.collocation.path import Enough, needed_duration, path_task, search
 from planner.methods.collocation.task import Solution, Task, stretch_to, transfer
 from planner.methods.collocation.transcription.form import Mesh, fastest
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.free_space import find_way
+from planner.problem.problem import Problem
 from planner.problem.requirements.places import Obstacle
 from planner.support import progress
 from planner.support.arrays import Array
 from planner.systems.triangular_system import PlanarArm
+
+THICKNESSES = 0.025 / 2.0 ** np.arange(7)
+"""Radii of thickened discs, with their clearance, as fractions of the arm's length. The tip moves
+as far as the first between two nodes of a search's mesh in a motion of about three radians. Links
+are sure not to pass unseen over a disc of the last, whose detour costs a tenth of a percent."""
+
+SEARCH_EVERY = 4
+"""Motions are searched with the first of every so many thicknesses."""
+
+NEAREST_SHARE = 0.9
+"""Fraction of the links' distance, at start, goal and waypoints, by which a disc may thicken."""
 
 KEPT = 0.5
 """Fraction of the distance between links and discs that a motion keeps when it is solved again."""
@@ -162,3 +179,41 @@ def _growth(task: Task, start: Iterate) -> Array:
             amounts = room + room**2 / (2 * required.thickness)
         out.append(amounts)
     return np.concatenate(out, axis=1)
+
+
+def thicknesses(problem: Problem) -> list[tuple[Problem, bool]]:
+    """Return pairs of a problem and whether to search motions in it, in the order of trial.
+
+    The problems have discs thickened to the radii `THICKNESSES`, from thick to thin, unless discs
+    would then touch that are apart. The last is the problem itself, if the least of these radii is
+    not thicker than its discs. The list is empty if no disc is thickened.
+    """
+    if not isinstance(problem.system, PlanarArm):
+        return []
+    thinnest = min(disc.thickness for disc in problem.obstacles) / problem.obstacles[0].reach
+    out = []
+    for k, thickness in enumerate(THICKNESSES[thinnest < THICKNESSES]):
+        thick = _thicken(problem, float(thickness) * problem.obstacles[0].reach)
+        if _contacts(thick) == _contacts(problem):
+            out.append((thick, k % SEARCH_EVERY == 0))
+    return [*out, (problem, False)] if thinnest >= THICKNESSES[-1] and out else out
+
+
+def _contacts(problem: Problem) -> int:
+    """Return the number of pairs of discs that overlap, their clearances included."""
+    pairs = itertools.combinations(problem.obstacles, 2)
+    return sum(math.dist(a.centre, b.centre) <= a.thickness + b.thickness for a, b in pairs)
+
+
+def _thicken(problem: Problem, thickness: float) -> Problem:
+    """Return the problem with thin discs thickened to a radius, m, as far as start, goal and
+    waypoints allow."""
+    places = (problem.start, problem.likely.goal, *(point.q for point in problem.waypoints))
+    whole = np.array([q[1:] for q in places if not np.isnan(q[1:]).any()])
+    points = problem.system.arm_points(whole)  # type: ignore[attr-defined]
+    discs = []
+    for disc in problem.obstacles:
+        room = NEAREST_SHARE * (float(disc.clearances(points).min()) - disc.clearance)
+        more = min(thickness - disc.thickness, room)
+        discs.append(replace(disc, radius=disc.radius + max(0.0, more)))
+    return replace(problem, obstacles=tuple(discs))

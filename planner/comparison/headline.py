@@ -179,11 +179,17 @@ def _swing(row: Row) -> str:
     if row.plan is None or row.plan.lead_s == 0:
         return ""
     angles = np.rad2deg(row.plan.theta(np.linspace(0.0, row.plan.lead_s, 401))[:, 0])
-    start, far = angles[0], angles[np.argmax(np.abs(angles - angles[0]))]
-    if abs(far - start) < LEAST_SWING_DEG:
+    if np.ptp(angles) < LEAST_SWING_DEG:
         return ""
-    way = f"from {start:.0f} to {far:.0f} deg and back"
-    return f" Stand clear: before the plan starts, joint 1 swings {way}."
+    return (
+        f" Stand clear: joint 1 swings before the plan starts, and in all {_range_of_joint_1(row)}."
+    )
+
+
+def _range_of_joint_1(row: Row) -> str:
+    """Return between which angles joint 1 moves on the machines, rounded to the safe side."""
+    low, high = row.swing_deg
+    return f"moves between {np.floor(low):.0f} and {np.ceil(high):.0f} deg"
 
 
 def _refusal(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
@@ -286,9 +292,8 @@ def _follow_up(rows: Sequence[Row], row: Row) -> str:
     more = closed[0].duration_s - row.duration_s
     if more > LEAST_RUN_UP_S:
         words += f" The controller moves the arm {more:.1f} s longer, also before the plan starts"
-        low, high = closed[0].swing_deg
-        swings = f"; stand clear: joint 1 then swings from {low:.0f} to {high:.0f} deg"
-        words += f"{swings * bool(high - low > LEAST_SWING_DEG)}."
+        swings = f"; stand clear: joint 1 then {_range_of_joint_1(closed[0])}"
+        words += f"{swings * bool(np.ptp(closed[0].swing_deg) > LEAST_SWING_DEG)}."
     return words + _caution(closed[0])
 
 

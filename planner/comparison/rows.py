@@ -68,8 +68,8 @@ class Row(PlanFigures):
         beyond_limits: Percent of the machines that break a limit of joints, obstacles, links or
             chained coordinates.
         beyond_physical: Percent of the machines that break one that is not of chained coordinates.
-        swing_deg: Least and greatest angle of joint 1 on the machines before the plan's start,
-            during the preparation of a compensated plan or of feedback, degrees.
+        swing_deg: Least and greatest angle of joint 1 on the machines in the whole motion, with the
+            preparation of a compensated plan and of feedback, degrees.
         E_median_interval_deg: 95 % confidence interval of `E_median_deg`.
         E_p95_interval_deg: 95 % confidence interval of `E_p95_deg`; NaN if there are too few
             machines.

@@ -29,6 +29,7 @@ from planner.support.arrays import Array, Frozen
 from planner.support.package import import_function
 from planner.support.progress import expect_listener
 from planner.support.tables import facts, number
+from planner.systems.manipulator import Manipulator
 
 if TYPE_CHECKING:
     import pandas
@@ -190,13 +191,12 @@ class Replay(Recording, Frozen):
 
     @property
     def swing_deg(self) -> tuple[float, float]:
-        """Least and greatest angle of joint 1 before the plan's start, degrees, on the machines
-        whose motions are kept; NaN without a recorded preparatory motion of an arm."""
-        early = self.t < self.plan.lead_s
-        if not (early.any() and self.angles and len(self.q)):
+        """Least and greatest angle of an arm's joint 1, degrees, in the whole recorded motion from
+        the controller's preparation until it has settled; NaN if no machine's motion is kept."""
+        if not (isinstance(self.plan.problem.system, Manipulator) and self.q.size):
             return np.nan, np.nan
-        before = np.rad2deg(self.q[:, early, self.angles[0]])
-        return float(before.min()), float(before.max())
+        theta = np.rad2deg(self.q[:, :, 1])
+        return float(theta.min()), float(theta.max())
 
     def motion(self, place: int) -> Array:
         """Return the true coordinates of the sample at index `place` of `numbers`, shape (R, N).

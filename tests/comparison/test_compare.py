@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import time
 from dataclasses import replace
@@ -21,6 +22,7 @@ from planner.comparison import compare as compare_module
 from planner.comparison.compare import default_methods
 from planner.comparison.differences import markdown_differences, rich_differences
 from planner.comparison.headline import headline
+from planner.comparison.rows import Row
 from planner.plan.measures import effort
 from planner.plan.spec import Spec
 from planner.report import folders
@@ -181,13 +183,32 @@ def test_the_headline_prices_a_plan_against_the_next_best_of_its_kind(
     assert words.split(f"{named}. {better.label} takes ")[1].split(". ")[0].endswith(priced)
 
 
-def test_the_first_swing_stands_beside_the_recommendation(compensated: planner.Comparison) -> None:
-    plan = compensated[COMPENSATED].plan
-    angles = np.rad2deg(plan.theta(np.linspace(0, plan.lead_s, 1001))[:, 0])
-    swing = f"joint 1 swings from {angles[0]:.0f} to {angles.max():.0f} deg and back."
-    assert swing in compensated.headline
-    alone = replace(compensated, rows=compensated.rows[:1]).headline
-    assert "swings" not in alone
+def test_where_joint_1_comes_in_the_whole_motion_stands_beside_the_recommendation(
+    compensated: planner.Comparison, tmp_path: Path
+) -> None:
+    """Who stands clear of the preparation alone is hit later: the motion itself goes further."""
+    plain, better = compensated.rows
+    run = planner.replay(better.plan, better.replay.machine, 5, seed=3, feedback=True)
+    spec = replace(better.spec, feedback=True)
+    closed = replace(better, spec=spec, duration_s=run.run_s, swing_deg=run.swing_deg)
+    ranges = {}
+    for row, motion in ((better, better.replay), (closed, run)):
+        theta1 = np.rad2deg(motion.q[:, :, 1])
+        assert row.swing_deg == (theta1.min(), theta1.max())
+        ranges[row.feedback] = np.floor(theta1.min()), np.ceil(theta1.max())
+    prepares = np.rad2deg(better.replay.q[:, better.replay.t < better.plan.lead_s, 1].max())
+    assert prepares + 3 < ranges[False][1] < ranges[True][1] - 20
+
+    def told(*rows: Row) -> list[tuple[float, float]]:
+        words = replace(compensated, rows=rows).headline
+        found = re.findall(r"between (-?\d+) and (-?\d+) deg", words)
+        return [(float(low), float(high)) for low, high in found]
+
+    assert told(plain, better, closed) == [ranges[False], ranges[True]]
+    assert told(plain) == []
+    kept = planner.report.load_comparison(compensated.save(tmp_path / "kept"))
+    assert kept[COMPENSATED].swing_deg == pytest.approx(better.swing_deg)
+    assert kept.headline == compensated.headline
 
 
 def test_the_headline_names_a_nearer_plan_that_is_refused(compensated: planner.Comparison) -> None:

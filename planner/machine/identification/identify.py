@@ -24,6 +24,7 @@ from planner.machine.identification.parameters import FitParameter, Parameters
 from planner.machine.machine import Machine, machine_for
 from planner.plan.recorded.log import Log, expect_log
 from planner.problem.problem import Problem, expect_problem
+from planner.problem.tables.machine_effects import Worth
 from planner.support.arrays import Array, Frozen, frozen, jsonable
 from planner.support.files import toml, write_text
 from planner.support.package import import_function
@@ -143,8 +144,7 @@ class Identification(Frozen):
     def merged(self) -> tuple[str, ...]:
         """Parameters that stand for several effects, since logs of angles cannot separate them."""
         rows = [each.parameter for each in self.estimates if each.parameter.merged]
-        names = (row.name.rstrip("0123456789 ").removesuffix(" joint") for row in rows)
-        kinds = (name.removesuffix(" of") for name in names)
+        kinds = (row.name.rstrip("0123456789 ").replace(" of joint", "") for row in rows)
         texts = (f"{kind}: {row.merged}" for kind, row in zip(kinds, rows, strict=True))
         return tuple(dict.fromkeys(texts))
 
@@ -155,19 +155,17 @@ class Identification(Frozen):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        worth: dict[str, Any] = {"tested": self.improves is not None}
-        if worth["tested"]:
-            worth |= {
-                "improves": self.improves,
-                "half_width_deg": float(f"{self.half_width_deg:.3g}"),
-            }
+        log, worth = self.kept_out, dict[str, Any](tested=False)
+        if log is not None and all(_turns(log, i) for i in range(1, log.theta.shape[1])):
+            found, preset = (_pooled(self.errors[name]) for name in ("identified", "preset"))
+            width = END_SHARE * found
+            worth = {"tested": True, "improves": found < preset, "half_width_deg": width}
         object.__setattr__(self, "machine", self.machine.with_(worth=worth))
 
     @property
     def worth(self) -> str:
         """A sentence that says how far plans for this machine can be believed."""
-        assert self.machine.worth is not None
-        words = self.machine.worth.words
+        words = self._worth.words
         hint = " (planner motion check makes one; give it last)" * (self.improves is None)
         return f"{words[0].upper()}{words[1:]}{hint}."
 
@@ -212,18 +210,18 @@ class Identification(Frozen):
         return frozen({"identified": mine, "preset": presets})
 
     @property
+    def _worth(self) -> Worth:
+        assert self.machine.worth is not None
+        return self.machine.worth
+
+    @property
     def improves(self) -> bool | None:
         """Whether the machine predicts the run that was kept out better than the preset does.
 
         Only a run in which every passive joint reverses tests that: without reversal, a machine
         whose lost motion is a degree off predicts as well. None if not tested.
         """
-        if self.kept_out is None or not all(
-            _turns(self.kept_out, i) for i in range(1, self.kept_out.theta.shape[1])
-        ):
-            return None
-        identified, preset = (_pooled(self.errors[name]) for name in ("identified", "preset"))
-        return identified < preset
+        return self._worth.improves
 
     @property
     def verdict(self) -> str:
@@ -237,9 +235,7 @@ class Identification(Frozen):
         `END_SHARE` times the error of predicting the run that was kept out, root mean square over
         all passive joints. No confidence interval: see `END_SHARE`.
         """
-        if self.improves is None:
-            return float("nan")
-        return END_SHARE * _pooled(self.errors["identified"])
+        return float("nan" if (width := self._worth.half_width_deg) is None else width)
 
     def table(self) -> Table:
         """Return the estimates as a table for a terminal: `rich.print(found.table())`."""
@@ -256,15 +252,8 @@ class Identification(Frozen):
         data = {
             "machine": self.machine.to_dict(),
             "parameters": [
-                {
-                    "key": e.parameter.key,
-                    "name": e.parameter.name,
-                    "unit": e.parameter.unit,
-                    "preset": e.preset,
-                    "value": e.value,
-                    "spread": e.spread,
-                    "told": e.told,
-                }
+                {name: getattr(e.parameter, name) for name in ("key", "name", "unit")}
+                | {name: getattr(e, name) for name in ("preset", "value", "spread", "told")}
                 for e in self.estimates
             ],
             "merged": list(self.merged),
@@ -282,15 +271,11 @@ class Identification(Frozen):
 
     def to_toml(self) -> str:
         """Return the `[machine]` table of a problem file, with comments on its origin."""
-        settings = {k: v for k, v in self.machine.to_dict().items() if v is not False}
         head = [f"# Identified from {len(self.logs)} run{'s' * (len(self.logs) > 1)}."]
         head += [f"# {self.worth}"]
         head += [f"# One number stands for several. {text}." for text in self.merged]
         head += [f"# Warning: {text}" for text in self.warnings]
-        off = [k for k, v in self.machine.to_dict().items() if v is False]
-        base = Machine.from_table({"preset": self.machine.preset}).effects
-        settings |= {name: False for name in off if name in base}
-        rows = [f"{key} = {toml(value)}" for key, value in settings.items()]
+        rows = [f"{key} = {toml(value)}" for key, value in self.machine.to_dict().items()]
         return "\n".join([*head, "[machine]", *rows]) + "\n"
 
     def save(self, path: str | Path) -> Path:

@@ -48,8 +48,13 @@ EVEN_SHARE = 0.02
 
 JUMP_DEG, MOST_RATE_DEG_S = 20.0, 600.0
 """Largest plausible change of an angle between two rows: the jump plus the rate times the interval.
-Beyond, the angle has wrapped around or a reading is wrong. The prototype reaches 30 degrees a
-second."""
+The prototype reaches 30 degrees a second."""
+
+LEAST_JUMP_DEG, JUMP_RATIO = 0.6, 2.5
+"""A step between two rows that stands out from the steps around it by more than the first, and by
+more than this multiple of the 99th percentile of all steps and of the encoder's resolution, is no
+motion. Emulated arms reach 0.6 of that, with noise of 0.2 degrees, readings that are held for five
+rows or steps of a degree 0.8."""
 
 UNIT_RATIO = 8.0
 """Largest plausible ratio between the turns of joint 1 and motor 2, which are equal but for gear
@@ -302,21 +307,31 @@ def _times(t: Array, table: NumberTable) -> Array:
 
 
 def _refuse_jumps(log: Log, table: NumberTable) -> None:
-    allowed = np.deg2rad(JUMP_DEG + MOST_RATE_DEG_S * np.diff(log.t))
-    jumps = np.abs(np.diff(log.theta, axis=0)) - allowed[:, None]
-    if np.any(jumps > 0):
-        k, i = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
-        before, after = log.theta_deg[k : k + 2, i]
+    theta, n = log.theta_deg, len(log.t) - 1
+    steps = np.diff(theta, axis=0)
+    near = np.lib.stride_tricks.sliding_window_view(
+        np.pad(steps, ((3, 3), (0, 0)), "reflect"), 3, 0
+    )
+    around = np.median(near, axis=-1)  # of three steps each
+    beside = np.stack([around[:n], around[4:]])
+    out = np.maximum(steps - beside.max(axis=0), beside.min(axis=0) - steps)
+    finest = [np.min(np.diff(np.unique(np.round(each, 4))), initial=np.inf) for each in theta.T]
+    usual = np.maximum(np.percentile(np.abs(steps), 99, axis=0), finest)
+    most = JUMP_DEG + MOST_RATE_DEG_S * np.diff(log.t)[:, None]
+    jumps = out / np.minimum(np.maximum(LEAST_JUMP_DEG, JUMP_RATIO * usual), most)
+    if (rows := np.flatnonzero(np.any(jumps > 1, axis=1))).size:
+        k = int(rows[0])
+        i = int(np.argmax(jumps[k]))
+        before, after = theta[k : k + 2, i]
         turns = abs(after - before) / 360
-        wraps = abs(turns - round(turns)) < JUMP_DEG / 360 and turns > 0.5
-        advice = (
-            "the encoder wraps around; write continuous angles (numpy.unwrap)"
-            if wraps
-            else "a wrong reading, or a wrong unit"
-        )
+        advice = "the encoder lost counts or was reset, or a wrong reading or unit"
+        if abs(turns - round(turns)) < JUMP_DEG / 360 and turns > 0.5:
+            advice = "the encoder wraps around; write continuous angles (numpy.unwrap)"
+        elif after == 0:
+            advice = "the reading drops to zero"
         raise InputError(
-            f"{table.line(int(k) + 1)}: theta{i + 1} jumps from {before:.5g} to {after:.5g} deg at"
-            f" t = {log.t[k + 1]:.5g} s: {advice}"
+            f"{table.line(k + 1)}: theta{i + 1} jumps from {before:.5g} to {after:.5g} deg at"
+            f" t = {log.t[k + 1]:.5g} s: {advice}" + f" ({len(rows)} such jumps)" * (len(rows) > 1)
         )
 
 

@@ -16,6 +16,7 @@ from planner import (
     Machine,
     Problem,
     emulate_log,
+    excitation,
     read_log,
     replay,
     solve,
@@ -161,11 +162,11 @@ def changed(column: int, row: int, value: float) -> list[np.ndarray]:
             changed(4, 7, np.nan),
             r"line 9: column 'theta2_rad' is 'nan', which is not a number",
         ),
-        (HEADER, changed(5, 30, 0.9), r"line 33: theta3 jumps from .* deg at t = 0\.31 s: a wrong"),
+        (HEADER, changed(5, 30, 0.9), r"line 32: theta3 jumps from .* deg at t = 0\.3 s: .* wrong"),
         (
             HEADER,
             [T, *U.T, *(THETA + 2 * np.pi * (T > 0.6)[:, None]).T],
-            r"theta2 jumps from .* the encoder wraps around",
+            r"line 63: theta. jumps from .* the encoder wraps around",
         ),
         (
             HEADER,
@@ -198,6 +199,45 @@ def test_what_cannot_be_used_is_refused_with_column_and_row(
     with pytest.raises(InputError, match=words) as error:
         read_log(path)
     assert str(path) in str(error.value)
+
+
+@pytest.fixture(scope="module")
+def swung(paper: Problem) -> Log:
+    return emulate_log(excitation(paper), Machine.prototype())
+
+
+@pytest.mark.parametrize("joint", [0, 1, 2])
+def test_steps_of_an_encoder_are_named_by_line(swung: Log, tmp_path: Path, joint: int) -> None:
+    """A joint turns by 0.35 degrees from row to row at most; each case was taken for motion."""
+    for rows, deg in (((1500,), 3.0), ((1500,), 1.0), ((300, 900, 1700, 2400, 2900), 1.76)):
+        theta = swung.theta.copy()
+        for row in rows:
+            theta[row:, joint] -= np.deg2rad(deg)
+        path = replace(swung, theta=theta).save(tmp_path / "a.csv")
+        with pytest.raises(InputError, match=rf"line {rows[0] + 2}: theta{joint + 1} jumps from"):
+            read_log(path)
+
+
+@pytest.mark.parametrize("rows", [slice(700, 1300), slice(700, 701), slice(3050, None)])
+def test_a_reading_that_drops_to_zero_is_named(swung: Log, tmp_path: Path, rows: slice) -> None:
+    theta = swung.theta.copy()
+    theta[rows, 1] = 0.0
+    path = replace(swung, theta=theta).save(tmp_path / "a.csv")
+    with pytest.raises(InputError, match=rf"line {rows.start + 2}: theta2 .* drops to zero"):
+        read_log(path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"encoder_noise_deg": 0.2}, {"encoder_resolution_deg": 1.0}, {"fidelity": "dynamic"}],
+    ids=str,
+)
+def test_what_encoders_do_is_no_jump(paper: Problem, tmp_path: Path, change: dict) -> None:
+    log = emulate_log(excitation(paper), Machine.prototype(**change))
+    held = log.theta[np.arange(len(log.t)) // 5 * 5]  # read at 20 Hz, logged at 100 Hz
+    slow = replace(log, t=log.t[::10], u=log.u[::10], theta=log.theta[::10])
+    for each in (log, replace(log, theta=held), slow):
+        assert len(read_log(each.save(tmp_path / "a.csv")).t) == len(each.t)
 
 
 def test_an_empty_cell_and_an_empty_file_are_refused(tmp_path: Path) -> None:

@@ -17,9 +17,11 @@ from planner.methods.refusal import (
     reach_changes,
     try_changes,
 )
-from planner.methods.registry import METHODS, find_method
+from planner.methods.registry import METHODS
+from planner.methods.spec import parse_spec, parse_specs
 from planner.plan.measures import DomainReport
 from planner.plan.plan import Plan
+from planner.plan.spec import Spec
 from planner.problem.feasibility import (
     DurationBound,
     End,
@@ -95,9 +97,9 @@ class Analysis(Frozen):
         nonholonomy: Controllability at the start, at the goal and at θ₁ = 0.
         not_promised: Labels of the requirements that each method does not guarantee to keep, which
             are known before the search (`planner.methods.keeping`).
-        outcomes: A summary for each method, with the keys of
-            `planner.verification.summary.summary_keys`.
-        refusals: The refusal of each method that has no plan, by the method's name.
+        outcomes: For each method the summary of its best variant, with the keys of
+            `planner.verification.summary.summary_keys` and `label`, the variant.
+        refusals: The refusal of each method that has no plan, by label.
         remedy: A change of the problem with which a method has a plan; None if a method has a plan
             of the unchanged problem, or if no change helped.
         in_the_way: The bodies without which a method has a plan, in words, if no change helped;
@@ -179,7 +181,7 @@ class Analysis(Frozen):
 
 def check(
     problem: Problem,
-    methods: Sequence[str] | None = None,
+    methods: str | Sequence[str] | None = None,
     progress: Progress | None = None,
     time_limit_s: float | None = None,
 ) -> Analysis:
@@ -187,8 +189,9 @@ def check(
 
     Args:
         problem: The problem.
-        methods: Names of methods to try. By default every method that does not start from the plan
-            of another method.
+        methods: Methods to try, as `compare` takes them. By default every method that does not
+            start from the plan of another method; the polynomial also with automatic constraint
+            points, if it has no plan without.
         progress: Called with one line of text before each slow step.
         time_limit_s: Seconds for the whole analysis. The methods and the search for a remedy share
             the time that remains; see `planner.solve`.
@@ -199,19 +202,20 @@ def check(
     """
     say = expect_listener(progress)
     expect_problem(problem)
-    unrefined = [name for name, method in METHODS.items() if method.refines is None]
-    names = unrefined if methods is None else [find_method(m).name for m in methods]
+    unrefined = [Spec(name) for name, method in METHODS.items() if method.refines is None]
+    specs = unrefined if methods is None else parse_specs(problem, methods)
     window, reach = travel_window(problem), goal_reach(problem)
     outcomes, refusals = [], dict[str, NoPlanError]()
     remedy, in_the_way = None, ""
     with time_limit(time_limit_s) as span:
         words = f"its share of {span.why}" if time_limit_s is not None else ""
-        for k, name in enumerate(names):
-            say(f"trying {name}")
-            with time_share(1 / (len(names) - k + 1), words):
-                outcomes.append(_outcome(problem, name, refusals))
+        for k, spec in enumerate(specs):
+            say(f"trying {spec.label}")
+            variants = VARIANTS.get(spec.label, ()) if methods is None else ()
+            with time_share(1 / (len(specs) - k + 1), words):
+                outcomes.append(_outcome(problem, (spec, *variants), refusals))
         if not any(o["verified"] for o in outcomes):
-            remedy, in_the_way = find_remedy(problem, names, say, reach)
+            remedy, in_the_way = find_remedy(problem, [s.label for s in specs], say, reach)
     say("checking the plain polynomial")
     singular = any(o["method"] == "polynomial" and o["status"] == "singular" for o in outcomes)
     return Analysis(
@@ -223,7 +227,7 @@ def check(
         duration_bound=least_duration(problem),
         plain_polynomial=_plain_polynomial(problem, window) if singular else None,
         nonholonomy=nonholonomy(problem),
-        not_promised={name: _open_requirements(problem, name) for name in names},
+        not_promised={spec.label: _open_requirements(problem, spec.method) for spec in specs},
         outcomes=tuple(outcomes),
         refusals=refusals,
         remedy=remedy,
@@ -261,16 +265,28 @@ def find_remedy(
     return remedy, ""
 
 
-def _outcome(problem: Problem, name: str, refusals: dict[str, NoPlanError]) -> dict[str, Any]:
-    """Try a method; return the summary of its plan, or of its refusal, which joins `refusals`."""
-    try:
-        return plan_summary(*solve_and_check(problem, name, advice=False))
-    except NoPlanError as error:
-        refusals[name] = error
-    except InputError as error:  # the method does not accept such a problem
-        refusals[name] = NoPlanError(error.body, source=error.source)
-        refusals[name].status = "bad_input"
-    return refusal_summary(refusals[name], name, problem.system)
+VARIANTS = {"polynomial": (parse_spec("polynomial:points=auto"),)}
+"""Further variants of a method, by label, that `check` tries if the method has no plan: those that
+the method plans but does not choose by itself."""
+
+
+def _outcome(
+    problem: Problem, variants: Sequence[Spec], refusals: dict[str, NoPlanError]
+) -> dict[str, Any]:
+    """Try variants of a method; return the summary of the first plan, or of the first refusal,
+    which joins `refusals`."""
+    first, refused = variants[0], list[NoPlanError]()
+    for spec in variants:
+        try:
+            found = solve_and_check(problem, spec, advice=False)
+            return {"label": spec.label, **plan_summary(*found)}
+        except NoPlanError as error:
+            refused.append(error)
+        except InputError as error:  # the method does not accept such a problem
+            refused.append(NoPlanError(error.body, source=error.source))
+            refused[-1].status = "bad_input"
+    refusals[first.label] = refused[0]
+    return {"label": first.label, **refusal_summary(refused[0], first.method, problem.system)}
 
 
 def _open_requirements(problem: Problem, name: str) -> tuple[str, ...]:
@@ -283,7 +299,7 @@ def _open_requirements(problem: Problem, name: str) -> tuple[str, ...]:
 def _reversal(
     problem: Problem, window: TravelWindow | None, outcomes: list[dict[str, Any]]
 ) -> Reversal:
-    one_way = [o["method"] for o in outcomes if o["verified"] and o["direction"] == "one way"]
+    one_way = [o["label"] for o in outcomes if o["verified"] and o["direction"] == "one way"]
     if one_way:
         return Reversal("not needed", f"the {one_way[0]} plan moves one way")
     if window is None:
@@ -325,7 +341,7 @@ def _plain_polynomial(
 
 def _kind(outcome: dict[str, Any]) -> str:
     where = "inside the chart" if outcome["domain_ok"] else "through the edge of the chart"
-    return f"{outcome['method']} ({outcome['direction']}, {where})"
+    return f"{outcome['label']} ({outcome['direction']}, {where})"
 
 
 def _window_dict(problem: Problem, window: TravelWindow | None) -> dict[str, Any] | None:

@@ -16,7 +16,7 @@ from planner.errors import InputError, SingularError, VerificationError, expect
 from planner.plan.claims import Certificate
 from planner.plan.fastest_timing import InputMask, fastest_motion
 from planner.plan.measures import Objective, peak_inputs
-from planner.plan.plan import Plan, refuse_compensated
+from planner.plan.plan import Plan, expect_plan
 from planner.problem.problem import Problem
 from planner.verification.certify import certify
 from planner.verification.verdict import judge
@@ -58,7 +58,12 @@ def retime(
         NotConvergedError: If the convex program is not solved.
         VerificationError: If the retimed plan breaks another requirement of the problem.
     """
-    refuse_compensated(plan, "retime")
+    expect_plan(plan)
+    if plan.compensation is not None:
+        raise InputError(
+            "retime needs a plan whose inputs follow the kinematics, but this one is compensated"
+            " for a machine; use the original plan, plan.compensates"
+        )
     if not plan.executable:
         raise SingularError(
             "a plan that leaves the domain of the chained-form chart has no inputs to retime",

@@ -21,8 +21,10 @@ from planner.methods.judgement import judge_plan, judge_slowed
 from planner.methods.keeping import refuse_unkept
 from planner.methods.refusal import Change, advise, path_changes
 from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
+from planner.methods.spec import parse_spec
 from planner.plan.measures import Objective
 from planner.plan.plan import Plan, expect_plan, refuse_inexecutable
+from planner.plan.spec import Spec
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.feasibility import SHORTEST_S, refuse_too_short
 from planner.problem.free_space import why_blocked
@@ -66,7 +68,8 @@ def solve(
 
     Args:
         problem: The problem.
-        method: Name of a method; `planner.METHODS` lists them.
+        method: Name of a method (`planner.METHODS` lists them), with options and the word
+            `compensated` if needed, as in `compare`: "polynomial:points=auto".
         warm: A plan of a similar problem of the same system, by any method. 'collocation' and
             'desensitised' start from it instead of searching and return the nearest local optimum.
         time_limit_s: Seconds for the whole call: planning, verification, trying advice after a
@@ -102,14 +105,13 @@ def solve(
 
 def solve_and_check(
     problem: Problem,
-    method: str,
+    method: str | Spec,
     options: Mapping[str, Any] = MappingProxyType({}),
     *,
     warm: Plan | None = None,
     time_limit_s: float | None = None,
     progress: Listener | None = None,
     advice: bool = True,
-    compensate: bool = False,
     compensated_for: Machine | None = None,
 ) -> tuple[Plan, Check]:
     """Plan a motion as `solve` does, and return the plan with the result of its verification.
@@ -117,17 +119,17 @@ def solve_and_check(
     Args:
         problem, method, options, warm, time_limit_s, progress: As for `solve`.
         advice: Whether to try the changes that a refusal names.
-        compensate: Whether to compensate the plan even if the problem does not ask for it.
         compensated_for: The machine to compensate for. By default the problem's machine.
     """
     expect_problem(problem)
-    entry = find_method(method)
+    spec = parse_spec(method)
+    entry, options = find_method(spec.method), {**spec.options, **options}
     if time_limit_s is not None:
         time_limit_s = check_seconds(time_limit_s)
         if "time_limit_s" in entry.options.model_fields:
-            options = {**options, "time_limit_s": time_limit_s}
+            options["time_limit_s"] = time_limit_s
     merged = merged_options(problem, entry, options)
-    must_compensate = compensate or problem.compensation.on
+    must_compensate = spec.compensated or problem.compensation.on
 
     def attempt(change: Change, short: Plan | None) -> Plan:
         changed = problem.changed(change.keys)
@@ -151,7 +153,7 @@ def solve_and_check(
             far = current_progress()
             came = f" after {far.solves} solves (the search was {far.doing})" if far else ""
             raise TimeLimitError(
-                f"{span.why} ended the method '{method}' before it had a plan{came}",
+                f"{span.why} ended the method '{spec.text}' before it had a plan{came}",
                 source=problem.source,
                 advice=time_advice(),
             ) from None

@@ -28,6 +28,20 @@ def test_a_problem_with_a_plan(paper: planner.Problem) -> None:
     assert analysis.remedy is None
 
 
+def test_by_default_the_polynomial_is_also_tried_with_chosen_points(
+    paper: planner.Problem,
+) -> None:
+    """It said "verification failed, try 28 s" of a motion that `compare` plans in 10 s."""
+    analysis = check(paper)
+    by_method = {outcome["method"]: outcome for outcome in analysis.outcomes}
+    outcome = by_method.pop("polynomial")
+    assert outcome["label"] == "polynomial:points=auto"
+    assert outcome["verified"]
+    assert outcome["duration_s"] == 10
+    assert all(other["label"] == method for method, other in by_method.items())
+    assert not {"polynomial", outcome["label"]} & set(analysis.refusals)
+
+
 def test_a_remedy_has_been_tried_and_works(paper: planner.Problem) -> None:
     task = paper.changed({"goal.travel": 0.825})
     analysis = check(task, QUICK)

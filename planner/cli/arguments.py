@@ -16,7 +16,7 @@ import typer
 
 from planner.errors import InputError
 from planner.machine.machine import load_machine
-from planner.methods.registry import all_methods, find_method
+from planner.methods.registry import all_methods
 from planner.problem.problem import Problem, load_problem
 from planner.support.files import MOST_LEVELS, toml_value
 from planner.support.tables import shorten
@@ -83,7 +83,10 @@ def join_methods(given: list[str] | None) -> str | None:
 
 MethodNames = Annotated[
     list[str] | None,
-    methods_option("Methods to try. Default: all that do not start from another method's plan."),
+    methods_option(
+        "Methods to try, as in `compare`. Default: all that do not start from another method's"
+        " plan; the polynomial also with points=auto."
+    ),
 ]
 PlannedMethods = Annotated[
     list[str] | None,
@@ -180,20 +183,6 @@ def parse_changes(pairs: list[str]) -> dict[str, Any]:
                 " true, a [list] or a text in quotes"
             ) from None
     return out
-
-
-def parse_methods(text: str | None) -> list[str] | None:
-    """Parse `--methods a,b,c` into names without duplicates; None if the option is not given.
-
-    Raises:
-        InputError: If a name is unknown or the list is empty.
-    """
-    if text is None:
-        return None
-    names = list(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
-    if not names:
-        raise InputError(f"--methods {text!r} names no method; allowed: {', '.join(all_methods())}")
-    return [find_method(name).name for name in names]
 
 
 def _loads(path: Path, changes: Mapping[str, Any]) -> bool:

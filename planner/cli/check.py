@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,6 @@ from planner.cli.arguments import (
     ProblemPath,
     TimeLimit,
     join_methods,
-    parse_methods,
     read_problem,
 )
 from planner.cli.output import finish, job, manner, number, numbers
@@ -48,10 +48,11 @@ def check(
       planner check problems/paper-fig5.toml --set goal.travel=0.82
       planner check problems/unreachable.toml --json
     """
-    names = parse_methods(join_methods(method_names))
     task = read_problem(problem, changes)
     with job("checking") as notice:
-        analysis = analyse(task, names, progress=notice, time_limit_s=time_limit)
+        analysis = analyse(
+            task, join_methods(method_names), progress=notice, time_limit_s=time_limit
+        )
     mathematics: list[str | Table] = ["For the mathematics: --verbose"]
     if manner.verbose:
         mathematics = [facts(_findings(analysis)), *_unpromised_limits(analysis)]
@@ -184,7 +185,7 @@ def _methods(analysis: Analysis) -> Table:
         return float(value[place]) if isinstance(value, list | tuple) else value
 
     columns: list[Column[Outcome]] = [
-        Column("method", "", lambda o: o["method"], left=True),
+        Column("method", "", itemgetter("label"), left=True, width=20, code=True),
         Column("answer", "", _answer, left=True),
         Column("travel", "", lambda o: figure(o, "travel"), number),
         Column("duration", "", lambda o: o["duration_s"], number),
@@ -222,13 +223,13 @@ def _refusals(analysis: Analysis) -> Iterator[str]:
     # The verdict has the proof and the remedy.
     told = why_too_short(analysis.problem) is not None and analysis.remedy is not None
     for o in analysis.outcomes:
-        if (error := analysis.refusals.get(o["method"])) is None:
+        if (error := analysis.refusals.get(o["label"])) is None:
             continue
         reason = error.sentence if not told or error.finding is None else error.finding
         broken = [] if o["status"] == "singular" else o["violations"][:4]  # the reason names them
         refusal = (reason and reason + error.list_head, *(f"  - {v['text']}" for v in broken))
         names, advice = refused.setdefault(refusal, ([], []))
-        names.append(o["method"])
+        names.append(o["label"])
         if error.ways and not any({*error.ways} <= {*known} for known in advice):
             advice.append(error.ways)
     for (reason, *lines), (names, advice) in refused.items():

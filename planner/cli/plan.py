@@ -31,7 +31,7 @@ from planner.cli.output import (
     search_ended_early,
 )
 from planner.errors import NoPlanError
-from planner.methods.registry import find_method
+from planner.methods.spec import parse_spec
 from planner.plan.plan import Plan
 from planner.plan.recorded.log import read_log
 from planner.problem.problem import Problem
@@ -47,7 +47,11 @@ from planner.verification.summary import plan_summary, refusal_summary
 def plan(
     problem: ProblemPath,
     method: Annotated[
-        str, method_option("The method; `planner methods` lists them.")
+        str,
+        method_option(
+            "The method (`planner methods` lists them), with options if needed:"
+            " polynomial:points=auto, 'collocation compensated'."
+        ),
     ] = "collocation",
     time_limit: TimeLimit = None,
     changes: Changes = None,
@@ -90,7 +94,7 @@ def plan(
       planner plan arm.toml --machine my-machine.toml --after plan.json \\
         --set goal.theta_deg=[40,30,20] --set compensation.on=true --out next.json
     """
-    name = find_method(method).name
+    spec = parse_spec(method)
     task = read_problem(problem, changes, machine)
     pose = None if pose_from is None else read_log(pose_from).pose_deg
     if after is not None:
@@ -100,16 +104,16 @@ def plan(
     if out is not None:
         refuse_unwritable(out)
     try:
-        with job(f"planning with {name}"), keep_best_on_interrupt():
+        with job(f"planning with {spec.label}"), keep_best_on_interrupt():
             began = time.perf_counter()
-            motion, check = solve_and_check(task, name, time_limit_s=time_limit)
+            motion, check = solve_and_check(task, spec, time_limit_s=time_limit)
             took = time.perf_counter() - began
             if after is not None:
                 motion = replace(motion, notes={**motion.notes, "after": after.name})
             summary = plan_summary(motion, check)
             summary["on_machines"], touch = touch_facts(motion) if motion.verified else (None, "")
     except NoPlanError as error:
-        return _report_refusal(task, name, error)
+        return _report_refusal(task, spec.method, error)
     summary |= _heading(task) | {"written": out and motion.save(out)}
     status = 0
     if search_ended_early():
@@ -117,7 +121,7 @@ def plan(
         say("planner: interrupted: this is the best plan found so far")
     rows = [*properties(motion, summary, machine), ("time", _time(summary, took))]
     rows += [("emulated", touch)] * bool(touch)
-    parts = (f"{task.name}: {name}", facts(rows), "", _verdict(motion))
+    parts = (f"{task.name}: {spec.label}", facts(rows), "", _verdict(motion))
     return finish(summary, *parts, status=status, where="plan written to {}")
 
 

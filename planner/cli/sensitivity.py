@@ -14,12 +14,12 @@ from rich.table import Table
 
 from planner.cli.arguments import (
     Changes,
+    PlannedMethods,
     PlanOrProblemPath,
     Seed,
     is_plan,
     join_methods,
     method_option,
-    methods_option,
     out_option,
     read_problem,
     samples_option,
@@ -28,7 +28,6 @@ from planner.cli.output import explain_interruption, finish, job, number
 from planner.comparison.compare import plan_row, specs_of
 from planner.errors import InputError
 from planner.methods.desensitised.method import spreads
-from planner.methods.registry import find_method
 from planner.plan.plan import Plan
 from planner.plan.spec import Spec
 from planner.problem.tables.method_options import DesensitisedOptions
@@ -57,10 +56,7 @@ def sensitivity(
     method: Annotated[
         str, method_option("Method that makes the plan, if a problem is given.")
     ] = "collocation",
-    methods: Annotated[
-        list[str] | None,
-        methods_option("Methods, each with options if needed (polynomial:travel=middle); or all."),
-    ] = None,
+    methods: PlannedMethods = None,
     machine: Annotated[
         bool, typer.Option(help="Also show the parameters of the emulated machine.")
     ] = True,
@@ -138,12 +134,6 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
         raise InputError(f"{source} is a plan; --methods needs a problem file")
     problem = read_problem(source, changes)
     specs = specs_of(problem, methods)
-    for spec in specs:
-        if spec.compensated:
-            raise InputError(
-                f"'{spec.label}': a compensated plan has the sensitivity of the uncompensated one;"
-                " leave out the word compensated"
-            )
     rows = []
     with job() as notice:
         for spec in specs:
@@ -177,7 +167,7 @@ def design_errors(plan: Plan) -> DesensitisedOptions:
 
 def _plan(source: Path, method: str, changes: list[str] | None) -> Plan:
     if not is_plan(source):
-        return solve(read_problem(source, changes), find_method(method).name)
+        return solve(read_problem(source, changes), method)
     if changes:
         raise InputError(f"{source} is a plan; --set changes problem files only")
     return load_plan(source, strict=True)

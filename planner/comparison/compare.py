@@ -28,7 +28,7 @@ from planner.machine.feedforward.legs import compensable
 from planner.machine.machine import Machine, machine_for, sample_numbers
 from planner.machine.replay import RECORD_S
 from planner.machine.replay import replay as run_replay
-from planner.methods.registry import ALL, METHODS, find_method, merged_options
+from planner.methods.registry import ALL, find_method, merged_options
 from planner.methods.spec import parse_specs
 from planner.plan.plan import Plan
 from planner.plan.spec import Spec
@@ -69,10 +69,11 @@ def compare(
         problem: The problem to solve.
         methods: Names of methods with options, for example "polynomial:travel=middle" or
             "collocation:intervals=20:degree=2". The word `compensated` after the name compensates
-            the plan. "all" means every method. By default: the polynomial (if the travel is free,
-            with the middle of its possible travels), the polynomial with automatic constraint
-            points, the sinusoid and collocation; for arms with friction disks also the compensated
-            plans of the last three methods, if these have a verified plan.
+            the plan; " + feedback" at the end also replays it with feedback. "all" means every
+            method. By default: the polynomial (if the travel is free, with the middle of its
+            possible travels), the polynomial with automatic constraint points, the sinusoid and
+            collocation; for arms with friction disks also the compensated plans of the last three
+            methods, if these have a verified plan.
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
         samples: Number of random machines, at least 1, or a list of sample numbers.
         seed: Random seed; the same seed gives the same machines.
@@ -91,12 +92,13 @@ def compare(
     expect_listener(progress)
     expect_problem(problem)
     numbers = sample_numbers(samples)
-    requests = specs_of(problem, methods)
+    named = specs_of(problem, methods, feedback=True)
+    requests = list(dict.fromkeys(replace(spec, feedback=False) for spec in named))
     distribution = machine_for(problem.machine, machine)
     chosen = None if isinstance(samples, int) else tuple(numbers.tolist())
     if not threshold_deg >= 0:
         raise InputError(f"threshold_deg = {threshold_deg}: must be degrees, at least 0")
-    closed = [spec for spec in requests if feedback]
+    closed = [spec for spec in requests if feedback or replace(spec, feedback=True) in named]
     closed = closed[-1:] if methods is None else closed
     run = _ComparisonRun(
         problem, distribution, numbers.tolist(), seed, closed, methods, time_limit_s
@@ -204,17 +206,16 @@ class _ComparisonRun:
         return replace(row, machine_errors_deg=errors, **machine_figures(runs))
 
 
-def specs_of(problem: Problem, methods: str | Sequence[str] | None) -> list[Spec]:
-    """Return the methods and options that `compare` runs.
+def specs_of(
+    problem: Problem, methods: str | Sequence[str] | None, *, feedback: bool = False
+) -> list[Spec]:
+    """Return the methods and options that `compare` runs; `feedback` as for `parse_spec`.
 
     Raises:
         InputError: If a method is unknown or an option is wrong.
     """
-    if methods is None:
-        return parse_specs(problem, default_methods(problem))
-    if methods == ALL:
-        return [Spec(name) for name in METHODS]
-    return parse_specs(problem, methods)
+    named = default_methods(problem) if methods is None else methods
+    return parse_specs(problem, named, feedback=feedback)
 
 
 def default_methods(problem: Problem) -> list[str]:
@@ -251,8 +252,8 @@ def plan_row(
     Raises:
         InputError: If the method does not fit the problem.
     """
-    options, advice = dict(spec.options), dict[str, Any]()
-    time_limit_s = options.pop("time_limit_s", time_limit_s)
+    advice = dict[str, Any]()
+    time_limit_s = spec.options.get("time_limit_s", time_limit_s)
     start = time.perf_counter() - (0.0 if plain is None else plain.took_s)
     try:
         if plain is not None and plain.plan is not None:
@@ -262,12 +263,7 @@ def plan_row(
                 )
         else:
             plan, check = solve_and_check(
-                problem,
-                spec.method,
-                options,
-                time_limit_s=time_limit_s,
-                compensate=spec.compensated,
-                compensated_for=machine,
+                problem, spec, time_limit_s=time_limit_s, compensated_for=machine
             )
         took = time.perf_counter() - start
         early = str(plan.notes.get("ended_early", ""))

@@ -274,12 +274,7 @@ def command(
     if settings is None or comparison.threshold_deg != LEAST_DIFFERENCE_DEG:
         return None
     words = ["planner", "compare", comparison.problem.source]
-    methods = dict.fromkeys(row.spec.text for row in comparison.rows)
-    closed = {row.spec.text for row in comparison.rows if row.feedback}
-    by_default = closed and len(methods) > len(closed)
-    if not by_default:  # with --methods, --feedback applies to all methods
-        words += ["--methods", ",".join(methods)]
-    words += ["--feedback"] * bool(closed)
+    words += ["--methods", ",".join({row.spec.text: row.label for row in comparison.rows}.values())]
     for sample in comparison.chosen or ():
         words += ["--sample", str(sample)]
     if comparison.chosen is None:

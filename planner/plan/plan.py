@@ -466,18 +466,3 @@ def refuse_inexecutable(plan: Plan) -> None:
         f"this {plan.method} plan leaves the chart's domain, so it has no real inputs"
         f" (crossings at t = {times} s; {domain.label}: {domain.margin:.4g})"
     )
-
-
-def refuse_compensated(plan: Plan, what: str) -> None:
-    """Refuse a compensated plan, whose inputs follow a machine instead of the kinematics.
-
-    Raises:
-        InputError: If the plan is compensated, or is not a plan; the message begins with `what`,
-            the name of the caller.
-    """
-    expect_plan(plan)
-    if plan.compensation is not None:
-        raise InputError(
-            f"{what} needs a plan whose inputs follow the kinematics, but this one is"
-            " compensated for a machine; use the original plan, plan.compensates"
-        )

@@ -226,7 +226,7 @@ def sensitivities(
         spread: Standard deviations of the errors; see `Sensitivity.total_deg`.
 
     Raises:
-        InputError: If no plan is left, a plan is compensated, or the plans have different systems.
+        InputError: If no plan is left, or the plans have different systems.
     """
     for plan in filter(None, plans.values()):
         expect_plan(plan)

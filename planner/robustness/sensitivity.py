@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import InputError
-from planner.plan.plan import Plan, refuse_compensated, refuse_inexecutable
+from planner.plan.plan import Plan, refuse_inexecutable
 from planner.support.arrays import Array, Frozen
 from planner.support.calculus import runge_kutta
 from planner.support.calculus.extremes import sample_times
@@ -249,14 +249,15 @@ def sensitivity(plan: Plan, samples: int = 2000) -> Sensitivity:
     """Compute first-order sensitivities of an executable plan, along the motion and at its end.
 
     Args:
-        plan: Any executable plan.
+        plan: Any executable plan. A compensated plan has the sensitivity of the plan that it
+            compensates, which is the one of the result.
         samples: Approximate number of integration steps; steps are shorter near breaks of the plan.
 
     Raises:
         InputError: If the plan cannot be executed.
     """
-    refuse_compensated(plan, "sensitivity")
     refuse_inexecutable(plan)
+    plan = plan.compensates or plan
     system = plan.problem.system
     known = parameters(system)
     names, units = tuple(p.name for p in known), tuple(p.unit for p in known)

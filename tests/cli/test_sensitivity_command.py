@@ -14,12 +14,6 @@ PROBLEMS = Path(__file__).parents[2] / "problems"
 PAPER = PROBLEMS / "paper.toml"
 
 
-def test_its_help_offers_only_what_it_takes(run: Callable[..., Any]) -> None:
-    assert "polynomial:travel=middle" in run("sensitivity", "--help").words
-    assert "compensated" not in run("sensitivity", "--help").words
-    assert "word compensated" in run("compare", "--help").words
-
-
 def test_table_and_sums(run: Callable[..., Any]) -> None:
     result = run("sensitivity", PAPER, "--no-machine")
     assert result.status == 0
@@ -93,7 +87,7 @@ def test_methods_side_by_side(run: Callable[..., Any], tmp_path: Path) -> None:
 
 def test_what_cannot_stand_side_by_side(run: Callable[..., Any], tmp_path: Path) -> None:
     for words, says in (
-        (["--methods", "collocation compensated"], "leave out the word compensated"),
+        (["--methods", "collocation + feedback"], "only replays have feedback"),
         (["--methods", "collocation", "--pareto", "effort"], "contradict each other"),
         (["--methods", "polynomial:points=[[5.0,0.5]]"], "no plan can be executed"),
     ):

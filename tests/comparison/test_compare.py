@@ -577,6 +577,16 @@ def test_rows_with_feedback_stand_beside_those_without(
     assert "effort" in result.figures()
 
 
+def test_feedback_may_be_asked_for_one_plan(
+    quick: planner.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = sys.modules["planner.machine.replay"]
+    monkeypatch.setattr(module, "feedback_of", lambda plan, on: _Held() if on else None)
+    result = planner.compare(quick, "polynomial + feedback,sinusoid", samples=3)
+    labels = ["polynomial", "polynomial + feedback", "sinusoid"]
+    assert [row.label for row in result.rows] == labels
+
+
 def test_a_plan_that_feedback_cannot_follow_is_refused_with_the_reason(
     quick: planner.Problem,
 ) -> None:

@@ -49,16 +49,16 @@ def test_an_unchanged_problem_needs_no_settings() -> None:
     ]  # fmt: skip
 
 
-def test_methods_are_named_unless_feedback_closes_the_default_alone() -> None:
-    """Of methods that are named feedback closes all, so that the command would give other rows."""
+def test_methods_are_named_with_their_feedback_in_the_order_of_the_rows() -> None:
     comparison = empty(planner.load_problem(PAPER))
     first, last = (Row(Spec(name), True, "") for name in ("polynomial", "collocation"))
     closed = [replace(row, spec=replace(row.spec, feedback=True)) for row in (first, last)]
-    both = replace(comparison, rows=(first, last, closed[1]))
-    assert words(command(both))[3:4] == ["--feedback"]
-    all_closed = (first, closed[0], last, closed[1])
-    parts = words(command(replace(comparison, rows=all_closed)))
-    assert parts[3:6] == ["--methods", "polynomial,collocation", "--feedback"]
+    for rows, named in (
+        ((first, last, closed[1]), "polynomial,collocation + feedback"),
+        ((first, closed[0], last), "polynomial + feedback,collocation"),
+    ):
+        parts = words(command(replace(comparison, rows=rows)))
+        assert parts[3:6] == ["--methods", named, "--samples"]
 
 
 def test_changes_become_settings_that_give_the_problem_back() -> None:

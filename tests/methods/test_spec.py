@@ -85,6 +85,33 @@ VALUES = st.recursive(
 )
 
 
+def test_every_call_that_names_a_method_takes_a_spec(paper: planner.Problem) -> None:
+    quick = paper.changed({"machine.step_s": 0.01})
+    plan = planner.solve(quick, "polynomial:points=auto")
+    same = planner.solve(quick, "polynomial", points="auto")
+    assert plan.to_dict()["trajectory"] == same.to_dict()["trajectory"]
+    keyword_wins = planner.solve(quick, "polynomial:points=[[5.0,0.5]]", points="auto")
+    assert keyword_wins.options == plan.options
+    commands = planner.solve(quick, "polynomial compensated:points=auto")
+    assert commands.compensates is not None
+    assert commands.compensates.options == plan.options
+    analysis = planner.check(quick, "polynomial,polynomial:points=auto")
+    assert [(o["label"], o["verified"]) for o in analysis.outcomes] == [
+        ("polynomial", False),
+        ("polynomial:points=auto", True),
+    ]
+    found = planner.sensitivities({"its path": plan, "its commands": commands})
+    assert len(set(found.passive_block_deg.values())) == 1
+
+
+def test_only_a_comparison_takes_a_plan_with_feedback(paper: planner.Problem) -> None:
+    assert parse_spec("collocation + feedback", feedback=True).feedback
+    with pytest.raises(planner.InputError):
+        parse_specs(paper, ["collocation + feedback"])
+    with pytest.raises(planner.InputError):
+        planner.solve(paper, "collocation + feedback")
+
+
 @given(VALUES)
 def test_toml_text_reads_back_as_the_value(value: object) -> None:
     assert tomllib.loads(f"x = {toml(value)}") == {"x": value}

@@ -101,26 +101,42 @@ class Candidate:
         return self.exactness, -(solution.objective if solution.ok else solution.residual)
 
 
-class Best:
-    """The best candidates that a search has found so far.
+class Record:
+    """What a search has found so far: the best candidates, and facts for a refusal.
 
     Args:
-        accuracy: Required accuracy of exact motions, see `exact_motion`.
+        accuracy: Required accuracy of exact motions, see `exact_motion`; None if the motions are no
+            answers: no candidate is then kept.
 
     Attributes:
         candidates: The best candidate of each exactness that has been reached.
+        log: One entry per start, JSON-ready.
+        fastest: The fastest motion found, refined, if all are too slow for the given duration.
+        pathless: Whether no guess leads to a path that clears all discs.
+        last: The last failed candidate.
     """
 
-    def __init__(self, accuracy: float) -> None:
+    def __init__(self, accuracy: float | None) -> None:
         self._accuracy = accuracy
         self.candidates: dict[Exactness, Candidate] = {}
+        self.log: list[dict[str, Any]] = []
+        self.fastest: Candidate | None = None
+        self.pathless = True
+        self.last: Candidate | None = None
 
     def holds(self) -> bool:
         """Return whether a plan can be made from a candidate found so far."""
         return bool(self.candidates.keys() - {Exactness.FAILED})
 
-    def take(self, candidate: Candidate) -> None:
-        """Keep a candidate if it is the best of its exactness so far.
+    def note(self, motion: Candidate) -> Candidate:
+        """Return a motion after noting it in the log."""
+        solution = motion.solution
+        entry = {"start": motion.start, "status": solution.status}
+        self.log.append({**entry, "objective": solution.objective})
+        return motion
+
+    def take(self, candidate: Candidate) -> Candidate:
+        """Return a candidate; keep it, in case time is up, if it is the best of its exactness.
 
         A candidate that is only solved must also clear all discs between the nodes. If little time
         is left, such a candidate is made exact at once.
@@ -128,19 +144,22 @@ class Best:
         exactness, solved = candidate.exactness, candidate.exactness is Exactness.SOLVED
         rival = self.candidates.get(exactness)
         worse = rival is not None and not candidate.rank > rival.rank
-        if worse or (solved and not clears(candidate.task, candidate.solution)):
-            return
+        if self._accuracy is None or worse:
+            return candidate
+        if solved and not clears(candidate.task, candidate.solution):
+            return candidate
         self.candidates[exactness] = candidate
         if solved:
             kind = candidate.task.objective.kind
             progress.report_motion(f"{kind} {candidate.solution.objective:.4g}")
             if Exactness.EXACT not in self.candidates and deadline.remaining() < SHORT_OF_TIME_S:
                 self.make_exact()
+        return candidate
 
     def make_exact(self) -> None:
         """Make the best solved candidate exact, in about 1 s, if its task `has_only_limits`."""
         best = self.candidates.get(Exactness.SOLVED)
-        if best is None or not has_only_limits(best.task):
+        if self._accuracy is None or best is None or not has_only_limits(best.task):
             return
         chain = chain_of(best.task, best.solution)
         if motion := exact_motion(best.task, chain, self._accuracy):

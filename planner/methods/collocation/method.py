@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, NoPlanError, TimeLimitError, Violation
-from planner.methods.collocation.best import Best, Candidate, Exactness, polish
+from planner.methods.collocation.best import Candidate, Exactness, Record, polish
 from planner.methods.collocation.between_nodes import clears
 from planner.methods.collocation.discs import thicknesses
 from planner.methods.collocation.guesses import routes
@@ -101,27 +101,27 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
     if not ways:
         raise no_goal(problem)
     near = () if warm is None else _near_motions(reached, options, warm)
-    best = Best(options.accuracy)
-    search = Pipeline(ways, options, best, near)
+    record = Record(options.accuracy)
+    search = Pipeline(ways, options, record, near)
     with (
         deadline.time_limit(options.time_limit_s),
-        deadline.time_limit(None, has_answer=best.holds) as span,
+        deadline.time_limit(None, has_answer=record.holds) as span,
     ):
         try:
             candidate = max(search.run(), key=lambda each: each.rank, default=None)
         except deadline.TimeUpError:
-            if warm is not None and not best.holds():
+            if warm is not None and not record.holds():
                 raise
-            candidate = _finish_best(best, span, problem, options)
+            candidate = _finish_best(record, span, problem, options)
         if candidate is None:
-            raise refusal(problem, search)
-        notes = {"stage": candidate.stage, "tried": search.log}
+            raise refusal(problem, record, options)
+        notes = {"stage": candidate.stage, "tried": record.log}
         plan = _plan(problem, candidate, notes, options)
         return mark_cut_short(plan, span, CUT_SHORT) if span.was_reached else plan
 
 
 def _finish_best(
-    best: Best, span: Span, problem: Problem, options: CollocationOptions
+    record: Record, span: Span, problem: Problem, options: CollocationOptions
 ) -> Candidate:
     """Return the best candidate when time is up, refined in the time reserved for that.
 
@@ -129,14 +129,14 @@ def _finish_best(
         TimeLimitError: If no motion has been found.
     """
     with suppress(TimeUpError):
-        best.make_exact()
-    motions = [each for each in best.candidates.values() if each.solution.ok]
+        record.make_exact()
+    motions = [each for each in record.candidates.values() if each.solution.ok]
     done = [polish(each, options.accuracy, options.refinements) for each in motions]
     if done:
         candidate = max(done, key=lambda each: each.rank)
         return replace(candidate, start="the best found by then", stage="time limit")
     far, last, violations = progress.current_progress(), None, list[Violation]()
-    if failed := best.candidates.get(Exactness.FAILED):
+    if failed := record.candidates.get(Exactness.FAILED):
         last, violations = iterate_plan(problem, failed, options)
     came = "" if far is None else f" after {far.solves} solves (the search was {far.doing})"
     nearest = "; the closest attempt breaks:" if violations else ""

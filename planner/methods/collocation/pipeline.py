@@ -15,21 +15,21 @@ The systems are driftless, so a path and its speed can be found separately. The 
 After each stage its answers are refined, the best first: each gets a mesh on which it is the true
 motion, and limits are kept between the nodes (`polish`). If an intermediate result is better than
 all answers, it is refined too. The best accepted one is the answer of the search; without one the
-next stage follows. `Best` always holds the best candidates so far (`best`). If time is up, these
-are refined instead, so that the result is never worse than the best motion held.
+next stage follows. Whatever is found on the way goes into the `Record` at once (`best`). If time is
+up, the best candidates there are refined instead, so that the result is never worse than the best
+motion held.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from planner.errors import InputError
-from planner.methods.collocation.best import Best, Candidate, Exactness, polish
+from planner.methods.collocation.best import Candidate, Exactness, Record, polish
 from planner.methods.collocation.between_nodes import clears
 from planner.methods.collocation.discs import motion_by_legs
 from planner.methods.collocation.guesses import (
@@ -73,45 +73,36 @@ GAIN = 1e-3
 """A further motion is refined only if it saves at least this share of the objective."""
 
 
+@dataclass(frozen=True, eq=False)
 class Pipeline:
-    """One search and its results.
+    """One search.
 
     Attributes:
         routes: Variants of the problem, see `routes` of `guesses`.
         options: Options of the method.
-        best: Collects every candidate; None in a search for the fastest motion only.
+        record: Keeps what is found on the way.
         near: Candidates near an existing plan, the first stage.
         paths: Paths by route, found so far; they do not depend on the duration.
-        log: One entry per start, JSON-ready.
-        fastest: The fastest motion found, refined, if all are too slow for the given duration.
-        pathless: Whether no guess leads to a path that clears all discs.
-        last: The last failed candidate, for a refusal.
     """
 
-    def __init__(
-        self,
-        routes: list[Problem],
-        options: CollocationOptions,
-        best: Best | None,
-        near: Iterable[Candidate] = (),
-    ) -> None:
-        self.routes, self.options, self.best, self.near = routes, options, best, near
-        self.paths: dict[int, RoutePaths] = {}
-        self.log: list[dict[str, Any]] = []
-        self.fastest: Candidate | None = None
-        self.pathless = True
-        self.last: Candidate | None = None
-        self._free = options.start == "auto"
+    routes: list[Problem]
+    options: CollocationOptions
+    record: Record
+    near: Iterable[Candidate] = ()
+    paths: dict[int, RoutePaths] = field(default_factory=dict)
+
+    @property
+    def _free(self) -> bool:
+        return self.options.start == "auto"
 
     def run(self) -> list[Candidate]:
         """Run the stages until one has refined answers; return all of these, or an empty list."""
-        best = self.best or Best(0.0)  # which stays empty
         tried = set[Solution]()
         for stage in self._stages():
-            with deadline.time_share(condition=best.holds):  # keep time to refine a result
+            with deadline.time_share(condition=self.record.holds):  # keep time to refine a result
                 answers = [each for each in stage() if each.solution.ok]
             least = min((each.solution.objective for each in answers), default=-math.inf)
-            top = best.candidates.get(Exactness.SOLVED)
+            top = self.record.candidates.get(Exactness.SOLVED)
             if top and top.solution not in tried and top.solution.objective < least * (1 - GAIN):
                 answers.append(top)
             if refined := self._refine(answers):
@@ -135,14 +126,8 @@ class Pipeline:
                 refined.append(done)
                 least = min(least, done.solution.objective) if good else -math.inf
             else:
-                self.last = done
+                self.record.last = done
         return refined
-
-    def _take(self, candidate: Candidate) -> Candidate:
-        """Return a candidate after offering it to `best`, in case time is up."""
-        if self.best:
-            self.best.take(candidate)
-        return candidate
 
     def _stages(self) -> Iterator[Callable[[], list[Candidate]]]:
         """Yield the stages in turn.
@@ -162,14 +147,8 @@ class Pipeline:
 
     def _near_motions(self) -> list[Candidate]:
         """Return the motions near an existing plan."""
-        return [self._take(self._logged(each) if each.solution.ok else each) for each in self.near]
-
-    def _logged(self, motion: Candidate) -> Candidate:
-        """Return a motion after noting it in the log."""
-        solution = motion.solution
-        entry = {"start": motion.start, "status": solution.status}
-        self.log.append({**entry, "objective": solution.objective})
-        return motion
+        noted = (self.record.note(each) if each.solution.ok else each for each in self.near)
+        return [self.record.take(each) for each in noted]
 
     def _straight_motions(self) -> list[Candidate]:
         """Return motions solved directly from the straight line.
@@ -190,9 +169,9 @@ class Pipeline:
             for seed in seeds("straight", sides=sides(problem)):
                 solution = job.solve(guess(job.problem, job.nlp, job.mesh, seed))
                 name = seed.name + _goal_words(problem)
-                motion = self._take(Candidate(later, solution, name, "straight line", k))
+                motion = self.record.take(Candidate(later, solution, name, "straight line", k))
                 if solution.ok and (problem.duration or never_reverses(solution.iterate)):
-                    solutions.append(self._logged(motion))
+                    solutions.append(self.record.note(motion))
             if not solutions and not problem.free:
                 return []
             motions += solutions
@@ -207,37 +186,38 @@ class Pipeline:
 
         The branches of one goal share the usual number of paths, and no path is timed twice.
         """
-        motions, timed = list[Candidate](), list[SeedPath]()
+        motions, timed, record = list[Candidate](), list[SeedPath](), self.record
         for k in range(len(self.routes)) if routes is None else routes:
             problem = self.routes[k]
             job = collocation_task(problem, self.options, search_intervals(problem))
             if by_legs := self._leg_motion(k, job):
-                motions.append(self._take(by_legs))
+                motions.append(record.take(by_legs))
             paths = self._find_paths(k, job, 2 if by_legs else 1)
             log = [dict(entry) for entry in paths.search.log]
             progress.tell("timing the most promising paths")
-            found = [each.solution for each in motions]
+            words, found = _goal_words(problem), [each.solution for each in motions]
             for path, path_job, start in paths.starts(job, found):
                 if problem.free and any(same_path(path.solution.objective, one) for one in timed):
                     continue
                 timed.append(path)
                 solution = solve_timing(path_job, start)
-                name = path.seed + _goal_words(problem)
-                motion = self._take(Candidate(path_job, solution, name, "guesses", k))
+                name = path.seed + words
+                motion = record.take(Candidate(path_job, solution, name, "guesses", k))
                 if solution.ok and clears(path_job, solution):
                     motions.append(self._share_time(motion))
                     found.append(motions[-1].solution)
-                    self.pathless = False
+                    record.pathless = False
                 elif not solution.ok:
-                    self.pathless, self.last = False, motion
+                    record.pathless, record.last = False, motion
                 for entry in log:
                     effort = entry["path_effort"]
                     if effort is not None and same_path(effort, path):
                         entry["objective"] = solution.objective if solution.ok else None
-            if self.pathless:
+            if record.pathless:
                 failed = [paths.search.failure, *(path.solution for path in paths.search.distinct)]
-                self.last = next((Candidate(paths.free, one) for one in failed if one), self.last)
-            self.log += [entry | {"start": entry["start"] + _goal_words(problem)} for entry in log]
+                failures = (Candidate(paths.free, one) for one in failed if one)
+                record.last = next(failures, record.last)
+            record.log += [entry | {"start": entry["start"] + words} for entry in log]
         return motions
 
     def _find_paths(self, k: int, job: Task, part: int = 1) -> RoutePaths:
@@ -254,7 +234,7 @@ class Pipeline:
         most = LADDER_INTERVALS["soon" if quick else "best"] if ladder else math.inf
 
         def keep(task: Task, solution: Solution, name: str) -> None:
-            self._take(Candidate(task, solution, name, "guesses", k))
+            self.record.take(Candidate(task, solution, name, "guesses", k))
 
         rules = Enough(enough, self._free and not problem.divided, most)
         result = search(job, guesses, rules, keep)
@@ -272,8 +252,8 @@ class Pipeline:
         if found is None:
             return None
         motion = Candidate(*found, "legs between discs", "legs", k)
-        self.pathless = False
-        return polish(self._logged(motion), options.accuracy, options.refinements)
+        self.record.pathless = False
+        return polish(self.record.note(motion), options.accuracy, options.refinements)
 
     def _ladder_motions(self) -> list[Candidate]:
         """Return the motion along a path found by the ladder; keep the path itself first."""
@@ -286,9 +266,9 @@ class Pipeline:
         exact = exact_motion(job, chain, self.options.accuracy)
         origin = f"lifted from {joints} joints", "ladder"
         if exact:
-            self._take(Candidate(*exact, *origin, checked=Exactness.EXACT))
+            self.record.take(Candidate(*exact, *origin, checked=Exactness.EXACT))
         pair = time_arm_path(job, chain) or exact
-        return [self._take(self._logged(Candidate(*pair, *origin)))] if pair else []
+        return [self.record.take(self.record.note(Candidate(*pair, *origin)))] if pair else []
 
     def _slower_motions(self) -> list[Candidate]:
         """Return the fastest motion, slowed to the given duration: only slowed, and optimised."""
@@ -300,14 +280,15 @@ class Pipeline:
         kind = "time" if np.isfinite(limits.input).all() else "mixed"
         options = self.options.model_copy(update={"objective": kind})
         progress.tell("looking for the fastest motion")
-        hasty = Pipeline(free, options, None)
-        hasty.paths = self.paths
-        self.fastest = max(hasty.run(), key=lambda each: each.rank, default=None)
-        self.log += hasty.log
-        if self.fastest is None:
-            self.pathless, self.last = hasty.pathless and self.pathless, self.last or hasty.last
+        record, hasty = self.record, Record(None)  # its motions are too slow to be answers
+        found = Pipeline(free, options, hasty, paths=self.paths).run()
+        fastest = max(found, key=lambda each: each.rank, default=None)
+        record.log += hasty.log
+        if fastest is None:
+            record.pathless &= hasty.pathless
+            record.last = record.last or hasty.last
             return []
-        self.last = fastest = self.fastest
+        record.fastest = record.last = fastest
         iterate = fastest.solution.iterate
         if iterate.duration * LEAST_TIME_RATIO > target:
             return []
@@ -316,7 +297,7 @@ class Pipeline:
         goal_job = fastest.task.for_problem(problem, goal)
         slowed, origin = stretch_to(iterate, target), (fastest.start, "slowed down", fastest.route)
         rates = [goal_job.judge] * (iterate.duration <= target) + [goal_job.solve]
-        return [self._take(Candidate(goal_job, rate(slowed), *origin)) for rate in rates]
+        return [self.record.take(Candidate(goal_job, rate(slowed), *origin)) for rate in rates]
 
     def _share_time(self, motion: Candidate) -> Candidate:
         """Return the motion with the best times of the parts between waypoints."""
@@ -328,7 +309,7 @@ class Pipeline:
             if not solution.ok or solution.objective >= motion.solution.objective:
                 break
             motion = replace(motion, task=pair[0], solution=solution)
-        return self._take(motion)
+        return self.record.take(motion)
 
 
 def _goal_words(problem: Problem) -> str:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from planner.errors import InfeasibleError, NoPlanError, NotConvergedError, Violation
-from planner.methods.collocation.best import Candidate
+from planner.methods.collocation.best import Candidate, Record
 from planner.methods.collocation.path import needed_duration
-from planner.methods.collocation.pipeline import Pipeline
 from planner.methods.collocation.task import stretch_to
 from planner.methods.refusal import (
     Change,
@@ -74,28 +73,28 @@ def too_short(problem: Problem, fastest: Candidate, options: CollocationOptions)
     return error
 
 
-def refusal(problem: Problem, search: Pipeline) -> NoPlanError:
+def refusal(problem: Problem, record: Record, options: CollocationOptions) -> NoPlanError:
     """Return the refusal of a search that found only too slow motions, no path, or no motion.
 
     Paths are the same for every duration. So if no path was found, only changes of the requirements
     that paths keep can help.
     """
-    if search.fastest is not None:
-        return too_short(problem, search.fastest, search.options)
-    assert search.last is not None
-    solution, options = search.last.solution, search.options
-    plan, violations = iterate_plan(problem, search.last, options)
+    if record.fastest is not None:
+        return too_short(problem, record.fastest, options)
+    assert record.last is not None
+    solution = record.last.solution
+    plan, violations = iterate_plan(problem, record.last, options)
     proof = why_too_short(problem)
     changes = path_changes(problem)
-    if search.pathless:
+    if record.pathless:
         changes += travel_changes(problem, "the travel")
     else:
         changes = motion_changes(problem, options) + duration_changes(problem) + changes
     if options != CollocationOptions(time_limit_s=options.time_limit_s):
         words = "the default options of method.collocation"
         changes.append(Change({"method.collocation": {}}, words, defaults=True))
-    count = len(search.log)
-    starts = f"{count} start{'s' * (count != 1)}" if search.pathless else "the paths found"
+    count = len(record.log)
+    starts = f"{count} start{'s' * (count != 1)}" if record.pathless else "the paths found"
     said = f" (solver status: {solution.status} after {solution.iterations} iterations)"
     finding = f"the solver found no motion from {starts}{'' if solution.ok else said}"
     error = (InfeasibleError if proof else NotConvergedError)(

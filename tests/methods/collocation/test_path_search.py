@@ -12,7 +12,7 @@ import pytest
 
 import planner
 from planner.methods.collocation import best, path, pipeline, task
-from planner.methods.collocation.best import Best, Candidate, Exactness
+from planner.methods.collocation.best import Candidate, Exactness, Record
 from planner.methods.collocation.guesses import seeds
 from planner.methods.collocation.path import Enough, Paths, SeedPath, search
 from planner.methods.collocation.pipeline import Pipeline
@@ -103,7 +103,7 @@ def test_branches_of_a_goal_share_the_starts_and_a_proven_refusal_needs_one(
     monkeypatch.setattr(pipeline, "has_ladder", lambda _: False)
     goal: Any = SimpleNamespace(free=(2,), divided=False, system=None)
     job: Any = SimpleNamespace(mesh=SimpleNamespace(marks=()))
-    run = Pipeline([goal] * branches, CollocationOptions(starts=7, attempts=9), Best(1e-6))
+    run = Pipeline([goal] * branches, CollocationOptions(starts=7, attempts=9), Record(1e-6))
     run._find_paths(0, job)
     assert asked == [enough]
 
@@ -123,7 +123,7 @@ def test_where_time_is_short_the_best_exact_motion_is_held(
     def solution(objective: float) -> Solution:
         return Solution(no_iterate, objective, 0.0, True, "", 0)
 
-    made, kept = iter([2.0, 3.0, 1.0]), Best(1e-6)
+    made, kept = iter([2.0, 3.0, 1.0]), Record(1e-6)
     monkeypatch.setattr(best, "has_only_limits", lambda _: True)
     monkeypatch.setattr(best, "chain_of", lambda *_: None)
     monkeypatch.setattr(best, "exact_motion", lambda *_: (job, solution(next(made))))
@@ -185,15 +185,15 @@ def test_nothing_worse_is_delivered_than_was_held(
         )
 
     routes: Any = [SimpleNamespace()]
-    search = Pipeline(routes, CollocationOptions(), Best(1e-6))
+    search = Pipeline(routes, CollocationOptions(), Record(1e-6))
 
     def on_the_way() -> list[Candidate]:
-        search._take(motion(held))
+        search.record.take(motion(held))
         return []
 
     answers = [motion(2.0), motion(2.5)]
-    stages = on_the_way, lambda: [search._take(each) for each in answers]
-    monkeypatch.setattr(search, "_stages", lambda: iter(stages))
+    stages = on_the_way, lambda: [search.record.take(each) for each in answers]
+    monkeypatch.setattr(Pipeline, "_stages", lambda _: iter(stages))
     monkeypatch.setattr(pipeline, "polish", lambda each, *_: replace(each, checked=Exactness.EXACT))
     with progress.progress_listener(None):
         found = search.run()

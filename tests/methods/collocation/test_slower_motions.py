@@ -226,7 +226,7 @@ def test_the_fastest_motion_is_slowed_down_as_it_is_where_no_solver_betters_it(
     monkeypatch.setattr(pipeline.Pipeline, "run", lambda _: [motion])
     monkeypatch.setattr(pipeline, "collocation_task", lambda *_: own)
     asked = replace(ARM, duration=wanted_s)
-    hasty = pipeline.Pipeline([asked], OPTIONS, None)
+    hasty = pipeline.Pipeline([asked], OPTIONS, best.Record(None))
     slower = [motion.solution for motion in hasty._slower_motions()]
     assert [each.ok for each in slower] == found
     assert all(each.iterate.duration == wanted_s for each in slower)

@@ -87,14 +87,14 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
         return other, None if other else fine
     jumps = [f"no limit on the {v.label}" for v in check.violations if np.isinf(v.value)]
     instead = changed_words(plan, [v for v in check.violations if np.isfinite(v.value)])
-    ways = [" and ".join(filter(None, [*jumps, instead])) or "wider limits"]
+    ways = [" and ".join(filter(None, [*jumps, instead]))]
     if plan.problem.duration is None and any(isinstance(each, LongestDuration) for each in broken):
         if plan.problem.compensation.on:
             ways[0] += " and what compensation adds"
         ways.append(f"larger {plan.problem.limits.input_words}")
     if plan.problem.travel is not None:
         ways.append(f"another {plan.problem.travel_key or 'goal'}")
-    return other, ", or ".join(ways)
+    return other, ", or ".join(filter(None, ways)) or None
 
 
 def refusal(

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, PlannerError, VerificationError
+from planner.methods.refusal import looser_limits
 from planner.plan.measures import Objective
 from planner.plan.plan import Plan
 from planner.plan.trajectory import StateTrajectory
@@ -282,5 +283,5 @@ def _motion(
         source=problem.source,
         plan=replace(plan, status=VerificationError.status),
         violations=check.violations,
-        advice=["start near 0 degrees", "wider limits", "no obstacles within reach"],
+        advice=["start near 0 degrees", *looser_limits(problem), "no obstacles within reach"],
     )

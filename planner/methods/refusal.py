@@ -111,6 +111,21 @@ def path_changes(problem: Problem) -> list[Change]:
     return list(out.values())
 
 
+def looser_limits(problem: Problem, of_paths: bool = False) -> list[str]:
+    """Return advice to widen limits and to lower margins, by the keys of the problem file.
+
+    Args:
+        problem: The problem.
+        of_paths: Whether to leave out limits that a slow enough motion keeps.
+    """
+    keys: dict[str, dict[str, None]] = {"wider": {}, "smaller": {}}
+    for each in problem.requirements:
+        for part in each.parts if not (of_paths and each.speed_power) else ():
+            if key := part.key or (each.key and f"limits.{each.key}"):
+                keys["wider" if np.isfinite(part.high) else "smaller"][key] = None
+    return [f"{word} {' and '.join(named)}" for word, named in keys.items() if named]
+
+
 def round_up(value: float) -> str:
     """Format a number, rounded up to about four digits."""
     scale = 10.0 ** (3 - int(np.floor(np.log10(value))))

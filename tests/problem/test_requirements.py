@@ -38,6 +38,19 @@ class InputProduct(Requirement):
         return [point.u[0] * point.u[1]]
 
 
+def test_every_limit_names_the_key_that_sets_it() -> None:
+    limits = {"input_rad_s": 1.0, "input_rate_rad_s2": 5.0, "joint_deg": 85, "z2_margin": 1e-4}
+    changes = {f"limits.{key}": value for key, value in limits.items()}
+    problem = planner.load_problem(ROOT / "problems" / "self-collision.toml", changes)
+
+    def keys(problem: planner.Problem) -> set[str]:
+        return {part.key for each in problem.requirements for part in each.parts}
+
+    assert keys(problem) == {*changes, "limits.self_clearance_m"}
+    for key in keys(problem) - {"limits.input_rad_s"}:
+        assert keys(problem) - keys(problem.changed({key: None})) == {key}
+
+
 def judged(plan: planner.Plan, low: float, high: float) -> planner.Check:
     problem = planner.load_problem(plan.problem.source)
     problem.__dict__["requirements"] = (*problem.requirements, InputProduct(low, high))

@@ -12,6 +12,7 @@ from planner.methods.refusal import (
     Change,
     duration_change,
     duration_changes,
+    looser_limits,
     path_changes,
     reach_changes,
     travel_changes,
@@ -103,7 +104,7 @@ def refusal(problem: Problem, record: Record, options: CollocationOptions) -> No
         plan=plan,
         violations=violations,
         changes=changes,
-        advice="another start or goal, or wider limits",
+        advice=", or ".join(["another start or goal", *looser_limits(problem, record.pathless)]),
     )
     error.finding = finding if proof else None
     return error

@@ -35,6 +35,7 @@ from planner.methods.collocation.transcription.augmented import Augmented, backs
 from planner.methods.collocation.transcription.bounds import InputDemands
 from planner.methods.collocation.transcription.form import Form, uniform
 from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.methods.refusal import looser_limits
 from planner.plan.measures import Objective, effort, turns
 from planner.plan.plan import Plan, mark_cut_short
 from planner.plan.trajectory import Trajectory
@@ -320,13 +321,14 @@ def _refuse_no_room(job: Task) -> None:
             needed = model.backoff * float(np.linalg.norm(slope @ W))
             if needed > room:
                 name = requirement.limit_name(part)
+                looser = "wider" if np.isfinite(part.high) else "smaller"
                 raise InfeasibleError(
                     f"method.desensitised.backoff = {model.backoff:g} needs a"
                     f" distance of {format_value(needed, part.unit)} from the limit on {name},"
                     f" but the start has only {format_value(room, part.unit)}",
                     source=problem.source,
                     advice="method.desensitised.backoff ="
-                    f" {model.backoff * room / needed * 0.99:.3g} or less, or a wider"
+                    f" {model.backoff * room / needed * 0.99:.3g} or less, or a {looser}"
                     f" {part.key or f'limit on {name}'}",
                 )
 
@@ -337,7 +339,8 @@ def _not_converged(
     ways = [] if options.reversal else ["method.desensitised.reversal = true"]
     ways += ["method.desensitised.backoff smaller"] if options.backoff else []
     ways += ["a larger method.desensitised.effort_limit"] if options.effort_limit else []
-    ways += ["more method.desensitised.starts, wider limits, or more time"]
+    more = ["more method.desensitised.starts", *looser_limits(job.problem)]
+    ways += [f"{', '.join(more)}, or more time"]
     plan = replace(_plan(job, solution, options), status=NotConvergedError.status)
     return NotConvergedError(
         f"no desensitised motion was found from {tried} start"

@@ -202,7 +202,8 @@ class Z2Margin(Requirement):
     @property
     def parts(self) -> tuple[Part, ...]:
         """One part: the margin of z₂."""
-        return (Part("z2 margin", "", self.margin, np.inf, max(self.margin, SMALLEST_Z2)),)
+        scale = max(self.margin, SMALLEST_Z2)
+        return (Part("z2 margin", "", self.margin, np.inf, scale, key="limits.z2_margin"),)
 
     @classmethod
     def easing(cls, breaches: Sequence[Violation]) -> str:

@@ -9,7 +9,7 @@ joints (and the tip) from links. Neighbours share a joint and are not checked.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -83,9 +83,9 @@ class SelfCollision(Requirement):
     @property
     def parts(self) -> tuple[Part, ...]:
         """One part for each pair of a joint (or the tip) and a link that is not adjacent."""
-        least = self.clearance
-        labels = (" from ".join(self._names(pair)) for pair in self.joint_link_pairs)
-        return tuple(Part(f"clearance of {label}", "m", least, np.inf, least) for label in labels)
+        limit = Part("", "m", self.clearance, np.inf, self.clearance, key=f"limits.{self.key}")
+        names = (" from ".join(self._names(pair)) for pair in self.joint_link_pairs)
+        return tuple(replace(limit, label=f"clearance of {each}") for each in names)
 
     def _names(self, pair: Pair) -> tuple[str, str]:
         place, link = pair

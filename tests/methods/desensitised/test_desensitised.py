@@ -125,6 +125,7 @@ def test_no_room_to_back_off_at_the_start(paper: planner.Problem) -> None:
     with pytest.raises(planner.InfeasibleError, match=r"backoff = 3 needs .* on z2") as refusal:
         planner.solve(paper, "desensitised", backoff=3.0)
     assert "backoff = " in str(refusal.value.advice)
+    assert "limits.z2_margin" in str(refusal.value.advice)
 
 
 def test_back_off_is_kept_at_the_goal(paper: planner.Problem) -> None:
@@ -137,6 +138,7 @@ def test_back_off_is_kept_at_the_goal(paper: planner.Problem) -> None:
         planner.solve(tight, "desensitised", starts=1, intervals=12, backoff=3.0)
     labels = [violation.label for violation in refusal.value.violations]
     assert any(label.endswith("with 3 standard deviations of back-off") for label in labels)
+    assert "limits.joint_deg" in str(refusal.value.advice)
 
 
 def test_a_coarse_mesh_is_refined(paper: planner.Problem) -> None:

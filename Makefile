@@ -14,6 +14,7 @@
 #   make sensitivity  plans that mind errors less, to results/sensitivity (some minutes)
 #   make compensation  plans that know the hardware, to results/compensation (ten minutes)
 #   make identification  machines from logs, home to end, to results/identification (half an hour)
+#   make singular  what the limit on z2 does near the singularity, to results/singular (a minute)
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
 #   make gallery   the pictures of docs/gallery.md, to results/gallery (a minute)
@@ -42,7 +43,7 @@ KERNEL := planner/machine/kernel.c planner/machine/dynamic.c planner/machine/lay
 
 .DEFAULT_GOAL := compare
 .PHONY: compare suite bench stress coverage optimality mutants paper robustness controller sensitivity compensation \
-  identification report explorer gallery results-check notebook docs test \
+  identification singular report explorer gallery results-check notebook docs test \
   processors installed check lint format generated clean
 
 compare: $(VENV)/.run
@@ -102,6 +103,10 @@ compensation: $(VENV)/.run
 identification: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/identification.py
 	@$(SIGN) identification
+
+singular: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/singular.py
+	@$(SIGN) singular
 
 report: $(VENV)/.dev
 	@$(BIN)/python tests/benchmarks/pictures.py

@@ -62,14 +62,6 @@ def test_the_readme_counts_the_random_problems_as_their_page_does() -> None:
     assert done
     assert verified
     assert f"{verified[1]} of {done[1]} random problems" in told
-    best = re.search(r"^(\d+) of (\d+) no worse than 2 %", page, flags=re.M)
-    assert best
-    assert f"Of {best[2]} planned again from 50 random starts {best[1]} were" in told
-    rows = table(page[page.index("## Against the best") :], "system")
-    four = [(int(row[2]), int(row[3])) for row in rows if row[0] == "n4"]
-    count, good = (sum(column) for column in zip(*four, strict=True))
-    words = ["none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"]
-    assert f"with four joints {words[good]} of {words[count]}." in told
 
 
 @pytest.mark.campaign
@@ -155,7 +147,7 @@ def test_the_angle_to_stand_clear_of_is_the_largest_of_the_whole_motion(
     largest = [np.rad2deg(run.q[:, :, 1].max()) for run in runs]
     for page, words in (
         ("README.md", r"joint 1\s+comes up to (\d+)° \((\d+)° with feedback\)"),
-        ("docs/howto/bench.md", r"joint 1 comes up to (\d+)° on the .* and to (\d+)° with a contr"),
+        ("docs/howto/bench.md", r"joint 1 comes up to (\d+)° on .* and to (\d+)° with a contr"),
     ):
         (told,) = re.findall(words, read(page))
         assert [int(each) for each in told] == [np.ceil(each) for each in largest]

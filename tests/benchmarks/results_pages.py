@@ -47,6 +47,7 @@ DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "report": ("report", "comparison"),
     "searching": PLANS,
     "sensitivity": (*MACHINES, "robustness", "tests/benchmarks/sensitivity.py"),
+    "singular": (*MACHINES, "problems/z2-singular.toml", "tests/benchmarks/singular.py"),
     "stress": (*PLANS, "tests/benchmarks/stress.py", "tests/benchmarks/families.py"),
     "suite": (*PLANS, "problems", "tests/benchmarks/suite.py"),
     "sweeps": (*PLANS, "sweep", "problems/sweeps"),

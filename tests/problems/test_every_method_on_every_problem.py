@@ -43,6 +43,8 @@ EXPECTED = {
     "unreachable": (NONE, NONE, NONE, NONE, NONE, NONE),
     "waypoint": (LIMIT, LIMIT, LIMIT, LIMIT, SOLVED, LIMIT),
     "z2-limit": (CHART, CHART, LIMIT, LIMIT, SOLVED, NONE),
+    "z2-singular": (CHART, CHART, SOLVED, CHART, SOLVED, SOLVED),
+    "z2-singular-free": (LIMIT, LIMIT, CHART, CHART, SOLVED, SOLVED),
 }
 
 

@@ -43,7 +43,7 @@ from planner.robustness.sensitivities import MEANINGS, next_step, sensitivities,
 from planner.robustness.sensitivity import Sensitivity
 from planner.robustness.sensitivity import sensitivity as analyse
 from planner.robustness.trade_off import TradeOff, end_error, trade_off
-from planner.robustness.trade_off_axis import KINDS
+from planner.robustness.trade_off_points import KINDS
 from planner.solve import solve
 from planner.support.files import write_figure, write_text
 from planner.support.tables import CommandLine, csv_table

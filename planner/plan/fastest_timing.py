@@ -314,7 +314,8 @@ def fastest_motion(
         raise NotConvergedError(
             "the fastest timing within the input limits makes an input jump, but another"
             " requirement limits its rate",
-            advice=f"a limit in {limits.rate_words}, with which the inputs do not jump",
+            advice=f"a limit in {' and '.join(dict.fromkeys(limits.rate_keys))}, with which the"
+            " inputs do not jump",
         )
     if factor > CLOCK_SLOWING:
         notes = {**notes, "slowed_for_other_limits": factor}

@@ -84,11 +84,6 @@ class Limits(Frozen):
         return " and ".join(dict.fromkeys(self.input_keys))
 
     @property
-    def rate_words(self) -> str:
-        """The keys that limit the inputs' rates, as text."""
-        return " and ".join(dict.fromkeys(self.rate_keys))
-
-    @property
     def unlimited(self) -> NDArray[np.bool_]:
         """Whether each input is without limits on its value and on its rate, shape (2,)."""
         return np.isinf(self.input) & np.isinf(self.input_rate)

@@ -19,7 +19,7 @@ import numpy as np
 
 from planner.errors import InfeasibleError
 from planner.problem.problem import Problem, expect_problem
-from planner.support.arrays import Array, Frozen
+from planner.support.arrays import Array, Frozen, plain
 from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
 
@@ -58,15 +58,8 @@ class End(Frozen):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the end as JSON-ready data, NaN where undefined."""
-        return {
-            "q": self.q.tolist(),
-            "z": self.z.tolist(),
-            "branch": self.branch.tolist(),
-            "margins": self.margins,
-            "singular": list(self.singular),
-            "crossed": list(self.crossed),
-            "in_chart": self.in_chart,
-        }
+        data = {key: plain(value) for key, value in vars(self).items() if key != "name"}
+        return {**data, "in_chart": self.in_chart}
 
 
 def chart_ends_report(problem: Problem) -> tuple[End, End]:

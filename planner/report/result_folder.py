@@ -74,7 +74,8 @@ def folder(path: str | Path) -> Iterator[Path]:
             staging = _staging_folder(target.parent)
         yield staging
         with hold_signals():
-            _list_files(staging)
+            files = sorted(each for each in staging.rglob("*") if each.is_file())
+            (staging / MARKER).write_bytes(b"".join(_line(file, staging) for file in files))
             os.chmod(staging, 0o777 & ~creation_mask())
             handle_signals()
             _install(staging, target)
@@ -89,12 +90,6 @@ def folder(path: str | Path) -> Iterator[Path]:
                 with suppress(OSError):
                     for parent in new_parents:  # innermost first, as far as there and empty
                         parent.rmdir()
-
-
-def _list_files(top: Path) -> None:
-    """Write the list of all files in a folder."""
-    files = sorted(each for each in top.rglob("*") if each.is_file())
-    (top / MARKER).write_bytes(b"".join(_line(file, top) for file in files))
 
 
 def list_file(file: Path) -> None:

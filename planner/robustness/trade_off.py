@@ -21,10 +21,13 @@ from planner.plan.plan import Plan
 from planner.plan.samples import import_library
 from planner.problem.problem import Problem, expect_problem
 from planner.problem.tables.method_options import DesensitisedOptions
-from planner.robustness.trade_off_axis import KINDS, Axis, Kind, axis
 from planner.robustness.trade_off_points import (
+    KINDS,
+    Axis,
+    Kind,
     PointStore,
     TradeOffPoint,
+    axis,
     compensated_errors,
     errors_machine,
     replay_errors,

@@ -108,15 +108,10 @@ def report_motion(best: str) -> None:
     _notify(best=best)
 
 
-def count_solve() -> None:
-    """Add one solver call to the progress of the running search."""
+def count(solves: int = 0, iterations: int = 0) -> None:
+    """Add solver calls and their iterations to the progress of the running search."""
     for run in _runs():
-        run.solves += 1
-
-
-def count_iterations(iterations: int) -> None:
-    """Add solver iterations to the progress of the running search."""
-    for run in _runs():
+        run.solves += solves
         run.iterations += iterations
 
 

@@ -156,7 +156,9 @@ def controllability(
         names += family.names(length)
         if depth is None and _rank(blocks, tolerance) == system.size:
             break
-    growth, points = _growth(blocks, tolerance), _nearby_points(point)
+    growth, span = _growth(blocks, tolerance), (_NEIGHBOUR_POINTS, len(point))
+    away = np.random.default_rng(0).uniform(-_NEIGHBOUR_RADIUS, _NEIGHBOUR_RADIUS, span)
+    points = list(point + away)
     reached = [k for k, rank in enumerate(growth, start=1) if rank == system.size]
     nearby = (_growth(_blocks(family, p, len(growth)), tolerance) for p in points)
     return Controllability(
@@ -211,12 +213,6 @@ def _basis(blocks: Sequence[Array], names: Sequence[str], growth: Sequence[int])
             chosen.append(position + best)
         position += len(blocks[k])
     return tuple(names[k] for k in sorted(chosen))
-
-
-def _nearby_points(point: Array) -> list[Array]:
-    rng = np.random.default_rng(0)
-    steps = rng.uniform(-_NEIGHBOUR_RADIUS, _NEIGHBOUR_RADIUS, (_NEIGHBOUR_POINTS, len(point)))
-    return list(point + steps)
 
 
 def _blocks(family: Brackets, q: Array, depth: int) -> list[Array]:

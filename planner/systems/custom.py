@@ -11,7 +11,6 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.errors import InputError
 from planner.support.arrays import Array
@@ -146,10 +145,11 @@ class CustomSystem(TriangularSystem):
         """
         solution, derivative = self._solve_link(i, slope, q, branch)
         (low, high), x = self._intervals[i], solution.x
+        missing = np.isnan(x) & ~np.isnan(np.ravel(slope))  # no point has the sign of the branch
         pairs = [
             ((x - low) / (high - low), solution.short_low),
             ((high - x) / (high - low), solution.short_high),
-            (np.where(_no_such_branch(solution, slope), -1.0, derivative), solution.short_turn),
+            (np.where(missing, -1.0, derivative), solution.short_turn),
         ]
         return [np.where(s > 0, -s, m).reshape(np.shape(slope)) for m, s in pairs]
 
@@ -244,11 +244,6 @@ class CustomSystem(TriangularSystem):
             "input_units": [c.unit for c in self._inputs],
             **user,
         }
-
-
-def _no_such_branch(solution: Preimage, slope: Array) -> NDArray[np.bool_]:
-    """Return the mask of entries of `slope` for which no point has the branch's derivative sign."""
-    return np.isnan(solution.x) & ~np.isnan(np.ravel(slope))
 
 
 Intervals = Mapping[int, tuple[float, float]]

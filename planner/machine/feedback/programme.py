@@ -140,9 +140,10 @@ class TrackingProgramme:
         Z, Y = np.eye(n), np.zeros((n, 2 * H))
         kinds: list[list[Rows]] = [[], [], []]
         for j, i in enumerate(range(k, k + H)):
-            if i >= count:
-                for rows, is_kind in zip(kinds, self._kinds, strict=True):
-                    rows.append(_free_rows(is_kind, n, 2 * H))
+            if i >= count:  # after the end of the course nothing is limited
+                for rows, m in zip(kinds, self._kinds, strict=True):
+                    wide = np.full(m, np.inf)
+                    rows.append((np.zeros((m, n)), np.zeros((m, 2 * H)), -wide, wide))
                 continue
             M, T = -law.gain[i] @ Z, -law.gain[i] @ Y
             T[:, 2 * j : 2 * j + 2] += law.root[i]
@@ -204,12 +205,6 @@ def change_range(ref: Reference, i: int) -> tuple[Array, Array]:
     least = np.minimum(-ref.rate - ramps.min(axis=0), 0.0)
     most = np.maximum(ref.rate - ramps.max(axis=0), 0.0)
     return ref.timing.period * least, ref.timing.period * most
-
-
-def _free_rows(rows: int, n: int, width: int) -> Rows:
-    """Return constraint rows without limits, for a period after the end of the course."""
-    wide = np.full(rows, np.inf)
-    return np.zeros((rows, n)), np.zeros((rows, width)), -wide, wide
 
 
 OSQP_TOLERANCE = 1e-5

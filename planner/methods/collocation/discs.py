@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.methods.collocation.between_nodes import clears, inspect
 from planner.methods.collocation.guesses import Seed
@@ -151,17 +150,12 @@ def _solve_clear(job: Task, start: Iterate) -> tuple[Task, Solution] | None:
                 break
         else:
             passed = inspect(job, solution).excess.any(axis=1)
-            finer = job.on_mesh(_halve(job.mesh, np.asarray(passed)))
+            halved = np.convolve(passed, np.ones(3), mode="same") > 0  # with their neighbours
+            finer = job.on_mesh(_mesh(np.repeat(job.mesh.widths / (1 + halved), 1 + halved)))
             job, start = finer, transfer(job, start, finer)
     if best and (last := best[0].solve(best[1].iterate, near=True)).ok:
         return (best[0], last) if clears(best[0], last) else best
     return best
-
-
-def _halve(mesh: Mesh, passed: NDArray[np.bool_]) -> Mesh:
-    """Return the mesh with the intervals that `passed` (K,) marks, and their neighbours, halved."""
-    near = np.convolve(passed, np.ones(3), mode="same") > 0
-    return _mesh(np.repeat(mesh.widths / (1 + near), 1 + near))
 
 
 def _growth(task: Task, start: Iterate) -> Array:

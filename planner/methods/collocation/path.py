@@ -29,10 +29,10 @@ from planner.methods.collocation.task import (
 from planner.methods.collocation.transcription.form import (
     Mesh,
     fastest,
-    shortest_path,
     uniform,
 )
 from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.plan.measures import Objective
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import MotionPoint
@@ -129,7 +129,7 @@ class Enough:
             return True
         if not (self.simple and path.solution.ok):
             return False
-        one_way = is_sure(job.problem) and never_reverses(path.solution.iterate)
+        one_way = job.problem.system.size <= SURE_ONE_WAY and never_reverses(path.solution.iterate)
         if one_way and count >= sides(job.problem):
             return True
         shortest = paths.distinct[0].solution.iterate
@@ -179,11 +179,6 @@ def _shorten(job: Task, free: Task, paths: Paths, keep: Keep | None) -> Paths:
     return paths
 
 
-def is_sure(problem: Problem) -> bool:
-    """Return whether, for a problem, a motion whose drive never reverses ends the search."""
-    return problem.system.size <= SURE_ONE_WAY
-
-
 def _try(
     job: Task, free: Task, seed: Seed, keep: Keep | None, about: StateTrajectory | None = None
 ) -> SeedPath:
@@ -206,13 +201,19 @@ def _try(
 def path_task(job: Task) -> Task:
     """Return the path problem of a task: least effort, no limits on inputs, a reference duration.
 
+    Effort is in units of the inputs' limits. For driftless systems, at a fixed duration without
+    limits on inputs, least effort gives the path of least length in the metric of the inputs,
+    whatever the duration.
+
     The path problem depends only on system, ends and geometry, so the same paths are found for
     every duration: if a motion is found, every slower motion is found too.
     """
     unhurried = replace(job.problem, duration=strategy(job.nlp, job.settings).reference_s)
     demands = replace(job.demands, timeless=True)
-    settings, effort = replace(job.settings, direct=False), shortest_path(job.problem)
-    free = task(unhurried, effort, job.nlp.form, job.mesh, demands, settings)
+    inputs = 1 / job.problem.limits.input_scale**2
+    u1, u2 = (inputs / np.mean(inputs)).tolist()
+    settings, effort = replace(job.settings, direct=False), {"effort u1": u1, "effort u2": u2}
+    free = task(unhurried, Objective("effort", effort), job.nlp.form, job.mesh, demands, settings)
     return replace(free, inset=job.inset)
 
 

@@ -42,9 +42,9 @@ from planner.methods.collocation.guesses import (
 from planner.methods.collocation.long_arms.exact_motion import exact_motion
 from planner.methods.collocation.long_arms.ladder import find_arm_path, has_ladder, time_arm_path
 from planner.methods.collocation.path import (
+    SURE_ONE_WAY,
     Enough,
     SeedPath,
-    is_sure,
     never_reverses,
     same_path,
     search,
@@ -156,7 +156,7 @@ class Pipeline:
         With the start "auto", there are none if a route cannot be one-way. With a free duration
         only motions without reversal count. If the goal is given, every order of waypoints must
         have such a motion, or none is an answer. Afterwards paths are searched for the routes
-        without such a motion, or for all routes if the system is long (`is_sure`).
+        without such a motion, or for all routes if the system is long.
         """
         motions = list[Candidate]()
         for k, problem in enumerate(self.routes):
@@ -177,7 +177,8 @@ class Pipeline:
             motions += solutions
         if not motions:
             return []
-        straight = {motion.route for motion in motions if is_sure(motion.task.problem)}
+        sure = self.routes[0].system.size <= SURE_ONE_WAY
+        straight = {motion.route for motion in motions if sure}
         others = [k for k in range(len(self.routes)) if k not in straight]
         return [self._share_time(motion) for motion in motions] + self._path_motions(others)
 

@@ -18,7 +18,6 @@ from planner.methods.collocation.transcription.form import (
     Form,
     Mesh,
     Units,
-    kept_between_nodes,
     natural_units,
 )
 from planner.methods.collocation.transcription.transcription import Transcription, transcription
@@ -76,8 +75,8 @@ class Task:
 
     Attributes:
         problem: Start, goal and limits.
-        requirements: The requirements that have rows, see `kept_between_nodes`: keeping them at the
-            nodes does not ensure them between the nodes.
+        requirements: The requirements that have rows, all but plain limits on u or du/dt: keeping
+            them at the nodes does not ensure them between the nodes.
         objective: The objective.
         nlp: The transcription.
         mesh: The mesh.
@@ -116,7 +115,7 @@ class Task:
             if solution and not solution.ok and solution.residual <= FEASIBLE_RESIDUAL:
                 start, settings = solution.iterate, replace(settings, near=True)
             deadline.check()
-            progress.count_solve()
+            progress.count(solves=1)
             packed = nlp.layout.pack(start, data.widths) / data.units
             packed = packed.clip(data.lower, data.upper)
             parts = nlp, replace(settings, solver=name), packed
@@ -129,7 +128,7 @@ class Task:
             if solution.ok and solution.objective <= most:
                 break
         assert best is not None
-        progress.count_iterations(iterations)
+        progress.count(iterations=iterations)
         return replace(best, iterations=iterations)
 
     def solve_near(self, start: Iterate) -> Solution:
@@ -189,7 +188,8 @@ def task(
     natural units. Desensitised plans use the problem's own units, since their states are
     responses to errors in these units.
     """
-    requirements = kept_between_nodes(problem)
+    every = problem.requirements
+    requirements = [each for each in every if not (each.is_direct and each.reads & {"u", "du"})]
     at_edges = [each for each in (*problem.final, problem.on_the_way) if each.parts]
     rows, final = (tuple(each.template for each in group) for group in (requirements, at_edges))
     units = Units() if form.augmented else natural_units(problem, objective, demands.timeless)

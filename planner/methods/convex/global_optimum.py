@@ -147,7 +147,9 @@ def optimum_by_cuts(
     touch = _at_nodes(frame, band)
     nodes, touch = len(touch.tau), touch.plus(extra)
     A, b = band_rows(frame, band, touch)
-    radius, relaxed, tighten = _radius(frame, band), None, 0.0
+    radius, relaxed, tighten = MOST_SLOPE, None, 0.0
+    if band.complete:  # then 0 ≤ p ≤ top bounds |y| for all paths, by Markov's inequality
+        radius = float((frame.shape.degree + 1) ** 2 * frame.shape.pieces * band.top)
     for round_ in range(1, max_rounds + 1):
         deadline.check()
         answer = programme.solve(frame, A, b - tighten, radius)
@@ -207,16 +209,6 @@ def _violations(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch,
     rows, constant = frame.z_rows(2, cap)
     touch = Touch(floor, np.full(len(floor), np.nan)).plus(Touch(cap, rows @ y + constant))
     return touch, max(low.proven, high.proven)
-
-
-def _radius(frame: Frame, band: Band) -> float:
-    """Return a bound of |y| for all paths inside the band, from 0 ≤ p ≤ top by Markov's inequality.
-
-    Without a cap the bound is `MOST_SLOPE`, and only paths within this bound are considered.
-    """
-    if not band.complete:
-        return MOST_SLOPE
-    return float((frame.shape.degree + 1) ** 2 * frame.shape.pieces * band.top)
 
 
 Solve = Callable[[float, Touch, float], ClassOptimum | EmptyClass | BoundAboveCeiling]

@@ -147,22 +147,16 @@ def curves(plans: Plans, *, executable: bool = False) -> list[Curve]:
         colour = {label: COLOURS[k] for label, k in colour_numbers(names, names).items()}
     else:
         colour = colours(list(plans))
-    covered = find_covered(plans)
+    specs = {label: Spec.of_label(label) for label in plans}
+    paths = {spec.plain for spec in specs.values() if spec.compensated and not spec.feedback}
     drawn_curves = [
-        Curve(label, plan, colour[label], label in covered)
+        Curve(label, plan, colour[label], specs[label] in paths)  # drawn by the compensated plan
         for label, plan in plans.items()
         if plan is not None and (plan.executable or not executable)
     ]
     if not drawn_curves:
         raise InputError(f"there is no {'executable ' * executable}plan to draw")
     return drawn_curves
-
-
-def find_covered(labels: Iterable[str]) -> set[str]:
-    """Return the labels of plans whose compensated plan, with the same path, is also present."""
-    specs = {label: Spec.of_label(label) for label in labels}
-    covered = {spec.plain for spec in specs.values() if spec.compensated and not spec.feedback}
-    return {label for label, spec in specs.items() if spec in covered}
 
 
 def colours(labels: Sequence[str]) -> dict[str, str]:

@@ -69,15 +69,11 @@ def test_of_the_loops_only_the_shortest_is_kept(monkeypatch: pytest.MonkeyPatch)
         no_iterate: Any = None
         return SeedPath(seed.name, Solution(no_iterate, next(efforts), 0.0, True, "", 0), True)
 
-    for name, stub in (
-        ("path_task", lambda job: free),
-        ("_try", found),
-        ("is_sure", lambda _: False),
-    ):
+    for name, stub in (("path_task", lambda job: free), ("_try", found)):
         monkeypatch.setattr(path, name, stub)
     monkeypatch.setattr(path, "path_intervals", lambda *_: 20)
     monkeypatch.setattr(path, "MOST_FAILURES", 3)
-    job: Any = SimpleNamespace(problem=None)
+    job: Any = SimpleNamespace(problem=SimpleNamespace(system=SimpleNamespace(size=5)))
     paths = search(job, seeds("auto", 9), Enough(9, simple=True))
     assert [each.solution.objective for each in paths.solved] == [*guesses, 0.8]
     assert len(paths.log) == len(guesses) + len(loops) + 3

@@ -82,7 +82,7 @@ def bounds(
 
     Args:
         problem: The problem.
-        requirements: Requirements of the problem that have rows, see `kept_between_nodes`.
+        requirements: Requirements of the problem that have rows, see `Task`.
         nlp: The transcription.
         mesh: The mesh.
         objective: The objective.

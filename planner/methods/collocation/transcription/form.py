@@ -76,12 +76,6 @@ TERMS = 6
 closeness to the domain's edge."""
 
 
-def kept_between_nodes(problem: Problem) -> list[Requirement]:
-    """Return the requirements that may break between nodes: all but plain limits on u or du/dt."""
-    drives = {"u", "du"}
-    return [each for each in problem.requirements if not (each.is_direct and each.reads & drives)]
-
-
 REFERENCE_S, REFERENCE_LIMITED_S = 15.0, 3.0
 """Durations, s, for which the natural unit of time is one second: a given duration; and, for a free
 duration, the longest time that a limit or the objective alone implies for a move by 1 rad or 1 m.
@@ -166,7 +160,7 @@ class Form:
         degree: Collocation points per interval.
         input: "constant" in each interval, or "linear" and continuous.
         free_duration: Whether the duration is an unknown; else it is a parameter.
-        kept: Requirements that have rows, as templates without numbers, see `kept_between_nodes`.
+        kept: Requirements that have rows, as templates without numbers, see `Task`.
         final: Requirements at the end and at waypoints, which have rows at right edges only, as
             templates without numbers.
         edge: Whether closeness to the edge of the chart's domain is a term of the objective.
@@ -320,14 +314,3 @@ def fastest(problem: Problem) -> Objective:
     """Return the objective "time": the duration, plus a little effort that makes motions unique."""
     u1, u2 = (TIME_REGULARISATION / problem.limits.input_scale**2).tolist()
     return Objective("time", {"duration": 1.0, "effort u1": u1, "effort u2": u2})
-
-
-def shortest_path(problem: Problem) -> Objective:
-    """Return the objective of a path before its timing: the effort, in units of the inputs' limits.
-
-    For driftless systems, at a fixed duration without limits on inputs, least effort gives the path
-    of least length in the metric of the inputs, whatever the duration.
-    """
-    inputs = 1 / problem.limits.input_scale**2
-    u1, u2 = (inputs / np.mean(inputs)).tolist()
-    return Objective("effort", {"effort u1": u1, "effort u2": u2})

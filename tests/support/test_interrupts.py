@@ -37,10 +37,10 @@ def press_ctrl_c(after_s: float) -> None:
 
 def test_ipopt_passes_ctrl_c_on(capsys: pytest.CaptureFixture[str]) -> None:
     press_ctrl_c(0.5)
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(KeyboardInterrupt):
         long_solve()
-    assert time.perf_counter() - began < 20
+    assert time.process_time() - began < 20
     assert capsys.readouterr().err == ""  # CasADi warns of an exception that it swallows
 
 
@@ -85,10 +85,10 @@ def programme(size: int, **options: float) -> osqp.OSQP:
 def test_osqp_swallows_what_we_heed(capfd: pytest.CaptureFixture[str]) -> None:
     solver = long_osqp()
     press_ctrl_c(0.3)
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(KeyboardInterrupt):
         osqp_result(solver)
-    assert time.perf_counter() - began < 20
+    assert time.process_time() - began < 20
     assert capfd.readouterr().out == ""
 
 
@@ -103,8 +103,8 @@ def test_no_ctrl_c_is_lost_in_the_last_iteration() -> None:
 
 def _solve_until_interrupted(solver: osqp.OSQP) -> None:
     press_ctrl_c(0.005)
-    end = time.perf_counter() + 10
-    while time.perf_counter() < end:
+    end = time.process_time() + 10
+    while time.process_time() < end:
         osqp_result(solver)
 
 

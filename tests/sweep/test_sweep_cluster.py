@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -18,11 +19,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from databases import finished, until
+from databases import finished, query, until
 
 import planner
 from planner.cli.app import main
 from planner.support.package import how_to_install
+from planner.sweep.cluster import ClusterPool
 
 Process = subprocess.Popen[Any]
 
@@ -54,7 +56,7 @@ def scheduler(start: Callable[..., Process], tmp_path: Path) -> Scheduler:
     file = tmp_path / "scheduler.json"
     words = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
     process = start("distributed.cli.dask_scheduler", *words)
-    end = time.monotonic() + 30
+    end = time.monotonic() + 60
     while not file.exists() or not file.read_text().endswith("}"):
         assert time.monotonic() < end, "the scheduler does not start"
         time.sleep(0.02)
@@ -94,6 +96,56 @@ def test_a_killed_worker_costs_nothing_but_time(
     assert found["statuses"] == {"singular": CASES}
     assert finished(db) == CASES
     assert victim.wait() == -signal.SIGKILL
+
+
+def test_a_cluster_leaves_other_clients_what_its_workers_have_no_room_for(
+    start: Callable[..., Process],
+    scheduler: Scheduler,
+    written: Callable[[str], Path],
+    tmp_path: Path,
+) -> None:
+    """First it has no worker, and claims two cases; another client runs the rest meanwhile."""
+    file, db = written(SWEEP), tmp_path / "x.sqlite"
+    claimed, manned = threading.Event(), threading.Event()
+
+    def hold(doing: str, share: float) -> None:
+        if query(db, "SELECT * FROM claims"):
+            claimed.set()
+
+    def man(doing: str, share: float) -> None:
+        assert share <= (CASES - 2) / CASES or manned.is_set()
+        if share == (CASES - 2) / CASES and not manned.is_set():
+            manned.set()
+            worker(start, scheduler)
+
+    with ThreadPoolExecutor(1) as threads:
+        other = threads.submit(
+            planner.run_sweep, file, db, cluster=scheduler.address, progress=hold
+        )
+        assert claimed.wait(60)
+        outcome = planner.run_sweep(file, db, workers=0, progress=man)
+    assert (other.result().ran, outcome.ran) == (2, CASES - 2)
+    assert outcome.statuses == {"singular": CASES}
+
+
+def test_the_room_for_cases_follows_the_workers(
+    start: Callable[..., Process], scheduler: Scheduler
+) -> None:
+    pool = ClusterPool(scheduler.address)
+    try:
+        workers = []
+        for count in (0, 1, 2, 1):
+            if count < len(workers):
+                workers.pop().kill()
+            elif count > len(workers):
+                workers.append(worker(start, scheduler))
+            end = time.monotonic() + 60
+            while pool.window != 2 * max(1, count):
+                assert pool.trouble() == ""
+                assert time.monotonic() < end
+                time.sleep(0.05)
+    finally:
+        pool.close()
 
 
 def test_a_cluster_that_stands_still_is_told_and_waited_for(

@@ -51,7 +51,7 @@ def test_kill_9_loses_nothing_and_the_restart_runs_the_rest(
     process.wait()
     kept = finished(db)
     assert 10 <= kept < CASES, "it was not killed half-way"
-    gone = time.monotonic() + 10
+    gone = time.monotonic() + 60
     while workers & alive().keys() and time.monotonic() < gone:
         time.sleep(0.01)
     assert not workers & alive().keys(), "workers live on"

@@ -10,7 +10,14 @@ import numpy as np
 
 from planner.comparison.comparison import Comparison
 from planner.support.statistics import Difference
-from planner.support.tables import Column, csv_table, markdown, markdown_table, terminal_table
+from planner.support.tables import (
+    Column,
+    csv_table,
+    csv_text,
+    markdown,
+    markdown_table,
+    terminal_table,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -88,16 +95,16 @@ def rich_differences(comparison: Comparison) -> Table | None:
     """
     take = comparison.recommended
     best = comparison.best if take is None else take.label
-    pairs = [
+    rows = [
         (_reverse(best, d), _reverse(best, end))
-        for d, end in _pairs(comparison)
+        for d, end in pairs(comparison)
         if best in (d.first, d.second)
     ]
-    if not pairs:
+    if not rows:
         return None
     return terminal_table(
         [_narrow(c) for c in COLUMNS if c.key in TERMINAL_KEYS],
-        pairs,
+        rows,
         ruled=True,
         title=f"{best} against the others, machine by machine",
         caption="E, end: median over the machines of its error minus the other plan's, with the"
@@ -112,7 +119,8 @@ def _narrow(column: Column[Pair]) -> Column[Pair]:
     return replace(column, shown=lambda x: f"{x:+.2f}" if np.isfinite(x) else "-")
 
 
-def _pairs(comparison: Comparison) -> list[Pair]:
+def pairs(comparison: Comparison) -> list[Pair]:
+    """Return the differences of every pair of plans, in E and at the end."""
     return list(zip(comparison.differences, comparison.end_differences, strict=True))
 
 
@@ -135,7 +143,7 @@ def markdown_differences(comparison: Comparison) -> str:
     """Return the differences of all pairs of plans as Markdown."""
     return f"""# Differences between plans: {markdown(comparison.problem.name)}
 
-{markdown_table(COLUMNS, _pairs(comparison))}
+{markdown_table(COLUMNS, pairs(comparison))}
 
 Each plan met the same {comparison.samples} machines ({comparison.machine.preset}), seed \
 {comparison.seed}. E: median over the machines of
@@ -150,16 +158,15 @@ significant too, but those below {comparison.threshold_deg:g} degrees are too sm
 
 def csv_machines(comparison: Comparison) -> str:
     """Return E and the error at the end of every plan on every machine as CSV, full precision."""
-    lines = ["plan,machine,E_deg,end_deg"]
-    for row in comparison.rows:
-        if row.machine_errors_deg is None:
-            continue
-        figures = row.machine_errors_deg.T.tolist()
-        label = '"' + row.label.replace('"', '""') + '"'
-        lines += [f"{label},{k},{E!r},{end!r}" for k, (E, end) in enumerate(figures)]
-    return "\n".join(lines) + "\n"
+    rows = [
+        (row.label, k, *errors)
+        for row in comparison.rows
+        if row.machine_errors_deg is not None
+        for k, errors in enumerate(row.machine_errors_deg.T.tolist())
+    ]
+    return csv_text([("plan", "machine", "E_deg", "end_deg"), *rows])
 
 
 def csv_differences(comparison: Comparison) -> str:
     """Return the differences of all pairs of plans as CSV, in full precision."""
-    return csv_table(COLUMNS, _pairs(comparison))
+    return csv_table(COLUMNS, pairs(comparison))

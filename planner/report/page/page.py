@@ -10,9 +10,8 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-import numpy as np
-
 from planner.comparison.comparison import Comparison
+from planner.comparison.differences import COLUMNS, pairs
 from planner.comparison.rows import FEEDBACK_NOTE, Row
 from planner.errors import InputError
 from planner.machine.replay import ERROR_WORDS, PERCENTILE_WORDS, STATISTICS
@@ -25,9 +24,10 @@ from planner.report.panels import PLAN_FIGURES
 from planner.report.result_folder import list_file
 from planner.report.saved import load_comparison, load_replays
 from planner.support.files import expect_path, read_json, write_text
-from planner.support.tables import Column, Markup, R, html_table, number
+from planner.support.tables import Column, Markup, R, html_table
 
 PACKAGE = "planner.report.page"
+NO_BREAK = "\N{NO-BREAK SPACE}"
 
 SCRIPTS = ("machines.js", "motion.js", "main.js")
 """Scripts of the page, in order; in the page they follow the scripts of the charts."""
@@ -69,9 +69,10 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mappin
     Args:
         comparison: The comparison with its plans.
         replays: The result of `load_replays`.
-        data: The content of comparison.json, of which `command`, `versions`, `differences` and
-            `rows` are used.
+        data: The content of comparison.json, of which `command`, `versions` and `rows` are used.
     """
+    svg = mechanism_svg(comparison.problem.system)  # "" for systems without a drawing
+    drawing = base64.b64encode(svg.encode()).decode()
     page = json.dumps(page_data(comparison, replays), separators=(",", ":"), ensure_ascii=False)
     return Template(source(PACKAGE, "page.html")).substitute(
         title=html.escape(comparison.problem.name),
@@ -82,9 +83,9 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mappin
         facts=_definitions(task_facts(comparison)),
         partial="" if comparison.complete else _PARTIAL,
         table=_table(comparison),
-        differences=_differences(data.get("differences") or []),
+        differences=_differences(comparison),
         worst=_worst(data.get("rows") or []),
-        mechanism=_mechanism(comparison),
+        mechanism=drawing and Template(_MECHANISM).substitute(data=drawing),
         figures=_figures(),
         samples=str(comparison.samples),
         errors=ERROR_WORDS,
@@ -99,14 +100,6 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mappin
         data=page.replace("<", "\\u003c"),
         script=script(PACKAGE, SCRIPTS),
     )
-
-
-def _mechanism(comparison: Comparison) -> str:
-    """Return a section with a figure of the arm's mechanism; "" for systems without a drawing."""
-    drawing = mechanism_svg(comparison.problem.system)
-    if not drawing:
-        return ""
-    return Template(_MECHANISM).substitute(data=base64.b64encode(drawing.encode()).decode())
 
 
 _MECHANISM = """<section id="mechanism" aria-labelledby="h-mechanism">
@@ -158,7 +151,7 @@ def _table(comparison: Comparison) -> str:
     place, tries = colour_places(comparison), comparison.advice
     name = Column[Row]("plan", "", lambda row: _name(place[row.label], row, tries.get(row.label)))
     numbers = [
-        _typeset(c, _symbols(c.title))
+        _typeset(c, "|".join(map(readable_name, c.title.split("|"))).replace(" %", NO_BREAK + "%"))
         for c in comparison.columns
         if c.shown is not None and not c.left
     ]
@@ -172,64 +165,21 @@ def _typeset(column: Column[R], title: str) -> Column[R]:
     return Column(title, column.unit, lambda row: column.text(row).replace("-", "−"))
 
 
-def _symbols(title: str) -> str:
-    """Return a title with |u1| as |u₁|, and with no line break before a percent sign."""
-    text = "|".join(readable_name(part) for part in title.split("|"))
-    return text.replace(" %", "\N{NO-BREAK SPACE}%")
-
-
-Pair = Mapping[str, Any]
-
-
-def _pair_cell(pair: Pair) -> Markup:
-    first, second = html.escape(pair["first"]), html.escape(pair["second"])
-    return Markup(f"{first} <span class=why>against {second}</span>")
-
-
-def _end_text(end: Pair) -> str:
-    words = "" if end["significant"] else " (not shown to differ)"
-    return f"{number(end['median_deg'])}°{words}"
-
-
-def _interval(pair: Pair) -> str:
-    low, high = (number(np.nan if x is None else x) for x in pair["interval_deg"])
-    return f"{low}° to {high}°"
-
-
-def _p_text(p: float) -> str:
-    return "< 0.001" if p < 1e-3 else f"{p:.2g}"
-
-
-def _verdict(pair: Pair) -> str:
-    if not pair["significant"]:
-        return "not shown to differ"
-    return "differ" if pair.get("matters", True) else "no difference that matters"
-
-
-PAIR_COLUMNS: list[Column[Pair]] = [
-    Column("plan", "", _pair_cell),
-    Column("difference of E", "", lambda p: p["median_deg"], lambda x: f"{number(x)}°"),
-    Column("95 % interval", "", _interval),
-    Column("less on", "", lambda p: f"{100 * p['first_better']:.0f} %"),
-    Column("p (Holm)", "", lambda p: p["p_corrected"], _p_text),
-    Column("verdict", "", _verdict),
-    Column("difference at the end", "", lambda p: p["end"], _end_text),
-]
-
-
-def _differences(pairs: Sequence[Pair]) -> str:
+def _differences(comparison: Comparison) -> str:
     """Return a collapsed table that compares each two plans on the same machines, or ""."""
-    if not pairs:
+    if not comparison.differences:
         return ""
-    name, *numbers = PAIR_COLUMNS
-    table = html_table([name, *(_typeset(c, c.title) for c in numbers)], pairs, kind=lambda _: "")
-    return Template(_FOLD).substitute(table=table)
+    columns = [_typeset(c, c.title) for c in COLUMNS if c.shown is not None]
+    return Template(_FOLD).substitute(
+        table=html_table(columns, pairs(comparison), kind=lambda _: "")
+    )
 
 
 _FOLD = """<details><summary>Plan against plan, machine by machine</summary>
 <div class="scroll" role="region" aria-label="Plan against plan" tabindex="0">$table</div>
-<p class="note">Difference: the median over the machines of E of the first plan minus E of the other
-on the same machine. p: sign test, corrected for all pairs.</p></details>"""
+<p class="note">E: the median over the machines of E of the plan minus E of the other on the same
+machine, with its 95 % interval; end: the same for the error at the end. Better on: share of the
+machines. p: sign test, corrected for all pairs.</p></details>"""
 
 
 def _worst(rows: Sequence[Mapping[str, Any]]) -> str:

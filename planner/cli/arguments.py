@@ -113,6 +113,11 @@ def out_option(metavar: str, help: str) -> Any:
     return typer.Option("--out", "-o", metavar=metavar, help=help)
 
 
+def figure_option(help: str) -> Any:
+    """Return the option `--figure` of a command; `help` says what is drawn."""
+    return typer.Option("--figure", metavar="FILE", help=f"{help} (.png, .svg or .pdf).")
+
+
 def method_option(help: str) -> Any:
     """Return the option `--method` of a command, with the given help text."""
     return typer.Option(

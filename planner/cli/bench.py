@@ -9,7 +9,14 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from planner.cli.arguments import Changes, MachineFile, ProblemPath, out_option, read_problem
+from planner.cli.arguments import (
+    Changes,
+    MachineFile,
+    ProblemPath,
+    figure_option,
+    out_option,
+    read_problem,
+)
 from planner.cli.output import finish, job, number, numbers, say
 from planner.errors import InputError, NoPlanError
 from planner.machine.identification.identify import Identification, predict_run
@@ -18,7 +25,7 @@ from planner.machine.machine import Machine, load_machine
 from planner.methods.motions import MOTIONS
 from planner.plan.recorded.log import read_log
 from planner.report.figures.recorded import plot_run, start_of
-from planner.support.files import refuse_unwritable
+from planner.support.files import refuse_picture, refuse_unwritable, write_figure
 from planner.support.tables import facts
 from planner.support.user_tables import allowed_hint
 from planner.verification.load_plan import load_plan
@@ -121,8 +128,7 @@ def log(
     task = read_problem(problem, None)
     if out is not None and plan is None:
         raise InputError("--out draws the run with its plan; give the plan with --plan")
-    if out is not None:
-        refuse_unwritable(out)
+    refuse_picture(out)
     with job("reading"):
         recorded = read_log(run, _columns(columns))
         recorded.plan(task)
@@ -152,8 +158,7 @@ def log(
         if out is not None:
             with job("predicting and drawing"):
                 used = "prototype" if machine is None else load_machine(machine)
-                figure, _ = plot_run(recorded, motion, predict_run(recorded, task, used))
-                figure.savefig(out, dpi=110)
+                write_figure(out, plot_run(recorded, motion, predict_run(recorded, task, used))[0])
             data["written"] = out
     return finish(data, str(run), facts(rows))
 
@@ -174,12 +179,7 @@ def identify(
         int, typer.Option("--starts", min=1, help="Number of searches, each from another start.")
     ] = 2,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of starts and bootstrap.")] = 0,
-    figure: Annotated[
-        Path | None,
-        typer.Option(
-            "--figure", metavar="FILE", help="Draw the residuals of each run (PNG, SVG, PDF)."
-        ),
-    ] = None,
+    figure: Annotated[Path | None, figure_option("Draw the residuals of each run")] = None,
     out: Annotated[
         Path | None, out_option("FILE", "Write the machine as a [machine] table (TOML).")
     ] = None,
@@ -202,8 +202,9 @@ def identify(
       planner compare arm.toml --machine my-machine.toml
     """
     task = read_problem(problem, None)
-    for path in filter(None, (figure, out)):
-        refuse_unwritable(path)
+    refuse_picture(figure)
+    if out is not None:
+        refuse_unwritable(out)
     machine: Machine | str = preset or "prototype"
     if Path(str(machine)).suffix == ".toml":
         machine = load_machine(str(machine))
@@ -219,7 +220,7 @@ def identify(
         )
         if figure is not None:
             tell("drawing", 1.0)
-            result.plot().savefig(figure, dpi=110)
+            write_figure(figure, result.plot())
     for text in result.warnings:
         say(f"warning: {text}", "yellow")
     useless = result.improves is False and not anyway

@@ -1,4 +1,7 @@
-"""`planner plan`: solve one problem by one method and verify the plan."""
+"""`planner plan`: solve one problem by one method and verify the plan.
+
+`planner verify`: judge the plan in a file.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,10 @@ import typer
 from planner.cli.arguments import (
     Changes,
     MachineFile,
+    PlanPath,
     ProblemPath,
     TimeLimit,
+    figure_option,
     method_option,
     out_option,
     read_problem,
@@ -37,11 +42,12 @@ from planner.plan.recorded.log import read_log
 from planner.problem.problem import Problem
 from planner.report.properties import properties
 from planner.solve import solve_and_check
-from planner.support.files import refuse_unwritable
+from planner.support.files import refuse_picture, refuse_unwritable, write_figure
 from planner.support.interrupts import signal_listener
 from planner.support.tables import facts
 from planner.verification.load_plan import load_plan
 from planner.verification.summary import plan_summary, refusal_summary
+from planner.verification.verify import verify as check_plan
 
 
 def plan(
@@ -75,6 +81,7 @@ def plan(
         ),
     ] = None,
     out: Annotated[Path | None, out_option("FILE", "Save the plan in this JSON file.")] = None,
+    figure: Annotated[Path | None, figure_option("Draw the plan's coordinates over time")] = None,
 ) -> int:
     """Make a plan, verify it and print its properties.
 
@@ -103,6 +110,7 @@ def plan(
         task = task.from_pose(pose)
     if out is not None:
         refuse_unwritable(out)
+    refuse_picture(figure)
     try:
         with job(f"planning with {spec.label}"), keep_best_on_interrupt():
             began = time.perf_counter()
@@ -114,7 +122,9 @@ def plan(
             summary["on_machines"], touch = touch_facts(motion) if motion.verified else (None, "")
     except NoPlanError as error:
         return _report_refusal(task, spec.method, error)
-    summary |= _heading(task) | {"written": out and motion.save(out)}
+    summary |= _heading(task) | {"written": out and motion.save(out), "figure": figure}
+    if figure is not None:
+        write_figure(figure, motion.plot("joints" if motion.executable else "z"))
     status = 0
     if search_ended_early():
         status = ReportedStatus(INTERRUPT_STATUS)
@@ -123,6 +133,30 @@ def plan(
     rows += [("emulated", touch)] * bool(touch)
     parts = (f"{task.name}: {spec.label}", facts(rows), "", _verdict(motion))
     return finish(summary, *parts, status=status, where="plan written to {}")
+
+
+def verify(plan: PlanPath) -> int:
+    """Judge a saved plan anew: does it reach the goal and keep every limit?
+
+    The plan's inputs are integrated independently, and limits are checked at all times. Ends with
+    status 0 if the plan is verified, else with 3 and what it breaks.
+
+    \b
+    Examples:
+      planner plan problems/paper.toml --out plan.json
+      planner verify plan.json
+    """
+    with job("verifying"):
+        motion = load_plan(plan)
+        if not motion.verified:
+            broken = motion.why or "; ".join(map(str, check_plan(motion).violations))
+            error = NoPlanError(f"not verified: {broken or motion.status}", source=str(plan))
+            error.status = motion.status
+            raise error
+        summary = plan_summary(motion)
+    title = f"{motion.problem.name}: {motion.label}"
+    parts = (title, facts(properties(motion, summary)), "", _verdict(motion))
+    return finish({**summary, "problem": motion.problem.name, "file": plan}, *parts)
 
 
 def touch_facts(plan: Plan) -> tuple[dict[str, Any] | None, str]:

@@ -11,20 +11,23 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from planner.cli.arguments import Cluster, Workers, out_option
+from planner.cli.arguments import Cluster, Workers, figure_option, out_option
 from planner.cli.output import explain_interruption, finish, job, say
-from planner.errors import InputError
 from planner.report.figures.design import draw_sweep
-from planner.support.files import refuse_unwritable, write_figure
+from planner.support.files import refuse_picture, write_figure
 from planner.support.tables import facts
 from planner.sweep.description import Sweep
 from planner.sweep.design.design_file import StudyInput, read_design
 from planner.sweep.design.result import CASES_FILE, design_study
-from planner.sweep.results import Record, export, read, refuse_unexportable, solved_by_method
+from planner.sweep.results import (
+    Record,
+    export,
+    read,
+    recommend,
+    refuse_unexportable,
+    solved_by_method,
+)
 from planner.sweep.run import run_sweep
-
-PICTURES = (".png", ".svg", ".pdf")
-"""File name endings that `--figure` accepts."""
 
 
 def sweep(
@@ -55,12 +58,7 @@ def sweep(
         ),
     ] = None,
     figure: Annotated[
-        Path | None,
-        typer.Option(
-            "--figure",
-            metavar="FILE",
-            help="Draw what each method solves, at what effort, in this .png, .svg or .pdf file.",
-        ),
+        Path | None, figure_option("Draw what each method solves, at what effort")
     ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Check the file and count its cases, but run none.")
@@ -85,10 +83,7 @@ def sweep(
     path = Path(f"{file.stem}.sqlite") if db is None else db
     if export_to is not None:
         refuse_unexportable(export_to)
-    if figure is not None:
-        if figure.suffix not in PICTURES:
-            raise InputError(f"--figure {figure}: its name must end in {', '.join(PICTURES)}")
-        refuse_unwritable(figure)
+    refuse_picture(figure)
     with explain_interruption("cases", path), job() as progress:
         outcome = run_sweep(
             task, path, workers=workers, cluster=cluster, retry=retry or (), progress=progress
@@ -115,8 +110,9 @@ def sweep(
     ]
     methods = {label: {"solved": n, "cases": total} for label, (n, total) in counts.items()}
     data = {**asdict(outcome), "methods": methods, "file": file}
-    data |= {"written": written, "figure": figure}
-    return finish(data, task.name, facts(rows), status=1 if outcome.bugs else 0)
+    take, headline = recommend(columns, records)
+    data |= {"written": written, "figure": figure, "recommended": take, "headline": headline}
+    return finish(data, task.name, facts(rows), "", headline, status=1 if outcome.bugs else 0)
 
 
 def _refusals(label: str, records: Sequence[Record]) -> str:

@@ -73,6 +73,23 @@ def write_json(path: str | Path, data: Mapping[str, Any]) -> Path:
     return write_text(path, json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
 
+PICTURES = (".png", ".svg", ".pdf")
+"""Endings of pictures' names."""
+
+
+def refuse_picture(path: str | Path | None) -> None:
+    """Refuse a path that `write_figure` could not write to; call it before long work.
+
+    Raises:
+        InputError: As for `refuse_unwritable`, or if the name has another ending.
+    """
+    if path is None:
+        return
+    if Path(path).suffix not in PICTURES:
+        raise InputError(f"cannot draw {path}: its name must end in {', '.join(PICTURES)}")
+    refuse_unwritable(path)
+
+
 def write_figure(path: str | Path, figure: Any) -> Path:
     """Write a Matplotlib figure in the format of the path's ending, whole or not at all."""
     content = io.BytesIO()

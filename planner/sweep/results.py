@@ -5,18 +5,22 @@ from __future__ import annotations
 import io
 import json
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from planner.comparison.rows import column_names
 from planner.errors import InputError
 from planner.plan.plan import Plan
 from planner.plan.samples import import_library
 from planner.support.files import refuse_unwritable, write_bytes, write_text
-from planner.support.tables import csv_text
+from planner.support.statistics import LEAST_DIFFERENCE_DEG
+from planner.support.tables import csv_text, number
 from planner.sweep.case import RESULTS
 from planner.sweep.store import Store
+from planner.sweep.sweep_file import canonical_json
 from planner.verification.load_plan import load_plan
 
 if TYPE_CHECKING:
@@ -133,6 +137,52 @@ def solved_by_method(records: Iterable[Record]) -> dict[str, tuple[int, int]]:
         solved, total = out.get(record["method"], (0, 0))
         out[record["method"]] = (solved + record["solved"], total + 1)
     return out
+
+
+def recommend(columns: Sequence[str], records: Iterable[Record]) -> tuple[str | None, str]:
+    """Return the method to take, or None, and the reason in sentences.
+
+    Of the methods that solve most cases it is the one with the smallest median E on the cases that
+    every method solves. If that hardly differs, or nothing was replayed, the effort decides.
+
+    Args:
+        columns: Names of the columns; those before `method` are the varied keys.
+        records: The finished cases; `read` gives both.
+    """
+    keys, solved = columns[: columns.index("method")], dict[str, dict[str, Record]]()
+    points = set()
+    for record in records:
+        point = canonical_json([record[key] for key in keys])
+        points.add(point)
+        if record["solved"]:
+            solved.setdefault(record["method"], {})[point] = record
+    if not solved:
+        return None, "No method solves a case."
+    shared = set.intersection(*map(set, solved.values()))
+
+    def median(label: str, figure: str) -> float:
+        values = [solved[label][point][figure] for point in shared]
+        return float(np.median(values)) if values and None not in values else np.nan
+
+    most = max(map(len, solved.values()))
+    able = [label for label, mine in solved.items() if len(mine) == most]
+    errors, efforts = ({k: median(k, key) for k in solved} for key in ("E_median_deg", "effort"))
+    least = min(errors[label] for label in able)
+    near = [k for k in able if errors[k] <= least + LEAST_DIFFERENCE_DEG] or able
+    take = min(near, key=lambda label: efforts[label])
+    others = [label for label in solved if label != take]
+
+    def beside(figures: Mapping[str, float], unit: str = "") -> str:
+        rest = ", ".join(f"{label} {number(figures[label])}" for label in others)
+        return f"{number(figures[take])}{unit}" + f" ({rest})" * bool(rest)
+
+    counts = {label: len(mine) for label, mine in solved.items()}
+    text = f"Take {take}: of {len(points)} cases it solves {beside(counts)}."
+    if not np.isnan(efforts[take]):
+        text += f" On the {len(shared)} cases that all solve, in the median: "
+        text += "" if np.isnan(least) else f"E {beside(errors, ' deg')}; "
+        text += f"effort {beside(efforts)}."
+    return take, text
 
 
 def _cells(columns: Iterable[str], records: list[Record]) -> Mapping[str, list[Any]]:

@@ -54,6 +54,7 @@ def test_one_picture_shows_what_each_method_solves(run: Callable[..., Any], file
     file.write_text(SWEEP.replace("0.07]", "30.0]"), encoding="utf-8")
     result = run("sweep", file, "--workers", "1", "--figure", "goals.png", "--json")
     assert result.json["methods"]["polynomial"] == {"solved": 1, "cases": 3}
+    assert result.json["recommended"] == "polynomial"
     assert (file.parent / "goals.png").read_bytes().startswith(b"\x89PNG")
     columns, records = read(file.parent / "short.sqlite")
     bars, efforts = draw_sweep(columns, records).axes

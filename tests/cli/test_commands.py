@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import io
+import json
 import os
 import re
 import shlex
@@ -133,6 +134,24 @@ def test_a_plan_as_json_and_file(run: Callable, tmp_path: Path) -> None:
     plan = planner.load_plan(out)
     assert plan.verified
     assert plan.travel == pytest.approx(data["travel_rad"])
+
+
+def test_a_saved_plan_is_drawn_and_judged_anew(run: Callable, tmp_path: Path) -> None:
+    file, picture = tmp_path / "plan.json", tmp_path / "plan.svg"
+    made = run(*SOLVED, "--out", file, "--figure", picture, "--json").json
+    assert "<svg" in picture.read_text(encoding="utf-8")
+    judged = run("verify", file, "--json")
+    assert judged.status == 0
+    assert judged.json["verified"]
+    assert judged.json["certificate"] == made["certificate"]
+    data = json.loads(file.read_text(encoding="utf-8"))
+    data["problem"]["limits"] = {"input_rad_s": [0.01, 0.01]}
+    file.write_text(json.dumps(data), encoding="utf-8")
+    broken = run("verify", file, "--json")
+    assert (broken.status, broken.json["status"]) == (3, "verification_failed")
+    assert str(file) in broken.json["error"]
+    refused = run(*SOLVED, "--figure", tmp_path / "plan.gif")
+    assert (refused.status, refused.out) == (2, "")
 
 
 def test_refused_plans_as_json(run: Callable, tmp_path: Path) -> None:

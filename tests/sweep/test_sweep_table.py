@@ -14,7 +14,7 @@ from databases import query
 import planner
 from planner import load_sweep, run_sweep
 from planner.support.package import how_to_install
-from planner.sweep.results import export
+from planner.sweep.results import export, recommend
 
 Tables = dict[str, Any]
 
@@ -88,3 +88,40 @@ def test_missing_sweeps_are_named(db: Path, tmp_path: Path) -> None:
     query(db, "DELETE FROM sweeps")
     with pytest.raises(planner.InputError, match="holds no sweep yet"):
         export(db, tmp_path / "out.csv")
+
+
+@pytest.mark.parametrize(
+    ("solved", "errors", "taken"),
+    [
+        ({"a": (1, 1), "b": (1, 0)}, {"a": 3.0, "b": 1.0}, "a"),  # it solves more
+        ({"a": (1, 1), "b": (1, 1)}, {"a": 3.0, "b": 1.0}, "b"),  # it is nearer to its plan
+        ({"a": (1, 1), "b": (1, 1)}, {"a": 1.05, "b": 1.0}, "a"),  # hardly less near, less effort
+        ({"a": (1, 1), "b": (1, 1)}, {"a": None, "b": None}, "a"),  # nothing was replayed
+        ({"a": (0, 0), "b": (0, 0)}, {"a": None, "b": None}, None),
+    ],
+)
+def test_a_sweep_recommends_a_method(
+    solved: dict[str, tuple[int, int]], errors: dict[str, float | None], taken: str | None
+) -> None:
+    effort = {"a": 1.0, "b": 2.0}
+    records = [
+        {
+            "goal.duration": 10.0 * k, "method": label, "solved": bool(solved[label][k]),
+            "E_median_deg": errors[label], "effort": effort[label],
+        }
+        for k in (0, 1)
+        for label in solved
+    ]  # fmt: skip
+    method, sentence = recommend(["goal.duration", "method", "effort"], records)
+    assert method == taken
+    assert (f"{taken}: of 2 cases" in sentence) == (taken is not None)
+
+
+def test_a_comparison_of_methods_counts_only_what_all_solve() -> None:
+    records = [
+        {"x.y": k, "method": label, "solved": label == "a" or k == 0, "E_median_deg": error,
+         "effort": 1.0}
+        for k, label, error in ((0, "a", 2.0), (1, "a", 90.0), (0, "b", 1.0), (1, "b", None))
+    ]  # fmt: skip
+    _, sentence = recommend(["x.y", "method"], records)
+    assert re.findall(r"E ([\d.]+) deg \(b ([\d.]+)\)", sentence) == [("2", "1")]

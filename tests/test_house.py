@@ -149,14 +149,13 @@ def test_an_old_path_works_and_names_the_new_one() -> None:
 
 READS_ENGLISH = {
     "cli/start.py:new": "a template in TOML",
-    "comparison/differences.py:csv_machines": "quotes of CSV",
     "errors.py:__init__": "the first line, for tables",
     "errors.py:solver_answer": "another program's message, cut",
     "plan/spec.py:of_label": "a method with options as users write it; this is its only parser",
     "report/figures/style.py:title": "a line break",
     "report/folders.py:_file_name": "letters that file names may have",
     "report/page/page.py:_name": "a line break",
-    "report/page/page.py:_symbols": "mathematical symbols",
+    "report/page/page.py:_table": "mathematical symbols",
     "support/tables.py:_break_head": "a line break",
     "sweep/sweep_file.py:_places": "a place in the user's file",
 }

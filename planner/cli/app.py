@@ -50,7 +50,7 @@ UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 COMMANDS = {
     "new": ("start", "Write a commented problem file that can be solved as it is."),
     "plan": ("plan", "Make a plan, verify it and print its properties."),
-    "verify": ("plan", "Judge a saved plan anew: does it reach the goal and keep every limit?"),
+    "verify": ("plan", "Judge a saved plan anew, by an independent integrator."),
     "check": ("check", "Find out whether there is a plan; if not, say why not."),
     "compare": ("compare", "Compare methods on the same emulated machines."),
     "budget": ("compare", "Compute how much error each effect of the machine causes."),

@@ -136,10 +136,10 @@ def plan(
 
 
 def verify(plan: PlanPath) -> int:
-    """Judge a saved plan anew: does it reach the goal and keep every limit?
+    """Judge a saved plan anew, by an independent integrator.
 
-    The plan's inputs are integrated independently, and limits are checked at all times. Ends with
-    status 0 if the plan is verified, else with 3 and what it breaks.
+    Ends with status 0 if the plan reaches the goal and keeps every limit at all times, else with
+    status 3 and what it breaks.
 
     \b
     Examples:

@@ -45,6 +45,7 @@ from .problem.problem import load_problem as load_problem
 from .problem.tables.kinds import register_requirement as register_requirement
 from .problem.tables.kinds import register_system as register_system
 from .report.export import export as export
+from .report.saved import load_comparison as load_comparison
 from .retime import retime as retime
 from .robustness.budget import Budget as Budget
 from .robustness.budget import error_budget as error_budget

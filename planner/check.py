@@ -33,7 +33,7 @@ from planner.problem.feasibility import (
 )
 from planner.problem.free_space import why_blocked
 from planner.problem.nonholonomy import Nonholonomy, nonholonomy
-from planner.problem.problem import Problem, expect_problem
+from planner.problem.problem import AnyProblem, Problem, problem_of
 from planner.problem.reach import Reach, goal_reach
 from planner.solve import solve, solve_and_check
 from planner.support.arrays import Frozen
@@ -180,7 +180,7 @@ class Analysis(Frozen):
 
 
 def check(
-    problem: Problem,
+    problem: AnyProblem,
     methods: str | Sequence[str] | None = None,
     progress: Progress | None = None,
     time_limit_s: float | None = None,
@@ -201,7 +201,7 @@ def check(
             or `time_limit_s` is not a number above zero.
     """
     say = expect_listener(progress)
-    expect_problem(problem)
+    problem = problem_of(problem)
     unrefined = [Spec(name) for name, method in METHODS.items() if method.refines is None]
     specs = unrefined if methods is None else parse_specs(problem, methods)
     window, reach = travel_window(problem), goal_reach(problem)

@@ -249,6 +249,12 @@ class UntrackableError(InputError):
         super().__init__(message)
 
 
+class UnknownRowError(InputError, KeyError):
+    """A row or column that a result does not have."""
+
+    __str__ = Exception.__str__  # `KeyError` would quote the message
+
+
 class NoPlanError(PlannerError):
     """No plan exists, none was found, or the plan found failed its verification.
 

@@ -28,7 +28,7 @@ from planner.plan.spec import Spec
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.feasibility import SHORTEST_S, refuse_too_short
 from planner.problem.free_space import why_blocked
-from planner.problem.problem import Problem, expect_problem
+from planner.problem.problem import AnyProblem, Problem, problem_of
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.calculus.bernstein import Bernstein
 from planner.support.deadline import (
@@ -104,7 +104,7 @@ def solve(
 
 
 def solve_and_check(
-    problem: Problem,
+    problem: AnyProblem,
     method: str | Spec,
     options: Mapping[str, Any] = MappingProxyType({}),
     *,
@@ -121,7 +121,7 @@ def solve_and_check(
         advice: Whether to try the changes that a refusal names.
         compensated_for: The machine to compensate for. By default the problem's machine.
     """
-    expect_problem(problem)
+    problem = problem_of(problem)
     spec = parse_spec(method)
     entry, options = find_method(spec.method), {**spec.options, **options}
     if time_limit_s is not None:

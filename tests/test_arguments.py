@@ -146,9 +146,7 @@ REGISTERING = {"register_method", "register_requirement", "register_system"}
 
 WRONG: dict[str, tuple[Callable[[Any], Any], str, list[Any]]] = {
     **{name: (call, NO_PLAN, ["plan.json", 3]) for name, call in TAKE_PLANS.items()},
-    **{
-        name: (call, NO_PROBLEM, ["a.toml", {"system": {}}]) for name, call in TAKE_PROBLEMS.items()
-    },
+    **{name: (call, NO_PROBLEM, [3, None]) for name, call in TAKE_PROBLEMS.items()},
     **{name: (call, NO_NAME, [3]) for name, call in TAKE_NAMES.items()},
     **{name: (call, words, [3]) for name, (call, words) in TAKE_OTHERS.items()},
 }
@@ -170,6 +168,26 @@ def test_what_is_something_else_is_told(plan: planner.Plan, name: str) -> None:
     for value in [plan if name in TAKE_PROBLEMS else plan.problem, *values]:
         with pytest.raises(planner.InputError, match=words):
             call(value)
+
+
+@pytest.mark.parametrize("name", TAKE_PROBLEMS)
+def test_a_problem_may_be_its_file_or_its_tables(name: str) -> None:
+    for value, words in (("none.toml", "none.toml"), ({"system": {}}, "system.kind")):
+        with pytest.raises(planner.InputError, match=words):
+            TAKE_PROBLEMS[name](value)
+
+
+def test_a_file_and_tables_give_the_same_plan() -> None:
+    path = Path(__file__).parents[1] / "problems/paper.toml"
+    problem = planner.load_problem(path)
+    tables = problem.to_dict()
+    assert planner.load_problem(tables) == planner.solve(tables).problem
+    for same in (path, str(path)):
+        np.testing.assert_array_equal(planner.solve(same).t, planner.solve(problem).t)
+    longer = planner.load_problem(tables, {"goal.duration": 12.0, "limits.z2_margin": None})
+    assert longer.duration == 12.0
+    assert longer.limits.z2_margin is None
+    assert planner.load_problem(tables) == planner.load_problem(problem.to_dict())
 
 
 def test_one_wrong_among_several_plans_is_told(plan: planner.Plan) -> None:

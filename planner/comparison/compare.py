@@ -34,7 +34,7 @@ from planner.plan.measures import polygon_lengths
 from planner.plan.plan import Plan
 from planner.plan.spec import Spec
 from planner.problem.feasibility import why_too_short
-from planner.problem.problem import Problem, expect_problem
+from planner.problem.problem import AnyProblem, Problem, problem_of
 from planner.solve import solve_and_check
 from planner.support.deadline import TimeUpError, time_limit
 from planner.support.progress import Tell, expect_listener
@@ -47,7 +47,7 @@ KEPT_MOTIONS = 1000
 
 
 def compare(
-    problem: Problem,
+    problem: AnyProblem,
     methods: str | Sequence[str] | None = None,
     *,
     machine: Machine | str | None = None,
@@ -91,7 +91,7 @@ def compare(
         KeyboardInterrupt: On Ctrl-C before a row is finished.
     """
     expect_listener(progress)
-    expect_problem(problem)
+    problem = problem_of(problem)
     numbers = sample_numbers(samples)
     named = specs_of(problem, methods, feedback=True)
     requests = list(dict.fromkeys(replace(spec, feedback=False) for spec in named))

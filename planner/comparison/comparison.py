@@ -20,7 +20,7 @@ from planner.comparison.rows import (
     intervals,
     verdict,
 )
-from planner.errors import InputError
+from planner.errors import InputError, UnknownRowError
 from planner.machine.feedforward.legs import compensable
 from planner.machine.machine import Machine, load_machine
 from planner.machine.replay import ERROR_WORDS, PERCENTILE_WORDS
@@ -85,7 +85,8 @@ class Comparison(Frozen):
         for row in self.rows:
             if row.label == label:
                 return row
-        raise InputError(f"no row '{label}'; there are: {', '.join(r.label for r in self.rows)}")
+        known = ", ".join(row.label for row in self.rows)
+        raise UnknownRowError(f"no row '{label}'; there are: {known}")
 
     @property
     def plans(self) -> Mapping[str, Plan | None]:
@@ -134,11 +135,10 @@ class Comparison(Frozen):
         return {row.label: row.advice for row in self.rows if row.advice and not row.feedback}
 
     @property
-    def best(self) -> str | None:
-        """Label of the plan with the smallest median E; verified plans come first."""
-        ranked = [(not row.solved, row.E_median_deg, row.label) for row in self.rows]
-        ranked = [entry for entry in ranked if np.isfinite(entry[1])]
-        return min(ranked)[2] if ranked else None
+    def best(self) -> Row | None:
+        """The row with the smallest median E, verified plans first; None without a replay."""
+        ranked = [row for row in self.rows if np.isfinite(row.E_median_deg)]
+        return min(ranked, key=lambda r: (not r.solved, r.E_median_deg, r.label), default=None)
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready data: rows, problem, machine, seed, versions, command to repeat it."""

@@ -93,8 +93,8 @@ def rich_differences(comparison: Comparison) -> Table | None:
 
     If no plan is verified, the plan with the smallest median E counts as the recommended plan.
     """
-    take = comparison.recommended
-    best = comparison.best if take is None else take.label
+    take = comparison.recommended or comparison.best
+    best = take.label if take else ""
     rows = [
         (_reverse(best, d), _reverse(best, end))
         for d, end in pairs(comparison)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from planner.errors import InputError
 from planner.methods.registry import find_method
-from planner.problem.problem import Problem, expect_problem
+from planner.problem.problem import AnyProblem, problem_of
 from planner.support.deadline import check_seconds
 from planner.support.package import how_to_install
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def explore(
-    problem: Problem,
+    problem: AnyProblem,
     method: str = "polynomial",
     samples: int = 20,
     time_limit_s: float | None = 30.0,
@@ -42,7 +42,7 @@ def explore(
     Raises:
         InputError: If the extra `notebook` is not installed, or the method is unknown.
     """
-    expect_problem(problem)
+    problem = problem_of(problem)
     find_method(method)
     if isinstance(samples, bool) or not isinstance(samples, int) or samples < 0:
         raise InputError(f"samples = {samples}: must be a whole number, at least 0")

@@ -28,7 +28,7 @@ from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array, Frozen
 from planner.support.package import import_function
 from planner.support.progress import expect_listener
-from planner.support.tables import facts, number
+from planner.support.tables import facts, notebook_html, number
 from planner.systems.manipulator import Manipulator
 
 if TYPE_CHECKING:
@@ -317,6 +317,9 @@ class Replay(Recording, Frozen):
             attrs={**plan_facts(self.plan), "seed": self.seed},
         )
         return dataset
+
+    def _repr_html_(self) -> str:
+        return notebook_html(self.table())
 
     def table(self) -> Table:
         """Return errors, slip and broken limits for a terminal: `rich.print(run.table())`."""

@@ -28,7 +28,7 @@ from planner.methods.refusal import looser_limits
 from planner.plan.measures import Objective
 from planner.plan.plan import Plan
 from planner.plan.trajectory import StateTrajectory
-from planner.problem.problem import Problem, expect_problem
+from planner.problem.problem import AnyProblem, Problem, problem_of
 from planner.support.arrays import Array
 from planner.support.calculus.bernstein import Bernstein
 from planner.support.calculus.runge_kutta import step
@@ -202,8 +202,8 @@ MOTIONS: dict[str, Callable[[Problem], Plan]] = {"excitation": excitation, "homi
 # -- both -----------------------------------------------------------------------------------------
 
 
-def _arm(problem: Problem, what: str) -> Manipulator:
-    expect_problem(problem)
+def _arm(problem: AnyProblem, what: str) -> Manipulator:
+    problem = problem_of(problem)
     system = problem.system
     if not isinstance(system, Manipulator):
         raise InputError(

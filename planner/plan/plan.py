@@ -34,6 +34,7 @@ from planner.support.arrays import Array, Frozen, floats, jsonable, locked
 from planner.support.deadline import Span
 from planner.support.files import write_text
 from planner.support.package import import_function
+from planner.support.tables import notebook_html
 
 if TYPE_CHECKING:
     import pandas
@@ -368,6 +369,9 @@ class Plan(Frozen):
         """Return the plan's properties for a terminal: `rich.print(plan.table())`."""
         table: Table = import_function("planner.report.properties.plan_table")(self)
         return table
+
+    def _repr_html_(self) -> str:
+        return notebook_html(self.table())
 
     def plot(self, figure: str = "joints") -> Figure:
         """Draw a figure of the plan: "joints", "inputs", "map", "z" or another of `PLAN_FIGURES`.

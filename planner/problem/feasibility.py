@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InfeasibleError
-from planner.problem.problem import Problem, expect_problem
+from planner.problem.problem import AnyProblem, Problem, problem_of
 from planner.support.arrays import Array, Frozen, plain
 from planner.systems.chained_form import chained_form
 from planner.systems.manipulator import Manipulator
@@ -211,13 +211,13 @@ class TravelWindow:
         return not self.empty and self.low < travel < self.high
 
 
-def travel_window(problem: Problem) -> TravelWindow | None:
+def travel_window(problem: AnyProblem) -> TravelWindow | None:
     """Return the travels that are possible without reversing the disk between start and goal.
 
     Returns:
         The window; None for systems other than the manipulator, or if the goal leaves joints free.
     """
-    expect_problem(problem)
+    problem = problem_of(problem)
     if not isinstance(problem.system, Manipulator) or problem.free:
         return None
     start, goal = problem.start[1:], problem.goal[1:]

@@ -552,28 +552,37 @@ class Problem(Frozen):
         return hash(hashable(self._data))
 
 
-def expect_problem(value: object) -> None:
-    """Raise an error unless the value is a `Problem`; a path or a table is not accepted.
+AnyProblem = Problem | str | Path | Mapping[str, Any]
+"""A problem, the file that holds one, or its tables."""
+
+
+def problem_of(value: AnyProblem) -> Problem:
+    """Return the problem itself, or read it from its file or tables.
 
     Raises:
-        InputError: If the value is not a problem; the message says how to get one.
+        InputError: If the value is none of these, or see `load_problem`.
     """
+    if isinstance(value, str | Path | Mapping):
+        return load_problem(value)
     expect(Problem, value, "planner.load_problem(path) reads one")
+    return value
 
 
-def load_problem(path: str | Path, changes: Mapping[str, Any] | None = None) -> Problem:
-    """Read a problem from a file.
+def load_problem(
+    source: str | Path | Mapping[str, Any], changes: Mapping[str, Any] | None = None
+) -> Problem:
+    """Read a problem from a file, or from its tables.
 
     Args:
-        path: A TOML file; `planner schema` prints its keys.
+        source: A TOML file, or its tables as a dictionary; `planner schema` prints the keys.
         changes: Dotted keys and values that replace those of the file; None removes a key.
 
     Raises:
         InputError: If the file is missing, not TOML, or has an invalid key or value.
     """
-    if isinstance(path, Mapping):
-        raise InputError("load_problem reads a file; planner.Problem.from_dict({...}) takes tables")
-    data = read_toml(path, "a problem file")
+    if isinstance(source, Mapping):
+        return Problem.from_dict(source).changed(changes or {})
+    data = read_toml(source, "a problem file")
     if not data:
-        raise InputError(f"{path} is empty; a problem needs [system], [start] and [goal]")
-    return Problem.from_dict(with_changes(data, changes or {}), str(path))
+        raise InputError(f"{source} is empty; a problem needs [system], [start] and [goal]")
+    return Problem.from_dict(with_changes(data, changes or {}), str(source))

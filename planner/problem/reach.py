@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.problem.problem import Problem, expect_problem
+from planner.problem.problem import AnyProblem, Problem, problem_of
 from planner.problem.requirements.requirement import ROUNDING, MotionPoint
 from planner.support.arrays import Array, Frozen
 
@@ -89,13 +89,13 @@ def expected_goals(problem: Problem) -> list[Array]:
     return [system.from_user(np.where(np.isnan(goal), system.user(problem.start), goal))]
 
 
-def goal_reach(problem: Problem) -> Reach | None:
+def goal_reach(problem: AnyProblem) -> Reach | None:
     """Return the configurations in which a motion of an arm to the goal may end.
 
     Returns:
         The configurations; None if the goal gives every joint, or the system is not an arm.
     """
-    expect_problem(problem)
+    problem = problem_of(problem)
     if not problem.free or problem.system.has_user_coordinates:
         return None
     theta = _goal_angles(problem)

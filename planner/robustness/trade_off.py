@@ -19,7 +19,7 @@ from planner.machine.replay import STATISTICS
 from planner.methods.registry import find_method, merged_options
 from planner.plan.plan import Plan
 from planner.plan.samples import import_library
-from planner.problem.problem import Problem, expect_problem
+from planner.problem.problem import AnyProblem, Problem, problem_of
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.robustness.trade_off_points import (
     KINDS,
@@ -188,7 +188,7 @@ def end_error(which: str, point: TradeOffPoint, key: str = "end_p95_deg") -> flo
 
 
 def trade_off(
-    problem: Problem,
+    problem: AnyProblem,
     kind: Kind = "effort",
     points: int = 10,
     folder: str | Path | None = None,
@@ -223,7 +223,7 @@ def trade_off(
         NoPlanError: If the problem has no plan.
         KeyboardInterrupt: If interrupted; finished points are saved in the folder.
     """
-    expect_problem(problem)
+    problem = problem_of(problem)
     if kind not in KINDS:
         raise InputError(f"trade-off against {kind!r}: must be one of {', '.join(KINDS)}")
     if isinstance(points, bool) or not isinstance(points, int) or not 3 <= points <= 200:

@@ -187,6 +187,12 @@ def terminal_table(
     return table
 
 
+def notebook_html(table: Table) -> str:
+    """Return a terminal's table as HTML for a notebook."""
+    html: str = table._repr_mimebundle_((), ())["text/html"]
+    return html
+
+
 def _break_head(title: str) -> str:
     """Wrap a column's title to two lines, or to as many lines as a long title needs."""
     if len(title) <= HEAD_WIDTH + 1:

@@ -121,7 +121,7 @@ def test_of_plans_that_the_test_cannot_tell_apart_the_cheapest_is_taken(
         better, spec=Spec("desensitised", compensated=True), effort=4.0, E_median_deg=less
     )
     result = replace(compensated, rows=(dear, plain, better))
-    assert result.best == dear.label
+    assert result.best is dear
     assert result.recommended is better
     words = result.headline
     assert (
@@ -237,7 +237,7 @@ def test_a_compensated_plan_is_compared_on_the_path_it_compensates(
     assert better.end_median_deg == np.median(run.terminal_E_deg)
     assert better.end_p95_deg == np.percentile(run.terminal_E_deg, 95)
     assert "end 95 %" in compensated.markdown()
-    assert compensated.best == COMPENSATED
+    assert compensated.best is compensated[COMPENSATED]
 
 
 def test_a_compensated_plan_that_leaves_its_path_says_so() -> None:
@@ -343,6 +343,8 @@ def test_feedback_closes_the_last_plan_which_is_compensated(
 
 def test_polynomials_are_refused_with_the_reason_and_collocation_is_solved() -> None:
     result = paper_comparison()
+    with pytest.raises(KeyError):
+        result["nothing"]
     with pytest.raises(planner.InputError, match="no row 'nothing'"):
         result["nothing"]
     assert result[OPTIMAL].solved
@@ -556,7 +558,7 @@ def test_differences_are_paired() -> None:
     assert middle.first_better == 0.0
     assert middle.significant
     assert middle.p_value == pytest.approx(2 / 2**SAMPLES)
-    assert result.best == OPTIMAL
+    assert result.best is result[OPTIMAL]
 
 
 def test_rows_with_feedback_stand_beside_those_without(

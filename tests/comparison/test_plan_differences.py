@@ -58,7 +58,7 @@ def test_the_terminal_sees_all_from_the_best_plan() -> None:
     for word in ("verdict", "corrected for all pairs.", *words):
         assert word in kept, "cut off on a narrow terminal"
     assert result.best is not None
-    assert f"{result.best} against the others" in text
+    assert f"{result.best.label} against the others" in text
     line = next(x for x in lines if x.startswith("polynomial: "))
     worse = result.differences[1]
     assert line.split()[1] == f"{-worse.median_deg:+.2f}"

@@ -23,7 +23,7 @@ from planner.machine.identification.model import (
 from planner.machine.identification.parameters import FitParameter, Parameters
 from planner.machine.machine import Machine, machine_for
 from planner.plan.recorded.log import Log, expect_log
-from planner.problem.problem import Problem, expect_problem
+from planner.problem.problem import AnyProblem, Problem, problem_of
 from planner.problem.tables.machine_effects import Worth
 from planner.support.arrays import Array, Frozen, frozen, jsonable
 from planner.support.files import toml, write_text
@@ -300,7 +300,7 @@ COLUMNS: list[Column[Estimate]] = [
 
 def identify(
     logs: Log | Sequence[Log],
-    problem: Problem,
+    problem: AnyProblem,
     machine: Machine | str | None = "prototype",
     *,
     starts: int = STARTS,
@@ -332,7 +332,7 @@ def identify(
             disks, or a log has another number of joints, does not move one of them by a degree, or
             fits the arm only with another sign, unit, order of columns or clock.
     """
-    expect_problem(problem)
+    problem = problem_of(problem)
     expect_listener(progress)
     every = [logs] if isinstance(logs, Log) else list(logs)
     for log in every:

@@ -20,7 +20,7 @@ from planner.plan.recorded.columns import find_columns, parse_name
 from planner.plan.recorded.number_table import Blanks, NumberTable, read_table
 from planner.plan.samples import MAX_ROWS
 from planner.plan.trajectory import StateTrajectory
-from planner.problem.problem import Problem, expect_problem
+from planner.problem.problem import AnyProblem, problem_of
 from planner.support.arrays import Array, Frozen, floats, frozen
 from planner.support.calculus.bernstein import Bernstein
 from planner.support.files import write_text
@@ -174,7 +174,7 @@ class Log(Frozen):
         t = self.t[chosen]
         return replace(self, t=t - t[0], u=self.u[chosen], theta=self.theta[chosen], motors=motors)
 
-    def plan(self, problem: Problem) -> Plan:
+    def plan(self, problem: AnyProblem) -> Plan:
         """Return the run as a plan, which `planner.replay` and all figures accept.
 
         The plan's inputs are the commands, each held until the next. Its coordinates are the
@@ -183,7 +183,7 @@ class Log(Frozen):
         Raises:
             InputError: If the problem's system has another number of joints.
         """
-        expect_problem(problem)
+        problem = problem_of(problem)
         system = problem.system
         if system.size - 1 != self.theta.shape[1]:
             raise InputError(

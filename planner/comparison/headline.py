@@ -274,7 +274,7 @@ def _jumps(row: Row) -> str:
 def _beyond(row: Row) -> str:
     """Return words that say on how many machines a plan breaks limits, without a full stop."""
     words = f" On {number(row.beyond_limits)} % of the machines {row.label} breaks a limit"
-    if not row.breaks_alike:
+    if row.beyond_physical != row.beyond_limits:
         words += f", on {number(row.beyond_physical)} % a physical one"
         words += " (breaking one of chained coordinates harms nothing)"
     return words

@@ -179,14 +179,10 @@ class Row(PlanFigures):
         if self.solved and self.plan is not None and self.plan.jump_words:
             words.append(self.plan.jump_words)
         if self.solved and self.beyond_limits > 0:
-            few = "" if self.breaks_alike else f", {number(self.beyond_physical)} % a physical one"
+            alike = self.beyond_physical == self.beyond_limits
+            few = "" if alike else f", {number(self.beyond_physical)} % a physical one"
             words.append(f"{number(self.beyond_limits)} % of machines break a limit{few}")
         return "; ".join(words)
-
-    @property
-    def breaks_alike(self) -> bool:
-        """Whether every machine that breaks a limit breaks a physical one."""
-        return self.beyond_physical == self.beyond_limits
 
     @property
     def status(self) -> str | None:

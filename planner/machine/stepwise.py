@@ -155,7 +155,11 @@ class StepwiseMotion:
             speed, travel = self._servos.step(orders.block(k, k + 1)[0], h, bool(orders.running[k]))
             self._record(k, speed[0])
             self._plant.step(speed, travel, h)
-            _note_slip(self.slip, k, h, self._plant.slipping)
+            slipping = np.broadcast_to(self._plant.slipping, len(self.slip))
+            if (slips := slipping >= 0).any():
+                new = slips & (self.slip[:, 1] < 0)
+                self.slip[new, 1], self.slip[new, 2] = k, slipping[new]
+                self.slip[slips, 0] += h
             gap = np.abs(self._plant.q[1:] - self._desired[k + 1])
             np.fmax(self.deviation, gap.T, out=self.deviation)
             if tell and (k + 1) % REPORT_EVERY == 0:
@@ -171,15 +175,6 @@ class StepwiseMotion:
                 speed = self._plant.motor_rates  # true speeds, not the drives' references
             self.q[:, row] = self._plant.q.T
             self.speed[:, row] = speed.T
-
-
-def _note_slip(slip: Array, k: int, h: float, slipping: Array) -> None:
-    """Update a record of gross slip (S, 3), see `MachineMotion.slip`, by step k of h seconds."""
-    slips = np.broadcast_to(slipping, len(slip)) >= 0
-    if slips.any():
-        new = slips & (slip[:, 1] < 0)
-        slip[new, 1], slip[new, 2] = k, np.broadcast_to(slipping, len(slip))[new]
-        slip[slips, 0] += h
 
 
 def plant(plan: Plan, machine: Machine, draws: Draws, start: Array) -> Plant:

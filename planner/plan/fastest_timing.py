@@ -308,7 +308,10 @@ def fastest_motion(
     if np.any(np.isfinite(limits.input_rate[moving])):
         trajectory, notes = _time_by_rate_limits(path, limits, moving, rest, intervals)
     else:
-        trajectory, notes = _time_by_input_limits(path, limits, moving), {}
+        length = arc_length(path, np.where(moving, limits.input, 1.0), "max")
+        edges = np.append(length.c[0], length.c[-1, -1])
+        clock = Bernstein(np.stack([edges[:-1], edges[1:]]), edges)
+        trajectory, notes = RetimedTrajectory(path, length, clock, length.x), {}
     factor = slowing_factor(requirements, trajectory)
     if np.isinf(factor):
         raise NotConvergedError(
@@ -325,14 +328,6 @@ def fastest_motion(
 CLOCK_SLOWING = 1.01
 """Largest slowing factor that only corrects the clock's small excess over its own limits. A larger
 factor comes from another limit, under which the timing is not the fastest."""
-
-
-def _time_by_input_limits(path: Trajectory, limits: Limits, moving: InputMask) -> RetimedTrajectory:
-    scale = np.where(moving, limits.input, 1.0)
-    length = arc_length(path, scale, "max")
-    edges = np.append(length.c[0], length.c[-1, -1])
-    clock = Bernstein(np.stack([edges[:-1], edges[1:]]), edges)
-    return RetimedTrajectory(path, length, clock, length.x)
 
 
 def _time_by_rate_limits(

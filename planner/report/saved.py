@@ -29,7 +29,7 @@ from planner.verification.summary import without_unit_keys
 def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
     """Read the folder that `Comparison.save` wrote, and verify its plans again.
 
-    Rows, plans and the errors on each machine are restored; replays are not (see `load_replays`). A
+    Rows, plans and the errors on each machine are restored; replays are not. A
     row that is marked as solved, but whose file has no valid plan of this problem, becomes
     unsolved: its `why` says what is wrong, and its numbers, which belong to another motion, are
     dropped.
@@ -75,18 +75,6 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
         raise InputError(
             f"{place / 'comparison.json'} is damaged: {error!r}; compare again"
         ) from None
-
-
-def load_replays(folder: str | Path) -> dict[str, Any]:
-    """Return the content of a folder's replays.json: the result of `folders.replay_data`, by label.
-
-    Without that file the result is {}.
-
-    Raises:
-        InputError: If the file is damaged.
-    """
-    path = Path(folder) / "replays.json"
-    return read_json(path) if path.exists() else {}
 
 
 def _task_tables(problem: Problem) -> dict[str, Any]:

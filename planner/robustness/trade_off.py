@@ -245,8 +245,11 @@ def trade_off(
         tell("finding the ends of the curve", 0.0)
         _sweep(problem, design, axis(problem, design, kind, points), store, tell)
     _replay(store, distribution, errors_machine(problem, design), (samples, seed), tell)
-    descending = _keep_descending([store.points[k] for k in sorted(store.points)])
-    return TradeOff(problem, kind, descending, design, distribution, store.path)
+    descending = list[TradeOffPoint]()
+    for _, point in sorted(store.points.items()):
+        if not descending or point.response_deg < descending[-1].response_deg * (1 - NO_GAIN):
+            descending.append(point)
+    return TradeOff(problem, kind, tuple(descending), design, distribution, store.path)
 
 
 def _sweep(
@@ -318,15 +321,6 @@ def _replay(
             runs = [replay_errors(point.plan, each, *machines) for each in (machine, alone)]
             allowed = compensated_errors(point.plan, machine, *machines)
             store.put(k, replace(point, machine=runs[0], errors_alone=runs[1], compensated=allowed))
-
-
-def _keep_descending(points: list[TradeOffPoint]) -> tuple[TradeOffPoint, ...]:
-    """Return the points with a smaller response than all points with a smaller limit."""
-    descending: list[TradeOffPoint] = []
-    for point in points:
-        if not descending or point.response_deg < descending[-1].response_deg * (1 - NO_GAIN):
-            descending.append(point)
-    return tuple(descending)
 
 
 def knee(cost: Array, response: Array) -> int:

@@ -83,7 +83,10 @@ def axis(problem: Problem, options: DesensitisedOptions, kind: Kind, points: int
     """
     easy = CollocationOptions(rest=options.rest, intervals=options.intervals)
     if kind == "duration":
-        return _durations(problem, easy, points)
+        quickest = _quickest(problem, easy)
+        longest = max(LONGEST_RATIO * quickest.duration, problem.duration or 0.0)
+        limits = np.geomspace(LEAST_FACTOR * quickest.duration, longest, points)
+        return Axis(kind, limits, problem.limits.input, quickest)
     if problem.duration is None:
         raise InputError(
             f"{problem.source}: a trade-off against {kind} needs goal.duration in seconds; or trade"
@@ -101,13 +104,6 @@ def _costly_end(problem: Problem, options: DesensitisedOptions) -> Plan:
     """Return the plan at the end of the curve where the effort hardly counts."""
     calm = options.model_copy(update={"effort": END_EFFORT_WEIGHT})
     return judge_plan(plan_desensitised(problem, calm))[0]
-
-
-def _durations(problem: Problem, easy: CollocationOptions, points: int) -> Axis:
-    quickest = _quickest(problem, easy)
-    longest = max(LONGEST_RATIO * quickest.duration, problem.duration or 0.0)
-    limits = np.geomspace(LEAST_FACTOR * quickest.duration, longest, points)
-    return Axis("duration", limits, problem.limits.input, quickest)
 
 
 def _quickest(problem: Problem, easy: CollocationOptions) -> Plan:

@@ -164,7 +164,8 @@ def terminal_table(
     heads = [c.head for c in shown]
     if ruled:
         heads = [_break_head(c.title) + (f"\n{c.unit}" if c.unit else "") for c in shown]
-    cells = [[_break_lines(c.text(row), c.width) for c in shown] for row in rows]
+    # a column with a maximum width starts a new line after each colon
+    cells = [[c.text(row).replace(":", ":\n" if c.width else ":") for c in shown] for row in rows]
     widths = []
     for column, *texts in zip(shown, heads, *cells, strict=True):
         most = max(len(part) for text in texts for part in text.split("\n"))
@@ -198,11 +199,6 @@ def _break_head(title: str) -> str:
     if len(title) <= HEAD_WIDTH + 1:
         return title.replace(" ", "\n", 1)
     return textwrap.fill(title, HEAD_WIDTH, break_long_words=False)
-
-
-def _break_lines(text: str, width: int | None) -> str:
-    """Start a new line after each colon of the text if its column has a maximum `width`."""
-    return text.replace(":", ":\n") if width else text
 
 
 def markdown_table(columns: Iterable[Column[R]], rows: Iterable[R]) -> str:

@@ -266,7 +266,9 @@ class _Fatrop:
         inputs = (start, weighted, *bounds[0], *bounds[1])
         vector = np.empty(len(start))
         with self._lock:
-            buffer, evaluate = self._memory(data)
+            if data.pattern not in self._memories:
+                self._memories[data.pattern] = self._call.buffer()
+            buffer, evaluate = self._memories[data.pattern]
             for k, values in enumerate(inputs):
                 buffer.set_arg(k, values.data)
             buffer.set_res(0, vector.data)
@@ -275,12 +277,6 @@ class _Fatrop:
         finished = bool(stats["success"])
         status = "Solve_Succeeded" if finished else "Search_Direction_Or_Iterations_Failed"
         return SolverAnswer(vector, finished, status, int(stats["iter_count"]))
-
-    def _memory(self, data: Bounds) -> tuple[Any, Callable[[], None]]:
-        pattern = data.pattern
-        if pattern not in self._memories:
-            self._memories[pattern] = self._call.buffer()
-        return self._memories[pattern]
 
 
 SOLVERS: dict[SolverName, Callable[[Transcription, Settings], Backend]] = {

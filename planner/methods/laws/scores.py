@@ -244,13 +244,16 @@ def score_candidates(problem: Problem, make: Make, x: Array, samples: int | Arra
     return Scores(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Scores)))
 
 
+REFINED = 3
+"""Number of the best candidates of a scan from which a search starts."""
+
+
 def search_candidates(
     problem: Problem,
     make: Make,
     grid: Array,
     steps: Array,
     criterion: Criterion = "peak",
-    starts: int = 3,
 ) -> BestCandidate:
     """Find the free numbers of least cost: scan a grid, then search from the best candidates.
 
@@ -262,7 +265,6 @@ def search_candidates(
         grid: Candidates to scan, shape (C, d).
         steps: Sizes of the first steps from each candidate, shape (d,) or (C, d).
         criterion: The quantity to optimise; domain and limits come first.
-        starts: Number of the best candidates to refine; 0 to scan only.
 
     Raises:
         TimeUpError: If time is up.
@@ -275,10 +277,10 @@ def search_candidates(
         count += len(x)
         return score_candidates(problem, make, x, samples).cost(criterion, *ends)
 
-    first = np.argsort(costs(grid, _SCAN), kind="stable")[: max(starts, 1)]
+    first = np.argsort(costs(grid, _SCAN), kind="stable")[:REFINED]
     x, step = grid[first], np.abs(np.broadcast_to(steps, grid.shape)[first])
     samples: int | Array = _SEARCH
-    for stage, (rounds, part, spread) in enumerate(_STAGES if starts and grid.shape[1] else ()):
+    for stage, (rounds, part, spread) in enumerate(_STAGES if grid.shape[1] else ()):
         if stage == 2:
             samples = _sample_places(problem, make(x))
         search = zoom if grid.shape[1] == 1 else evolve

@@ -107,7 +107,7 @@ class Effect:
         if self.owner == "machine":
             raise ValueError("is one number for the whole machine, not a list")
         if not value or not all(_is_number(v) for v in value):
-            raise ValueError(f"must hold numbers, one for each of {self.owner_words}")
+            raise ValueError(f"must hold numbers, one for each of {_OWNER_WORDS[self.owner]}")
         if self.owner == "motor" and len(value) != 2:
             raise ValueError(f"has {len(value)} values; give one, or one for each of 2 motors")
         return [_check_finite(v) for v in value]
@@ -121,12 +121,8 @@ class Effect:
         count = self.count(joints)
         if len(numbers) in (1, count):
             return None
-        return f"{key} has {len(numbers)} values, but needs one, or {count} for {self.owner_words}"
-
-    @property
-    def owner_words(self) -> str:
-        """Parts of the machine to which a list's values belong, in words, such as "2 motors"."""
-        return _OWNER_WORDS[self.owner]
+        owners = _OWNER_WORDS[self.owner]
+        return f"{key} has {len(numbers)} values, but needs one, or {count} for {owners}"
 
     def _in_range(self, numbers: Numbers) -> None:
         unit = f" {self.unit}" if self.unit else ""

@@ -22,7 +22,7 @@ from planner.report.page.series import page_data
 from planner.report.page.words import answer, colour_places, question, task_facts, verdict_html
 from planner.report.panels import PLAN_FIGURES
 from planner.report.result_folder import list_file
-from planner.report.saved import load_comparison, load_replays
+from planner.report.saved import load_comparison
 from planner.support.files import expect_path, read_json, write_text
 from planner.support.tables import Column, Markup, R, html_table
 
@@ -48,7 +48,8 @@ def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
             the page cannot be written.
     """
     place = expect_path(folder)
-    comparison, replays = load_comparison(place, strict=True), load_replays(place)
+    comparison, kept = load_comparison(place, strict=True), place / "replays.json"
+    replays = read_json(kept) if kept.exists() else {}
     data = read_json(place / "comparison.json")
     target = place / "report.html" if out is None else Path(out)
     try:
@@ -68,7 +69,7 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mappin
 
     Args:
         comparison: The comparison with its plans.
-        replays: The result of `load_replays`.
+        replays: Content of the folder's replays.json (`folders.replay_data`), {} without it.
         data: The content of comparison.json, of which `command`, `versions` and `rows` are used.
     """
     svg = mechanism_svg(comparison.problem.system)  # "" for systems without a drawing

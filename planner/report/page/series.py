@@ -48,7 +48,7 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
 
     Args:
         comparison: The comparison with its plans.
-        replays: The result of `load_replays`.
+        replays: Content of the folder's replays.json (`folders.replay_data`), {} without it.
     """
     plans = {row.label: row.plan for row in comparison.rows if row.plan is not None}
     if not plans:

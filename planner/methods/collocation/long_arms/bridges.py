@@ -138,20 +138,15 @@ def close_gaps(
 def make_exact(system: TriangularSystem, chain: PieceChain, ends: ChainEnds) -> PieceChain | None:
     """Return the nearest chain whose finely integrated pieces meet; None if a solve fails."""
     for _ in range(CORRECTIONS):
-        error = _fine_ends(system, chain) - ends_of(system, chain.q[:-1], chain.u)
+        fine = chain.q[:-1]
+        for _ in range(PARTS):
+            fine = ends_of(system, fine, chain.u / PARTS)
+        error = fine - ends_of(system, chain.q[:-1], chain.u)
         candidate, _ = _nearest(system, len(chain.u))(chain, error, ends)
         if candidate is None:
             return None
         chain = candidate
     return chain
-
-
-def _fine_ends(system: TriangularSystem, chain: PieceChain) -> Array:
-    """Return the ends of a chain's pieces, (K, N), with each piece integrated in `PARTS` parts."""
-    q = chain.q[:-1]
-    for _ in range(PARTS):
-        q = ends_of(system, q, chain.u / PARTS)
-    return q
 
 
 class _Nearest:

@@ -201,7 +201,10 @@ def lift(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> 
     length = np.append(0.0, np.cumsum(np.sum(np.abs(path.u), axis=1)))
     edges = np.linspace(0.0, length[-1], 1 + max(1, int(np.ceil(length[-1] / LONGEST_STRETCH))))
     for _ in range(HALVINGS):
-        chain, stretch = _lifted_chain(system, path, length, ends, edges)
+        places, moves = _stretches(system.shorter(), path, length, edges)
+        u, before = _drives(system, moves, ends)
+        q, last = np.insert(places, 1, before, axis=1), np.insert(places[-1], 1, ends.goal[1])
+        chain, stretch = _pieces(system, q, u, last)
         missed = np.max(np.abs(chain.gap), axis=1)
         excess = np.max(np.abs(chain.q[1:] - chain.gap) - ends.limit, axis=1)
         wide = np.zeros(len(edges) - 1, dtype=bool)
@@ -210,20 +213,6 @@ def lift(system: Manipulator, path: PieceChain, ends: ChainEnds, gap: float) -> 
             break
         edges = np.sort(np.concatenate([edges, (edges[:-1] + edges[1:])[wide] / 2]))
     return chain
-
-
-def _lifted_chain(
-    system: Manipulator, path: PieceChain, length: Array, ends: ChainEnds, edges: Array
-) -> tuple[PieceChain, Index]:
-    """Return the lifted chain of a path cut into stretches, and the stretch of each piece.
-
-    `edges` are the path lengths between stretches, `length` those at the path's own nodes.
-    """
-    places, moves = _stretches(system.shorter(), path, length, edges)
-    u, before = _drives(system, moves, ends)
-    q = np.insert(places, 1, before, axis=1)
-    last = np.insert(places[-1], 1, ends.goal[1])
-    return _pieces(system, q, u, last)
 
 
 def _stretches(

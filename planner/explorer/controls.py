@@ -42,17 +42,14 @@ POINTS_KEY = "method.polynomial.points"
 
 def motion_controls(state: State, problem: Problem, plan: Plan | None) -> list[Control]:
     """Return the controls of travel, duration, method and the polynomial's constraint points."""
-    controls = [_duration(state, plan), _method(state)]
-    if problem.travel_key:
-        controls.insert(0, _travel(state, problem, plan))
-    return controls + (_points(state, problem, plan) if state.method == "polynomial" else [])
-
-
-def _method(state: State) -> Control:
-    return Control(
+    method = Control(
         METHOD_TITLE, "method", "choice", "method", state.method, shown=state.method,
         choices=list(METHODS), help=METHODS[state.method].summary,
     )  # fmt: skip
+    controls = [_duration(state, plan), method]
+    if problem.travel_key:
+        controls.insert(0, _travel(state, problem, plan))
+    return controls + (_points(state, problem, plan) if state.method == "polynomial" else [])
 
 
 def _travel(state: State, problem: Problem, plan: Plan | None) -> Control:

@@ -93,7 +93,11 @@ def cut_path(
     w = _directions(path, length, grid)
     # Inside a piece of the length the path is smooth, even where its direction changes fast.
     stops = _stop_nodes(w / scale, rest) & np.isin(nodes, edges)
-    return PathIntervals(nodes, _stations(length, nodes), stops, w, grid.derivative(w))
+    k = np.minimum(np.searchsorted(edges, nodes, side="right") - 1, len(edges) - 2)
+    sigma = Inverse(length)(nodes, length.x[k], length.x[k + 1])
+    edge = np.minimum(np.searchsorted(edges, nodes), len(edges) - 1)
+    stations = np.where(edges[edge] == nodes, length.x[edge], sigma)  # exact at the breaks
+    return PathIntervals(nodes, stations, stops, w, grid.derivative(w))
 
 
 def _stop_nodes(w: Array, rest: bool) -> NDArray[np.bool_]:
@@ -154,15 +158,6 @@ def _directions(path: Trajectory, length: Bernstein, grid: Grid) -> Array:
     inverse = Inverse(length)
     sigma = inverse(s, length.x[k], length.x[k + 1])
     return np.asarray(path.u(sigma) / inverse.slope(sigma)[..., None])
-
-
-def _stations(length: Bernstein, nodes: Array) -> Array:
-    """Return the path's own times at the nodes; exact where a node is a break of `length`."""
-    edges = np.append(length.c[0], length.c[-1, -1])
-    k = np.minimum(np.searchsorted(edges, nodes, side="right") - 1, len(edges) - 2)
-    sigma = Inverse(length)(nodes, length.x[k], length.x[k + 1])
-    edge = np.minimum(np.searchsorted(edges, nodes), len(edges) - 1)
-    return np.where(edges[edge] == nodes, length.x[edge], sigma)
 
 
 def _rates(stretch: PathIntervals, b: Array) -> Array:
@@ -306,7 +301,13 @@ def fastest_motion(
     while isinstance(path, RetimedTrajectory):
         path = path.path
     if np.any(np.isfinite(limits.input_rate[moving])):
-        trajectory, notes = _time_by_rate_limits(path, limits, moving, rest, intervals)
+        scale = np.where(np.isfinite(limits.input), limits.input, limits.input_rate)
+        scale = np.where(moving & np.isfinite(scale), scale, 1.0)
+        length = arc_length(path, scale, "euclid")
+        stretch = cut_path(path, length, scale, intervals, rest)
+        clock = fastest_clock(stretch, limits.input, limits.input_rate)
+        trajectory = RetimedTrajectory(path, length, clock, stretch.stations)
+        notes: dict[str, Any] = {"stops": int(np.sum(stretch.stops[1:-1]))}
     else:
         length = arc_length(path, np.where(moving, limits.input, 1.0), "max")
         edges = np.append(length.c[0], length.c[-1, -1])
@@ -328,15 +329,3 @@ def fastest_motion(
 CLOCK_SLOWING = 1.01
 """Largest slowing factor that only corrects the clock's small excess over its own limits. A larger
 factor comes from another limit, under which the timing is not the fastest."""
-
-
-def _time_by_rate_limits(
-    path: Trajectory, limits: Limits, moving: InputMask, rest: bool, intervals: int
-) -> tuple[RetimedTrajectory, dict[str, Any]]:
-    scale = np.where(np.isfinite(limits.input), limits.input, limits.input_rate)
-    scale = np.where(moving & np.isfinite(scale), scale, 1.0)
-    length = arc_length(path, scale, "euclid")
-    stretch = cut_path(path, length, scale, intervals, rest)
-    clock = fastest_clock(stretch, limits.input, limits.input_rate)
-    notes = {"stops": int(np.sum(stretch.stops[1:-1]))}
-    return RetimedTrajectory(path, length, clock, stretch.stations), notes

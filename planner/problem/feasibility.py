@@ -118,7 +118,11 @@ def least_duration(problem: Problem) -> DurationBound:
     A plan may need longer.
     """
     distance = np.nan_to_num(np.abs(problem.goal - problem.start))  # free ones may stay in place
-    rates = _top_rates(problem)
+    rates, (u1, u2) = np.full(problem.system.size, np.inf), problem.limits.input
+    rates[1] = u2
+    if isinstance(problem.system, Manipulator):
+        rates[0] = problem.system.k_g * u1
+        rates[2:] = problem.system.k_g * problem.system.K * u1
     needed = distance / rates
     i = int(np.argmax(needed))
     coordinate, unit = problem.system.coordinates[i], problem.system.coordinates[i].unit
@@ -158,17 +162,6 @@ def refuse_too_short(problem: Problem) -> None:
         )
         error.finding = ""
         raise error
-
-
-def _top_rates(problem: Problem) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Return the largest |q̇| within the input limits, shape (N,); infinite if unknown."""
-    rates = np.full(problem.system.size, np.inf)
-    u1, u2 = problem.limits.input
-    rates[1] = u2
-    if isinstance(problem.system, Manipulator):
-        rates[0] = problem.system.k_g * u1
-        rates[2:] = problem.system.k_g * problem.system.K * u1
-    return rates
 
 
 def format_value(value: float, unit: str) -> str:

@@ -216,7 +216,14 @@ def mp4(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
         words = [program, "-loglevel", "error", *source, "-i", "-", "-an", *codec, str(target)]
         with subprocess.Popen(words, stdin=subprocess.PIPE, stderr=log) as job:
             try:
-                _feed(job, chain([first], frames), hold, (height, width))
+                assert job.stdin is not None
+                with suppress(BrokenPipeError):  # ffmpeg stopped and reports the reason itself
+                    for frame in chain([first], frames):
+                        picture = frame[:height, :width].tobytes()
+                        job.stdin.write(picture)
+                    for _ in range(hold):
+                        job.stdin.write(picture)
+                    job.stdin.close()
             except BaseException:
                 job.kill()
                 raise
@@ -225,19 +232,6 @@ def mp4(frames: Iterator[Frame], fps: int, hold: int) -> bytes:
             reason = log.read().decode(errors="replace").strip().splitlines()
             raise InputError(f"ffmpeg ({program}) failed: {reason[-1] if reason else 'no message'}")
         return target.read_bytes()
-
-
-def _feed(
-    job: subprocess.Popen[bytes], frames: Iterator[Frame], hold: int, size: tuple[int, int]
-) -> None:
-    assert job.stdin is not None
-    with suppress(BrokenPipeError):  # ffmpeg stopped and reports the reason itself
-        for frame in frames:
-            picture = frame[: size[0], : size[1]].tobytes()
-            job.stdin.write(picture)
-        for _ in range(hold):
-            job.stdin.write(picture)
-        job.stdin.close()
 
 
 def find_ffmpeg() -> str:

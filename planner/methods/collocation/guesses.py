@@ -103,13 +103,24 @@ def guess(
 ) -> Iterate:
     """Return the first guess of a seed on a mesh, added to a straight line or to motion `about`."""
     s = np.linspace(0.0, 1.0, SAMPLES)
-    q = _states(problem, mesh, seed, s, about)
+    travel = likely_travel(problem)
+    if about is not None:
+        q = about.q(s * about.duration)
+    else:
+        q = lines_through_waypoints(problem, mesh.knots, travel, s)
+    q[:, 0] += max(1.0, abs(travel) / 2) * seed.path(s)
+    q[:, 1] = _on_one_side(problem, q[:, 1], seed.driven(s))
+    limit = problem.limits.joint.copy()
+    if problem.system.coordinates[1].unit == "rad":
+        limit[1] = min(limit[1], LARGEST_GUESS_RAD)
+    q = np.clip(q, -limit, limit)
     rates = np.gradient(q[:, :2], s, axis=0)
     drive = problem.system.drive(q)
     units = nlp.form.units
     least = 0.05 / (units.inputs[0] * units.time_s)
     rates[:, 0] /= np.where(np.abs(drive) < least, least, drive)
-    duration = problem.duration or _duration(problem, rates) + 0.01 * units.time_s
+    slowest = np.max(np.mean(np.abs(rates), axis=0) / problem.limits.input_scale)
+    duration = problem.duration or 1.5 * float(slowest) + 0.01 * units.time_s
     where = nlp.form.input_places(mesh)
     return Iterate(
         duration=duration,
@@ -132,22 +143,6 @@ def likely_travel(problem: Problem) -> float:
     slopes = problem.system.slopes(middle)
     size = float(slopes @ slopes)
     return float(slopes @ moves) / size if size > 1e-12 else 0.0
-
-
-def _states(
-    problem: Problem, mesh: Mesh, seed: Seed, s: Array, about: StateTrajectory | None
-) -> Array:
-    travel = likely_travel(problem)
-    if about is not None:
-        q = about.q(s * about.duration)
-    else:
-        q = lines_through_waypoints(problem, mesh.knots, travel, s)
-    q[:, 0] += max(1.0, abs(travel) / 2) * seed.path(s)
-    q[:, 1] = _on_one_side(problem, q[:, 1], seed.driven(s))
-    limit = problem.limits.joint.copy()
-    if problem.system.coordinates[1].unit == "rad":
-        limit[1] = min(limit[1], LARGEST_GUESS_RAD)
-    return np.clip(q, -limit, limit)
 
 
 def sides(problem: Problem) -> int:
@@ -186,11 +181,6 @@ def lines_through_waypoints(problem: Problem, knots: Array, travel: float, s: Ar
     there = ~np.isnan(points)
     lines = zip(there.T, points.T, strict=True)
     return np.stack([np.interp(s, knots[at], values[at]) for at, values in lines], axis=-1)
-
-
-def _duration(problem: Problem, rates: Array) -> float:
-    slowest = np.max(np.mean(np.abs(rates), axis=0) / problem.limits.input_scale)
-    return 1.5 * float(slowest)
 
 
 def _interpolate(where: Array, s: Array, values: Array) -> Array:

@@ -36,7 +36,14 @@ def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
         InputError: If there are fewer slots than coordinates to bring to the goal.
     """
     began = time.perf_counter()
-    ends, slots = Ends.of(problem), _slots(problem, options)
+    ends, least = Ends.of(problem), problem.system.size - 1
+    slots = options.slots or least
+    if slots < least:
+        raise InputError(
+            f"method.piecewise.slots = {slots} is too few to reach"
+            f" {least} coordinates; use at least {least}",
+            source=problem.source,
+        )
 
     def motion(reach: float | Array) -> Motion:
         legs = even_legs(ends, reach, slots, terms=1)
@@ -54,14 +61,3 @@ def plan_piecewise(problem: Problem, options: PiecewiseOptions) -> Plan:
         ) from None
     notes |= {"slots": slots, **best.summary}
     return finish(problem, NAME, options, ends.trajectory(best), notes, began)
-
-
-def _slots(problem: Problem, options: PiecewiseOptions) -> int:
-    least = problem.system.size - 1
-    if options.slots is not None and options.slots < least:
-        raise InputError(
-            f"method.piecewise.slots = {options.slots} is too few to reach"
-            f" {least} coordinates; use at least {least}",
-            source=problem.source,
-        )
-    return options.slots or least

@@ -23,7 +23,6 @@ from planner.methods.collocation.path import needed_duration
 from planner.methods.collocation.task import Solution, Task, stretch_to, task
 from planner.methods.collocation.transcription.form import Mesh
 from planner.methods.collocation.transcription.unknowns import Iterate
-from planner.support.arrays import Array
 
 DEGREE = 5
 """Number of collocation points per interval of a path; few wide intervals are accurate enough."""
@@ -111,7 +110,12 @@ def follow(job: Task, chain: PieceChain, degree: int = 0) -> tuple[Task, Iterate
     nodes = np.vstack([chain.q[:-1][moving], chain.q[-1:]])
     edges = np.append(0.0, np.cumsum(seconds))
     path_job = _with_constant_inputs(job, degree).on_mesh(Mesh(edges / edges[-1]))
-    return path_job, _iterate(path_job, nodes, chain.u[moving] / seconds[:, None], float(edges[-1]))
+    tau, inputs = path_job.nlp.form.scheme.points, chain.u[moving] / seconds[:, None]
+    points = nodes[:-1, None] + tau[:, None] * np.diff(nodes, axis=0)[:, None]
+    if path_job.nlp.form.input == "linear":
+        padded = np.vstack([inputs[:1], inputs, inputs[-1:]])
+        inputs = (padded[:-1] + padded[1:]) / 2
+    return path_job, Iterate(float(edges[-1]), nodes, points, inputs)
 
 
 def _with_constant_inputs(job: Task, degree: int) -> Task:
@@ -123,13 +127,3 @@ def _with_constant_inputs(job: Task, degree: int) -> Task:
     if new == form:
         return job
     return task(job.problem, job.objective, new, job.mesh, job.demands, job.settings)
-
-
-def _iterate(job: Task, nodes: Array, rates: Array, duration: float) -> Iterate:
-    tau = job.nlp.form.scheme.points
-    points = nodes[:-1, None] + tau[:, None] * np.diff(nodes, axis=0)[:, None]
-    inputs = rates
-    if job.nlp.form.input == "linear":
-        padded = np.vstack([rates[:1], rates, rates[-1:]])
-        inputs = (padded[:-1] + padded[1:]) / 2
-    return Iterate(duration=duration, nodes=nodes, points=points, inputs=inputs)

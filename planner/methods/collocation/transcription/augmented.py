@@ -30,6 +30,15 @@ VARIANCE_ROUNDING = 1e-6 / DEGREES
 square root is smooth at a variance of zero."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Expressions:
+    """Number of states x, function from (x, u) to ẋ, and function from x to the response W."""
+
+    size: int
+    rates: Any
+    response: Pointwise
+
+
 @dataclass(frozen=True)
 class Augmented:
     """A system with its response to errors, with states x = (q, w), where w are the varying
@@ -101,37 +110,24 @@ class Augmented:
 
     @cached_property
     def _formulas(self) -> _Expressions:
-        return _expressions(self)
-
-
-@dataclass(frozen=True, eq=False)
-class _Expressions:
-    """Number of states x, function from (x, u) to ẋ, and function from x to the response W."""
-
-    size: int
-    rates: Any
-    response: Pointwise
-
-
-def _expressions(model: Augmented) -> _Expressions:
-    form = linearise(model.system)
-    states, rates, columns = list[Any](), list[Any](), list[Any]()
-    for error, sigma in model.spread:
-        moving, column = _column(form, error)
-        for i, state in moving.items():
-            states.append(state)
-            rates.append(form.A[i, :] @ column + form.forcing[error][i])
-        columns.append(sigma * column)
-    if ca.depends_on(ca.vertcat(ca.SX(), *rates), form.t):
-        states, rates = [*states, form.t], [*rates, ca.SX(1)]
-    if model.metered:
-        states, rates = [*states, ca.SX.sym("effort")], [*rates, ca.sumsqr(form.u)]
-    whole = ca.vertcat(form.q, *states)
-    return _Expressions(
-        whole.numel(),
-        ca.Function("rates", [whole, form.u], [ca.vertcat(form.rates, *rates)]),
-        Pointwise("response", [whole], ca.horzcat(*columns)),
-    )
+        form = linearise(self.system)
+        states, rates, columns = list[Any](), list[Any](), list[Any]()
+        for error, sigma in self.spread:
+            moving, column = _column(form, error)
+            for i, state in moving.items():
+                states.append(state)
+                rates.append(form.A[i, :] @ column + form.forcing[error][i])
+            columns.append(sigma * column)
+        if ca.depends_on(ca.vertcat(ca.SX(), *rates), form.t):
+            states, rates = [*states, form.t], [*rates, ca.SX(1)]
+        if self.metered:
+            states, rates = [*states, ca.SX.sym("effort")], [*rates, ca.sumsqr(form.u)]
+        whole = ca.vertcat(form.q, *states)
+        return _Expressions(
+            whole.numel(),
+            ca.Function("rates", [whole, form.u], [ca.vertcat(form.rates, *rates)]),
+            Pointwise("response", [whole], ca.horzcat(*columns)),
+        )
 
 
 def _column(form: Linearisation, error: str) -> tuple[dict[int, Any], Any]:

@@ -92,7 +92,9 @@ def bounds(
     """
     low, high = (np.concatenate([[], *(each.bounds[k] for each in requirements)]) for k in (0, 1))
     most = MOST_DRAWN_IN * (high - low) / 2
-    inside, edges = np.minimum(inset, most), np.minimum(_at_nodes(inset), most)
+    beside = np.concatenate([inset[:1], inset, inset[-1:]])  # an edge has the greater of two
+    inside = np.minimum(inset, most)
+    edges = np.minimum(np.maximum(beside[:-1], beside[1:]), most)
     lower, upper = _limits(problem, nlp, mesh, demands, inside, edges)
     _fix(lower, upper, problem, nlp, mesh, demands)
     reads = [requirement.reads for requirement in requirements for _ in requirement.parts]
@@ -198,9 +200,3 @@ def _fix(
     for where, values in fixed:
         is_fixed = ~np.isnan(values)
         lower[where[is_fixed]] = upper[where[is_fixed]] = values[is_fixed]
-
-
-def _at_nodes(inset: Array) -> Array:
-    """Convert amounts of intervals (K, R) to edges (K+1, R): the greater of two neighbours."""
-    ends = np.concatenate([inset[:1], inset, inset[-1:]])
-    return np.asarray(np.maximum(ends[:-1], ends[1:]))

@@ -12,7 +12,7 @@ from planner.cli.arguments import PlanPath, out_option
 from planner.cli.output import finish, job, number
 from planner.cli.plan import touch_facts
 from planner.plan.plan import Plan
-from planner.plan.samples import RATE_HZ, held_miss, sample
+from planner.plan.samples import RATE_HZ, held_miss
 from planner.report.export import FORMATS, Real, find_format, fitting, refuse_target
 from planner.report.export import export as write
 from planner.report.figures.style import to_display, unit_of
@@ -91,8 +91,7 @@ def export(
     words = f"; send the motors {sent}" * bool(sent)
     if miss:
         off = ", ".join(f"{each} {number(value)}" for each, value in miss.items())
-        step = 1e3 * float(sample(motion, rate).t[1])  # the rate is adapted to the duration
-        words += f"{' and' if sent else ';'} hold each row until the next, {step:.4g} ms:"
+        words += f"{' and' if sent else ';'} hold each row until the next, {1e3 / rate:.4g} ms:"
         words += f" on an ideal machine the end is off by {off}"
     reservations = "".join(
         f"; {each}" for each in [motion.start_words, *motion.reservations, touch[1]] if each

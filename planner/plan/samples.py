@@ -58,7 +58,8 @@ class Samples(Frozen):
             the system's user coordinates.
         inputs: Names of the columns of `u`, for example "u1_rad_s".
         axes: Names of the columns of `motors`, for example "motor1_rad".
-        t: Times, shape (R,), s; the first is 0, the last the duration.
+        t: Times, shape (R,), s; the first is 0. If the duration is no multiple of the step, the
+            last is up to a step later; the motors then take the whole step for what is left.
         q: User coordinates, shape (R, N); NaN where they would not be real.
         u: Mean inputs until the next time, shape (R, 2); 0 at the end, NaN if undefined.
         motors: Motor angles, shape (R, 2); see `motor_angles`.
@@ -118,8 +119,7 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
 
     Args:
         plan: Any plan.
-        rate_hz: Nominal samples per second. The true rate is the next higher one at which the last
-            sample is at the plan's end.
+        rate_hz: Samples per second.
 
     Raises:
         InputError: If the rate is not positive, or gives more than two million samples.
@@ -131,7 +131,9 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
         raise InputError(
             f"rate_hz = {rate_hz:g} gives {steps + 1} samples, allowed {MAX_ROWS}; lower the rate"
         )
-    t = np.linspace(0.0, plan.duration, steps + 1)
+    t = np.arange(steps + 1) / rate_hz
+    t[-1] = max(t[-1], plan.duration)
+    on_plan = np.minimum(t, plan.duration)
     system = plan.problem.system
     first, second = system.inputs
     return Samples(
@@ -139,10 +141,10 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
         inputs=commands(plan),
         axes=(f"motor1_{_travel_unit(first)}", f"motor2_{_travel_unit(second)}"),
         t=t,
-        q=plan.user(t),
-        u=np.concatenate([_turns(plan, t) / np.diff(t)[:, None], np.zeros((1, 2))]),
-        motors=motor_angles(plan, t),
-        z=plan.z(t),
+        q=plan.user(on_plan),
+        u=np.concatenate([_turns(plan, on_plan) / np.diff(t)[:, None], np.zeros((1, 2))]),
+        motors=motor_angles(plan, on_plan),
+        z=plan.z(on_plan),
         v=np.concatenate([plan.v(t[:-1]), np.zeros((1, 2))]),
     )
 
@@ -190,7 +192,7 @@ def held_miss(plan: Plan, rate_hz: float = RATE_HZ) -> Array:
         InputError: As for `sample`.
     """
     samples, system = sample(plan, rate_hz), plan.problem.system
-    start, q = plan.q(0.0), plan.q(samples.t)
+    start, q = plan.q(0.0), plan.q(np.minimum(samples.t, plan.duration))
     if not (np.all(np.isfinite(q)) and np.all(np.isfinite(samples.u))):
         return np.full(system.size, np.nan)
     held_end = start

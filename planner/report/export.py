@@ -305,7 +305,8 @@ def joint_trajectory(
     """
     names = _names(plan, joint_names)
     _refuse_unfit(plan)
-    t = sample(plan, rate_hz).t
+    times = sample(plan, rate_hz).t
+    t = np.minimum(times, plan.duration)
     if names == _joints(plan) and joint_names is not None:
         positions = plan.q(t)[:, 1:]
         velocities: Callable[[Array], Array] = partial(_joint_rates, plan)
@@ -319,7 +320,7 @@ def joint_trajectory(
             "velocities": u[k].tolist(),
             "accelerations": slopes[k].tolist(),
             "effort": [],
-            "time_from_start": _stamp(t[k]),
+            "time_from_start": _stamp(times[k]),
         }
         for k in range(len(t))
     ]

@@ -426,3 +426,17 @@ def test_other_systems_name_their_columns(tmp_path: Path) -> None:
     first = plan.problem.system.inputs[0]
     assert back.inputs[0] == f"{first.name}_m_s"
     assert back.coordinates[0] == "x_m"
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 7.0, 0.05])
+def test_rows_are_a_step_apart_whatever_the_duration(
+    paper: planner.Problem, tmp_path: Path, rate_hz: float
+) -> None:
+    """The duration is no multiple of the step: the motors take the whole last one for the rest."""
+    plan = planner.solve(paper.changed({"goal.duration": 9.9876}), rest=True)
+    samples = planner.load_samples(planner.export(plan, tmp_path / "plan.csv", rate_hz=rate_hz))
+    np.testing.assert_allclose(np.diff(samples.t), 1 / rate_hz, rtol=1e-12)
+    assert 0 <= samples.t[-1] - plan.duration < 1 / rate_hz
+    np.testing.assert_allclose(samples.q[-1], plan.user(plan.duration), atol=1e-12)
+    turned = np.sum(samples.u[:-1] / rate_hz, axis=0)
+    np.testing.assert_allclose(turned, samples.motors[-1] - samples.motors[0], atol=1e-12)

@@ -96,7 +96,6 @@ def bounds(
     inside = np.minimum(inset, most)
     edges = np.minimum(np.maximum(beside[:-1], beside[1:]), most)
     lower, upper = _limits(problem, nlp, mesh, demands, inside, edges)
-    _fix(lower, upper, problem, nlp, mesh, demands)
     reads = [requirement.reads for requirement in requirements for _ in requirement.parts]
     speeds = [requirement.speed_power for requirement in requirements for _ in requirement.parts]
     units, of_unknowns = nlp.form.units, nlp.layout.units(nlp.form.units)
@@ -144,7 +143,8 @@ def _limits(
     inside: Array,
     edges: Array,
 ) -> tuple[Array, Array]:
-    """Return bounds (size,) of the unknowns, tightened by `inside` (K, R) and `edges` (K+1, R)."""
+    """Return bounds (size,) of the unknowns, tightened by `inside` (K, R) and `edges` (K+1, R);
+    both are equal where start, goal, duration, waypoints or rest at the ends fix the value."""
     places = nlp.layout
     upper = np.full(places.size, np.inf)
     lower = -upper
@@ -168,9 +168,7 @@ def _limits(
                 points = places.points[..., places.lifted.index(k)]
                 restrict(points, (low[place], high[place]), inside[:, [r + place]])
         r += len(index)
-    if problem.free:
-        end, most = places.nodes[-1, list(problem.free)], problem.free_within
-        restrict(end, (-most, most))
+    restrict(places.nodes[-1, list(problem.free)], (-problem.free_within, problem.free_within))
     lower[places.durations[:1]] = SHORTEST_S * nlp.form.units.time_s
     if demands.first_sign:
         turned = np.searchsorted(demands.turns, nlp.form.input_places(mesh))
@@ -178,20 +176,7 @@ def _limits(
         lower[places.inputs[forward, 0]] = upper[places.inputs[~forward, 0]] = 0.0
     if np.isfinite(demands.effort):
         upper[places.nodes[-1, -1]] = demands.effort
-    return lower, upper
-
-
-def _fix(
-    lower: Array,
-    upper: Array,
-    problem: Problem,
-    nlp: Transcription,
-    mesh: Mesh,
-    demands: InputDemands,
-) -> None:
-    """Set both bounds to each fixed value: start, goal, duration, waypoints, rest at the ends."""
-    places, N = nlp.layout, problem.system.size
-    duration = np.nan if problem.duration is None else problem.duration
+    N, duration = problem.system.size, np.nan if problem.duration is None else problem.duration
     fixed = [(places.nodes[0], nlp.start(problem)), (places.nodes[-1, :N], problem.goal)]
     fixed += [(places.durations[:1], np.array([duration])[: len(places.durations)])]
     stops = zip(mesh.marks, problem.waypoints, strict=True)
@@ -200,3 +185,4 @@ def _fix(
     for where, values in fixed:
         is_fixed = ~np.isnan(values)
         lower[where[is_fixed]] = upper[where[is_fixed]] = values[is_fixed]
+    return lower, upper

@@ -257,31 +257,32 @@ def integrate(
     """
     system = system or trajectory.system
     for _ in range(MOST_ROUNDS if cells is None else 1):
-        reading, control = _read_and_control(trajectory, system, values, cells)
-        motion = _integrate_reading(system, start, reading, control)
+        reading, (q_there, u_there), unresolved = _read_and_control(
+            trajectory, system, values, cells
+        )
+        width, known = reading.cells.width[:, None], np.isfinite(reading.q)
+        q = _fixed_point(system, start, width, np.where(known, reading.q, start), reading.u)
+        rates = system.rates(q, reading.u)
+        tail = np.sum(width * np.max(np.abs(apply(to_series(POINTS)[-3:], rates)), axis=0), axis=0)
+        # the same integral at other points, using the interpolated motion
+        between = again = apply(resampling(POINTS, len(q_there)), q)
+        for _ in range(2):  # twice, so that an error spreads to coordinates whose rates read it
+            again = _integral(start, width, system.rates(again, u_there))
+        error = float(np.max(np.abs(again - between)) + np.max(tail))
+        gaps = [np.max(np.abs(a - b), axis=-1) for a, b in ((reading.q, q), (q_there, between))]
+        gap = _worst(reading.cells, gaps[int(np.argmax([np.max(g) for g in gaps]))])
+        motion = IntegratedMotion(reading.cells, q, reading.u, error, gap, *unresolved)
         if not motion.error > tolerance or len(reading.cells.piece) > MOST_CELLS:
             break  # accurate, not finite, or noise: splitting would not help
         cells = reading.cells.split()[0]
     return motion
 
 
-@dataclass(frozen=True, eq=False)
-class _Control:
-    """q (P, C, N) and u (P, C, 2) at the control points, and how far the series differ there.
-
-    `unresolved_input` and `unresolved_values` are as in `IntegratedMotion`.
-    """
-
-    q: Array
-    u: Array
-    unresolved_input: tuple[float, float]
-    unresolved_values: tuple[float, float]
-
-
 def _read_and_control(
     trajectory: Trajectory, system: TriangularSystem, values: Sequence[Values], start: Cells | None
-) -> tuple[Reading, _Control]:
-    """Return q and u on cells that resolve input and values at the control points too.
+) -> tuple[Reading, tuple[Array, Array], tuple[tuple[float, float], tuple[float, float]]]:
+    """Return q and u on cells that resolve input and values at the control points too; q (P, C, N)
+    and u (P, C, 2) there; and `unresolved_input` and `unresolved_values` of `IntegratedMotion`.
 
     Cells on which the input or the values differ from their series at these points are split.
     """
@@ -302,7 +303,7 @@ def _read_and_control(
         if not np.any(split) or len(cells.piece) > MOST_CELLS:
             break
         start = cells.split(np.where(split, 4, 1))[0]
-    return reading, _Control(q, u, _worst(cells, distances), _worst(cells, hidden))
+    return reading, (q, u), (_worst(cells, distances), _worst(cells, hidden))
 
 
 def _worst(cells: Cells, distances: Array) -> tuple[float, float]:
@@ -310,25 +311,6 @@ def _worst(cells: Cells, distances: Array) -> tuple[float, float]:
     point, cell = np.unravel_index(np.argmax(distances), distances.shape)
     when = cells.time(np.array(cell), 2 * points(len(distances))[point] - 1)
     return float(distances[point, cell]), float(when)
-
-
-def _integrate_reading(
-    system: TriangularSystem, start: Array, reading: Reading, control: _Control
-) -> IntegratedMotion:
-    cells, u = reading.cells, reading.u
-    width = cells.width[:, None]
-    q = _fixed_point(system, start, width, np.where(np.isfinite(reading.q), reading.q, start), u)
-    rates = system.rates(q, u)
-    tail = np.sum(width * np.max(np.abs(apply(to_series(POINTS)[-3:], rates)), axis=0), axis=0)
-    # the same integral at other points, using the interpolated motion
-    between = again = apply(resampling(POINTS, len(control.q)), q)
-    for _ in range(2):  # twice, so that an error spreads to coordinates whose rates read it
-        again = _integral(start, width, system.rates(again, control.u))
-    error = np.max(np.abs(again - between)) + np.max(tail)
-    gaps = [np.max(np.abs(a - b), axis=-1) for a, b in ((reading.q, q), (control.q, between))]
-    gap = _worst(cells, gaps[int(np.argmax([np.max(g) for g in gaps]))])
-    unresolved = control.unresolved_input, control.unresolved_values
-    return IntegratedMotion(cells, q, u, float(error), gap, *unresolved)
 
 
 def _integral(start: Array, width: Array, rates: Array) -> Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, cast, get_args
 
@@ -35,60 +36,51 @@ if TYPE_CHECKING:
     from planner.methods.options import Solve
 
 
-@dataclass(frozen=True)
-class ForeignPlans:
-    """Callable that plans with another package's function and checks the returned plan."""
+def _foreign_plan(
+    provider: Provider, function: Callable[..., Any], problem: Problem, options: Any, *near: Plan
+) -> Plan:
+    """Return another package's plan of the problem, marked as not verified.
 
-    provider: Provider
-    function: Callable[..., Any]
-
-    def __call__(self, problem: Problem, options: Any, *near: Plan) -> Plan:
-        """Return the package's plan of the problem, marked as not verified.
-
-        Raises:
-            MethodError: If the function fails or does not return a plan of this problem.
-        """
-        answer = self.provider.call(self.function, problem, options, *near)
-        plan: Plan = self.provider.call(self._sound, problem, answer)
-        return plan
-
-    def _sound(self, problem: Problem, answer: Any) -> Plan:
-        """Return a package's answer if it is a complete plan of the problem.
-
-        A compensated plan is replaced by its original; another answer raises a `MethodError`.
-        """
-        if not isinstance(answer, Plan):
-            raise self.provider.error(f"returned {line(repr(answer), 60)}, which is not a plan")
-        plan = answer.compensates or answer
-        if plan.problem != problem:
-            raise self.provider.error("returned a plan of another problem")
-        plan = replace(plan, verified=False, certificate=None)
-        try:
-            parse(PlanFile, plan.to_dict(), "its plan")
-        except InputError as error:
-            raise self.provider.error(f"returned a plan that cannot be saved: {error}") from None
-        verify(plan)  # a failure in here is attributed to the package
-        return plan
+    Raises:
+        MethodError: If the function fails or does not return a plan of this problem.
+    """
+    answer = provider.call(function, problem, options, *near)
+    plan: Plan = provider.call(_sound, provider, problem, answer)
+    return plan
 
 
-@dataclass(frozen=True)
-class ForeignKeeps:
-    """Callable that asks another package's method which requirements it keeps."""
+def _sound(provider: Provider, problem: Problem, answer: Any) -> Plan:
+    """Return a package's answer if it is a complete plan of the problem.
 
-    provider: Provider
-    keeps: keeping.Keeps
+    A compensated plan is replaced by its original; another answer raises a `MethodError`.
+    """
+    if not isinstance(answer, Plan):
+        raise provider.error(f"returned {line(repr(answer), 60)}, which is not a plan")
+    plan = answer.compensates or answer
+    if plan.problem != problem:
+        raise provider.error("returned a plan of another problem")
+    plan = replace(plan, verified=False, certificate=None)
+    try:
+        parse(PlanFile, plan.to_dict(), "its plan")
+    except InputError as error:
+        raise provider.error(f"returned a plan that cannot be saved: {error}") from None
+    verify(plan)  # a failure in here is attributed to the package
+    return plan
 
-    def __call__(self, problem: Problem, demand: Demand, part: Part) -> keeping.Keeping:
-        """Return the answer "kept", "judged" or "never" (see `keeping`) for one part of a demand.
 
-        Raises:
-            MethodError: If the function fails or its answer is none of these.
-        """
-        answer = self.provider.call(self.keeps, problem, demand, part)
-        if not isinstance(answer, str) or answer not in get_args(keeping.Keeping):
-            allowed = ", ".join(get_args(keeping.Keeping))
-            raise self.provider.error(f"keeps {shorten(repr(answer))}; it must be one of {allowed}")
-        return cast("keeping.Keeping", answer)
+def _foreign_keeps(
+    provider: Provider, keeps: keeping.Keeps, problem: Problem, demand: Demand, part: Part
+) -> keeping.Keeping:
+    """Return another package's answer "kept", "judged" or "never" for one part of a demand.
+
+    Raises:
+        MethodError: If the function fails or its answer is none of these (see `keeping`).
+    """
+    answer = provider.call(keeps, problem, demand, part)
+    if not isinstance(answer, str) or answer not in get_args(keeping.Keeping):
+        allowed = ", ".join(get_args(keeping.Keeping))
+        raise provider.error(f"keeps {shorten(repr(answer))}; it must be one of {allowed}")
+    return cast("keeping.Keeping", answer)
 
 
 @dataclass(frozen=True)
@@ -117,14 +109,10 @@ class Method:
     finds_time: bool = False
 
 
-def _function(module: str, name: str) -> Callable[..., Plan]:
-    """Return a function that imports the named planning function only when it is called."""
-
-    def call(*given: Any) -> Plan:
-        plan: Plan = getattr(import_module(f"planner.methods.{module}"), name)(*given)
-        return plan
-
-    return call
+def _call(module: str, name: str, *given: Any) -> Plan:
+    """Call a planning function, whose module is imported only now."""
+    plan: Plan = getattr(import_module(f"planner.methods.{module}"), name)(*given)
+    return plan
 
 
 _ALL = (
@@ -132,53 +120,53 @@ _ALL = (
         "polynomial",
         "the paper's method: v1 constant, v2 polynomial, with constraint points",
         PolynomialOptions,
-        _function("laws.polynomial", "plan_polynomial"),
+        partial(_call, "laws.polynomial", "plan_polynomial"),
         keeping.law(keeping.one_leg),
     ),
     Method(
         "piecewise",
         "multirate: v1 constant, v2 piecewise constant",
         PiecewiseOptions,
-        _function("laws.piecewise", "plan_piecewise"),
+        partial(_call, "laws.piecewise", "plan_piecewise"),
         keeping.law(keeping.slots),
     ),
     Method(
         "sinusoid",
         "one period of v1 = a0 + a1 sin wt, v2 = sum of bj cos jwt",
         SinusoidOptions,
-        _function("laws.sinusoids", "plan_sinusoid"),
+        partial(_call, "laws.sinusoids", "plan_sinusoid"),
         keeping.law(keeping.smooth),
     ),
     Method(
         "sinusoid_steps",
         "z1 and z2 first, then one further coordinate in each period of sinusoids",
         SinusoidStepsOptions,
-        _function("laws.sinusoids", "plan_sinusoid_steps"),
+        partial(_call, "laws.sinusoids", "plan_sinusoid_steps"),
         keeping.law(keeping.steps),
     ),
     Method(
         "collocation",
         "optimal plans in joint coordinates within all limits, by direct collocation",
         CollocationOptions,
-        _function("collocation.method", "plan_collocation"),
+        partial(_call, "collocation.method", "plan_collocation"),
         keeping.collocation,
-        _function("collocation.method", "replan_collocation"),
+        partial(_call, "collocation.method", "replan_collocation"),
         finds_time=True,
     ),
     Method(
         "convex",
         "globally optimal path in the chart with its gap, or a certificate that none exists",
         ConvexOptions,
-        _function("convex.method", "plan_convex"),
+        partial(_call, "convex.method", "plan_convex"),
         keeping.convex,
     ),
     Method(
         "desensitised",
         "least response to errors of inputs, start and constants, traded against effort",
         DesensitisedOptions,
-        _function("desensitised.method", "plan_desensitised"),
+        partial(_call, "desensitised.method", "plan_desensitised"),
         keeping.desensitised,
-        _function("desensitised.method", "plan_desensitised"),
+        partial(_call, "desensitised.method", "plan_desensitised"),
         refines="collocation",
         finds_time=True,
     ),
@@ -259,9 +247,9 @@ def register_method(
     provider = Provider.of(f"method '{name}'", plan)
     METHODS[name] = replace(
         entry,
-        plan=ForeignPlans(provider, plan),
-        keeps=ForeignKeeps(provider, keeps),
-        replan=replan and ForeignPlans(provider, replan),
+        plan=partial(_foreign_plan, provider, plan),
+        keeps=partial(_foreign_keeps, provider, keeps),
+        replan=replan and partial(_foreign_plan, provider, replan),
     )
     remember(f"method '{name}'")
 

@@ -7,6 +7,7 @@ others and stays: where a new file needs the name, the other one gets a `~` at i
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import shutil
@@ -42,10 +43,12 @@ def refuse_unwritable_folder(path: str | Path) -> None:
     if target.is_dir():
         if target.resolve() == Path.cwd():
             raise InputError(f"{target} is the current folder; name another folder")
-        if (names := {each.name for each in target.iterdir()}) and MARKER not in names:
-            raise InputError(
-                f"{target} holds files that are not from an earlier run; name another folder"
-            )
+        # Another command may be replacing the folder: one that vanishes is no hindrance.
+        with suppress(FileNotFoundError):
+            if (names := {each.name for each in target.iterdir()}) and MARKER not in names:
+                raise InputError(
+                    f"{target} holds files that are not from an earlier run; name another folder"
+                )
     elif target.exists():
         raise InputError(f"{target} is a file; name a folder")
     refuse_ground(target)
@@ -56,7 +59,8 @@ def folder(path: str | Path) -> Iterator[Path]:
     """Yield a temporary folder to fill; it replaces `path` when the block ends without an error.
 
     An existing folder at `path` is replaced only if this function made it; files in it that this
-    program did not write move to the new folder.
+    program did not write move to the new folder. If several commands write the same folder at the
+    same moment, the last one stays.
 
     Raises:
         InputError: If `path` cannot be written or holds something else.
@@ -67,8 +71,7 @@ def folder(path: str | Path) -> Iterator[Path]:
     staging = None
     try:
         with hold_signals():
-            target.parent.mkdir(parents=True, exist_ok=True)
-            staging = Path(tempfile.mkdtemp(dir=target.parent, prefix=STAGING))
+            staging = _staging_folder(target.parent)
         yield staging
         with hold_signals():
             files = sorted(each for each in staging.rglob("*") if each.is_file())
@@ -99,21 +102,47 @@ def list_file(file: Path) -> None:
         marker.writelines([*others, _line(file, file.parent)])
 
 
+def _staging_folder(parent: Path) -> Path:
+    """Return a new temporary folder; another command may remove the empty parent meanwhile."""
+    while True:
+        parent.mkdir(parents=True, exist_ok=True)
+        with suppress(FileNotFoundError):
+            return Path(tempfile.mkdtemp(dir=parent, prefix=STAGING))
+
+
 def _install(staging: Path, target: Path) -> None:
-    """Rename a folder to `target`, then move into it what others put into the earlier one."""
-    old = Path(f"{staging}.old")
-    with suppress(FileNotFoundError):
-        os.replace(target, old)
-    try:
-        os.replace(staging, target)
-    except OSError:
-        if old.exists():
-            os.replace(old, target)
-        raise
-    if old.exists():
+    """Rename a folder to `target`, then move into it what others put into the earlier one.
+
+    Other commands may take or make `target` between any two steps; then this one tries again.
+    """
+    earlier: list[Path] = []
+    while True:
+        old = Path(f"{staging}.old{len(earlier)}")
+        with suppress(FileNotFoundError):
+            os.replace(target, old)
+            earlier.append(old)
+        try:
+            os.replace(staging, target)
+            break
+        except OSError as error:
+            # Another's folder may have been there, and be gone by now.
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST) and not target.exists():
+                for old in earlier[-1:]:
+                    os.replace(old, target)
+                raise
+    for old in earlier:
         _remove_own(old)
-    if old.exists():
-        _move_into(old, target)
+        while old.exists():
+            try:
+                target.mkdir(exist_ok=True)
+                (target / MARKER).touch()
+                _move_into(old, target)
+            except OSError as error:
+                if error.errno not in (errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST):
+                    raise InputError(
+                        f"{target} is written, but some files that others put there are now in"
+                        f" {old}: {error.strerror}"
+                    ) from None
 
 
 def _remove_own(old: Path) -> None:

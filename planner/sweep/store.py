@@ -7,6 +7,7 @@ any end of the process. A file of another kind is refused and not changed.
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import sqlite3
@@ -41,6 +42,9 @@ EARLIER_NAMES = {
 
 LOCK_WAIT_S = 30.0
 """Longest wait for another process that writes to the same file, in seconds."""
+
+ONE_PAGE = 4096
+"""Size of a page of SQLite in bytes; a database file with tables has several pages."""
 
 _TABLES = f"""
 CREATE TABLE schema_version (version INTEGER NOT NULL, format TEXT NOT NULL);
@@ -87,11 +91,13 @@ class Store:
 
     def __init__(self, path: str | Path, create: bool = False) -> None:
         self.path = expect_path(path)
+        self._index, self._is_writable = Path(f"{self.path}-shm"), False
         if create:
             refuse_unwritable(path)
-        if os.path.exists(path) and not os.path.isfile(path):
+        new = not os.path.exists(path)
+        if not new and not os.path.isfile(path):
             raise InputError(f"cannot use {path}: it is a folder, a pipe or a device")
-        if not create and not os.path.exists(path):
+        if new and not create:
             raise InputError(f"cannot read {path}: no such file; `planner sweep` makes it")
         with self.explain_errors():
             if create:
@@ -103,15 +109,23 @@ class Store:
         try:
             with self.explain_errors():
                 self._prepare(create)
+            self._is_writable = os.access(self._index, os.W_OK)
         except BaseException:
+            empty = new and self._is_empty()
             self.db.close()
+            if empty:  # no table could be created (a full disk)
+                for end in ("", "-wal", "-shm"):
+                    Path(f"{self.path}{end}").unlink(missing_ok=True)
             raise
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self.db.close()
+        if self._is_frozen():  # closing writes, too: keep it open until the process ends
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(self.db))
+        else:
+            self.db.close()
 
     def _prepare(self, create: bool) -> None:
         (tables,) = self.db.execute("SELECT count(*) FROM sqlite_master").fetchone()
@@ -144,6 +158,17 @@ class Store:
                 time.sleep(0.01)
             else:
                 return
+
+    def _is_empty(self) -> bool:
+        """Return whether the database file has no tables, neither ours nor another process's."""
+        try:
+            return self.db.execute("SELECT 1 FROM sqlite_master").fetchone() is None
+        except sqlite3.Error:  # a full disk may prevent even reading
+            sizes = [
+                p.stat().st_size if (p := Path(f"{self.path}{end}")).exists() else 0
+                for end in ("", "-wal")
+            ]
+            return sizes[0] <= ONE_PAGE and not sizes[1]
 
     def _has_version(self) -> bool:
         return bool(self._select("SELECT 1 FROM sqlite_master WHERE name = 'schema_version'"))
@@ -202,9 +227,22 @@ class Store:
                     self.db.execute("ROLLBACK")
                 raise
 
+    def _is_frozen(self) -> bool:
+        """Return whether the index of the log (-shm), once writable, has become read-only.
+
+        SQLite has the index in its memory, without a check: the first write to it would then kill
+        the process with the signal SIGBUS, as after `chattr +i`.
+        """
+        return self._is_writable and not os.access(self._index, os.W_OK)
+
     @contextmanager
     def explain_errors(self) -> Iterator[None]:
-        """Convert errors of SQLite into an `InputError` that names the file."""
+        """Convert errors of SQLite into an `InputError` that names the file.
+
+        A database that has become read-only is refused first.
+        """
+        if self._is_frozen():
+            raise InputError(f"cannot use the database {self.path}: {self._index} is read-only now")
         try:
             yield
         except (sqlite3.Error, UnicodeDecodeError, OSError) as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -156,3 +157,71 @@ def test_a_folder_within_a_folder_is_of_the_same_run(tmp_path: Path) -> None:
     write(tmp_path / "run/budget", shares="1")
     write(tmp_path / "run", table="2")
     assert listing(tmp_path / "run") == {MARKER, "table"}
+
+
+def test_many_commands_may_write_one_folder_at_once(tmp_path: Path) -> None:
+    """None fails, the folder is that of one of them, and nothing is lost or left."""
+    target = tmp_path / "new/run"
+    write(target, first="1")
+    (target / "notes").mkdir()
+    for k in range(20):
+        (target / f"notes/{k}").write_text("mine")
+
+    def writes(name: str) -> None:
+        for k in range(30):
+            write(target, a=f"{name} {k}", b=f"{name} {k}")
+
+    with ThreadPoolExecutor(4) as threads:
+        for done in [threads.submit(writes, name) for name in "abcd"]:
+            done.result()
+    assert (target / "a").read_text() == (target / "b").read_text()
+    names = {"a", "b", MARKER, "notes", *(f"notes/{k}" for k in range(20))}
+    assert listing(target) == names
+    assert [p.name for p in target.parent.iterdir()] == ["run"]
+
+
+def test_one_whose_folder_is_taken_tries_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between the two renames another command makes the folder."""
+    target = tmp_path / "run"
+    write(target, table="old")
+    (target / "mine").write_text("mine")
+    real, calls = os.replace, []
+
+    def overtaken(a: Any, b: Any) -> None:
+        calls.append(a)
+        if len(calls) == 2:
+            (tmp_path / "run").mkdir()
+            (tmp_path / "run/late").write_text("of another")
+        real(a, b)
+
+    monkeypatch.setattr(os, "replace", overtaken)
+    write(target, table="new")
+    assert len(calls) == 4
+    assert listing(tmp_path) == {"run", f"run/{MARKER}", "run/table", "run/mine", "run/late"}
+    assert (target / "table").read_text() == "new"
+
+
+def test_one_whose_folder_was_taken_and_is_gone_again_tries_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And what others put there is moved into a folder that the next command takes for ours."""
+    target = tmp_path / "run"
+    write(target, table="old")
+    (target / "mine").write_text("mine")
+    real, calls = os.replace, []
+
+    def overtaken(a: Any, b: Any) -> None:
+        calls.append(a)
+        if len(calls) == 2:
+            raise OSError(errno.ENOTEMPTY, os.strerror(errno.ENOTEMPTY))
+        real(a, b)
+        if Path(b) == target:  # another command is replacing it
+            real(target, tmp_path / "taken")
+
+    monkeypatch.setattr(os, "replace", overtaken)
+    write(target, table="new")
+    assert listing(target) == {MARKER, "mine"}
+    assert (tmp_path / "taken/table").read_text() == "new"
+    refuse_unwritable_folder(target)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
+import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from databases import finished, query
+from databases import finished, query, until
 
 import planner
 
@@ -74,6 +77,33 @@ def test_a_file_that_cannot_be_written_is_refused(tables: Tables, db: Path) -> N
         planner.run_sweep(tables, db, workers=0)
 
 
+@pytest.mark.parametrize("endings", [["-shm"], ["", "-wal", "-shm"]], ids=["index", "all"])
+def test_a_file_made_immutable_half_way_is_told_in_one_line(
+    start: Callable[..., Any], written: Callable[[str], Path], tmp_path: Path, endings: list[str]
+) -> None:
+    """SQLite maps the index into memory: a write to it would end the process by a signal."""
+    change = shutil.which("chattr") or "false"
+    trial = tmp_path / "trial"
+    trial.touch()
+    if subprocess.run([change, "+i", trial], capture_output=True, check=False).returncode:
+        pytest.skip("needs `chattr +i`")
+    subprocess.run([change, "-i", trial], check=True)
+    grid = '[grid]\n"goal.duration" = { from = 0.01, to = 0.3, count = 2000 }\n'
+    file = written(f'problem = "paper.toml"\nmethods = ["polynomial"]\n{grid}')
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    run = start("planner", "sweep", str(file), "--workers", "1", "--quiet", **streams)
+    files = [f"{tmp_path}/sweep.sqlite{ending}" for ending in endings]
+    until(tmp_path / "sweep.sqlite", 5)
+    subprocess.run([change, "+i", *files], check=True)
+    try:
+        out, _ = run.communicate(timeout=60)
+    finally:
+        subprocess.run([change, "-i", *files], check=True)
+    assert out.startswith("planner: cannot use the database sweep.sqlite: "), out
+    assert (run.returncode, len(out.strip().splitlines())) == (2, 1)
+    assert finished(tmp_path / "sweep.sqlite") >= 5
+
+
 def test_one_key_is_one_row_by_the_databases_own_rule(db: Path) -> None:
     with pytest.raises(sqlite3.IntegrityError, match="UNIQUE"):
         query(db, "INSERT INTO cases SELECT * FROM cases LIMIT 1")
@@ -106,8 +136,8 @@ def test_a_full_disk_is_told_and_loses_nothing(
 
 
 @pytest.mark.parametrize("says", ["database or disk is full", "disk I/O error"])
-def test_a_full_disk_at_the_start_is_in_the_way_of_no_later_run(
-    tables: Tables, db: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, says: str
+def test_a_full_disk_leaves_no_stub(
+    tables: Tables, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, says: str
 ) -> None:
     """The first page is written, and then there is no room for the tables, or for the log."""
 
@@ -125,5 +155,4 @@ def test_a_full_disk_at_the_start_is_in_the_way_of_no_later_run(
     )
     with pytest.raises(planner.InputError, match=rf"new\.sqlite: {says}"):
         planner.run_sweep(tables, tmp_path / "new.sqlite", workers=0)
-    monkeypatch.undo()
-    assert planner.run_sweep(tables, tmp_path / "new.sqlite", workers=0).ran == finished(db)
+    assert list(tmp_path.iterdir()) == []

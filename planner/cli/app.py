@@ -197,7 +197,7 @@ def _null_stream() -> TextIO:
 def _run(words: list[str]) -> int:
     """Run a command and return its exit status; ignore signals once the status is known."""
     written_paths.clear()
-    manner.as_json = "--json" in words  # also for usage errors
+    manner.as_json, manner.words = "--json" in words, words  # also for usage errors
     try:
         command = typer.main.get_command(app)
         status = command.main(words, prog_name="planner", standalone_mode=False)

@@ -71,28 +71,19 @@ def complete_methods(incomplete: str) -> list[tuple[str, str]]:
     return [(head + m.name, m.summary) for m in all_methods().values() if m.name not in names]
 
 
-def methods_option(help: str) -> Any:
-    """Return the option `--methods` of a command, with the given help text; see `join_methods`."""
-    return typer.Option("--methods", metavar="A,B,C", autocompletion=complete_methods, help=help)
-
-
 def join_methods(given: list[str] | None) -> str | None:
     """Return the methods of one or several `--methods` as one list "a,b,c"; None without any."""
     return ",".join(given) if given else None
 
 
-MethodNames = Annotated[
-    list[str] | None,
-    methods_option(
-        "Methods to try, as in `compare`. Default: all that do not start from another method's"
-        " plan; the polynomial also with points=auto."
-    ),
-]
 PlannedMethods = Annotated[
     list[str] | None,
-    methods_option(
-        "Methods, each with options if needed (polynomial:travel=middle) or followed by the"
-        " word compensated ('collocation compensated'); or all."
+    typer.Option(
+        "--methods",
+        metavar="A,B,C",
+        autocompletion=complete_methods,
+        help="Methods, each with options if needed (polynomial:travel=middle) or followed by the"
+        " word compensated ('collocation compensated'); or all.",
     ),
 ]
 TimeLimit = Annotated[
@@ -118,21 +109,25 @@ def figure_option(help: str) -> Any:
     return typer.Option("--figure", metavar="FILE", help=f"{help} (.png, .svg or .pdf).")
 
 
-def method_option(help: str) -> Any:
-    """Return the option `--method` of a command, with the given help text."""
-    return typer.Option(
+Folder = Annotated[
+    Path | None, out_option("FOLDER", "Save results, figures, plans and data in this folder.")
+]
+MethodName = Annotated[
+    str,
+    typer.Option(
         "--method",
         "-m",
-        help=help,
+        help="The method (`planner methods` lists them), with options if needed:"
+        " polynomial:points=auto, 'collocation compensated'.",
         autocompletion=lambda: [(name, m.summary) for name, m in all_methods().items()],
-    )
-
-
-def samples_option(help: str) -> Any:
-    """Return the option `--samples` of a command, with the given help text."""
-    return typer.Option("--samples", "-n", min=1, help=help)
-
-
+    ),
+]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Check the file and count its cases, but run none.")
+]
+Samples = Annotated[
+    int, typer.Option("--samples", "-n", min=1, help="Number of random machines for each plan.")
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random machines.")]
 
 

@@ -203,8 +203,7 @@ def identify(
     """
     task = read_problem(problem, None)
     refuse_picture(figure)
-    if out is not None:
-        refuse_unwritable(out)
+    refuse_unwritable(out)
     machine: Machine | str = preset or "prototype"
     if Path(str(machine)).suffix == ".toml":
         machine = load_machine(str(machine))

@@ -14,7 +14,7 @@ from planner.check import Analysis
 from planner.check import check as analyse
 from planner.cli.arguments import (
     Changes,
-    MethodNames,
+    PlannedMethods,
     ProblemPath,
     TimeLimit,
     join_methods,
@@ -24,7 +24,8 @@ from planner.cli.output import finish, job, manner, number, numbers
 from planner.errors import NoPlanError
 from planner.problem.feasibility import End, why_too_short
 from planner.problem.settings import changed_settings, problem_words
-from planner.support.tables import Column, CommandLine, Rows, constant_text, facts, terminal_table
+from planner.report.page.words import constants
+from planner.support.tables import Column, CommandLine, Rows, facts, terminal_table
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.summary import without_unit_keys
 
@@ -32,12 +33,13 @@ from planner.verification.summary import without_unit_keys
 def check(
     problem: ProblemPath,
     changes: Changes = None,
-    method_names: MethodNames = None,
+    method_names: PlannedMethods = None,
     time_limit: TimeLimit = None,
 ) -> int:
     """Find out whether there is a plan; if not, say why not.
 
-    Tries every method, then changes of the problem that may help. Ends with status 0 if
+    Tries every method (without --methods the polynomial also with points=auto), then changes of
+    the problem that may help. Ends with status 0 if
     one method has a verified plan, else 3. --verbose adds the mathematics: chained
     coordinates, possible travels, controllability, which limits each method keeps.
 
@@ -80,7 +82,8 @@ def _next_step(analysis: Analysis) -> Iterator[str]:
 
 
 def _findings(analysis: Analysis) -> Rows:
-    yield "system", _system(analysis.problem.system)
+    rule = getattr(analysis.problem.system, "k_g_rule", None)
+    yield "system", constants(analysis.problem.system) + f" ({rule})" * bool(rule)
     for end in analysis.ends:
         if analysis.reach is None or end.name != "goal":
             yield from _end(analysis.problem.system, end)
@@ -101,16 +104,6 @@ def _findings(analysis: Analysis) -> Rows:
         yield f"at {place.name}", str(place)
     if analysis.nonholonomy.recursion is not None:
         yield "paper's (12)-(15)", analysis.nonholonomy.recursion_verdict
-
-
-def _system(system: TriangularSystem) -> str:
-    constants = [
-        f"{key} = {constant_text(value)}"
-        for key, value in system.to_dict().items()
-        if key not in ("kind", "link_lengths")
-    ]
-    rule = getattr(system, "k_g_rule", None)
-    return ", ".join([system.kind, *constants]) + (f" ({rule})" if rule else "")
 
 
 def _end(system: TriangularSystem, end: End) -> Rows:

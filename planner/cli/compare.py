@@ -16,18 +16,18 @@ import typer
 
 from planner.cli.arguments import (
     Changes,
+    Folder,
     MachineFile,
     PlannedMethods,
     PlanOrProblemPath,
     ProblemPath,
+    Samples,
     Seed,
     TimeLimit,
     is_plan,
     join_methods,
-    out_option,
     parse_changes,
     read_problem,
-    samples_option,
 )
 from planner.cli.output import (
     INTERRUPT_STATUS,
@@ -64,9 +64,7 @@ BUDGET_SAMPLES, BUDGET_BASE = 200, 128
 def compare(
     problem: ProblemPath,
     methods: PlannedMethods = None,
-    samples: Annotated[
-        int, samples_option("Number of random machines to replay each plan on.")
-    ] = 1000,
+    samples: Samples = 1000,
     seed: Seed = 0,
     sample: Annotated[
         list[int] | None,
@@ -95,9 +93,7 @@ def compare(
     time_limit: TimeLimit = None,
     changes: Changes = None,
     machine: MachineFile = None,
-    out: Annotated[
-        Path | None, out_option("FOLDER", "Save table, figures, plans and data in this folder.")
-    ] = None,
+    out: Folder = None,
     report: Annotated[
         bool,
         typer.Option(
@@ -176,8 +172,7 @@ def _refuse_early(out: Path | None, budget: bool, report: bool) -> None:
         raise InputError("--report needs a folder: add --out FOLDER")
     if budget:
         refuse_without_salib()
-    if out is not None:
-        refuse_unwritable_folder(out)
+    refuse_unwritable_folder(out)
 
 
 def _say_results(
@@ -202,13 +197,9 @@ def _say_results(
     if complete and not any(row.solved for row in result.rows):
         tried = any(row.has_remedy for row in result.rows)
         help_ = "see the changes after 'Try', or run" if tried else "to find what would help"
-        command = ["planner", "check", result.problem.source, *_sets(changes)]
+        sets = [word for change in changes or [] for word in ("--set", change)]
+        command = ["planner", "check", result.problem.source, *sets]
         note(CommandLine.of(*command, after=f"no method has a plan; {help_}: "))
-
-
-def _sets(changes: list[str] | None) -> list[str]:
-    """Return the words `--set KEY=VALUE …` that repeat these changes on a command line."""
-    return [word for change in changes or [] for word in ("--set", change)]
 
 
 def _add_budgets(shares: dict[str, Budget], result: Comparison) -> bool:
@@ -239,7 +230,7 @@ def _print_comparison(result: Comparison) -> None:
 def budget(
     subject: PlanOrProblemPath,
     methods: PlannedMethods = None,
-    samples: Annotated[int, samples_option("Number of random machines for each median.")] = 200,
+    samples: Samples = 200,
     base: Annotated[
         int, typer.Option("--base", min=2, help="Base samples of the Sobol indices, a power of 2.")
     ] = 256,
@@ -248,9 +239,7 @@ def budget(
         bool, typer.Option("--feedback", help="Drive the machines with feedback by the tracker.")
     ] = False,
     changes: Changes = None,
-    out: Annotated[
-        Path | None, out_option("FOLDER", "Save tables, figures and data in this folder.")
-    ] = None,
+    out: Folder = None,
 ) -> int:
     """Compute how much error each effect of the machine causes.
 
@@ -266,8 +255,7 @@ def budget(
     """
     refuse_without_salib()
     named = join_methods(methods)
-    if out is not None:
-        refuse_unwritable_folder(out)
+    refuse_unwritable_folder(out)
     with job() as progress:
         plans = _plans(subject, named, changes, partial(_report_share, progress, 0.0, 0.3))
         problem = next(iter(plans.values())).problem.changed(parse_changes(changes or []))
@@ -275,10 +263,7 @@ def budget(
         report = partial(_report_share, progress, 0.3, 1.0)
         options = {"samples": samples, "base": base, "seed": seed, "feedback": feedback}
         shares = dict(budgets(plans, machine, report, **options))
-    words = ["planner", "budget", str(subject), *(["--methods", named] if named else [])]
-    words += ["--samples", str(samples), "--base", str(base), "--seed", str(seed), *_sets(changes)]
-    words += ["--feedback"] * feedback
-    written = out and save_budget(shares, out, CommandLine.of(*words, "--out", str(out)))
+    written = out and save_budget(shares, out, CommandLine.of("planner", *manner.words))
     data = {label: each.to_dict() for label, each in shares.items()}
     tables = [part for each in shares.values() for part in (each.table(), "")]
     return finish({"file": subject, "written": written, "budgets": data}, *tables)

@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 import unicodedata
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from functools import partial, wraps
@@ -195,11 +195,13 @@ class Manner:
         as_json: Whether the result is printed as one JSON object.
         quiet: Whether only the result, warnings and errors are printed.
         verbose: Whether to print each step and how long it takes.
+        words: The words of the command line after `planner`.
     """
 
     as_json: bool = False
     quiet: bool = False
     verbose: bool = False
+    words: Sequence[str] = ()
 
 
 manner = Manner()

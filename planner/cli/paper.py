@@ -10,7 +10,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Annotated
 
-from planner.cli.arguments import Seed, out_option, samples_option
+from planner.cli.arguments import Folder, Samples, Seed, out_option
 from planner.cli.output import finish, job
 from planner.paper.calibrate import calibrate as run_calibration
 from planner.paper.calibrate import remaining_share, write
@@ -24,7 +24,7 @@ def reproduce(
     out: Annotated[Path, out_option("FOLDER", "Folder for the figures and the page.")] = Path(
         "results/paper"
     ),
-    samples: Annotated[int, samples_option("Number of random machines for Figs 9 and 10.")] = 200,
+    samples: Samples = 200,
     seed: Seed = 0,
 ) -> int:
     """Regenerate the paper's figures and check its printed numbers.
@@ -45,9 +45,7 @@ def reproduce(
 
 
 def calibrate(
-    out: Annotated[
-        Path | None, out_option("FOLDER", "Also save a page and a figure in this folder.")
-    ] = None,
+    out: Folder = None,
     seed: Seed = 0,
 ) -> int:
     """Fit the emulated prototype to the paper's experiment.
@@ -58,8 +56,7 @@ def calibrate(
     Example:
       planner calibrate --out results/calibration
     """
-    if out is not None:
-        refuse_unwritable_folder(out)
+    refuse_unwritable_folder(out)
     with job() as progress:
         calibration = run_calibration(progress, seed)
         if out is not None:

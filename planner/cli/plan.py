@@ -16,11 +16,11 @@ import typer
 from planner.cli.arguments import (
     Changes,
     MachineFile,
+    MethodName,
     PlanPath,
     ProblemPath,
     TimeLimit,
     figure_option,
-    method_option,
     out_option,
     read_problem,
 )
@@ -52,13 +52,7 @@ from planner.verification.verify import verify as check_plan
 
 def plan(
     problem: ProblemPath,
-    method: Annotated[
-        str,
-        method_option(
-            "The method (`planner methods` lists them), with options if needed:"
-            " polynomial:points=auto, 'collocation compensated'."
-        ),
-    ] = "collocation",
+    method: MethodName = "collocation",
     time_limit: TimeLimit = None,
     changes: Changes = None,
     machine: MachineFile = None,
@@ -108,8 +102,7 @@ def plan(
         task = task.after(load_plan(after, strict=True), pose)
     elif pose is not None:
         task = task.from_pose(pose)
-    if out is not None:
-        refuse_unwritable(out)
+    refuse_unwritable(out)
     refuse_picture(figure)
     try:
         with job(f"planning with {spec.label}"), keep_best_on_interrupt():

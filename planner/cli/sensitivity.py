@@ -14,15 +14,15 @@ from rich.table import Table
 
 from planner.cli.arguments import (
     Changes,
+    Folder,
+    MethodName,
     PlannedMethods,
     PlanOrProblemPath,
+    Samples,
     Seed,
     is_plan,
     join_methods,
-    method_option,
-    out_option,
     read_problem,
-    samples_option,
 )
 from planner.cli.output import explain_interruption, finish, job, number
 from planner.comparison.compare import plan_row, specs_of
@@ -53,9 +53,7 @@ from planner.verification.load_plan import load_plan
 
 def sensitivity(
     source: PlanOrProblemPath,
-    method: Annotated[
-        str, method_option("Method that makes the plan, if a problem is given.")
-    ] = "collocation",
+    method: MethodName = "collocation",
     methods: PlannedMethods = None,
     machine: Annotated[
         bool, typer.Option(help="Also show the parameters of the emulated machine.")
@@ -71,17 +69,9 @@ def sensitivity(
         ),
     ] = None,
     points: Annotated[int, typer.Option("--points", min=3, help="Number of points.")] = 10,
-    samples: Annotated[
-        int, samples_option("Number of random machines to replay each point on.")
-    ] = 200,
+    samples: Samples = 200,
     seed: Seed = 0,
-    out: Annotated[
-        Path | None,
-        out_option(
-            "FOLDER",
-            "Save plans, figures and data in this folder; an interrupted curve continues from it.",
-        ),
-    ] = None,
+    out: Folder = None,
 ) -> int:
     """Compute how errors shift the end of a plan.
 
@@ -103,8 +93,7 @@ def sensitivity(
         if methods is not None:
             raise InputError("--pareto and --methods contradict each other; give one of them")
         return run_trade_off(source, pareto, points, (samples, seed), changes=changes, out=out)
-    if out is not None:
-        refuse_unwritable_folder(out)
+    refuse_unwritable_folder(out)
     if (named := join_methods(methods)) is not None:
         return _side_by_side(source, named, changes, out)
     with job("planning") as notice:

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from planner.cli.arguments import Cluster, Workers, figure_option, out_option
+from planner.cli.arguments import Cluster, DryRun, Workers, figure_option, out_option
 from planner.cli.output import explain_interruption, finish, job, say
 from planner.report.figures.design import draw_sweep
 from planner.support.files import refuse_picture, write_figure
@@ -60,9 +60,7 @@ def sweep(
     figure: Annotated[
         Path | None, figure_option("Draw what each method solves, at what effort")
     ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check the file and count its cases, but run none.")
-    ] = False,
+    dry_run: DryRun = False,
 ) -> int:
     """Run those cases of a sweep that are not yet in the database.
 
@@ -145,10 +143,7 @@ def design(
     ] = None,
     workers: Workers = None,
     cluster: Cluster = None,
-    dry_run: Annotated[
-        bool,
-        typer.Option("--dry-run", help="Check the file and count designs and cases; plan none."),
-    ] = False,
+    dry_run: DryRun = False,
 ) -> int:
     """Compare designs of the mechanism, and recommend one.
 

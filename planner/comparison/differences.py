@@ -32,10 +32,6 @@ def _signed_number(value: float) -> str:
     return f"{value:+.3g}" if np.isfinite(value) else "-"
 
 
-def _p_value(p: float) -> str:
-    return "<1e-6" if p < 1e-6 else f"{p:.2g}"
-
-
 def _verdict(d: Difference) -> str:
     if not d.significant:
         return "not shown to differ"
@@ -74,7 +70,12 @@ def _figures(k: int, prefix: str, word: str) -> Iterator[Column[Pair]]:
         "better on", lambda d: d.first_better, lambda x: f"{100 * x:.0f} %", "first_better"
     )
     yield column("p_value", lambda d: d.p_value, None, "p_value")
-    yield column("p (Holm)", lambda d: d.p_corrected, _p_value, "p_corrected")
+    yield column(
+        "p (Holm)",
+        lambda d: d.p_corrected,
+        lambda p: "<1e-6" if p < 1e-6 else f"{p:.2g}",
+        "p_corrected",
+    )
     yield column("verdict", _verdict, str, VERDICT, left=True)
     yield column("significant", lambda d: d.significant, None, "significant")
     yield column("matters", lambda d: d.matters, None, "matters")

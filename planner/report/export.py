@@ -15,7 +15,6 @@ import json
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -309,7 +308,10 @@ def joint_trajectory(
     t = np.minimum(times, plan.duration)
     if names == _joints(plan) and joint_names is not None:
         positions = plan.q(t)[:, 1:]
-        velocities: Callable[[Array], Array] = partial(_joint_rates, plan)
+        system = plan.problem.system
+
+        def velocities(t: Array) -> Array:
+            return np.asarray(system.rates(plan.q(t), plan.u(t))[..., 1:])
     else:
         positions, velocities = motor_angles(plan, t), plan.u
     u, slopes = velocities(t), time_slopes(plan, velocities, t)
@@ -339,10 +341,6 @@ def yaml_text(message: Mapping[str, Any]) -> str:
         entries = [f"{key}: {_flow(value)}" for key, value in point.items()]
         lines += [f"- {entries[0]}", *(f"  {entry}" for entry in entries[1:])]
     return "\n".join(lines) + "\n"
-
-
-def _joint_rates(plan: Plan, t: Array) -> Array:
-    return np.asarray(plan.problem.system.rates(plan.q(t), plan.u(t))[..., 1:])
 
 
 def time_slopes(plan: Plan, function: Callable[[Array], Array], t: Array) -> Array:

@@ -33,12 +33,14 @@ DIGEST_LENGTH = 66
 """Characters before the name in a line of the list: SHA-256 and two blanks."""
 
 
-def refuse_unwritable_folder(path: str | Path) -> None:
-    """Refuse a path that `folder` could not write to; call it before long work.
+def refuse_unwritable_folder(path: str | Path | None) -> None:
+    """Refuse a path that `folder` could not write to, unless None; call it before long work.
 
     Raises:
         InputError: If the folder holds anything but an earlier run, or cannot be created.
     """
+    if path is None:
+        return
     target = possible_path(path)
     if target.is_dir():
         if target.resolve() == Path.cwd():

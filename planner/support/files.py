@@ -78,14 +78,12 @@ PICTURES = (".png", ".svg", ".pdf")
 
 
 def refuse_picture(path: str | Path | None) -> None:
-    """Refuse a path that `write_figure` could not write to; call it before long work.
+    """Refuse a path that `write_figure` could not write to, as `refuse_unwritable`.
 
     Raises:
         InputError: As for `refuse_unwritable`, or if the name has another ending.
     """
-    if path is None:
-        return
-    if Path(path).suffix not in PICTURES:
+    if path is not None and Path(path).suffix not in PICTURES:
         raise InputError(f"cannot draw {path}: its name must end in {', '.join(PICTURES)}")
     refuse_unwritable(path)
 
@@ -97,12 +95,14 @@ def write_figure(path: str | Path, figure: Any) -> Path:
     return write_bytes(path, content.getvalue())
 
 
-def refuse_unwritable(path: str | Path) -> None:
-    """Refuse a path that `write_text` could not write to; call it before long work.
+def refuse_unwritable(path: str | Path | None) -> None:
+    """Refuse a path that `write_text` could not write to, unless None; call it before long work.
 
     Raises:
         InputError: If the path is a folder, or its folder is a file, read-only, or not creatable.
     """
+    if path is None:
+        return
     target = possible_path(path)
     if target.is_dir():
         raise InputError(f"cannot write {target}: it is a folder; name a file in it")

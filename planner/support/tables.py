@@ -294,10 +294,10 @@ def error_words(error: BaseException) -> str:
         return type(error).__name__
 
 
-def constant_text(value: object, brackets: str = "[]") -> str:
-    """Format a constant of a system with six digits; lists have the two `brackets`."""
+def constant_text(value: object) -> str:
+    """Format a constant of a system with six digits."""
     if isinstance(value, list):
-        return brackets[0] + ", ".join(constant_text(v, brackets) for v in value) + brackets[1]
+        return f"({', '.join(map(constant_text, value))})"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 

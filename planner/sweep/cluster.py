@@ -52,7 +52,6 @@ class ClusterPool:
 
     def __init__(self, address: str) -> None:
         self.window = CASES_A_THREAD  # until a worker is known: an adaptive cluster starts one then
-        _refuse_junk(address)
         try:
             import distributed
         except ImportError:
@@ -173,25 +172,6 @@ class ClusterPool:
         self._client.close()
 
 
-def _split(address: str) -> tuple[str, str, str]:
-    """Return scheme, host and port of an address; "" for a part that is missing."""
-    scheme, _, place = address.rpartition("://")
-    host, _, port = place.rpartition(":")
-    return scheme, host.strip("[]"), port
-
-
-def _refuse_junk(address: str) -> None:
-    """Refuse an invalid address of a scheduler at once; Dask would try until its timeout."""
-    scheme, host, port = _split(address)
-    numbered = port.isascii() and port.isdigit() and 0 < int(port[:6]) < 65536
-    is_scheme = "://" not in address or scheme in ("tcp", "tls", "ws", "wss", "ucx")
-    if not (is_scheme and host and numbered and host.isprintable() and " " not in host):
-        raise InputError(
-            f"--cluster {shorten(address)!r} is not the address of a Dask scheduler, as in"
-            " tcp://host:8786"
-        )
-
-
 def _greets(address: str) -> bool:
     """Wait until a scheduler sends its greeting; return whether that takes at most `PATIENCE_S`.
 
@@ -200,9 +180,11 @@ def _greets(address: str) -> bool:
     Raises:
         InputError: If no program takes connections at the address.
     """
-    scheme, host, port = _split(address)
+    scheme, _, place = address.rpartition("://")
+    host, _, port = place.rpartition(":")
     try:
-        with socket.create_connection((host, int(port)), CONNECTION_WAIT_S) as connection:
+        at = host.strip("[]"), int(port)
+        with socket.create_connection(at, CONNECTION_WAIT_S) as connection:
             connection.settimeout(PATIENCE_S)
             if scheme not in ("", "tcp"):  # there the client speaks first
                 return True
@@ -211,5 +193,7 @@ def _greets(address: str) -> bool:
                     raise OSError("it closes the connection")
                 return True
             return False
-    except (OSError, UnicodeError) as error:
-        raise InputError(f"no Dask scheduler answers at {shorten(address)}: {error}") from None
+    except (OSError, ValueError, OverflowError) as error:
+        raise InputError(
+            f"no Dask scheduler answers at {shorten(address)!r}, as at tcp://host:8786: {error}"
+        ) from None

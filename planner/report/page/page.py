@@ -19,7 +19,7 @@ from planner.report.charts.scripts import script, source, stylesheet
 from planner.report.figures.mechanism import mechanism_svg
 from planner.report.figures.style import readable_name
 from planner.report.page.series import page_data
-from planner.report.page.words import answer, colour_places, question, task_facts, verdict_html
+from planner.report.page.words import colour_places, question, task_facts, verdict_html
 from planner.report.panels import PLAN_FIGURES
 from planner.report.result_folder import list_file
 from planner.report.saved import load_comparison
@@ -80,7 +80,6 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mappin
         style=stylesheet(PACKAGE, "page.css"),
         question=question(comparison.problem),
         verdict=verdict_html(comparison),
-        answers=_answers(comparison),
         facts=_definitions(task_facts(comparison)),
         partial="" if comparison.complete else _PARTIAL,
         table=_table(comparison),
@@ -118,15 +117,6 @@ src="data:image/svg+xml;base64,$data">
 
 
 _PARTIAL = "<p><b>Partial: interrupted before all methods were finished.</b></p>"
-
-
-def _answers(comparison: Comparison) -> str:
-    place = colour_places(comparison)
-    return "\n".join(
-        f"<li>{_swatch(place[row.label], row)} <b>{html.escape(row.label)}</b>"
-        f" {answer(comparison, row)}</li>"
-        for row in comparison.rows
-    )
 
 
 def _definitions(pairs: Sequence[tuple[str, str]]) -> str:
@@ -204,9 +194,6 @@ def _name(k: int, row: Row, advice: str | None) -> Markup:
     label = html.escape(row.label).replace(":", ":<wbr>")
     why = f'<span class="badge {badge}">{badge}</span> {html.escape(row.remark)}'
     tries = f"<span class=why>Try: {html.escape(advice)}</span>" if advice else ""
-    return Markup(f"{_swatch(k, row)} {label}<span class=why>{why}</span>{tries}")
-
-
-def _swatch(k: int, row: Row) -> str:
     style = " closed" if row.feedback else "" if row.solved else " dashed"
-    return f'<span class="swatch plan-{k}{style}" aria-hidden="true"></span>'
+    swatch = f'<span class="swatch plan-{k}{style}" aria-hidden="true"></span>'
+    return Markup(f"{swatch} {label}<span class=why>{why}</span>{tries}")

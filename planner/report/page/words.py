@@ -1,4 +1,4 @@
-"""Write the texts of a comparison's page: question, answers, and facts of the task."""
+"""Write the texts of a comparison's page: question, answer, and facts of the task."""
 
 from __future__ import annotations
 
@@ -8,13 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.comparison.comparison import Comparison
-from planner.comparison.rows import Row
-from planner.plan.measures import effort_unit
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Part
 from planner.report.figures.style import colour_numbers, readable_name, to_display
-from planner.support.tables import constant_text, number
-from planner.systems.triangular_system import Coordinate
+from planner.support.tables import constant_text
+from planner.systems.triangular_system import Coordinate, TriangularSystem
 
 
 def colour_places(comparison: Comparison) -> dict[str, int]:
@@ -37,26 +35,6 @@ def question(problem: Problem) -> str:
     )
 
 
-def answer(comparison: Comparison, row: Row) -> str:
-    """Return the answer for one row as a sentence of HTML: solved or not, effort, error."""
-    if not row.solved:
-        note = "; replayed for study" if np.isfinite(row.E_median_deg) else ""
-        advice = comparison.advice.get(row.label, "")
-        more = f" Try: {html.escape(advice)}." if advice else ""
-        return f"refused: {html.escape(row.why)}{note}.{more}"
-    text = f"{'takes' if row.feedback else 'solved with'} effort {number(row.effort, 4)}"
-    text += f" {effort_unit(comparison.problem.system)}"
-    if np.isfinite(row.E_median_deg) and comparison.samples == 1:
-        text += f"; on the machine its largest joint error is {number(row.E_median_deg)}°"
-    elif np.isfinite(row.E_median_deg):
-        text += (
-            f"; on the machines its largest joint error is {number(row.E_median_deg)}°"
-            f"{_interval(row.E_median_interval_deg)} in the median and below"
-            f" {number(row.E_p95_deg)}°{_interval(row.E_p95_interval_deg)} for 95 %"
-        )
-    return f"{text}{f'; {html.escape(row.remark)}' if row.remark else ''}."
-
-
 def verdict_html(comparison: Comparison) -> str:
     """Return the overall answer of a comparison, as a few sentences of HTML."""
     rows = [row for row in comparison.rows if not row.feedback]
@@ -77,7 +55,7 @@ def task_facts(comparison: Comparison) -> list[tuple[str, str]]:
     first = system.coordinates[0]
     travel = "free" if problem.travel is None else f"{problem.travel:g} {first.unit}"
     out = [
-        ("System", _constants(problem)),
+        ("System", constants(system)),
         ("Travel", f"{readable_name(first.name)}: {travel}"),
         ("Duration", "free" if problem.duration is None else f"{problem.duration:g} s"),
     ]
@@ -118,16 +96,10 @@ def _joint_limits(problem: Problem) -> list[tuple[str, str]]:
     return [(f"Limits of {what}", f"{', '.join(who)} ≤ {most}") for most, who in by_value.items()]
 
 
-def _interval(ends: tuple[float, float]) -> str:
-    if not np.all(np.isfinite(ends)):
-        return ""
-    return f" (95 % interval {number(ends[0])} to {number(ends[1])})"
-
-
-def _constants(problem: Problem) -> str:
-    data = {k: v for k, v in problem.system.to_dict().items() if k not in ("kind", "link_lengths")}
-    constants = (f"{key} = {constant_text(value, '()')}" for key, value in data.items())
-    return ", ".join([problem.system.kind, *constants])
+def constants(system: TriangularSystem) -> str:
+    """Return the kind and the constants of a system, without its lengths, in one line."""
+    data = {k: v for k, v in system.to_dict().items() if k not in ("kind", "link_lengths")}
+    return ", ".join([system.kind, *(f"{k} = {constant_text(v)}" for k, v in data.items())])
 
 
 def _arm_goal(problem: Problem) -> str:

@@ -31,7 +31,7 @@ MAY = {
     "robustness": (*JUDGED, "robustness"),
     "comparison": (*JUDGED, "comparison"),
     "sweep": (*JUDGED, "check", "retime", "robustness", "comparison", "sweep"),
-    "report": (*MACHINE, "verification", "robustness", "comparison", "sweep", "report"),
+    "report": (*MACHINE, "verification", "check", "robustness", "comparison", "sweep", "report"),
     "explorer": (*JUDGED, "check", "retime", "robustness", "comparison", "report", "explorer"),
     "paper": (*JUDGED, "check", "retime", "robustness", "comparison", "report", "paper"),
 }

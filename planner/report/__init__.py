@@ -3,7 +3,8 @@
 `figures` has the `plot_*` functions, one per figure; `film` animates the motion. `page` writes a
 comparison as a web page, on which `charts` draws in the browser. `panels` computes the data of all
 figures of plans. `folders` writes results with their figures to folders (`result_folder`), and
-`saved` reads a comparison back. `properties` is the table of a plan. `export` writes a plan for
+`saved` reads a comparison back. `properties` is the table of a plan, `analysis` that of what
+`check` finds. `export` writes a plan for
 other programs, including the arm as URDF for ROS (`urdf`) and the tracker, the feedback controller
 that follows the plan, in C (`controller`).
 

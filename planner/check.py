@@ -17,8 +17,7 @@ from planner.methods.refusal import (
     reach_changes,
     try_changes,
 )
-from planner.methods.registry import METHODS
-from planner.methods.spec import parse_spec, parse_specs
+from planner.methods.registry import METHODS, parse_spec, parse_specs
 from planner.plan.measures import DomainReport
 from planner.plan.plan import Plan
 from planner.plan.spec import Spec

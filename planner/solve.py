@@ -20,8 +20,7 @@ from planner.errors import InfeasibleError, InputError, NoPlanError, TimeLimitEr
 from planner.methods.judgement import judge_plan, judge_slowed
 from planner.methods.keeping import refuse_unkept
 from planner.methods.refusal import Change, advise, path_changes
-from planner.methods.registry import METHODS, Method, find_method, merged_options, typed
-from planner.methods.spec import parse_spec
+from planner.methods.registry import METHODS, Method, find_method, merged_options, parse_spec, typed
 from planner.plan.measures import Objective
 from planner.plan.plan import Plan, expect_plan, refuse_inexecutable
 from planner.plan.spec import Spec

@@ -36,7 +36,7 @@ from planner.cli.output import (
     search_ended_early,
 )
 from planner.errors import NoPlanError
-from planner.methods.spec import parse_spec
+from planner.methods.registry import parse_spec
 from planner.plan.plan import Plan
 from planner.plan.recorded.log import read_log
 from planner.problem.problem import Problem

@@ -28,8 +28,7 @@ from planner.machine.feedforward.legs import compensable
 from planner.machine.machine import Machine, machine_for, sample_numbers
 from planner.machine.replay import RECORD_S
 from planner.machine.replay import replay as run_replay
-from planner.methods.registry import ALL, find_method, merged_options
-from planner.methods.spec import parse_specs
+from planner.methods.registry import ALL, find_method, merged_options, parse_specs
 from planner.plan.measures import polygon_lengths
 from planner.plan.plan import Plan
 from planner.plan.spec import Spec

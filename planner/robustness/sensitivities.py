@@ -16,7 +16,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.machine.feedforward.legs import compensable
-from planner.methods.spec import parse_spec
+from planner.methods.registry import parse_spec
 from planner.plan.measures import effort, effort_unit, turns
 from planner.plan.plan import Plan, expect_plan
 from planner.plan.spec import Spec

@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from planner.errors import InputError
-from planner.methods.spec import parse_specs
+from planner.methods.registry import parse_specs
 from planner.plan.spec import Spec
 from planner.problem.conditions import with_changes
 from planner.problem.problem import Problem, load_problem

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
-from planner.methods.spec import parse_spec, parse_specs
+from planner.methods.registry import parse_spec, parse_specs
 from planner.support.files import toml, toml_lines
 
 

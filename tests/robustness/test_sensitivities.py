@@ -7,7 +7,7 @@ import pytest
 
 import planner
 from planner import report
-from planner.methods.spec import parse_specs
+from planner.methods.registry import parse_specs
 from planner.robustness.sensitivities import worth
 
 

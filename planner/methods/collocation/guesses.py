@@ -119,8 +119,10 @@ def guess(
     units = nlp.form.units
     least = 0.05 / (units.inputs[0] * units.time_s)
     rates[:, 0] /= np.where(np.abs(drive) < least, least, drive)
-    slowest = np.max(np.mean(np.abs(rates), axis=0) / problem.limits.input_scale)
-    duration = problem.duration or 1.5 * float(slowest) + 0.01 * units.time_s
+    duration = problem.duration
+    if duration is None:
+        slowest = np.max(np.mean(np.abs(rates), axis=0) / problem.limits.input_scale)
+        duration = 1.5 * float(slowest) + 0.01 * units.time_s
     where = nlp.form.input_places(mesh)
     return Iterate(
         duration=duration,

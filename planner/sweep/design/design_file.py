@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from planner.errors import InputError
 from planner.machine.machine import Machine
-from planner.methods.spec import parse_specs
+from planner.methods.registry import parse_specs
 from planner.plan.plan import COMPENSATED
 from planner.problem.conditions import with_changes
 from planner.problem.problem import Problem

@@ -80,6 +80,6 @@ from .systems.vehicles import Car as Car
 from .systems.vehicles import Trailers as Trailers
 from .systems.vehicles import Unicycle as Unicycle
 from .verification.certify import certify as certify
-from .verification.load_plan import load_plan as load_plan
+from .verification.verdict import load_plan as load_plan
 from .verification.verify import Check as Check
 from .verification.verify import verify as verify

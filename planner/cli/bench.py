@@ -28,7 +28,7 @@ from planner.report.figures.recorded import plot_run, start_of
 from planner.support.files import refuse_picture, refuse_unwritable, write_figure
 from planner.support.tables import facts
 from planner.support.user_tables import allowed_hint
-from planner.verification.load_plan import load_plan
+from planner.verification.verdict import load_plan
 
 Columns = Annotated[
     list[str] | None,

@@ -56,7 +56,7 @@ from planner.robustness.budget import Budget, error_budget
 from planner.robustness.sobol import refuse_without_salib
 from planner.support.progress import Tell
 from planner.support.tables import CommandLine
-from planner.verification.load_plan import load_plan
+from planner.verification.verdict import load_plan
 
 BUDGET_SAMPLES, BUDGET_BASE = 200, 128
 

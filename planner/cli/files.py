@@ -19,7 +19,7 @@ from planner.report.figures.style import to_display, unit_of
 from planner.report.film import animate as film
 from planner.report.film import check_film
 from planner.report.page.page import write_report
-from planner.verification.load_plan import load_plan
+from planner.verification.verdict import load_plan
 
 
 def export(

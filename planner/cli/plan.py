@@ -45,8 +45,8 @@ from planner.solve import solve_and_check
 from planner.support.files import refuse_picture, refuse_unwritable, write_figure
 from planner.support.interrupts import signal_listener
 from planner.support.tables import facts
-from planner.verification.load_plan import load_plan
 from planner.verification.summary import plan_summary, refusal_summary
+from planner.verification.verdict import load_plan
 from planner.verification.verify import verify as check_plan
 
 

@@ -48,7 +48,7 @@ from planner.solve import solve
 from planner.support.files import write_figure, write_text
 from planner.support.tables import CommandLine, csv_table
 from planner.support.user_tables import parse
-from planner.verification.load_plan import load_plan
+from planner.verification.verdict import load_plan
 
 
 def sensitivity(

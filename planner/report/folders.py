@@ -53,7 +53,7 @@ from planner.support.files import (
 )
 from planner.support.package import versions
 from planner.support.tables import csv_table, csv_text, markdown_table
-from planner.verification.load_plan import load_plan
+from planner.verification.verdict import load_plan
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

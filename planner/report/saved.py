@@ -22,8 +22,8 @@ from planner.support.files import JSON_BYTES, expect_path, read_json, read_text
 from planner.support.statistics import LEAST_DIFFERENCE_DEG
 from planner.support.tables import line
 from planner.systems.triangular_system import TriangularSystem
-from planner.verification.load_plan import load_plan
 from planner.verification.summary import without_unit_keys
+from planner.verification.verdict import load_plan
 
 
 def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:

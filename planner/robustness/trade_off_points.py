@@ -28,7 +28,7 @@ from planner.problem.tables.method_options import CollocationOptions, Desensitis
 from planner.robustness.sensitivity import sensitivity
 from planner.support.arrays import Array, Frozen, jsonable
 from planner.support.files import make_folder, read_json, write_text
-from planner.verification.load_plan import load_plan
+from planner.verification.verdict import load_plan
 
 Kind = Literal["effort", "duration", "peak"]
 KINDS: tuple[Kind, ...] = ("effort", "duration", "peak")

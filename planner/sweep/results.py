@@ -21,7 +21,7 @@ from planner.support.tables import csv_text, number
 from planner.sweep.case import RESULTS
 from planner.sweep.store import Store
 from planner.sweep.sweep_file import canonical_json
-from planner.verification.load_plan import load_plan
+from planner.verification.verdict import load_plan
 
 if TYPE_CHECKING:
     import pandas

@@ -56,7 +56,6 @@ GROUPS = {
         [
             "verification/verify.py",
             "verification/verdict.py",
-            "verification/load_plan.py",
             "plan/quadrature.py",
         ],
         "tests/verification/test_verify.py tests/plan/test_quadrature.py"

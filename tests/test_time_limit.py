@@ -21,7 +21,7 @@ from planner.cli.output import Job, keep_best_on_interrupt
 from planner.explorer.outcome import path
 from planner.explorer.state import State
 from planner.machine.feedforward import follow
-from planner.methods.collocation.transcription import derivatives
+from planner.methods.collocation.transcription import transcription
 from planner.methods.laws import scores
 from planner.support import deadline
 from planner.support.calculus.bernstein import Bernstein
@@ -363,14 +363,14 @@ def test_samples_go_through_the_chart_a_part_at_a_time(
 def test_a_transcription_is_built_only_while_there_is_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of four joints and their response, which no other test builds."""
     clock, steps = Clock(monkeypatch), []
-    usual = derivatives.ca.cse
+    usual = transcription.ca.cse
 
     def slow(given: object) -> object:
         steps.append(1)
         clock.now = 101.0
         return usual(given)
 
-    monkeypatch.setattr(derivatives.ca, "cse", slow)
+    monkeypatch.setattr(transcription.ca, "cse", slow)
     with pytest.raises(planner.TimeLimitError, match="the time limit of 100 s"):
         planner.solve(arm(4), "desensitised", time_limit_s=100.0, intervals=7)
     assert steps == [1]

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import planner
 from planner import InfeasibleError, InputError, NotConvergedError, Plan, Problem, verify
-from planner.methods.collocation import refine
+from planner.methods.collocation import best
 from planner.methods.collocation.best import Candidate
 from planner.methods.collocation.guesses import guess, seeds
 from planner.methods.collocation.method import plan_collocation
@@ -262,7 +262,7 @@ def test_the_fastest_motion_is_not_named_where_it_cannot_be_believed(
     paper: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It obeys every row of its own problem, whose duration is an unknown; not what was asked."""
-    monkeypatch.setattr(refine, "LARGEST_ERROR", 0.0)
+    monkeypatch.setattr(best, "LARGEST_ERROR", 0.0)
     with pytest.raises(NotConvergedError, match="the solver found no motion") as caught:
         plan(paper, {"goal.duration": 2.5})
     assert caught.value.violations[0].label in ("input u1", "input u2")

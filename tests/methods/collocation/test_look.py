@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.methods.collocation import pipeline
+from planner.methods.collocation import best, pipeline
 from planner.methods.collocation.best import Candidate, Exactness
 from planner.methods.collocation.between_nodes import limit_excess, peaks
 
@@ -57,7 +57,7 @@ def test_a_motion_that_leaves_its_limits_between_the_nodes_is_no_answer(
     seen = list[float]()
 
     def polish(*given: Any) -> Candidate:
-        done = polish(*given)
+        done = best.polish(*given)
         seen.append(done.solution.objective)
         return done if len(seen) > 1 else replace(done, checked=Exactness.SOLVED)
 

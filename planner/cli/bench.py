@@ -24,7 +24,7 @@ from planner.machine.identification.identify import identify as run_identificati
 from planner.machine.machine import Machine, load_machine
 from planner.methods.motions import MOTIONS
 from planner.plan.recorded.log import read_log
-from planner.report.figures.recorded import plot_run, start_of
+from planner.report.figures.recorded import plot_run
 from planner.support.files import refuse_picture, refuse_unwritable, write_figure
 from planner.support.tables import facts
 from planner.support.user_tables import allowed_hint
@@ -143,13 +143,11 @@ def log(
     rows = [("rows", f"{len(recorded.t)}, every {number(recorded.interval_s)} s")]
     rows.append(("duration", f"{number(float(recorded.t[-1]))} s"))
     if motion is not None:
-        t = recorded.t - start_of(recorded, motion)
-        gap = recorded.theta_deg - np.rad2deg(motion.wanted(t)[:, 1:])
-        data["terminal_error_deg"] = gap[-1].tolist()
-        data["largest_error_deg"] = np.nanmax(np.abs(gap), axis=0).tolist()
+        off, moved = recorded.errors_deg(motion)
+        data["terminal_error_deg"] = off[-1].tolist()
+        data["largest_error_deg"] = np.nanmax(np.abs(off), axis=0).tolist()
         rows.append(("largest error", f"{numbers(data['largest_error_deg'])} deg"))
         rows.append(("error at the end", f"{numbers(data['terminal_error_deg'])} deg"))
-        moved = recorded.theta_deg - np.rad2deg(motion.trajectory.q(t)[:, 1:])
         data["largest_from_motion_deg"] = np.max(np.abs(moved), axis=0).tolist()
         if motion.compensates is not None:
             rows.append(("", "errors are measured from the requested path, from its start on"))

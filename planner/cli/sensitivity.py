@@ -7,7 +7,7 @@ the curve is saved at once.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.table import Table
@@ -34,13 +34,9 @@ from planner.problem.tables.method_options import DesensitisedOptions
 from planner.report.figures.robustness import knee_sentence
 from planner.report.folders import save_sensitivity
 from planner.report.result_folder import refuse_unwritable_folder
-from planner.robustness.machine_sensitivity import (
-    MAX_PARAMETERS,
-    MachineSensitivity,
-    machine_sensitivity,
-)
-from planner.robustness.sensitivities import MEANINGS, next_step, sensitivities, worth
-from planner.robustness.sensitivity import Sensitivity
+from planner.robustness.machine_sensitivity import machine_sensitivity
+from planner.robustness.sensitivities import next_step, sensitivities, worth
+from planner.robustness.sensitivity import MEANINGS, Sensitivity
 from planner.robustness.sensitivity import sensitivity as analyse
 from planner.robustness.trade_off import TradeOff, end_error, trade_off
 from planner.robustness.trade_off_points import KINDS
@@ -107,9 +103,9 @@ def sensitivity(
     data = {**heading, **responses.to_dict(spread), "written": written}
     data["machine"] = None if machine_responses is None else machine_responses.to_dict()
     title, table = f"{plan.problem.name}: {plan.method}", responses.table(spread)
-    parts: list[str | Table] = [title, "", table, "", _sum_text(responses, spread)]
+    parts: list[str | Table] = [title, "", table]
     if machine_responses is not None:
-        parts += ["", machine_responses.table(), "", _machine_text(machine_responses)]
+        parts += ["", machine_responses.table()]
     return finish(data, *parts, "", _advice(responses))
 
 
@@ -140,7 +136,7 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
     ]
     table = comparison.table()
     title = f"{problem.name}: one standard deviation of each of {', '.join(spread)}"
-    words = (comparison.sentence, comparison.verdict, "", MEANINGS, *notes)
+    words = (comparison.sentence, comparison.verdict, *notes)
     return finish(data, title, "", table, "", *words)
 
 
@@ -162,35 +158,11 @@ def _plan(source: Path, method: str, changes: list[str] | None) -> Plan:
     return load_plan(source, strict=True)
 
 
-def _sum_text(responses: Sensitivity, spread: dict[str, float]) -> str:
-    total, floor = responses.total_deg(spread), responses.floor_deg(spread)
-    least = 100 * (1 - floor / total) if total else 0.0
-    return (
-        f"One standard deviation of each of {', '.join(spread)}: total {number(total)} deg."
-        f"\n* irreducible: {number(floor)} deg."
-        f"\nPassive block: {number(responses.passive_block_deg(spread))} deg.\n{MEANINGS}"
-        f"\nAnother path reduces the total by at most {least:.0f} %."
-    )
-
-
 def _advice(responses: Sensitivity) -> str:
     """Return a sentence with the command to run next."""
     plan = responses.plan
     calm = [plan.method] if plan.method == "desensitised" else [plan.method, "desensitised"]
     return next_step(plan.problem, *map(Spec, calm))
-
-
-def _machine_text(responses: MachineSensitivity) -> str:
-    silent = sum(e.has_no_effect for e in responses.entries)
-    rest = len(responses.entries) - silent - MAX_PARAMETERS
-    more = f"; {rest} smaller ones are in --json and --out" if rest > 0 else ""
-    nominal: list[Any] = [f"{e:.3g}" for e in responses.nominal_error_deg]
-    return (
-        f"Nominal machine: errors {', '.join(nominal)} deg; one spread of each parameter: total"
-        f" {number(responses.total_deg)} deg{more}."
-        f" {silent} parameters have no effect on this motion."
-        f" Switched off (the machine has no such effect): {', '.join(responses.omitted) or 'none'}."
-    )
 
 
 PICTURE_FILE, TABLE_FILE, KNEE_FILE = "trade-off.png", "trade-off.csv", "knee.json"

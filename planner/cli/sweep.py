@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -20,12 +18,11 @@ from planner.sweep.description import Sweep
 from planner.sweep.design.design_file import StudyInput, read_design
 from planner.sweep.design.result import CASES_FILE, design_study
 from planner.sweep.results import (
-    Record,
     export,
     read,
     recommend,
     refuse_unexportable,
-    solved_by_method,
+    statuses_by_method,
 )
 from planner.sweep.run import run_sweep
 
@@ -88,7 +85,7 @@ def sweep(
         )
     written = export_to and export(path, export_to, outcome.sweep)
     columns, records = read(path, outcome.sweep)
-    counts = solved_by_method(records)
+    counts = statuses_by_method(records)
     if figure is not None:
         write_figure(figure, draw_sweep(columns, records))
     if outcome.bugs:
@@ -101,23 +98,16 @@ def sweep(
         ("cases", f"{outcome.cases}" + (f"  ({same} more are identical)" if same else "")),
         ("were there", str(outcome.kept)),
         ("ran", f"{outcome.ran} in {outcome.elapsed_s:.3g} s{each}"),
-        *(
-            (label, f"{n} of {total} solved{_refusals(label, records)}")
-            for label, (n, total) in counts.items()
-        ),
     ]
-    methods = {label: {"solved": n, "cases": total} for label, (n, total) in counts.items()}
+    for label, statuses in counts.items():
+        words = f"{statuses['solved']} of {statuses.total()} solved"
+        others = (f", {n} {k.replace('_', ' ')}" for k, n in statuses.items() if k != "solved")
+        rows.append((label, words + "".join(others)))
+    methods = {k: {"solved": c["solved"], "cases": c.total()} for k, c in counts.items()}
     data = {**asdict(outcome), "methods": methods, "file": file}
     take, headline = recommend(columns, records)
     data |= {"written": written, "figure": figure, "recommended": take, "headline": headline}
     return finish(data, task.name, facts(rows), "", headline, status=1 if outcome.bugs else 0)
-
-
-def _refusals(label: str, records: Sequence[Record]) -> str:
-    """Return in words how many cases of a method were refused, by status; "" if all were solved."""
-    mine = (r["status"] for r in records if r["method"] == label and not r["solved"])
-    counts = Counter(status.replace("_", " ") for status in mine)
-    return "".join(f", {n} {status}" for status, n in counts.items())
 
 
 def _count_cases(task: Sweep) -> int:

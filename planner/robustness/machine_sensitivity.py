@@ -159,7 +159,17 @@ class MachineSensitivity(Frozen):
             Column("change", "", lambda e: f"{number(e.reference, 4)} {e.unit}".rstrip()),
             *(Column(a, "deg", partial(_contribution, k)) for k, a in enumerate(self.angles)),
         ]
-        return terminal_table(columns, self.loudest[:MAX_PARAMETERS], ruled=True, gap=1)
+        rest = len(self.loudest) - MAX_PARAMETERS
+        more = f"; {rest} smaller ones are in files and JSON" if rest > 0 else ""
+        nominal = ", ".join(f"{error:.3g}" for error in self.nominal_error_deg)
+        caption = (
+            f"Nominal machine: errors {nominal} deg; one spread of each parameter: total"
+            f" {number(self.total_deg, 4)} deg{more}. {len(self.entries) - len(self.loudest)}"
+            " parameters have no effect on this motion. Switched off (the machine has no such"
+            f" effect): {', '.join(self.omitted) or 'none'}."
+        )
+        loud = self.loudest[:MAX_PARAMETERS]
+        return terminal_table(columns, loud, caption=caption, ruled=True, gap=1)
 
     def plot(self) -> Figure:
         """Draw the largest responses with `planner.report.plot_machine_sensitivity`."""

@@ -22,7 +22,7 @@ from planner.plan.plan import Plan, expect_plan
 from planner.plan.spec import Spec
 from planner.problem.problem import Problem
 from planner.problem.settings import problem_words
-from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity, sensitivity
+from planner.robustness.sensitivity import MEANINGS, PAPER_SPREAD, Sensitivity, sensitivity
 from planner.support.arrays import Array, Frozen
 from planner.support.package import import_function
 from planner.support.tables import Column, CommandLine, number, terminal_table
@@ -140,7 +140,7 @@ class Sensitivities(Frozen):
 
     def table(self) -> Table:
         """Return the table for a terminal, one row per plan: `rich.print(found.table())`."""
-        return terminal_table(self.columns, self.plans)
+        return terminal_table(self.columns, self.plans, caption=MEANINGS)
 
     def save(self, folder: str | Path) -> Path:
         """Write table, data, figure and plans to a folder, all or nothing.
@@ -200,15 +200,6 @@ def next_step(problem: Problem, *specs: Spec) -> CommandLine:
     names = dict.fromkeys(spec.text for spec in specs)
     command = ["planner", "compare", *problem_words(problem), "--methods", ",".join(names)]
     return CommandLine.of(*command, after=f"{words}: ")
-
-
-MEANINGS = (
-    "Passive block: response of the angles after joint 1 (of a vehicle: after its first angle) at"
-    " the end, to errors of the start of joint 1 and of the gain of u2; it depends on the path."
-    " Irreducible: the part that depends only on start and goal. Total: root of the sum of all"
-    " squares."
-)
-"""Explanation of the terms in the tables."""
 
 
 def _degrees(angle: float) -> str:

@@ -24,7 +24,7 @@ from planner.support.calculus import runge_kutta
 from planner.support.calculus.extremes import sample_times
 from planner.support.compiled_calls import Pointwise
 from planner.support.package import import_function
-from planner.support.tables import Column, terminal_table
+from planner.support.tables import Column, number, terminal_table
 from planner.systems.ball_gear import BallGear
 from planner.systems.linearisation import linearise, parameters
 from planner.systems.manipulator import Manipulator
@@ -36,6 +36,14 @@ if TYPE_CHECKING:
 
 PAPER_SPREAD: Mapping[str, float] = {"gain": 0.01, "start": float(np.deg2rad(0.5))}
 """Default spread for comparing plans: 1 % of input gains and 0.5° of every starting angle."""
+
+MEANINGS = (
+    "Passive block: response of the angles after joint 1 (of a vehicle: after its first angle) at"
+    " the end, to errors of the start of joint 1 and of the gain of u2; it depends on the path."
+    " Irreducible: the part that depends only on start and goal. Total: root of the sum of all"
+    " squares."
+)
+"""Explanation of the terms in the tables."""
 
 REFERENCE: Mapping[str, float] = {
     "gain": 0.01,
@@ -144,7 +152,7 @@ class Sensitivity(Frozen):
     def table(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Table:
         """Return the responses to each `reference` as a table for `rich.print`; * is irreducible.
 
-        Errors without a response are left out.
+        Errors without a response are left out. The sums are below the table.
         """
         coordinates = self.plan.problem.system.coordinates
         sizes, values = self.reference(spread), self.contribution_deg(spread)
@@ -163,7 +171,15 @@ class Sensitivity(Frozen):
             Column(coordinates[i].name, "deg", partial(cell, k)) for k, i in enumerate(self.angles)
         ]
         loud = [p for p in range(len(sizes)) if any(angle.text(p) for angle in angles)]
-        return terminal_table([*columns, *angles], loud, ruled=True, gap=1)
+        total, floor = self.total_deg(spread), self.floor_deg(spread)
+        least = 100 * (1 - floor / total) if total else 0.0
+        caption = (
+            f"One standard deviation of each of {', '.join(spread)}: total {number(total, 4)} deg."
+            f"\n* irreducible: {number(floor, 4)} deg."
+            f"\nPassive block: {number(self.passive_block_deg(spread), 4)} deg.\n{MEANINGS}"
+            f"\nAnother path reduces the total by at most {least:.0f} %."
+        )
+        return terminal_table([*columns, *angles], loud, caption=caption, ruled=True, gap=1)
 
     def plot(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Figure:
         """Draw the responses with `planner.report.plot_sensitivity`."""

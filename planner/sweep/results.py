@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import tempfile
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -130,12 +131,12 @@ def read(db: str | Path, which: int | None = None) -> tuple[list[str], list[Reco
     return columns, records
 
 
-def solved_by_method(records: Iterable[Record]) -> dict[str, tuple[int, int]]:
-    """Return for each method the numbers of solved cases and of finished cases."""
-    out: dict[str, tuple[int, int]] = {}
+def statuses_by_method(records: Iterable[Record]) -> dict[str, Counter[str]]:
+    """Return for each method how many cases it "solved", and how many were refused, by status."""
+    out: dict[str, Counter[str]] = {}
     for record in records:
-        solved, total = out.get(record["method"], (0, 0))
-        out[record["method"]] = (solved + record["solved"], total + 1)
+        status = "solved" if record["solved"] else record["status"]
+        out.setdefault(record["method"], Counter())[status] += 1
     return out
 
 

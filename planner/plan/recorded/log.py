@@ -158,6 +158,23 @@ class Log(Frozen):
         """Whether the rows are evenly spaced in time."""
         return bool(np.ptp(np.diff(self.t)) < 1e-9 * self.interval_s)
 
+    def start_s(self, plan: Plan) -> float:
+        """Return the time in the log, s, at which a plan began, from the first nonzero commands."""
+        t = np.linspace(0.0, plan.duration, 1 + round(plan.duration / self.interval_s))
+        planned = t[np.argmax(_moves(plan.trajectory.u(t)))]
+        return float(self.t[np.argmax(_moves(self.u))] - planned)
+
+    def errors_deg(self, plan: Plan) -> tuple[Array, Array]:
+        """Return the readings minus the angles of the executed plan, each (rows, n), degrees.
+
+        The first are the errors from the path that the plan wants (NaN before and after it), the
+        second those from the motion that it expects; they differ for a compensated plan.
+        """
+        t = self.t - self.start_s(plan)
+        wanted, expected = plan.wanted(t), plan.trajectory.q(t)
+        both = (self.theta_deg - np.rad2deg(q[:, 1:]) for q in (wanted, expected))
+        return next(both), next(both)
+
     def part(self, begin_s: float, end_s: float = np.inf) -> Log:
         """Return the rows from `begin_s` to `end_s`, s, with times that start at 0 again.
 
@@ -213,6 +230,11 @@ class Log(Frozen):
             columns.append(self.motors)
         rows = ([f"{x:.9g}" for x in row] for row in np.column_stack(columns).tolist())
         return write_text(path, csv_text([names, *rows]))
+
+
+def _moves(u: Array) -> Array:
+    """Return whether commands (m, 2) exceed the noise of zero commands at each time, (m,)."""
+    return np.asarray(np.max(np.abs(u), axis=1) > 1e-3)
 
 
 def expect_log(value: object) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.report.figures.style import colours, grid, make_logarithmic
-from planner.sweep.results import Record, solved_by_method
+from planner.sweep.results import Record, statuses_by_method
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -263,14 +263,15 @@ def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
         columns: Names of the columns; those before `method` are the varied keys.
         records: The finished cases; `planner.sweep.results.read` gives both.
     """
-    counts = solved_by_method(records)
+    counts = statuses_by_method(records)
     colour = colours(list(counts))
     rows = [("effort", "effort of the solved cases")]
     if any(record["E_median_deg"] is not None for record in records):
         rows.append(("E_median_deg", "median E of the solved cases (deg)"))
     figure, axes, _ = grid(1, 1 + len(rows), size=(4.6, max(2.8, 0.5 * len(counts) + 1.4)))
     ax = axes[0, 0]
-    for k, (label, (solved, total)) in enumerate(counts.items()):
+    for k, (label, statuses) in enumerate(counts.items()):
+        solved, total = statuses["solved"], statuses.total()
         ax.barh(k, total, color="#E8E8E8")
         ax.barh(k, solved, color=colour[label])
         ax.text(0.02 * total, k, f"{label}: {solved} of {total}", va="center", bbox=_PAPER)

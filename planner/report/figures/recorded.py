@@ -49,8 +49,8 @@ def plot_run(
     expect_plan(plan)
     joints = log.theta.shape[1]
     figure, axes, ours = grid(2, joints, axes, size=(3.4, 2.1), share=("all", "none"))
-    t = log.t - start_of(log, plan)
-    planned = np.rad2deg(plan.trajectory.q(t)[:, 1:])
+    t = log.t - log.start_s(plan)
+    planned = log.theta_deg - log.errors_deg(plan)[1]
     compensated = plan.compensates is not None
     name_of_plan = "motion that the compensated plan expects" if compensated else "plan"
     for i in range(joints):
@@ -77,18 +77,6 @@ def _differences(ax: Any, t: Array, values: Array, style: dict[str, Any]) -> Non
     mean = np.convolve(values, window, "same") / np.convolve(np.ones_like(values), window, "same")
     ax.plot(t, values, color=style["color"], linewidth=0.5, alpha=0.25, zorder=1)
     ax.plot(t, mean, **style)
-
-
-def start_of(log: Log, plan: Plan) -> float:
-    """Return the time in the log, s, at which the plan began, from the first nonzero commands."""
-    first = log.t[np.argmax(moving(log.u))]
-    t = np.linspace(0.0, plan.duration, 1 + round(plan.duration / log.interval_s))
-    return float(first - t[np.argmax(moving(plan.trajectory.u(t)))])
-
-
-def moving(u: Array) -> Array:
-    """Return whether the commands u (m, 2) exceed the noise of zero commands at each time, (m,)."""
-    return np.asarray(np.max(np.abs(u), axis=1) > 1e-3)
 
 
 def identification_figure(result: Identification) -> Figure:

@@ -5,10 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -43,18 +41,16 @@ from planner.cli.output import (
     say,
 )
 from planner.comparison.compare import compare as run
-from planner.comparison.compare import plan_row, specs_of
+from planner.comparison.compare import plan_rows
 from planner.comparison.comparison import Comparison, worst_command
 from planner.comparison.differences import rich_differences
-from planner.comparison.rows import Row
 from planner.errors import InputError, NoPlanError
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
 from planner.report.folders import save, save_budget
 from planner.report.result_folder import refuse_unwritable_folder
-from planner.robustness.budget import Budget, error_budget
+from planner.robustness.budget import Budget, error_budgets
 from planner.robustness.sobol import refuse_without_salib
-from planner.support.progress import Tell
 from planner.support.tables import CommandLine
 from planner.verification.verdict import load_plan
 
@@ -204,12 +200,11 @@ def _say_results(
 
 def _add_budgets(shares: dict[str, Budget], result: Comparison) -> bool:
     """Add each plan's error budget to `shares`; return False if Ctrl-C interrupted the work."""
-    plans = executable_plans(result.rows)
     try:
         with job() as progress:
             # `update` adds pairs one by one, so that budgets finished before Ctrl-C stay.
             numbers = {"samples": BUDGET_SAMPLES, "base": BUDGET_BASE, "seed": result.seed}
-            shares.update(budgets(plans, result.machine, progress, **numbers))
+            shares.update(error_budgets(result.plans, result.machine, progress, **numbers))
     except KeyboardInterrupt:
         return False
     return True
@@ -256,61 +251,30 @@ def budget(
     refuse_without_salib()
     named = join_methods(methods)
     refuse_unwritable_folder(out)
+    plans = _plans(subject, named, changes)
+    problem = next(iter(plans.values())).problem.changed(parse_changes(changes or []))
+    machine = Machine.from_table(problem.machine)
+    options = {"samples": samples, "base": base, "seed": seed, "feedback": feedback}
     with job() as progress:
-        plans = _plans(subject, named, changes, partial(_report_share, progress, 0.0, 0.3))
-        problem = next(iter(plans.values())).problem.changed(parse_changes(changes or []))
-        machine = Machine.from_table(problem.machine)
-        report = partial(_report_share, progress, 0.3, 1.0)
-        options = {"samples": samples, "base": base, "seed": seed, "feedback": feedback}
-        shares = dict(budgets(plans, machine, report, **options))
+        shares = dict(error_budgets(plans, machine, progress, **options))
     written = out and save_budget(shares, out, CommandLine.of("planner", *manner.words))
     data = {label: each.to_dict() for label, each in shares.items()}
     tables = [part for each in shares.values() for part in (each.table(), "")]
     return finish({"file": subject, "written": written, "budgets": data}, *tables)
 
 
-def budgets(
-    plans: dict[str, Plan], machine: Machine, progress: Tell, **options: Any
-) -> Iterator[tuple[str, Budget]]:
-    """Yield the label and error budget of each plan; `options` are passed to `error_budget`."""
-    for k, (label, plan) in enumerate(plans.items()):
-
-        def tell(doing: str, share: float, k: int = k, label: str = label) -> None:
-            progress(f"{label}: {doing}", (k + share) / len(plans))
-
-        yield label, error_budget(plan, machine, **options, progress=tell)
-
-
-def executable_plans(rows: Sequence[Row]) -> dict[str, Plan]:
-    """Return the executable plans of a comparison by label, leaving out rows with feedback."""
-    return {
-        row.label: row.plan
-        for row in rows
-        if row.plan is not None and row.plan.executable and not row.feedback
-    }
-
-
-def _plans(
-    subject: Path, methods: str | None, changes: list[str] | None, progress: Tell
-) -> dict[str, Plan]:
+def _plans(subject: Path, methods: str | None, changes: list[str] | None) -> dict[str, Plan]:
     if is_plan(subject):
         if methods is not None:
             raise InputError(f"{subject} is a plan; --methods is for problem files")
         plan = load_plan(subject, strict=True)
         return {plan.method: plan}
-    problem = read_problem(subject, changes)
-    requests, rows = specs_of(problem, methods), []
-    for k, spec in enumerate(requests):
-        progress(f"planning {spec.label}", k / len(requests))
-        rows.append(plan_row(problem, spec))
-    plans = executable_plans(rows)
+    with job() as progress:
+        rows = plan_rows(read_problem(subject, changes), methods, progress)
+    plans = {row.label: row.plan for row in rows if row.plan is not None and row.plan.executable}
     for row in rows:
         if row.label not in plans:
             say(f"{row.label}: {row.why}", "yellow")
     if not plans:
         raise NoPlanError("no method has a plan that can be executed, so there is no error budget")
     return plans
-
-
-def _report_share(progress: Tell, begin: float, end: float, doing: str, share: float) -> None:
-    progress(doing, begin + (end - begin) * share)

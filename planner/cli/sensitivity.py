@@ -25,7 +25,7 @@ from planner.cli.arguments import (
     read_problem,
 )
 from planner.cli.output import explain_interruption, finish, job, number
-from planner.comparison.compare import plan_row, specs_of
+from planner.comparison.compare import plan_rows
 from planner.errors import InputError
 from planner.methods.desensitised.method import spreads
 from planner.plan.plan import Plan
@@ -118,13 +118,9 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
     if is_plan(source):
         raise InputError(f"{source} is a plan; --methods needs a problem file")
     problem = read_problem(source, changes)
-    specs = specs_of(problem, methods)
-    rows = []
-    with job() as notice:
-        for spec in specs:
-            notice(f"planning {spec.label}")
-            rows.append(plan_row(problem, spec))
-        notice("differentiating")
+    with job() as progress:
+        rows = plan_rows(problem, methods, progress)
+        progress("differentiating", 1.0)
         spread = spreads(problem.system, problem.methods.desensitised)
         comparison = sensitivities({row.label: row.plan for row in rows}, spread)
         written = out and comparison.save(out)

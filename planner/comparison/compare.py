@@ -233,6 +233,21 @@ def default_methods(problem: Problem) -> list[str]:
     return out + [replace(Spec.of_label(text), compensated=True).text for text in out[1:]]
 
 
+def plan_rows(problem: Problem, methods: str | Sequence[str] | None, progress: Tell) -> list[Row]:
+    """Plan by several methods and return the comparison's rows, which have no replay yet.
+
+    `progress` is called with each step and the finished share of the whole.
+
+    Raises:
+        InputError: If a method is unknown or does not fit the problem, or an option is wrong.
+    """
+    rows, specs = [], specs_of(problem, methods)
+    for k, spec in enumerate(specs):
+        progress(f"planning {spec.label}", k / len(specs))
+        rows.append(plan_row(problem, spec))
+    return rows
+
+
 def plan_row(
     problem: Problem,
     spec: Spec,

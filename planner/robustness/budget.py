@@ -193,6 +193,26 @@ def error_budget(
     return _BudgetRun(plan, distribution, count, seed, base, known, tell).budget()
 
 
+def error_budgets(
+    plans: Mapping[str, Plan | None], machine: Machine, progress: Tell, **options: Any
+) -> Iterator[tuple[str, Budget]]:
+    """Yield the label and error budget of each plan that can be executed.
+
+    Args:
+        plans: Plans by label, for example `comparison.plans`.
+        machine: The machine.
+        progress: Called with the current step and the finished share of the whole, 0 … 1.
+        **options: Those of `error_budget`.
+    """
+    executable = {k: plan for k, plan in plans.items() if plan is not None and plan.executable}
+    for k, (label, plan) in enumerate(executable.items()):
+
+        def tell(doing: str, share: float, k: int = k, label: str = label) -> None:
+            progress(f"{label}: {doing}", (k + share) / len(executable))
+
+        yield label, error_budget(plan, machine, **options, progress=tell)
+
+
 @dataclass(frozen=True)
 class _InformedFeedback:
     """Feedback that knows the whole machine, whichever effects are switched off."""

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from planner.methods.convex.band import Band, cap_excess, floor_excess
 from planner.methods.convex.paths import Frame
-from planner.methods.convex.programme import Farkas, Optimum, Programme, StalledError
+from planner.methods.convex.programme import Farkas, Goal, Optimum, StalledError, solve
 from planner.support import deadline
 from planner.support.arrays import Array
 
@@ -122,7 +122,7 @@ class EmptyClass:
 def optimum_by_cuts(
     frame: Frame,
     band: Band,
-    programme: Programme,
+    goal: Goal,
     extra: Touch = NO_TOUCH,
     max_rounds: int = 100,
     ceiling: float = np.inf,
@@ -132,7 +132,7 @@ def optimum_by_cuts(
     Args:
         frame: The class, its ends and the travel.
         band: The convex domain.
-        programme: The objective, see `Programme`.
+        goal: What to minimise.
         extra: Cuts to begin with, besides the cuts at the nodes; the active cuts of a
             neighbouring travel save rounds.
         max_rounds: Largest number of programmes.
@@ -152,7 +152,7 @@ def optimum_by_cuts(
         radius = float((frame.shape.degree + 1) ** 2 * frame.shape.pieces * band.top)
     for round_ in range(1, max_rounds + 1):
         deadline.check()
-        answer = programme.solve(frame, A, b - tighten, radius)
+        answer = solve(goal, frame, A, b - tighten, radius)
         if isinstance(answer, Farkas):
             if relaxed is not None:
                 raise StalledError("feasible only within the tolerance of the cuts")

@@ -22,7 +22,7 @@ from planner.methods.convex.global_optimum import (
     search_travels,
 )
 from planner.methods.convex.paths import Frame, Shape, input_shape
-from planner.methods.convex.programme import Programme, StalledError
+from planner.methods.convex.programme import StalledError
 from planner.methods.laws.free_numbers import candidate_travels
 from planner.methods.laws.law import chart_ends, refuse_zero_drive
 from planner.methods.refusal import BY_COLLOCATION, Change, duration_change, travel_changes
@@ -155,7 +155,6 @@ def _travels(problem: Problem, options: ConvexOptions) -> Array:
 def _best_path(
     problem: Problem, options: ConvexOptions, frame: Frame, band: Band, travels: Array
 ) -> BestTravel:
-    programme = Programme(options.objective)
     ends = np.stack([problem.start, np.where(np.isnan(problem.goal), problem.start, problem.goal)])
     margins = problem.system.chart_margins(ends, problem.branch)
     least_margin = min(options.edge, float(np.min(margins)) / 2)
@@ -163,7 +162,8 @@ def _best_path(
     def solve(
         travel: float, rows: Touch, ceiling: float
     ) -> ClassOptimum | EmptyClass | BoundAboveCeiling:
-        answer = optimum_by_cuts(frame.at(travel), band, programme, rows, options.max_cuts, ceiling)
+        goal, most = options.objective, options.max_cuts
+        answer = optimum_by_cuts(frame.at(travel), band, goal, rows, most, ceiling)
         if isinstance(answer, ClassOptimum) and not band.complete:
             path = _path(problem, answer.frame, answer.y)
             if np.min(worst_margin(path.margins(sample_times(path.breaks)))) < least_margin:

@@ -86,31 +86,25 @@ class StalledError(ArithmeticError):
     """Error of a programme for which no solution and no certificate was found within tolerance."""
 
 
-@dataclass(frozen=True)
-class Programme:
-    """A kind of programme: an objective to minimise subject to linear rows.
+Goal = Literal["smooth", "peak"]
+"""What to minimise: "smooth": ½∫(dz₂/dz₁)² |dz₁|; "peak": max |dz₂/dτ|, and among the paths with
+the least peak nearly the smoothest."""
 
-    Attributes:
-        objective: "smooth": ½∫(dz₂/dz₁)² |dz₁|; "peak": max |dz₂/dτ|, and among the paths with the
-            least peak nearly the smoothest.
+
+def solve(goal: Goal, frame: Frame, A: Array, b: Array, radius: float) -> Optimum | Farkas:
+    """Find the minimum over A y ≤ b, or prove that no |y| ≤ radius is feasible.
+
+    Raises:
+        StalledError: If no solution and no proof is found within tolerance.
     """
-
-    objective: Literal["smooth", "peak"]
-
-    def solve(self, frame: Frame, A: Array, b: Array, radius: float) -> Optimum | Farkas:
-        """Find the minimum over A y ≤ b, or prove that no |y| ≤ radius is feasible.
-
-        Raises:
-            StalledError: If no solution and no proof is found within tolerance.
-        """
-        if self.objective == "peak":
-            return _lowest_peak(frame, A, b, radius)
-        answer = solve_quadratic(A, b, radius)
-        if isinstance(answer, Farkas):
-            return answer
-        fixed, scale = float(frame.least @ frame.least) / 2, abs(frame.travel)
-        value, bound = (answer.value + fixed) / scale, (answer.bound + fixed) / scale
-        return replace(answer, value=value, bound=bound)
+    if goal == "peak":
+        return _lowest_peak(frame, A, b, radius)
+    answer = solve_quadratic(A, b, radius)
+    if isinstance(answer, Farkas):
+        return answer
+    fixed, scale = float(frame.least @ frame.least) / 2, abs(frame.travel)
+    value, bound = (answer.value + fixed) / scale, (answer.bound + fixed) / scale
+    return replace(answer, value=value, bound=bound)
 
 
 def _lowest_peak(frame: Frame, A: Array, b: Array, radius: float) -> Optimum | Farkas:

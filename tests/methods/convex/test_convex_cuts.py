@@ -24,10 +24,11 @@ from planner.methods.convex.global_optimum import (
     optimum_by_cuts,
 )
 from planner.methods.convex.paths import Frame
-from planner.methods.convex.programme import Programme, StalledError
+from planner.methods.convex.programme import Goal, StalledError
 
 Frames = Callable[..., Frame]
-SMOOTH, PEAK = Programme("smooth"), Programme("peak")
+SMOOTH: Goal = "smooth"
+PEAK: Goal = "peak"
 
 
 def band_at(problem: planner.Problem, frame: Frame, edge: float = 0.0) -> Band:
@@ -90,16 +91,16 @@ def test_figures_of_the_example(
 
 
 @pytest.mark.parametrize("degree", [0, 1])
-@pytest.mark.parametrize("programme", [SMOOTH, PEAK])
+@pytest.mark.parametrize("goal", [SMOOTH, PEAK])
 @pytest.mark.parametrize("travel", [0.787, 0.895])
 def test_certificate_checked_independently(
-    printed: planner.Problem, frame_at: Frames, travel: float, programme: Programme, degree: int
+    printed: planner.Problem, frame_at: Frames, travel: float, goal: Goal, degree: int
 ) -> None:
     """Inside the window of one-way motions, yet no path of the class keeps z₂ ≤ −0.01."""
     assert travel in planner.travel_window(printed)
     frame = frame_at(travel, pieces=30, degree=degree)
     band = band_at(printed, frame)
-    answer = optimum_by_cuts(frame, band, programme)
+    answer = optimum_by_cuts(frame, band, goal)
     assert isinstance(answer, EmptyClass)
     u, proof = answer.proof.multipliers, answer.proof
     assert np.all(u >= 0)

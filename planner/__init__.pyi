@@ -26,6 +26,7 @@ from .machine.machine import Machine as Machine
 from .machine.machine import load_machine as load_machine
 from .machine.replay import Replay as Replay
 from .machine.replay import replay as replay
+from .methods.motions import check_run as check_run
 from .methods.motions import excitation as excitation
 from .methods.motions import homing as homing
 from .methods.registry import METHODS as METHODS

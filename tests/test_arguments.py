@@ -99,6 +99,7 @@ TAKE_PLANS: dict[str, Callable[[Any], Any]] = {
 }
 TAKE_PROBLEMS: dict[str, Callable[[Any], Any]] = {
     "check": planner.check,
+    "check_run": planner.check_run,
     "compare": planner.compare,
     "excitation": planner.excitation,
     "explore": planner.explore,

@@ -122,6 +122,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "Unicycle": planner.Unicycle,
     "Violation": lambda: planner.Violation(Part("x", "rad", 0.0, 1.0, 1.0), 2.0, 1.0),
     "excitation": lambda: planner.excitation(plain().problem),
+    "check_run": lambda: planner.check_run(plain().problem),
     "homing": lambda: planner.homing(plain().problem),
     "retimed": lambda: planner.retime(planner.solve(plain().problem, "convex")),
     "rest": lambda: planner.solve(plain().problem, "collocation", rest=True),

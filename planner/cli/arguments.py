@@ -49,6 +49,15 @@ MachineFile = Annotated[
         help="Use the machine in this file (from `planner identify --out`), not the problem's.",
     ),
 ]
+PoseFrom = Annotated[
+    Path | None,
+    typer.Option(
+        "--pose-from",
+        metavar="LOG",
+        help="Start from the pose of the arm at the end of a recorded run (CSV), for example after"
+        " homing.",
+    ),
+]
 Workers = Annotated[
     int | None,
     typer.Option("--workers", "-j", min=1, help="Number of processes. Default: one per core."),

@@ -12,13 +12,16 @@ import typer
 from planner.cli.arguments import (
     Changes,
     MachineFile,
+    PoseFrom,
     ProblemPath,
     figure_option,
     out_option,
     read_problem,
 )
 from planner.cli.output import finish, job, number, numbers, say
+from planner.cli.plan import machine_facts
 from planner.errors import InputError, NoPlanError
+from planner.machine.identification.band import departure
 from planner.machine.identification.identify import Identification, predict_run
 from planner.machine.identification.identify import identify as run_identification
 from planner.machine.machine import Machine, load_machine
@@ -54,18 +57,24 @@ def motion(
         ),
     ],
     problem: ProblemPath,
-    out: Annotated[Path, out_option("FILE", "Save it in this JSON file, like a plan.")],
+    pose_from: PoseFrom = None,
     changes: Changes = None,
+    out: Annotated[
+        Path | None, out_option("FILE", "Save it in this JSON file, like a plan.")
+    ] = None,
 ) -> int:
-    """Make a motion to home an arm, or one to identify it.
+    """Make a motion to home an arm, to identify it, or to test it.
 
     excitation: for 30 s the drive reverses in a square wave while joint 1 follows two sines.
+    check: slower, 20 s; `planner identify` tests its result on that run if it is the last one.
     homing: the drive turns back, forward, then slowly forward until the encoders have risen; joint
-    1 moves last. Both motions begin at the problem's start and keep its limits except z2_margin.
-    Export them like a plan.
+    1 moves last. signs: motor 2 turns forward by 2 degrees, then motor 1. All begin at the
+    problem's start and keep its limits except z2_margin. Export them like a plan. Without --out the
+    command only shows where the arm goes.
 
     \b
     Examples:
+      planner motion excitation problems/paper.toml
       planner motion excitation problems/paper.toml --out excitation.json
       planner motion homing problems/paper.toml --out homing.json
       planner export excitation.json --out excitation.csv
@@ -73,13 +82,19 @@ def motion(
     if kind not in MOTIONS:
         raise InputError(f"no motion '{kind}'; {allowed_hint(kind, list(MOTIONS))}")
     task = read_problem(problem, changes)
-    refuse_unwritable(out)
+    if pose_from is not None:
+        task = task.from_pose(read_log(pose_from).pose_deg)
+    if out is not None:
+        refuse_unwritable(out)
     with job(f"making the {kind} motion"):
         plan = MOTIONS[kind](task)
+        space, words = machine_facts(plan, space=True)
     q = np.rad2deg(plan.q(np.linspace(0.0, plan.duration, 1001))[:, 1:])
     ranges = [f"{number(a)} to {number(b)}" for a, b in zip(q.min(0), q.max(0), strict=True)]
     rows = [("duration", f"{number(plan.duration)} s")]
     rows += [(f"theta{i + 1}", f"{text} deg") for i, text in enumerate(ranges)]
+    rows.append(("on machines", words))
+    rows += [("worst", each) for each in (space or {}).get("limits", ())]
     if until := plan.notes.get("until"):
         text = (
             f"between {number(until['from_s'])} and {number(until['to_s'])} s, once every passive"
@@ -92,9 +107,10 @@ def motion(
         "duration_s": plan.duration,
         "theta_min_deg": q.min(0).tolist(),
         "theta_max_deg": q.max(0).tolist(),
+        "on_machines": space,
         "until": until,
         "verified": plan.verified,
-        "written": plan.save(out),
+        "written": out and plan.save(out),
     }
     return finish(data, f"{task.name}: {kind}", facts(rows), where="motion written to {}")
 
@@ -119,10 +135,13 @@ def log(
     next row; its angles are measured before the commands act. For a compensated plan, errors are
     measured from the requested path; the deviation from the motion predicted for the compensated
     plan's machine, preparation included, is printed too (and drawn in the picture's lower row).
+    With --plan or --machine the verdict says where the run leaves the band that 95 % of the
+    machines keep, and what is likely: another start, or another arm than the machine.
 
     \b
     Examples:
       planner log runs/1.csv --problem arm.toml
+      planner log runs/1.csv --problem arm.toml --machine my-machine.toml
       planner log runs/1.csv --problem arm.toml --plan plan.json --out run.png
     """
     task = read_problem(problem, None)
@@ -142,6 +161,16 @@ def log(
     }
     rows = [("rows", f"{len(recorded.t)}, every {number(recorded.interval_s)} s")]
     rows.append(("duration", f"{number(float(recorded.t[-1]))} s"))
+    used = Machine.from_table(task.machine) if machine is None else load_machine(machine)
+    if motion is not None and motion.compensation is not None:
+        told = motion.compensation.machine
+        state = {"start_state": told["start_state"], "initial_angle_error_deg": False}
+        used = Machine.from_table(told) if machine is None else used.with_(**state)
+    if motion is not None or machine is not None:
+        with job("replaying"):
+            left = departure(recorded, task, used, motion)
+        data["leaves_band"] = left and vars(left)
+        rows.append(("verdict", str(left or "stays in the band of 95 % of the machines")))
     if motion is not None:
         off, moved = recorded.errors_deg(motion)
         data["terminal_error_deg"] = off[-1].tolist()
@@ -155,7 +184,6 @@ def log(
             rows.append(("off the prediction", f"{words}, from the compensated plan's motion"))
         if out is not None:
             with job("predicting and drawing"):
-                used = "prototype" if machine is None else load_machine(machine)
                 write_figure(out, plot_run(recorded, motion, predict_run(recorded, task, used))[0])
             data["written"] = out
     return finish(data, str(run), facts(rows))

@@ -10,10 +10,10 @@ import typer
 
 from planner.cli.arguments import PlanPath, out_option
 from planner.cli.output import finish, job, number
-from planner.cli.plan import touch_facts
+from planner.cli.plan import machine_facts
 from planner.plan.plan import Plan
 from planner.plan.samples import RATE_HZ, held_miss
-from planner.report.export import FORMATS, Real, find_format, fitting, refuse_target
+from planner.report.export import FORMATS, Real, find_format, fitting, refuse_target, slowed
 from planner.report.export import export as write
 from planner.report.figures.style import to_display, unit_of
 from planner.report.film import animate as film
@@ -53,6 +53,15 @@ def export(
             " controller, or of all joints of the arm (theta1,theta2,theta3).",
         ),
     ] = None,
+    slow: Annotated[
+        float,
+        typer.Option(
+            "--slow",
+            metavar="FACTOR",
+            min=1,
+            help=f"For {fitting('slow')}: the motion takes so many times as long, for a first run.",
+        ),
+    ] = 1.0,
     real: Annotated[
         Real, typer.Option("--real", help=f"For {fitting('real')}: type of the numbers.")
     ] = "double",
@@ -67,6 +76,7 @@ def export(
     \b
     Examples:
       planner export plan.json --out plan.csv
+      planner export plan.json --slow 10 --out first.csv
       planner export plan.json --format mat --out plan.mat
       planner plan arm.toml --set limits.input_rate_rad_s2=2.0 --out rest.json
       planner export rest.json --format ros2 --joints disk,joint1 --out ros.yaml
@@ -79,13 +89,14 @@ def export(
     names = None if joints is None else joints.split(",")
     with job(f"writing {name}"):
         motion = load_plan(plan, strict=True)
-        written = write(motion, out, name, rate_hz=rate, joint_names=names, real=real)
-        miss = _held_miss(motion, rate) if FORMATS[name].sample_and_hold else {}
-        touch = touch_facts(motion) if FORMATS[name].is_command else (None, "")
+        written = write(motion, out, name, rate_hz=rate, joint_names=names, real=real, slow=slow)
+        shown, sends = slowed(motion, slow), FORMATS[name].is_command
+        miss = _held_miss(shown, rate) if FORMATS[name].sample_and_hold else {}
+        space = machine_facts(motion, space=True) if sends else (None, "")
     sent = " and ".join(FORMATS[name].command_columns(motion))
     data = {"plan": plan, "format": name, "written": written, "held_miss": miss or None}
     data |= {"only_sampled": motion.only_sampled, "claimed": motion.claimed}
-    data |= {"jumps": motion.jump_words or None, "on_machines": touch[0]}
+    data |= {"jumps": motion.jump_words or None, "on_machines": space[0]}
     data |= {"start": motion.start_words or None, "after": motion.notes.get("after")}
     data["worth"] = motion.worth and motion.worth.model_dump()
     words = f"; send the motors {sent}" * bool(sent)
@@ -94,7 +105,7 @@ def export(
         words += f"{' and' if sent else ';'} hold each row until the next, {1e3 / rate:.4g} ms:"
         words += f" on an ideal machine the end is off by {off}"
     reservations = "".join(
-        f"; {each}" for each in [motion.start_words, *motion.reservations, touch[1]] if each
+        f"; {each}" for each in [motion.start_words, *motion.reservations, space[1]] if each
     )
     words += reservations.replace("{", "{{").replace("}", "}}")
     return finish(data, where="written to {}" + words)

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from planner.cli.arguments import (
@@ -18,6 +19,7 @@ from planner.cli.arguments import (
     MachineFile,
     MethodName,
     PlanPath,
+    PoseFrom,
     ProblemPath,
     TimeLimit,
     figure_option,
@@ -45,9 +47,13 @@ from planner.solve import solve_and_check
 from planner.support.files import refuse_picture, refuse_unwritable, write_figure
 from planner.support.interrupts import signal_listener
 from planner.support.tables import facts
+from planner.systems.triangular_system import PlanarArm
 from planner.verification.summary import plan_summary, refusal_summary
 from planner.verification.verdict import load_plan
 from planner.verification.verify import verify as check_plan
+
+SPACE_MACHINES, MOST_INSTANTS = 100, 500
+"""Numbers of machines and of recorded instants in `machine_facts`."""
 
 
 def plan(
@@ -56,15 +62,7 @@ def plan(
     time_limit: TimeLimit = None,
     changes: Changes = None,
     machine: MachineFile = None,
-    pose_from: Annotated[
-        Path | None,
-        typer.Option(
-            "--pose-from",
-            metavar="LOG",
-            help="Start from the pose of the arm at the end of a recorded run (CSV), for example"
-            " after homing.",
-        ),
-    ] = None,
+    pose_from: PoseFrom = None,
     after: Annotated[
         Path | None,
         typer.Option(
@@ -112,7 +110,7 @@ def plan(
             if after is not None:
                 motion = replace(motion, notes={**motion.notes, "after": after.name})
             summary = plan_summary(motion, check)
-            summary["on_machines"], touch = touch_facts(motion) if motion.verified else (None, "")
+            summary["on_machines"], touch = machine_facts(motion) if motion.verified else (None, "")
     except NoPlanError as error:
         return _report_refusal(task, spec.method, error)
     summary |= _heading(task) | {"written": out and motion.save(out), "figure": figure}
@@ -152,19 +150,32 @@ def verify(plan: PlanPath) -> int:
     return finish({**summary, "problem": motion.problem.name, "file": plan}, *parts)
 
 
-def touch_facts(plan: Plan) -> tuple[dict[str, Any] | None, str]:
-    """Return on how many emulated machines a plan's links touch something, as data and in words.
+def machine_facts(plan: Plan, space: bool = False) -> tuple[dict[str, Any] | None, str]:
+    """Return where random machines take an arm and what its links touch, as data and in words.
 
-    Return None and "" if the problem has no obstacles and no clearance of the links.
+    Return None and "" for other systems, and if no `space` is asked for and the problem has no
+    obstacles and no clearance of the links. The data have the least and greatest joint angles, and
+    x and y of all joints and the tip.
     """
-    from planner.machine.replay import replay_beside_bodies  # slow to import
+    from planner.machine.replay import RECORD_S, replay  # slow to import
 
-    run = replay_beside_bodies(plan)
-    if run is None:
+    arm, solid = plan.problem.system, any(each.solid for each in plan.problem.requirements)
+    if not isinstance(arm, PlanarArm) or not (solid or space):
         return None, ""
-    count, words = len(run.numbers), run.touch_words
-    data = {"machines": count, "touching": run.touching, "words": words or None}
-    return data, words or f"none of {count} machines touches an obstacle or itself"
+    record_s = max(RECORD_S, plan.duration / MOST_INSTANTS)
+    run = replay(plan, samples=SPACE_MACHINES, record_s=record_s)
+    theta = run.q[:, :, 1:]
+    ends = {f"theta{i}_deg": np.rad2deg(each) for i, each in enumerate(theta.T, start=1)}
+    ends |= dict(zip(("x_m", "y_m"), arm.arm_points(theta).T, strict=True))
+    room = {name: [float(each.min()), float(each.max())] for name, each in ends.items()}
+    limits = [str(each) for each in run.limits if each.requirement.physical]
+    touch = {"touching": run.touching, "words": run.touch_words or None}
+    more = {"space": room, "limits": limits} if space else {}
+    data = {"machines": SPACE_MACHINES, **touch, **more}
+    free = run.touch_words or f"none of {SPACE_MACHINES} machines touches an obstacle or itself"
+    names = ([*name.split("_"), " to ".join(map(number, room[name]))] for name in room)
+    stand = ", ".join(f"{name} {each} {unit}" for name, unit, each in names)
+    return data, "; ".join([free] * solid + [f"stand clear: {stand}"] * space)
 
 
 def _report_refusal(problem: Problem, method: str, error: NoPlanError) -> int:

@@ -529,21 +529,6 @@ def _draws(
     return replace(draws, start=after.end_state[place].T, pose=end[:, 1:].T)
 
 
-TOUCH_MACHINES, TOUCH_INSTANTS = 100, 500
-"""Numbers of machines and of recorded instants in `replay_beside_bodies`."""
-
-
-def replay_beside_bodies(plan: Plan) -> Replay | None:
-    """Replay a plan on machines of its problem to see whether they touch what the plan passes.
-
-    Return None if the problem has no obstacles and no clearance of the links.
-    """
-    if not any(each.solid for each in plan.problem.requirements):
-        return None
-    record_s = max(RECORD_S, plan.duration / TOUCH_INSTANTS)
-    return replay(plan, samples=TOUCH_MACHINES, record_s=record_s, motions=0)
-
-
 def feedback_of(plan: Plan, feedback: bool | Feedback) -> Feedback | None:
     """Return the feedback law for the argument `feedback` of `replay`; None for open loop."""
     if feedback is True:

@@ -14,7 +14,7 @@ import io
 import json
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -54,6 +54,7 @@ class ExportOptions:
     joint_names: Sequence[str] | None = field(default=None, metadata={"words": "joint names"})
     real: Real = field(default="double", metadata={"words": "type of numbers"})
     machine: Machine | None = field(default=None, metadata={"words": "machine"})
+    slow: float = field(default=1.0, metadata={"words": "slower motion"})
 
 
 @dataclass(frozen=True)
@@ -87,8 +88,9 @@ FORMATS: dict[str, Format] = {
     "csv": Format(
         "table of t, q, u, motor angles, z, v at even times, one header line with units",
         (".csv",),
-        lambda plan, options: _csv(sample(plan, options.rate_hz)),
+        lambda plan, options: _csv(sample(slowed(plan, options.slow), options.rate_hz)),
         "planner.load_samples",
+        options=("rate_hz", "slow"),
         sample_and_hold=True,
         command_columns=commands,
     ),
@@ -146,6 +148,7 @@ def export(
     joint_names: Sequence[str] | None = None,
     real: Real = "double",
     machine: Machine | None = None,
+    slow: float = 1.0,
 ) -> Path:
     """Write a plan as a file or a folder for another program, completely or not at all.
 
@@ -164,6 +167,7 @@ def export(
         joint_names: Joint names, if the format has them; see `joint_trajectory`.
         real: Type of the numbers in C: "double" or "float".
         machine: Machine whose mean values the tracker in C knows; by default the `[machine]` table.
+        slow: Factor, at least 1, by which the motion takes longer, for a first run; see `slowed`.
 
     Raises:
         InputError: If the format is unknown, does not have one of the given options, or cannot hold
@@ -172,7 +176,7 @@ def export(
     expect_plan(plan)
     name = find_format(path, format)
     refuse_target(path, name)
-    options = ExportOptions(rate_hz, joint_names, real, machine)
+    options = ExportOptions(rate_hz, joint_names, real, machine, slow)
     _refuse_options(name, options)
     content = FORMATS[name].content(plan, options)
     if FORMATS[name].is_command and (moving := moving_inputs(plan.trajectory, 0.0)):
@@ -190,6 +194,22 @@ def export(
         for file, text in content.items():
             (place / file).write_text(text, encoding="utf-8")
     return Path(path).resolve()
+
+
+def slowed(plan: Plan, factor: float) -> Plan:
+    """Return a plan's path `factor` times as slow, to look at; nothing judges it.
+
+    The systems are driftless, so the path is the same without lags. Inputs are smaller by the
+    factor; what a compensated plan allows for, such as the servos' lag, is not that of this speed.
+
+    Raises:
+        InputError: If the factor is not a number of at least 1.
+    """
+    if isinstance(factor, bool) or not (np.isfinite(factor) and factor >= 1):
+        raise InputError(f"slow = {factor!r:.40}: must be a factor of at least 1")
+    if factor == 1:
+        return plan
+    return replace(plan, trajectory=plan.trajectory.slowed(factor), verified=False)
 
 
 def refuse_target(path: str | Path, format: str) -> None:

@@ -110,6 +110,71 @@ def test_homing_says_when_it_may_go_on(run: Callable, tmp_path: Path) -> None:
     assert "once every passive encoder is 1.5 deg above its least reading" in result.words
 
 
+def test_a_motion_is_shown_before_it_is_written(run: Callable, tmp_path: Path) -> None:
+    post = PAPER.with_name("obstacle.toml")
+    shown = run("motion", "check", post, "--json").json
+    assert shown["written"] is None
+    space = shown["on_machines"]["space"]
+    plan = planner.check_run(planner.load_problem(post))
+    q = planner.replay(plan, samples=100).q[:, :, 1:]
+    x = plan.problem.system.arm_points(q)[..., 0]
+    assert space["theta1_deg"] == pytest.approx(np.rad2deg([q[..., 0].min(), q[..., 0].max()]))
+    assert space["x_m"] == pytest.approx([x.min(), x.max()], abs=0.01)
+    assert shown["on_machines"]["touching"] == 0
+    assert "clearance of link 3 from obstacle 1" in run("motion", "check", post).words
+    run("motion", "homing", PAPER, "--out", tmp_path / "homing.json")
+    log = planner.emulate_log(planner.load_plan(tmp_path / "homing.json")).save(tmp_path / "h.csv")
+    there = run("motion", "check", PAPER, "--pose-from", log, "--out", tmp_path / "c.json")
+    assert there.status == 0
+    pose = planner.read_log(log).pose_deg
+    start = planner.load_plan(tmp_path / "c.json").q(0.0)[1:]
+    assert np.rad2deg(start) == pytest.approx(pose, abs=1e-9)
+
+
+def test_signs_turn_one_motor_after_the_other(run: Callable, tmp_path: Path) -> None:
+    run("motion", "signs", PAPER, "--out", tmp_path / "signs.json")
+    u = (plan := planner.load_plan(tmp_path / "signs.json")).u(np.linspace(0, plan.duration, 5001))
+    assert np.all(np.min(np.abs(u), axis=1) == 0)
+    turned = np.rad2deg(u.mean(axis=0) * plan.duration)
+    assert turned == pytest.approx([2.0, 2.0], rel=1e-3)
+    assert np.argmax(u[:, 1] > 0) < np.argmax(u[:, 0] > 0)
+
+
+def test_a_first_run_is_slow(run: Callable, tmp_path: Path) -> None:
+    plan = planner.excitation(planner.load_problem(PAPER))
+    plan.save(tmp_path / "a.json")
+    words = ("export", tmp_path / "a.json", "--slow", "10", "--out", tmp_path / "a.csv", "--json")
+    assert run(*words).json["on_machines"]["space"]["theta1_deg"][0] < -50
+    slow = planner.load_samples(tmp_path / "a.csv")
+    assert slow.t[-1] == pytest.approx(10 * plan.duration)
+    q = plan.q(np.clip(slow.t / 10, 0, plan.duration))
+    assert slow.q[:, 1:] == pytest.approx(q[:, 1:], abs=1e-9)
+    assert np.abs(slow.u).max(axis=0) == pytest.approx(plan.peak_u / 10, rel=0.02)
+    wrong = run(*words[:5], tmp_path / "a.mat")
+    assert wrong.status == 2
+    assert "has no option for slower motion" in wrong.err
+    with pytest.raises(planner.InputError, match="a factor of at least 1"):
+        planner.export(plan, tmp_path / "a.csv", slow=0.5)
+
+
+def test_log_has_a_verdict(run: Callable, tmp_path: Path) -> None:
+    plan = planner.solve(planner.load_problem(PAPER), "collocation")
+    plan.save(tmp_path / "a.json")
+    arm = planner.Machine.prototype().nominal()
+    (tmp_path / "arm.toml").write_text("[machine]\ninitial_angle_error_deg = 0\n", "utf-8")
+    words = ("--problem", PAPER, "--machine", tmp_path / "arm.toml")
+    log = planner.emulate_log(plan, arm).save(tmp_path / "a.csv")
+    assert (
+        run("log", log, *words, "--plan", tmp_path / "a.json", "--json").json["leaves_band"] is None
+    )
+    assert run("log", log, *words, "--json").json["leaves_band"] is None
+    arm = arm.with_(coulomb_friction_nm=[1.0, 1.0], friction_capacity_nm=False)
+    log = planner.emulate_log(plan, arm).save(tmp_path / "a.csv")
+    left = run("log", log, *words, "--plan", tmp_path / "a.json", "--json").json["leaves_band"]
+    assert left["t_s"] > 0
+    assert "leaves the band" in run("log", log, *words, "--plan", tmp_path / "a.json").words
+
+
 def test_wrong_words_are_bad_input(run: Callable, tmp_path: Path) -> None:
     for words, says in (
         (("motion", "dance", PAPER, "-o", tmp_path / "a.json"), "no motion 'dance'"),

@@ -106,7 +106,8 @@ def test_plan_and_export_say_how_many_machines_hit_a_post(run: Callable, tmp_pat
     assert re.search(words, " ".join(run("plan", file).out.split()))
     for name, known in (("x.csv", data), ("x.json", None)):
         exported = run("export", out, "--out", tmp_path / name, "--json").json["on_machines"]
-        assert exported == known, "said where motors may execute the file"
+        told = exported and {key: exported[key] for key in data}
+        assert told == known, "said where motors may execute the file"
     assert re.search(words, run("export", out, "--out", tmp_path / "y.csv").err)
     file.write_text(BESIDE_A_POST.format(x=-0.6))
     far = run("plan", file, "--json").json

@@ -16,6 +16,7 @@ from planner import (
     Machine,
     Plan,
     Problem,
+    compensate,
     emulate_log,
     excitation,
     identify,
@@ -24,6 +25,7 @@ from planner import (
     solve,
 )
 from planner.machine.identification import model
+from planner.machine.identification.band import Departure, departure
 from planner.machine.identification.model import LogModel, reading_noise
 from planner.machine.identification.parameters import Parameters
 
@@ -123,6 +125,54 @@ def test_only_a_run_that_reverses_tests_the_machine(found: Identification, motio
     assert worth.half_width_deg == pytest.approx(tested.half_width_deg, rel=0.01)
     alike = replace(found, kept_out=other, preset=found.machine)
     assert (alike.improves, alike.verdict) == (False, "no better")
+
+
+@pytest.mark.parametrize("state", ["unwound", "forward", "backward"])
+def test_a_run_is_predicted_whatever_the_arm_did_before(
+    found: Identification, plan: Plan, state: str
+) -> None:
+    """A homed axis pushes at once; its run of one direction was predicted 3.7 degrees off."""
+    log = emulate_log(plan, ARM.with_(start_state=state), sample=4)
+    gap = found.predict(log).theta_deg - log.theta_deg
+    assert np.abs(gap).max() < 0.25  # five standard deviations of a reading
+
+
+def test_an_excitation_right_after_homing_gives_no_warning(paper: Problem, motion: Plan) -> None:
+    arm = PRESET.nominal().with_(backlash_deg=4.0, start_state="forward")
+    homed = identify(emulate_log(motion, arm), paper, starts=1)
+    assert not homed.warnings
+    np.testing.assert_allclose(lost_deg(homed.machine), lost_deg(arm), atol=0.03)
+
+
+def test_a_run_leaves_the_band_where_start_or_arm_differ(
+    paper: Problem, plan: Plan, found: Identification
+) -> None:
+    machine = found.machine.with_(initial_angle_error_deg=False, start_state="forward")
+    homed = ARM.with_(initial_angle_error_deg=False, start_state="forward")
+    run = compensate(plan, machine)
+
+    def left(arm: Machine, used: Machine = machine) -> Departure | None:
+        return departure(emulate_log(run, arm), paper, used, run)
+
+    assert left(homed) is None
+    shifted = left(homed.with_(initial_angle_error_deg=[0.0, 1.0, 0.0]))
+    unwound = left(homed.with_(start_state="backward"))
+    rubbing = left(homed.with_(coulomb_friction_nm=[0.5, 0.45]))
+    assert shifted is not None
+    assert (shifted.t_s, shifted.joint) == (0.0, 2)
+    assert shifted.off_deg == pytest.approx(1.0, abs=0.1)
+    for each, is_arm in ((shifted, False), (unwound, False), (rubbing, True)):
+        assert each is not None
+        assert each.is_arm == is_arm
+    assert left(homed.with_(coulomb_friction_nm=[0.5, 0.45]), machine.with_(worth=WIDE)) is None
+
+
+WIDE = {"tested": True, "improves": True, "half_width_deg": 5.0}
+
+
+def test_most_machines_stay_in_the_band_of_all(paper: Problem, plan: Plan) -> None:
+    logs = [emulate_log(plan, PRESET, sample=k, seed=1) for k in range(20)]  # not those of the band
+    assert sum(departure(log, paper, PRESET, plan) is not None for log in logs) <= 4
 
 
 def test_the_machine_is_one_like_any_other(

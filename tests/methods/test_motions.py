@@ -14,6 +14,7 @@ from planner import (
     Machine,
     Problem,
     VerificationError,
+    check_run,
     excitation,
     export,
     homing,
@@ -27,7 +28,7 @@ from planner import (
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
 
-@pytest.mark.parametrize("make", [excitation, homing])
+@pytest.mark.parametrize("make", [excitation, check_run, homing])
 @pytest.mark.parametrize(
     "name",
     [
@@ -52,6 +53,19 @@ def test_a_motion_is_a_verified_plan_from_the_start(
     assert load_plan(plan.save(tmp_path / "a.json"), strict=True) == plan
     samples = load_samples(export(plan, tmp_path / "a.csv"))
     np.testing.assert_allclose(samples.u[-1], 0.0)
+
+
+def test_in_a_check_run_every_joint_reverses_more_than_once(paper: Problem) -> None:
+    """On machines, too: their joints stand still until the axis has crossed the lost motion."""
+    q = replay(check_run(paper), Machine.prototype(), 20).q
+    for theta in np.moveaxis(np.rad2deg(q[:, :, 1:]), 2, 0):
+        for course in theta:
+            turns, way, last = 0, 0, course[0]
+            for angle in course:
+                if abs(angle - last) > 1.0:
+                    turns += way * (angle - last) < 0
+                    way, last = np.sign(angle - last), angle
+            assert turns >= 2
 
 
 def test_an_excitation_reverses_the_drive_and_swings_joint_1(paper: Problem) -> None:

@@ -106,7 +106,7 @@ def refuse_misfit(log: Log, system: Manipulator) -> None:
 
 def _refuse_dead(log: Log, system: Manipulator) -> None:
     """Refuse a run in which a reading stands still although the commands turn the joint."""
-    commands = _commanded(log, system)
+    commands = commanded(log, system)
     for i, read in enumerate(log.theta.T):
         first, last = longest_standstill(read)
         turned = np.rad2deg(np.ptp(commands[first:last, i]))
@@ -125,7 +125,7 @@ def longest_standstill(read: Array) -> tuple[int, int]:
     return max(pairwise(edges), key=lambda each: each[1] - each[0])
 
 
-def _commanded(log: Log, system: Manipulator) -> Array:
+def commanded(log: Log, system: Manipulator) -> Array:
     """Return the angles (R, n) by which the commands turn the joints, by the gears, rad."""
     q = np.column_stack([np.zeros(len(log.t)), log.theta])
     middle = (q[:-1] + q[1:]) / 2
@@ -139,7 +139,7 @@ def _misfit(log: Log, system: Manipulator) -> Array:
 
     Joints 2 … n are given the lost motion of `PLAYS_DEG` with the least misfit.
     """
-    commands = _commanded(log, system)
+    commands = commanded(log, system)
     swing = np.maximum(np.std(commands, axis=0), np.std(log.theta, axis=0))
     passed = np.empty((len(log.t), len(PLAYS_DEG), commands.shape[1]))
     half = np.deg2rad(PLAYS_DEG)[:, None] * (np.arange(commands.shape[1]) > 0)

@@ -20,7 +20,7 @@ is as uncertain as its prior. Each replicate is one linear step from the minimum
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -124,13 +124,9 @@ def fit(
         if best is None or solution.cost < best.cost:
             best = solution
     assert best is not None
-    x, offsets = problem.split(best.x)
-    residual = []
-    for model, offset in zip(models, offsets, strict=True):
-        gap = model.angles(x[None], offset[None])[0] - model.log.theta
-        residual.append(np.sqrt(np.mean(gap[model.known :] ** 2, axis=0)))
+    residual = np.sqrt([np.mean(gap**2, axis=0) for gap in problem.gaps(best.x)])
     spread = problem.bootstrap(best.x, random)
-    return BestFit(x, spread, np.array(residual))
+    return BestFit(problem.split(best.x)[0], spread, residual)
 
 
 def step_with_zeros(models: Sequence[LogModel], parameters: Parameters, best: BestFit) -> BestFit:
@@ -185,12 +181,16 @@ class _LeastSquares:
         offsets = [model.settled_offsets(x[None])[0] for model in self._models]
         return np.concatenate([x, np.ravel(offsets) / OFFSET_RAD])
 
+    def gaps(self, z: Array) -> Iterator[Array]:
+        """Yield angles minus readings of each log at z, from its known row on, (R, n), rad."""
+        x, offsets = self.split(z)
+        for model, offset in zip(self._models, offsets, strict=True):
+            yield (model.angles(x[None], offset[None])[0] - model.log.theta)[model.known :]
+
     def weigh(self, z: Array) -> bool:
         """Take the deviations from the residuals at z; return whether they changed."""
-        x, offsets = self.split(z)
         new = []
-        for model, offset in zip(self._models, offsets, strict=True):
-            gap = (model.angles(x[None], offset[None])[0] - model.log.theta)[model.known :]
+        for model, gap in zip(self._models, self.gaps(z), strict=True):
             beyond = np.mean(gap**2, axis=0) - (NOISE_MARGIN * model.noise) ** 2
             lasting = INDEPENDENT_HZ * MODEL_ERROR_S * np.maximum(beyond, 0.0)
             new.append(np.sqrt(model.noise**2 + lasting))

@@ -438,7 +438,7 @@ def find_warnings(
         ratio = left / usual
         if np.max(ratio) > NOISE_RATIO:
             joint = int(np.argmax(ratio))
-            coarse = _encoder_step_deg(log, joint)
+            coarse = log.steps_deg[joint]
             if coarse > COARSE_DEG:
                 yield (
                     f"{log.source}: theta{joint + 1} is read in steps of {coarse:.3g} deg, which"
@@ -494,13 +494,6 @@ def _wrong_zeros(estimates: Iterable[Estimate]) -> Iterator[Estimate]:
         least = max(ZERO_OFF_DEG, ZERO_SPREADS * each.spread)
         if each.parameter.key.startswith("zero") and abs(each.value) > least:
             yield each
-
-
-def _encoder_step_deg(log: Log, joint: int) -> float:
-    """Return the resolution of a joint's encoder: the least difference between two readings,
-    degrees."""
-    steps = np.diff(np.unique(np.round(log.theta_deg[:, joint], 4)))
-    return float(np.min(steps, initial=np.inf)) if steps.size else 0.0
 
 
 def _turns(log: Log, joint: int) -> bool:

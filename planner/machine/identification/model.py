@@ -1,10 +1,11 @@
 """Simulate one log's commands on many machines at once.
 
 The position of the arm in its backlash is unknown when a log begins. Once each joint has moved by
-`KNOWN_DEG`, its axis touches the side towards which it pushes, and the unknown start remains only
-as an offset of each angle. So angles count from then on, and each log has its own offsets as
-parameters. A link with inertia that its axis has hit swings for seconds, until friction stops it
-where the drive reverses; so its angles count only after it has been pushed in both directions.
+`KNOWN_DEG`, and its axis by `SURE_SHARE` of the lost motion, the axis touches the side towards
+which it pushes, wherever it began, and the unknown start remains only as an offset of each angle.
+So angles count from then on, and each log has its own offsets as parameters. A link with inertia
+that its axis has hit swings for seconds, until friction stops it where the drive reverses; so its
+angles count only after it has been pushed in both directions.
 """
 
 from __future__ import annotations
@@ -13,14 +14,21 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.machine.commands import Command
+from planner.machine.feedback.means import lost_motion
+from planner.machine.identification.diagnosis import commanded
 from planner.machine.identification.parameters import Parameters
 from planner.machine.simulate import make_motion
 from planner.plan.recorded.log import Log
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
+from planner.systems.manipulator import Manipulator
 
 KNOWN_DEG = 1.0
 """Motion after which a joint is pushed by its axis, degrees: ten times an encoder's error."""
+
+SURE_SHARE = 2.0
+"""Motion of an axis in one direction after which it touches wherever it began, in lost motions of
+the preset. A homed arm begins at one side, the model in the middle."""
 
 STEP_S = 0.0025
 """Time step of the simulation; its error, 0.001 degrees, is a thirtieth of an encoder's."""
@@ -53,6 +61,11 @@ class LogModel:
         self.log, self._parameters = log, parameters
         self._plan = log.plan(problem)
         self.known = known_row(log, parameters.preset.fidelity == "dynamic")
+        assert isinstance(problem.system, Manipulator)
+        axes = commanded(log, problem.system)[:, 1:]
+        swing = np.maximum(axes - np.minimum.accumulate(axes), np.maximum.accumulate(axes) - axes)
+        sure = swing > SURE_SHARE * lost_motion(problem.system, parameters.preset)
+        self.known = max(self.known, *sure.argmax(axis=0).tolist())
         self.noise = reading_noise(log)
         hold = log.interval_s if log.is_even else None
         preset = parameters.preset

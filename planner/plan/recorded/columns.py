@@ -17,7 +17,6 @@ UNITS: dict[str, dict[str, float]] = {
     "t": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "u": {"rad/s": 1.0, "deg/s": np.pi / 180, "rpm": np.pi / 30},
     "theta": {"rad": 1.0, "deg": np.pi / 180},
-    "motor": {"rad": 1.0, "deg": np.pi / 180},
 }
 """Allowed units of each kind of column, as factors to SI units."""
 
@@ -27,9 +26,7 @@ SPELLINGS = {
     "1/min": "rpm", "min-1": "rpm", "r/min": "rpm", "rev/min": "rpm",
 }  # fmt: skip
 
-_QUANTITY = re.compile(
-    r"(?:(t|time|timestamp)|(u|theta|θ|motor)[ _]?([1-9]))(?![^\W_])\s*(.*)", re.S
-)
+_QUANTITY = re.compile(r"(?:(t|time|timestamp)|(u|theta|θ)[ _]?([1-9]))(?![^\W_])\s*(.*)", re.S)
 _BEFORE_UNIT = re.compile(r"^(?:[_/,:]|in\b)?\s*")
 
 

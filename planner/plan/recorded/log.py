@@ -74,7 +74,6 @@ class Log(Frozen):
         t: Times, shape (R,), s, from 0.
         u: Commands to both motors from each time to the next, shape (R, 2), rad/s.
         theta: Readings of the joints' encoders, shape (R, n), rad.
-        motors: Angles of both motors, shape (R, 2), rad; None if not recorded.
         source: Origin of the run, for messages.
 
     Raises:
@@ -84,24 +83,20 @@ class Log(Frozen):
     t: Array
     u: Array
     theta: Array
-    motors: Array | None = None
     source: str = "log"
 
     def __post_init__(self) -> None:
-        for name in ("t", "u", "theta", "motors"):
-            if (given := getattr(self, name)) is not None:
-                value = frozen(floats(f"{self.source}: {name}", given))
-                object.__setattr__(self, name, value)
+        for name in ("t", "u", "theta"):
+            value = frozen(floats(f"{self.source}: {name}", getattr(self, name)))
+            object.__setattr__(self, name, value)
         rows = self.t.shape[:1]
         shapes = {"t": rows, "u": (*rows, 2), "theta": (*rows, *self.theta.shape[1:2])}
-        if self.motors is not None:
-            shapes["motors"] = (*rows, 2)
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value.shape != shape or len(shape) != 1 + (name != "t"):
                 raise InputError(
                     f"{self.source}: {name} has shape {value.shape}; a log of R rows has t (R,),"
-                    " u (R, 2), theta (R, n) and motors (R, 2)"
+                    " u (R, 2) and theta (R, n)"
                 )
             if not np.all(np.isfinite(value)):
                 raise InputError(f"{self.source}: {name} has values that are NaN or infinite")
@@ -154,6 +149,13 @@ class Log(Frozen):
         return float(np.median(np.diff(self.t)))
 
     @property
+    def steps_deg(self) -> Array:
+        """Resolution of each encoder: the least difference between two readings, (n,), degrees;
+        infinite if all are equal."""
+        levels = (np.unique(np.round(each, 4)) for each in self.theta_deg.T)
+        return np.array([np.min(np.diff(each), initial=np.inf) for each in levels])
+
+    @property
     def is_even(self) -> bool:
         """Whether the rows are evenly spaced in time."""
         return bool(np.ptp(np.diff(self.t)) < 1e-9 * self.interval_s)
@@ -187,9 +189,8 @@ class Log(Frozen):
                 f"{self.source}: {chosen.sum()} rows from {begin_s:g} to {end_s:g} s; a log needs"
                 f" at least {LEAST_ROWS}"
             )
-        motors = None if self.motors is None else self.motors[chosen]
         t = self.t[chosen]
-        return replace(self, t=t - t[0], u=self.u[chosen], theta=self.theta[chosen], motors=motors)
+        return replace(self, t=t - t[0], u=self.u[chosen], theta=self.theta[chosen])
 
     def plan(self, problem: AnyProblem) -> Plan:
         """Return the run as a plan, which `planner.replay` and all figures accept.
@@ -225,9 +226,6 @@ class Log(Frozen):
         names = ["t_s", "u1_rad_s", "u2_rad_s"]
         names += [f"theta{i + 1}_deg" for i in range(self.theta.shape[1])]
         columns = [self.t[:, None], self.u, self.theta_deg]
-        if self.motors is not None:
-            names += ["motor1_rad", "motor2_rad"]
-            columns.append(self.motors)
         rows = ([f"{x:.9g}" for x in row] for row in np.column_stack(columns).tolist())
         return write_text(path, csv_text([names, *rows]))
 
@@ -251,9 +249,8 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
 
     The file is a table with a header: `t`, `u1`, `u2`, `theta1` … `thetan`, each with its unit, as
     in `t_s`, `u1_rad_s`, `theta1_deg`, "θ1 [°]" or "theta1 (deg)", or with a line of units below
-    or above the header. Angles of both motors, `motor1_rad` and `motor2_rad`, are optional;
-    other columns are ignored. A blank command repeats the one above. For separators, decimal
-    marks, comments and encodings see `planner.plan.recorded.number_table`.
+    or above the header. Other columns are ignored. A blank command repeats the one above. For
+    separators, decimal marks, comments and encodings see `planner.plan.recorded.number_table`.
 
     Args:
         path: The file.
@@ -292,9 +289,6 @@ def read_log(path: str | Path, columns: Mapping[str, str] | None = None) -> Log:
         t=t,
         u=np.stack([values["u1"], values["u2"]], axis=1),
         theta=np.stack([values[f"theta{i + 1}"] for i in range(joints)], axis=1),
-        motors=np.stack([values["motor1"], values["motor2"]], axis=1)
-        if {"motor1", "motor2"} <= values.keys()
-        else None,
         source=str(path),
     )
     _refuse_jumps(log, table)
@@ -337,8 +331,7 @@ def _refuse_jumps(log: Log, table: NumberTable) -> None:
     around = np.median(near, axis=-1)  # of three steps each
     beside = np.stack([around[:n], around[4:]])
     out = np.maximum(steps - beside.max(axis=0), beside.min(axis=0) - steps)
-    finest = [np.min(np.diff(np.unique(np.round(each, 4))), initial=np.inf) for each in theta.T]
-    usual = np.maximum(np.percentile(np.abs(steps), 99, axis=0), finest)
+    usual = np.maximum(np.percentile(np.abs(steps), 99, axis=0), log.steps_deg)
     most = JUMP_DEG + MOST_RATE_DEG_S * np.diff(log.t)[:, None]
     jumps = out / np.minimum(np.maximum(LEAST_JUMP_DEG, JUMP_RATIO * usual), most)
     if (rows := np.flatnonzero(np.any(jumps > 1, axis=1))).size:

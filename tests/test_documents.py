@@ -106,7 +106,7 @@ def test_the_angles_to_stand_clear_of_are_those_of_the_machines() -> None:
     problem = planner.load_problem(ROOT / "problems/paper.toml")
     plan = planner.compensate(planner.solve(problem, "collocation"))
     runs = [planner.replay(plan, samples=1000), planner.replay(plan, samples=40, feedback=True)]
-    told = [ceil(run.swing_deg[1]) for run in runs]
+    told = [ceil(run.joint_1_range_deg[1]) for run in runs]
     for page in (README, read("docs/howto/bench.md")):
         found = re.search(r"tand clear.*?(\d+)°.*?(\d+)°", page, flags=re.S)
         assert found is not None

@@ -181,14 +181,14 @@ def _swing(row: Row) -> str:
     angles = np.rad2deg(row.plan.theta(np.linspace(0.0, row.plan.lead_s, 401))[:, 0])
     if np.ptp(angles) < LEAST_SWING_DEG:
         return ""
-    return (
-        f" Stand clear: joint 1 swings before the plan starts, and in all {_range_of_joint_1(row)}."
-    )
+    known = np.isfinite(row.joint_1_range_deg[0])  # not in a folder of an earlier version
+    words = f", and in all {_range_of_joint_1(row)}" if known else ""
+    return f" Stand clear: joint 1 swings before the plan starts{words}."
 
 
 def _range_of_joint_1(row: Row) -> str:
     """Return between which angles joint 1 moves on the machines, rounded to the safe side."""
-    low, high = row.swing_deg
+    low, high = row.joint_1_range_deg
     return f"moves between {np.floor(low):.0f} and {np.ceil(high):.0f} deg"
 
 
@@ -293,7 +293,7 @@ def _follow_up(rows: Sequence[Row], row: Row) -> str:
     if more > LEAST_RUN_UP_S:
         words += f" The controller moves the arm {more:.1f} s longer, also before the plan starts"
         swings = f"; stand clear: joint 1 then {_range_of_joint_1(closed[0])}"
-        words += f"{swings * bool(np.ptp(closed[0].swing_deg) > LEAST_SWING_DEG)}."
+        words += f"{swings * bool(np.ptp(closed[0].joint_1_range_deg) > LEAST_SWING_DEG)}."
     return words + _caution(closed[0])
 
 

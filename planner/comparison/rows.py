@@ -68,8 +68,8 @@ class Row(PlanFigures):
         beyond_limits: Percent of the machines that break a limit of joints, obstacles, links or
             chained coordinates.
         beyond_physical: Percent of the machines that break one that is not of chained coordinates.
-        swing_deg: Least and greatest angle of joint 1 on the machines in the whole motion, with the
-            preparation of a compensated plan and of feedback, degrees.
+        joint_1_range_deg: Least and greatest angle of joint 1 on the machines in the whole motion,
+            with the preparation of a compensated plan and of feedback, degrees.
         E_median_interval_deg: 95 % confidence interval of `E_median_deg`.
         E_p95_interval_deg: 95 % confidence interval of `E_p95_deg`; NaN if there are too few
             machines.
@@ -106,10 +106,10 @@ class Row(PlanFigures):
         files=True,
         sweep=False,
     )
-    swing_deg: tuple[float, float] = figure(
-        Heading("swing from", "deg", key="swing_from_deg"),
-        Heading("swing to", "deg", key="swing_to_deg"),
-        replay=lambda run: run.swing_deg,
+    joint_1_range_deg: tuple[float, float] = figure(
+        Heading("joint 1 from", "deg", key="joint_1_from_deg"),
+        Heading("joint 1 to", "deg", key="joint_1_to_deg"),
+        replay=lambda run: run.joint_1_range_deg,
         files=True,
         sweep=False,
         default=(np.nan, np.nan),

@@ -190,7 +190,7 @@ class Replay(Recording, Frozen):
         return _draws(self.plan, self.machine, self.numbers, self.seed, self.after)
 
     @property
-    def swing_deg(self) -> tuple[float, float]:
+    def joint_1_range_deg(self) -> tuple[float, float]:
         """Least and greatest angle of an arm's joint 1, degrees, in the whole recorded motion from
         the controller's preparation until it has settled; NaN if no machine's motion is kept."""
         if not (isinstance(self.plan.problem.system, Manipulator) and self.q.size):

@@ -190,11 +190,13 @@ def test_where_joint_1_comes_in_the_whole_motion_stands_beside_the_recommendatio
     plain, better = compensated.rows
     run = planner.replay(better.plan, better.replay.machine, 5, seed=3, feedback=True)
     spec = replace(better.spec, feedback=True)
-    closed = replace(better, spec=spec, duration_s=run.run_s, swing_deg=run.swing_deg)
+    closed = replace(
+        better, spec=spec, duration_s=run.run_s, joint_1_range_deg=run.joint_1_range_deg
+    )
     ranges = {}
     for row, motion in ((better, better.replay), (closed, run)):
         theta1 = np.rad2deg(motion.q[:, :, 1])
-        assert row.swing_deg == (theta1.min(), theta1.max())
+        assert row.joint_1_range_deg == (theta1.min(), theta1.max())
         ranges[row.feedback] = np.floor(theta1.min()), np.ceil(theta1.max())
     prepares = np.rad2deg(better.replay.q[:, better.replay.t < better.plan.lead_s, 1].max())
     assert prepares + 3 < ranges[False][1] < ranges[True][1] - 20
@@ -207,8 +209,14 @@ def test_where_joint_1_comes_in_the_whole_motion_stands_beside_the_recommendatio
     assert told(plain, better, closed) == [ranges[False], ranges[True]]
     assert told(plain) == []
     kept = planner.report.load_comparison(compensated.save(tmp_path / "kept"))
-    assert kept[COMPENSATED].swing_deg == pytest.approx(better.swing_deg)
+    assert kept[COMPENSATED].joint_1_range_deg == pytest.approx(better.joint_1_range_deg)
     assert kept.headline == compensated.headline
+    file = tmp_path / "kept/comparison.json"
+    data = json.loads(file.read_text())
+    for row in data["rows"]:
+        row["swing_deg"] = row.pop("joint_1_range_deg")  # before the plan's start alone
+    file.write_text(json.dumps(data))
+    assert told(*planner.report.load_comparison(tmp_path / "kept").rows) == []
 
 
 def test_the_headline_names_a_nearer_plan_that_is_refused(compensated: planner.Comparison) -> None:
